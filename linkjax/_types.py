@@ -1,0 +1,24 @@
+"""Array aliases: every physical quantity at one crank angle is a scalar array; axes come only from `vmap`."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, ""]
+Angles = Float[Array, " angles"]
+Nodes = Float[Array, " nodes"]
+Panels = Float[Array, "panels nodes"]
+ScalarFunction = Callable[[Scalar], Scalar]
+
+
+def as_float(value: Any) -> Array:
+    """Return `value` as a floating array of the precision in force (float64 after `linkjax.enable_x64()`).
+
+    Tracers, arrays and the placeholders that JAX puts into trees pass through unchanged.
+    """
+    if isinstance(value, jax.Array) or hasattr(value, "aval") or type(value) is object or value is None:
+        return value
+    return jnp.asarray(value, dtype=float)

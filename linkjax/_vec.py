@@ -1,0 +1,69 @@
+"""The plane vector: two separate scalar arrays, so that code reads like the textbook and compiles to plain arithmetic."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import once, sincos
+from linkjax._types import as_float
+
+
+class Vec(eqx.Module):
+    """A vector in the plane, components `x` and `y` (same shape, SI units of whatever it measures)."""
+
+    x: Array = eqx.field(converter=as_float)
+    y: Array = eqx.field(converter=as_float)
+
+    def __add__(self, other: Vec) -> Vec:
+        return Vec(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: Vec) -> Vec:
+        return Vec(self.x - other.x, self.y - other.y)
+
+    def __neg__(self) -> Vec:
+        return Vec(-self.x, -self.y)
+
+    def __mul__(self, factor) -> Vec:
+        return Vec(self.x * factor, self.y * factor)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor) -> Vec:
+        return Vec(self.x / divisor, self.y / divisor)
+
+    def dot(self, other: Vec) -> Array:
+        """Scalar product."""
+        return self.x * other.x + self.y * other.y
+
+    def cross(self, other: Vec) -> Array:
+        """The z component of the vector product: positive when `other` lies to the left of `self`."""
+        return self.x * other.y - self.y * other.x
+
+    def perp(self) -> Vec:
+        """The vector turned by +90 degrees."""
+        return Vec(-self.y, self.x)
+
+    def turned(self, unit: Vec) -> Vec:
+        """The vector, given in a frame whose x axis is `unit`, expressed in the axes of `unit`."""
+        return Vec(self.x * unit.x - self.y * unit.y, self.x * unit.y + self.y * unit.x)
+
+    def once(self) -> Vec:
+        """The same vector, computed once (see `linkjax._numerics.once`)."""
+        return Vec(once(self.x), once(self.y))
+
+    def squared(self) -> Array:
+        """Squared length."""
+        return self.x * self.x + self.y * self.y
+
+
+def zero() -> Vec:
+    """The zero vector."""
+    return Vec(jnp.asarray(0.0), jnp.asarray(0.0))
+
+
+def unit(angle) -> Vec:
+    """The unit vector at `angle` (rad, counter-clockwise from +x)."""
+    sine, cosine = sincos(jnp.asarray(angle))
+    return Vec(cosine, sine).once()

@@ -1,0 +1,110 @@
+"""What every structural group (Assur group, or the driving crank) must answer.
+
+A group is one file with all its sides together: assembly and rates (`solve`), closeness to its dead positions
+(`margins`), and joint reactions (`react`). A new kind is a new file; nothing else changes.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import NamedTuple, Protocol
+
+import equinox as eqx
+from jaxtyping import Array
+
+from linkjax._vec import Vec
+
+
+class PointState(NamedTuple):
+    """Position of a point and its first and second kinematic coefficients (derivatives by the crank angle φ)."""
+
+    r: Vec
+    dr: Vec
+    ddr: Vec
+
+
+class LinkState(NamedTuple):
+    """Orientation of a link as the unit vector `u` along it, with ω' = dθ/dφ and ε' = d²θ/dφ²."""
+
+    u: Vec
+    w: Array
+    e: Array
+
+
+class Wrench(NamedTuple):
+    """A force and its moment about a stated point."""
+
+    force: Vec
+    moment: Array
+
+
+class Margin(NamedTuple):
+    """Signed, dimensionless distance to one dead position of a group, and its derivatives by the crank angle."""
+
+    value: Array
+    d: Array
+    dd: Array
+
+
+class Reaction(NamedTuple):
+    """What `by` exerts on `link` at `joint`: force, and moment about the joint (zero at a pin)."""
+
+    joint: str
+    link: str
+    by: str
+    force: Vec
+    moment: Array
+
+
+class LinkLike(Protocol):
+    """What a group needs to know of a link."""
+
+    @property
+    def actual_length(self) -> Array: ...
+
+
+class AbstractGroup(eqx.Module):
+    """A structural group: closes one or more links onto points that are already known."""
+
+    kind: eqx.AbstractClassVar[str]
+    formula: eqx.AbstractClassVar[str]
+
+    @abc.abstractmethod
+    def link_names(self) -> tuple[str, ...]:
+        """Links the group brings in, in order."""
+
+    @abc.abstractmethod
+    def needs(self) -> tuple[str, ...]:
+        """Points that must exist before the group is attached."""
+
+    @abc.abstractmethod
+    def pins(self) -> dict[str, tuple[str, str | None]]:
+        """For each link brought in: the point at its origin, and the point at its far end (None where it has none)."""
+
+    def translating(self) -> tuple[str, ...]:
+        """Links brought in that never turn."""
+        return ()
+
+    @abc.abstractmethod
+    def solve(
+        self, links: dict[str, LinkLike], points: dict[str, PointState], phi: Array
+    ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
+        """States of the links brought in and of the pins that the group creates."""
+
+    @abc.abstractmethod
+    def margins(self, links: dict[str, LinkLike], points: dict[str, PointState]) -> dict[str, Margin]:
+        """Signed margins by the name of the dead position."""
+
+    @abc.abstractmethod
+    def transmission(self, states: dict[str, LinkState]) -> Array | None:
+        """Transmission angle (rad, 0 to π/2 folded to the acute side is left to the caller), None for a driver."""
+
+    @abc.abstractmethod
+    def react(
+        self, loads: dict[str, Wrench], states: dict[str, LinkState], points: dict[str, PointState], owners: dict[str, str]
+    ) -> tuple[list[Reaction], Array | None]:
+        """Joint reactions from the loads on each link of the group (moments about the link's origin).
+
+        Loads hold everything but the group's own reactions: weight, working loads, inertia, and what groups solved
+        earlier exert. Returns the reactions on the group's links, and the drive torque for a driver.
+        """

@@ -1,0 +1,61 @@
+"""I1: the driving crank, turning about a point of the frame."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from linkjax._types import as_float
+from linkjax._vec import Vec, unit, zero
+from linkjax.groups._base import AbstractGroup, LinkState, PointState, Reaction
+
+
+class Crank(AbstractGroup):
+    """A crank `link` turning about `pivot`, with its far pin called `end`.
+
+    `turns` is +1 for counter-clockwise and -1 for clockwise rotation; the crank angle φ always grows in time, and the
+    link stands at `phase + turns φ` (`phase` in rad).
+    """
+
+    kind: ClassVar[str] = "crank"
+    formula: ClassVar[str] = "I1"
+
+    link: str = eqx.field(static=True)
+    pivot: str = eqx.field(static=True)
+    end: str = eqx.field(static=True)
+    turns: int = eqx.field(static=True, default=1)
+    phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+
+    def link_names(self):
+        return (self.link,)
+
+    def needs(self):
+        return (self.pivot,)
+
+    def pins(self):
+        return {self.link: (self.pivot, self.end)}
+
+    def solve(self, links, points, phi):
+        u = unit(self.phase + self.turns * phi)
+        w = jnp.full_like(phi, self.turns)
+        state = LinkState(u, w, jnp.zeros_like(phi))
+        arm = u * links[self.link].actual_length
+        return {self.link: state}, {self.end: PointState(points[self.pivot].r + arm, arm.perp() * w, -arm)}
+
+    def margins(self, links, points):
+        return {}
+
+    def transmission(self, states):
+        return None
+
+    def react(self, loads, states, points, owners):
+        load = loads[self.link]
+        pin = Reaction(self.pivot, self.link, owners[self.pivot], -load.force, jnp.zeros_like(load.moment))
+        return [pin], -self.turns * load.moment
+
+
+def at_rest(r: Vec) -> PointState:
+    """A point of the frame."""
+    return PointState(r, zero(), zero())

@@ -1,0 +1,74 @@
+"""Pose of the whole mechanism at one crank angle, with first and second kinematic coefficients in closed form."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._types import Scalar
+from linkjax._vec import Vec
+from linkjax.groups import LinkState, Margin, PointState, at_rest
+from linkjax.mechanism import Body, Mechanism
+
+
+class Pose(NamedTuple):
+    """Points and links of a mechanism at one crank angle; points include the mass centres (`S1`, `S2`, …)."""
+
+    points: dict[str, PointState]
+    links: dict[str, LinkState]
+    bodies: dict[str, Body]
+
+
+def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
+    """Positions and kinematic coefficients of every point and link at the crank angle `phi` (rad).
+
+    Pure and of scalar shape: `vmap` it over angles and designs. Positions in m, coefficients in m (points) and
+    dimensionless (links). Where a group cannot be assembled the values are finite placeholders and the group's margin
+    is negative.
+    """
+    phi = jnp.asarray(phi)
+    points = {name: at_rest(at) for name, at in mechanism.fixed.items()}
+    links: dict[str, LinkState] = {}
+    bodies = {name: link.actual() for name, link in mechanism.links.items()}
+    for group in mechanism.groups:
+        states, pins = group.solve(mechanism.links, points, phi)
+        links |= states
+        points |= pins
+        for name, (origin, _) in group.pins().items():
+            body, link = bodies[name], mechanism.links[name]
+            for point, at in {link.centre_name: body.centre, **body.points}.items():
+                points[point] = carried(points[origin], states[name], at, name in group.translating())
+    return Pose(points, links, bodies)
+
+
+def carried(origin: PointState, link: LinkState, at: Vec, translating: bool = False) -> PointState:
+    """State of a point of a link, `at` in the link's frame."""
+    arm = at.turned(link.u).once()
+    if translating:
+        return PointState(origin.r + arm, origin.dr, origin.ddr)
+    return PointState(
+        origin.r + arm,
+        origin.dr + arm.perp() * link.w,
+        origin.ddr + arm.perp() * link.e - arm * (link.w * link.w),
+    )
+
+
+def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
+    """Signed margin of every group to each of its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
+    points = pose(mechanism, phi).points
+    return {name: group.margins(mechanism.links, points) for name, group in named_groups(mechanism).items()}
+
+
+def named_groups(mechanism: Mechanism):
+    """Groups by name: their links joined, e.g. `link4-rocker`."""
+    return {"-".join(g.link_names()): g for g in mechanism.groups}
+
+
+def transmission_angles(mechanism: Mechanism, phi: Scalar) -> dict[str, Array]:
+    """Transmission angle (rad, 0…π) of every Assur group: between the two links of an RRR, between rod and the normal
+    of the guide in an RRP."""
+    links = pose(mechanism, phi).links
+    angles = {name: group.transmission(links) for name, group in named_groups(mechanism).items()}
+    return {name: angle for name, angle in angles.items() if angle is not None}

@@ -1,0 +1,180 @@
+"""Working loads: forces and torques, constant or opposing the motion, always on or in a window of the crank angle."""
+
+from __future__ import annotations
+
+import abc
+from typing import Literal, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._types import as_float
+from linkjax._vec import Vec, zero
+from linkjax.groups import PointState, Wrench
+from linkjax.kinematics import Pose
+
+
+class Window(eqx.Module):
+    """Half-open range [on, off) of the crank angle (rad), modulo the cycle."""
+
+    on: Array = eqx.field(converter=as_float)
+    off: Array = eqx.field(converter=as_float)
+
+    def active(self, angle: Array, cycle: float) -> Array:
+        """One inside the window, zero outside."""
+        return jnp.where(jnp.mod(angle - self.on, cycle) < jnp.mod(self.off - self.on, cycle), 1.0, 0.0)
+
+
+class Opposed(NamedTuple):
+    """Velocity and acceleration coefficients of the motion that a load opposes, component by component."""
+
+    v: tuple[Array, ...]
+    a: tuple[Array, ...]
+
+
+class Instant(NamedTuple):
+    """Where a load is evaluated: crank angle, and an angle on the side from which limits at jumps are taken."""
+
+    phi: Array
+    side: Array
+    cycle: float
+
+
+class AbstractLoad(eqx.Module):
+    """A load on one link. `reacts_on` is "frame" when its reaction goes into the machine's own frame."""
+
+    name: eqx.AbstractVar[str]
+    link: eqx.AbstractVar[str]
+    point: eqx.AbstractVar[str]
+    window: eqx.AbstractVar[Window | None]
+    reacts_on: eqx.AbstractVar[str | None]
+
+    @property
+    def opposing(self) -> bool:
+        """Whether the load depends on the direction of motion."""
+        return False
+
+    @abc.abstractmethod
+    def wrench(self, pose: Pose, at: Instant) -> Wrench:
+        """Force at the loaded point (N) and free couple (N m) on the link."""
+
+    @abc.abstractmethod
+    def share(self, pose: Pose, at: Instant) -> Array:
+        """Share of the reduced torque (N m): power at unit crank speed."""
+
+    @abc.abstractmethod
+    def opposed(self, pose: Pose) -> Opposed | None:
+        """The motion the load opposes, None when it does not depend on the direction of motion."""
+
+    def activity(self, at: Instant) -> Array | float:
+        """One while the load is on, zero while it is off."""
+        return 1.0 if self.window is None else self.window.active(at.side, at.cycle)
+
+
+class Force(AbstractLoad):
+    """A force, constant in the axes of the frame, at a `point` of a `link`."""
+
+    name: str = eqx.field(static=True)
+    link: str = eqx.field(static=True)
+    point: str = eqx.field(static=True)
+    force: Vec = eqx.field(kw_only=True)
+    window: Window | None = None
+    reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
+
+    def wrench(self, pose, at):
+        return Wrench(self.force * self.activity(at), jnp.zeros_like(at.phi))
+
+    def share(self, pose, at):
+        return self.force.dot(pose.points[self.point].dr) * self.activity(at)
+
+    def opposed(self, pose):
+        return None
+
+
+class OpposingForce(AbstractLoad):
+    """A force of constant `magnitude` (N) at a `point` of a `link`, against the velocity of that point."""
+
+    name: str = eqx.field(static=True)
+    link: str = eqx.field(static=True)
+    point: str = eqx.field(static=True)
+    magnitude: Array = eqx.field(converter=as_float, kw_only=True)
+    window: Window | None = None
+    reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
+
+    @property
+    def opposing(self):
+        return True
+
+    def wrench(self, pose, at):
+        against = direction(pose.points[self.point], at)
+        return Wrench(against * (-self.magnitude * self.activity(at)), jnp.zeros_like(at.phi))
+
+    def share(self, pose, at):
+        return -self.magnitude * self.activity(at) * safe_sqrt(pose.points[self.point].dr.squared())
+
+    def opposed(self, pose):
+        p = pose.points[self.point]
+        return Opposed((p.dr.x, p.dr.y), (p.ddr.x, p.ddr.y))
+
+
+class Torque(AbstractLoad):
+    """A constant `torque` (N m, positive counter-clockwise) on a `link`."""
+
+    name: str = eqx.field(static=True)
+    link: str = eqx.field(static=True)
+    torque: Array = eqx.field(converter=as_float, kw_only=True)
+    window: Window | None = None
+    reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
+    point: str = eqx.field(static=True, default="")
+
+    def wrench(self, pose, at):
+        return Wrench(zero(), self.torque * self.activity(at))
+
+    def share(self, pose, at):
+        return self.torque * self.activity(at) * pose.links[self.link].w
+
+    def opposed(self, pose):
+        return None
+
+
+class OpposingTorque(AbstractLoad):
+    """A torque of constant `magnitude` (N m) on a `link`, against its rotation."""
+
+    name: str = eqx.field(static=True)
+    link: str = eqx.field(static=True)
+    magnitude: Array = eqx.field(converter=as_float, kw_only=True)
+    window: Window | None = None
+    reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
+    point: str = eqx.field(static=True, default="")
+
+    @property
+    def opposing(self):
+        return True
+
+    def wrench(self, pose, at):
+        link = pose.links[self.link]
+        ahead = jnp.where(at.side >= at.phi, 1.0, -1.0)
+        sense = jnp.sign(jnp.where(jnp.abs(link.w) > NEAR * jnp.abs(link.e), link.w, link.w + ahead * NEAR * link.e))
+        return Wrench(zero(), -self.magnitude * self.activity(at) * sense)
+
+    def share(self, pose, at):
+        return -self.magnitude * self.activity(at) * jnp.abs(pose.links[self.link].w)
+
+    def opposed(self, pose):
+        link = pose.links[self.link]
+        return Opposed((link.w,), (link.e,))
+
+
+NEAR = 1e-9  # rad: within this of a reversal the direction of motion is that of the side asked for
+
+
+def direction(point: PointState, at: Instant) -> Vec:
+    """Unit vector along the velocity; at a reversal, the limit from the side asked for (zero where at rest for good)."""
+    v, a = point.dr, point.ddr
+    ahead = jnp.where(at.side >= at.phi, 1.0, -1.0)
+    near = v.squared() <= NEAR * NEAR * a.squared()
+    nudge = jnp.where(near, ahead * NEAR, 0.0)
+    v = Vec(v.x + nudge * a.x, v.y + nudge * a.y)
+    return v * safe_divide(jnp.ones_like(v.x), safe_sqrt(v.squared()))

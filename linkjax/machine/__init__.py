@@ -1,0 +1,3 @@
+"""The scene: mechanism, loads, gravity and nominal speed together."""
+
+from linkjax.machine._scene import Scene as Scene

@@ -1,0 +1,61 @@
+"""A scene: the mechanism with everything that acts on it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Literal
+
+import equinox as eqx
+from jaxtyping import Array
+
+from linkjax._types import as_float
+from linkjax._vec import Vec
+from linkjax.loads import AbstractLoad
+from linkjax.mechanism import Mechanism, StructureError, nearest
+
+
+class Scene(eqx.Module):
+    """A machine at work: mechanism, loads, gravity (m/s²) and wanted mean crank speed (rad/s).
+
+    `mean` says which mean of the crank speed is `speed`: "time" (2π turns / period) or "midrange" ((max + min) / 2).
+    `cycle_turns` is the number of crank turns after which everything repeats. The drive is a constant torque on the
+    crank that balances the cycle. Raises `StructureError` when a load names a link or point that does not exist.
+    """
+
+    mechanism: Mechanism
+    loads: tuple[AbstractLoad, ...] = ()
+    gravity: Vec = eqx.field(default_factory=lambda: Vec(0.0, 0.0))
+    speed: Array = eqx.field(converter=as_float, default=1.0)
+    target_delta: Array | None = eqx.field(converter=as_float, default=None)
+    mean: Literal["time", "midrange"] = eqx.field(static=True, default="time")
+    cycle_turns: int = eqx.field(static=True, default=1)
+    title: str = eqx.field(static=True, default="")
+
+    def __check_init__(self):
+        owners, seen = self.mechanism.owners(), {"gravity"}
+        for number, load in enumerate(self.loads):
+            element = f"loads[{number}] ({load.name})"
+            if load.name in seen:
+                raise StructureError(element, f"the name {load.name!r} is used already", "give every load its own name")
+            seen.add(load.name)
+            if load.link not in self.mechanism.links:
+                remedy = nearest(load.link, self.mechanism.links)
+                raise StructureError(element, f"link {load.link!r} is not defined", remedy)
+            on_link = {p for p, owner in owners.items() if owner == load.link} | self._pins(load.link)
+            if load.point and load.point not in on_link:
+                problem = f"point {load.point!r} is not on link {load.link!r}"
+                raise StructureError(element, problem, nearest(load.point, on_link))
+
+    def _pins(self, link: str) -> set[str]:
+        ends = next(g.pins()[link] for g in self.mechanism.groups if link in g.pins())
+        return {p for p in ends if p is not None}
+
+    @property
+    def cycle(self) -> float:
+        """Length of the cycle in crank angle (rad)."""
+        return 2 * math.pi * self.cycle_turns
+
+    def with_mechanism(self, mechanism: Mechanism) -> Scene:
+        """The same scene around another design of the same mechanism."""
+        return dataclasses.replace(self, mechanism=mechanism)

@@ -1,0 +1,129 @@
+"""The mechanism: frame points, links and an ordered composition of structural groups."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+
+import equinox as eqx
+
+from linkjax._vec import Vec
+from linkjax.groups import AbstractGroup, Crank
+from linkjax.mechanism._link import Flywheel, Link
+
+
+class StructureError(ValueError):
+    """The composition of groups does not hold together; the message names the element and the remedy."""
+
+    def __init__(self, element: str, problem: str, remedy: str):
+        self.element, self.problem, self.remedy = element, problem, remedy
+        super().__init__(f"{element}: {problem}; {remedy}")
+
+
+class Mechanism(eqx.Module):
+    """A planar linkage of one degree of freedom. All numbers are array leaves, all topology is static.
+
+    `fixed` holds the points of the frame, `links` the links by name, `groups` the driving crank and the Assur groups
+    in their order of attachment. A gradient with respect to a mechanism is a mechanism.
+    Raises `StructureError` when a group refers to a link or point that does not exist yet, or names are doubled.
+    """
+
+    fixed: dict[str, Vec]
+    links: dict[str, Link]
+    groups: tuple[AbstractGroup, ...]
+    flywheel: Flywheel = eqx.field(default_factory=Flywheel)
+    link_names: tuple[str, ...] = eqx.field(static=True, default=())
+
+    def __init__(self, fixed, links, groups, flywheel=None):
+        self.fixed, self.groups = dict(fixed), tuple(groups)
+        self.flywheel = Flywheel() if flywheel is None else flywheel
+        named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
+        self.links, self.link_names = named, tuple(named)
+        check_structure(self)
+
+    @property
+    def crank(self) -> str:
+        """Name of the driving link."""
+        return self.groups[0].link_names()[0]
+
+    def owners(self) -> dict[str, str]:
+        """The link each point belongs to: "frame", or the link that brought the point in."""
+        owner = dict.fromkeys(self.fixed, "frame")
+        for group in self.groups:
+            for link, (_, far) in group.pins().items():
+                if far is not None:
+                    owner.setdefault(far, link)
+            for link in group.link_names():
+                for point in self.links[link].points:
+                    owner.setdefault(point, link)
+                owner.setdefault(self.links[link].centre_name, link)
+        return owner
+
+    def origins(self) -> dict[str, str]:
+        """The point at the origin of each link's frame."""
+        return {link: first for group in self.groups for link, (first, _) in group.pins().items()}
+
+    def formula(self) -> str:
+        """Structural formula, e.g. `I1(crank) → II2(rod, slider) → II1(link4, rocker)`."""
+        return " → ".join(f"{g.formula}({', '.join(g.link_names())})" for g in self.groups)
+
+
+def _named(link: Link, name: str) -> Link:
+    return link if link.centre_name else dataclasses.replace(link, centre_name=name)
+
+
+def nearest(name: str, known) -> str:
+    """A hint at the nearest known name, or at all of them when none is near."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(known)) or 'none'}"
+
+
+def check_structure(mechanism: Mechanism) -> None:
+    """Raise `StructureError` at the first thing wrong with the composition."""
+    if not mechanism.groups or not isinstance(mechanism.groups[0], Crank):
+        raise StructureError("groups", "the first group must be the driving crank", 'begin with kind = "crank"')
+    known, placed = set(mechanism.fixed), set()
+    everywhere = _all_points(mechanism)
+    for number, group in enumerate(mechanism.groups):
+        element = f"groups[{number}] ({group.kind})"
+        if number and isinstance(group, Crank):
+            raise StructureError(element, "there is more than one driver", "keep one crank; mobility is one")
+        for link in group.link_names():
+            if link not in mechanism.links:
+                raise StructureError(element, f"link {link!r} is not defined", nearest(link, mechanism.links))
+            if link in placed:
+                raise StructureError(element, f"link {link!r} belongs to a group already", "use each link once")
+            placed.add(link)
+        for point in group.needs():
+            if point not in known:
+                later = point in everywhere
+                problem = f"point {point!r} does not exist yet" if later else f"point {point!r} is not defined"
+                remedy = "move this group behind the one that brings the point in" if later else nearest(point, known)
+                raise StructureError(element, problem, remedy)
+        if getattr(group, "through", None) not in (None, *mechanism.fixed):
+            raise StructureError(element, f"guide point {group.through!r} is not a point of the frame",  # pyright: ignore
+                                 nearest(group.through, mechanism.fixed))  # pyright: ignore
+        _add_points(mechanism, group, element, known)
+    idle = [name for name in mechanism.links if name not in placed]
+    if idle:
+        raise StructureError(f"links.{idle[0]}", "belongs to no group", "add a group that uses it, or delete it")
+
+
+def _all_points(mechanism):
+    pins = {far for g in mechanism.groups for _, far in g.pins().values() if far}
+    return pins | set(mechanism.fixed) | {p for link in mechanism.links.values() for p in link.points}
+
+
+def _add_points(mechanism, group, element, known):
+    new = []
+    for link, (_, far) in group.pins().items():
+        new += [(far, element)] if far else []
+        new += [(p, f"links.{link}.points.{p}") for p in mechanism.links[link].points]
+        new.append((mechanism.links[link].centre_name, f"links.{link}"))
+    shared = set()
+    for point, where in new:
+        if point in known and point not in shared:
+            raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
+        known.add(point)
+        if where == element:
+            shared.add(point)

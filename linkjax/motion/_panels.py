@@ -1,0 +1,52 @@
+"""Gauss-Legendre panels: nodes, integration and interpolation as small constant matrices.
+
+Source: Trefethen, Approximation Theory and Approximation Practice, SIAM 2013, ch. 17-19.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.polynomial import legendre
+
+
+class Rule(NamedTuple):
+    """Constant matrices of an n-node rule on [-1, 1]; values at the nodes go in."""
+
+    x: np.ndarray  # nodes
+    w: np.ndarray  # weights
+    spectrum: np.ndarray  # Legendre coefficients of the interpolant
+    primitive: np.ndarray  # Legendre coefficients (degree n) of the integral from -1
+    fine: np.ndarray  # points of the search grid, both ends included
+    to_fine: np.ndarray  # interpolant at the search grid
+    at_nodes: np.ndarray  # a series of degree n at the nodes
+    at_fine: np.ndarray  # a series of degree n at the search grid
+
+
+@functools.lru_cache(maxsize=32)
+def rule(n: int) -> Rule:
+    """The n-node Gauss-Legendre rule with its matrices (NumPy, computed once)."""
+    x, w = legendre.leggauss(n)
+    k = np.arange(n)
+    spectrum = (k[:, None] + 0.5) * legendre.legvander(x, n - 1).T * w
+    raise_degree = np.zeros((n + 1, n))  # Legendre coefficients of the integral of P_j
+    for j in range(n):
+        raise_degree[j + 1, j] += 1 / (2 * j + 1)
+        raise_degree[max(j - 1, 0), j] -= 1 / (2 * j + 1) if j else -1.0
+    primitive = raise_degree @ spectrum
+    fine = np.cos(np.pi * np.arange(2 * n, -1, -1) / (2 * n))
+    at_fine = legendre.legvander(fine, n)
+    return Rule(x, w, spectrum, primitive, fine, at_fine[:, :n] @ spectrum, legendre.legvander(x, n), at_fine)
+
+
+def legendre_sum(coefficients: Float[Array, " k"], x: Float[Array, ""]) -> Float[Array, ""]:
+    """Value of a Legendre series at `x`, by the three-term recurrence."""
+    count = coefficients.shape[0]
+    basis = [jnp.ones_like(x), x]
+    for k in range(1, count - 1):
+        basis.append(((2 * k + 1) / (k + 1)) * x * basis[k] - (k / (k + 1)) * basis[k - 1])
+    return sum((coefficients[k] * basis[k] for k in range(count)), jnp.zeros_like(x))

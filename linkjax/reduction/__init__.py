@@ -1,0 +1,6 @@
+"""Reduced inertia and reduced torque."""
+
+from linkjax.reduction._reduction import Reduced as Reduced
+from linkjax.reduction._reduction import mass_sums as mass_sums
+from linkjax.reduction._reduction import reduce as reduce
+from linkjax.reduction._reduction import reduce_pose as reduce_pose

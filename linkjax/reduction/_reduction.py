@@ -1,0 +1,58 @@
+"""Reduction to the crank: J φ'' + ½ J' φ'² = Q + drive torque.
+
+Source: reduced (equivalent) inertia and torque of a one-degree-of-freedom machine, e.g. Artobolevsky, Theory of
+Mechanisms and Machines, 1988, ch. 15; Eksergian, Dynamical analysis of machines, J. Franklin Inst. 209 (1930).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._types import Scalar
+from linkjax._vec import Vec
+from linkjax.kinematics import Pose, pose
+from linkjax.loads import Instant
+from linkjax.machine import Scene
+
+
+class Reduced(NamedTuple):
+    """Reduced inertia J (kg m²) with flywheel, its slope J' = dJ/dφ, reduced torque Q (N m) and each load's share."""
+
+    inertia: Array
+    slope: Array
+    torque: Array
+    by_load: dict[str, Array]
+
+
+def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
+    """Reduce a pose that is known already; see `reduce`."""
+    inertia, half_slope, weight = scene.mechanism.flywheel.inertia, jnp.zeros_like(at.phi), jnp.zeros_like(at.phi)
+    for name, link in scene.mechanism.links.items():
+        body, point, turn = here.bodies[name], here.points[link.centre_name], here.links[name]
+        inertia = inertia + body.mass * point.dr.squared() + body.inertia * (turn.w * turn.w)
+        half_slope = half_slope + body.mass * point.dr.dot(point.ddr) + body.inertia * (turn.w * turn.e)
+        weight = weight + body.mass * scene.gravity.dot(point.dr)
+    by_load = {"gravity": weight, **{load.name: load.share(here, at) for load in scene.loads}}
+    return Reduced(inertia, 2 * half_slope, sum(by_load.values(), jnp.zeros_like(at.phi)), by_load)
+
+
+def reduce(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
+    """Reduced inertia, slope and torque at the crank angle `phi` (rad); scalar in, scalar out, `vmap` for more.
+
+    At a jump of a load the value is the limit from the side of the angle `side` (default: from increasing φ).
+    """
+    phi = jnp.asarray(phi)
+    at = Instant(phi, phi if side is None else side, scene.cycle)
+    return reduce_pose(scene, at, pose(scene.mechanism, phi))
+
+
+def mass_sums(here: Pose, centre_names: dict[str, str]) -> tuple[Vec, Vec]:
+    """First and second kinematic coefficients of Σ m r (kg m): the shaking force at constant speed is -ω² Σ m r''."""
+    first, second = Vec(0.0, 0.0), Vec(0.0, 0.0)
+    for name, body in here.bodies.items():
+        point = here.points[centre_names[name]]
+        first, second = first + point.dr * body.mass, second + point.ddr * body.mass
+    return first, second
