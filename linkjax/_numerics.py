@@ -32,6 +32,11 @@ def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> A
     return jax.lax.custom_root(function, start, solve, tangent_solve)
 
 
+def repeat(times: int, body: Callable, state):
+    """`times` rounds of `body(i, state)`: a loop, so that the body is compiled once; plain code for a single round."""
+    return body(0, state) if times == 1 else jax.lax.fori_loop(0, times, body, state)
+
+
 @jax.custom_jvp
 def envelope(at: Array, moves: Array) -> Array:
     """`at + moves`, where a stationary function is to be evaluated: the derivative with respect to `at` is dropped.

@@ -68,6 +68,7 @@ class AbstractGroup(eqx.Module):
 
     kind: eqx.AbstractClassVar[str]
     formula: eqx.AbstractClassVar[str]
+    dead_positions: eqx.AbstractClassVar[tuple[str, ...]]
 
     @abc.abstractmethod
     def link_names(self) -> tuple[str, ...]:
@@ -101,7 +102,11 @@ class AbstractGroup(eqx.Module):
 
     @abc.abstractmethod
     def react(
-        self, loads: dict[str, Wrench], states: dict[str, LinkState], points: dict[str, PointState], owners: dict[str, str]
+        self,
+        loads: dict[str, Wrench],
+        states: dict[str, LinkState],
+        points: dict[str, PointState],
+        owners: dict[str, str],
     ) -> tuple[list[Reaction], Array | None]:
         """Joint reactions from the loads on each link of the group (moments about the link's origin).
 

@@ -21,6 +21,7 @@ class Crank(AbstractGroup):
 
     kind: ClassVar[str] = "crank"
     formula: ClassVar[str] = "I1"
+    dead_positions: ClassVar[tuple[str, ...]] = ()
 
     link: str = eqx.field(static=True)
     pivot: str = eqx.field(static=True)

@@ -22,6 +22,7 @@ class RRP(AbstractGroup):
 
     kind: ClassVar[str] = "RRP"
     formula: ClassVar[str] = "II2"
+    dead_positions: ClassVar[tuple[str, ...]] = ("left", "right")
 
     link: str = eqx.field(static=True)
     block: str = eqx.field(static=True)

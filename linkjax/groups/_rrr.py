@@ -23,6 +23,7 @@ class RRR(AbstractGroup):
 
     kind: ClassVar[str] = "RRR"
     formula: ClassVar[str] = "II1"
+    dead_positions: ClassVar[tuple[str, ...]] = ("stretched", "folded")
 
     links: tuple[str, str] = eqx.field(static=True)
     from_: str = eqx.field(static=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -28,7 +29,11 @@ def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
     dimensionless (links). Where a group cannot be assembled the values are finite placeholders and the group's margin
     is negative.
     """
-    phi = jnp.asarray(phi)
+    return _pose(mechanism, jnp.asarray(phi))
+
+
+@jax.jit  # traced once per topology, however often it is used inside larger functions
+def _pose(mechanism: Mechanism, phi: Scalar) -> Pose:
     points = {name: at_rest(at) for name, at in mechanism.fixed.items()}
     links: dict[str, LinkState] = {}
     bodies = {name: link.actual() for name, link in mechanism.links.items()}

@@ -5,6 +5,5 @@ from linkjax.loads._loads import Force as Force
 from linkjax.loads._loads import Instant as Instant
 from linkjax.loads._loads import OpposingForce as OpposingForce
 from linkjax.loads._loads import OpposingTorque as OpposingTorque
-from linkjax.loads._loads import Opposed as Opposed
 from linkjax.loads._loads import Torque as Torque
 from linkjax.loads._loads import Window as Window

@@ -13,7 +13,7 @@ from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import as_float
 from linkjax._vec import Vec, zero
 from linkjax.groups import PointState, Wrench
-from linkjax.kinematics import Pose
+from linkjax.kinematics import Motion, Pose
 
 
 class Window(eqx.Module):
@@ -25,13 +25,6 @@ class Window(eqx.Module):
     def active(self, angle: Array, cycle: float) -> Array:
         """One inside the window, zero outside."""
         return jnp.where(jnp.mod(angle - self.on, cycle) < jnp.mod(self.off - self.on, cycle), 1.0, 0.0)
-
-
-class Opposed(NamedTuple):
-    """Velocity and acceleration coefficients of the motion that a load opposes, component by component."""
-
-    v: tuple[Array, ...]
-    a: tuple[Array, ...]
 
 
 class Instant(NamedTuple):
@@ -65,7 +58,7 @@ class AbstractLoad(eqx.Module):
         """Share of the reduced torque (N m): power at unit crank speed."""
 
     @abc.abstractmethod
-    def opposed(self, pose: Pose) -> Opposed | None:
+    def opposed(self, pose: Pose) -> Motion | None:
         """The motion the load opposes, None when it does not depend on the direction of motion."""
 
     def activity(self, at: Instant) -> Array | float:
@@ -116,7 +109,7 @@ class OpposingForce(AbstractLoad):
 
     def opposed(self, pose):
         p = pose.points[self.point]
-        return Opposed((p.dr.x, p.dr.y), (p.ddr.x, p.ddr.y))
+        return Motion((p.dr.x, p.dr.y), (p.ddr.x, p.ddr.y))
 
 
 class Torque(AbstractLoad):
@@ -164,7 +157,7 @@ class OpposingTorque(AbstractLoad):
 
     def opposed(self, pose):
         link = pose.links[self.link]
-        return Opposed((link.w,), (link.e,))
+        return Motion((link.w,), (link.e,))
 
 
 NEAR = 1e-9  # rad: within this of a reversal the direction of motion is that of the side asked for

@@ -101,8 +101,11 @@ def check_structure(mechanism: Mechanism) -> None:
                 remedy = "move this group behind the one that brings the point in" if later else nearest(point, known)
                 raise StructureError(element, problem, remedy)
         if getattr(group, "through", None) not in (None, *mechanism.fixed):
-            raise StructureError(element, f"guide point {group.through!r} is not a point of the frame",  # pyright: ignore
-                                 nearest(group.through, mechanism.fixed))  # pyright: ignore
+            raise StructureError(
+                element,
+                f"guide point {group.through!r} is not a point of the frame",  # pyright: ignore
+                nearest(group.through, mechanism.fixed),
+            )  # pyright: ignore
         _add_points(mechanism, group, element, known)
     idle = [name for name in mechanism.links if name not in placed]
     if idle:

@@ -6,17 +6,17 @@ breakpoint are used to halve the hardest panels, so nothing is wasted and every 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._numerics import safe_divide, safe_sqrt
-from linkjax.kinematics import named_groups, pose
-from linkjax.loads import AbstractLoad, Opposed
+from linkjax._numerics import safe_divide
+from linkjax.groups import Margin
+from linkjax.kinematics import Motion, find_reversals, named_groups, pose, scan_angles
+from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.motion._panels import Rule, rule
 
@@ -55,6 +55,26 @@ class Grid(eqx.Module):
         """Crank angles of the nodes (rad)."""
         return self.middle[:, None] + self.half[:, None] * self.rule.x
 
+    def place(self, phi: Array) -> Place:
+        """Where a crank angle lies; on an edge, in the panel that begins there (the limit from increasing φ)."""
+        start, cycle = self.edges[0], self.edges[-1] - self.edges[0]
+        phi = start + jnp.mod(phi - start, cycle)
+        panel = jnp.clip(jnp.searchsorted(self.edges, phi, side="right") - 1, 0, self.edges.size - 2)
+        return Place(panel, jnp.clip(safe_divide(phi - self.middle[panel], self.half[panel]), -1.0, 1.0), phi)
+
+    def node_places(self) -> Place:
+        """The nodes as places, every leaf of shape (panels, n)."""
+        panel, x = jnp.meshgrid(jnp.arange(self.half.size), jnp.asarray(self.rule.x), indexing="ij")
+        return Place(panel, x, self.nodes)
+
+
+class Place(NamedTuple):
+    """A position on the grid: panel number, place `x` in [-1, 1] within it, and the crank angle (rad)."""
+
+    panel: Int[Array, ""]
+    x: Array
+    phi: Array
+
 
 class Candidates(NamedTuple):
     """Breakpoints with the distance of their singularity from the real axis (0: a kink; inf: none here)."""
@@ -69,11 +89,13 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     opposing = [load for load in scene.loads if load.opposing]
     groups = len(scene.mechanism.groups) - 1
     count = max(6, len(windows) + REVERSALS * len(opposing) + groups)
-    scan = jnp.arange(SCAN * scene.cycle_turns) * (2 * math.pi / SCAN)
+    scan = scan_angles(scene.cycle_turns, SCAN)
     motions, closeness = jax.vmap(lambda phi: _scan_at(scene, opposing, phi))(scan)
     found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
     soft = [_closest(margins, scan) for margins in closeness]
-    kinks = jax.lax.stop_gradient(_collect(scene, [*(f for f, _ in found), *soft]))  # exact: the torque is continuous there
+    kinks = jax.lax.stop_gradient(
+        _collect(scene, [*(f for f, _ in found), *soft])
+    )  # exact: the torque is continuous there
     edges = _edges(scene, [jnp.mod(w, scene.cycle) for w in windows], kinks, count)
     overflow = jnp.any(jnp.stack([jnp.asarray(False), *(o for _, o in found)]))
     n = max(4, -(-nodes // count))
@@ -87,54 +109,39 @@ def _scan_at(scene, opposing, phi):
     return motions, [list(g.margins(scene.mechanism.links, here.points).values()) for g in groups]
 
 
-def _reversals(scene: Scene, load: AbstractLoad, motion: Opposed, scan: Array) -> tuple[Candidates, Array]:
-    """Where the opposed motion reverses: in a cell whose end velocities point against each other."""
-    step = scan[1] - scan[0]
-    v0, a0 = jnp.stack(motion.v), jnp.stack(motion.a) * step
-    v1, a1 = jnp.roll(v0, -1, axis=1), jnp.roll(a0, -1, axis=1)
-    turn = v1 - v0
-    along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))
-    f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
-    mask = jnp.sum(v0 * v1, axis=0) < 0
-    x = safe_divide(-f0, f1 - f0, 0.5)
-    for _ in range(3):  # Newton on the cell's cubic Hermite interpolant
-        c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
-        value, slope = f0 + x * (g0 + x * (c2 + x * c3)), g0 + x * (2 * c2 + 3 * x * c3)
-        x = jnp.clip(x - safe_divide(value, slope), 0.0, 1.0)
-    start = scan + x * step
-    if load.window is not None:
-        mask = mask & (load.window.active(start, scene.cycle) > 0)
-    place = jnp.cumsum(mask) - 1
-    slot = mask & (place == jnp.arange(REVERSALS)[:, None])
-    present = jnp.any(slot, axis=1)
-    angle = jnp.sum(jnp.where(slot, start, 0.0), axis=1)
+def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array]:
+    """Where the motion that a load opposes reverses while the load is on."""
 
-    def sharpen(phi):
-        exact = load.opposed(pose(scene.mechanism, phi))
-        assert exact is not None
-        v, a = jnp.stack(exact.v), jnp.stack(exact.a)
-        slope = jnp.sum(a * a)
-        move = jnp.clip(safe_divide(jnp.sum(v * a), slope), -step, step)
-        left = v - a * move
-        return phi - move, safe_sqrt(safe_divide(jnp.sum(left * left), slope))
+    def motion(phi):
+        here = load.opposed(pose(scene.mechanism, phi))
+        assert here is not None  # only loads that oppose a motion come here
+        return here
 
-    angle, distance = jax.vmap(sharpen)(angle)
-    return Candidates(angle, jnp.where(present, distance, jnp.inf)), jnp.sum(mask) > REVERSALS
+    def on(angle):
+        return jnp.isfinite(angle) if load.window is None else load.window.active(angle, scene.cycle) > 0
+
+    found = find_reversals(motion, scanned, scan, REVERSALS, 1, on)
+    return Candidates(found.angle, jnp.where(found.present, found.distance, jnp.inf)), found.overflow
 
 
-def _closest(margins, scan: Array) -> Candidates:
+def _closest(margins: list[Margin], scan: Array) -> Candidates:
     """A group's closest approach to a dead position: its margin vanishes a distance √(2m/m'') off the real axis."""
     step = scan[1] - scan[0]
     best = Candidates(jnp.zeros(()), jnp.asarray(jnp.inf))
     for margin in margins:
-        at = jnp.argmin(margin.value)
-        value, d, dd = margin.value[at], margin.d[at], jnp.maximum(margin.dd[at], 1e-12)
+        least = margin.value == jnp.min(margin.value)
+        at, value, d, dd = (_pick(least, part) for part in (scan, margin.value, margin.d, margin.dd))
+        dd = jnp.maximum(dd, 1e-12)
         move = jnp.clip(-d / dd, -step, step)
-        least = jnp.maximum(value + move * (d + 0.5 * move * dd), 0.0)
-        distance = jnp.sqrt(2 * least / dd)
+        distance = jnp.sqrt(2 * jnp.maximum(value + move * (d + 0.5 * move * dd), 0.0) / dd)
         nearer = distance < best.distance
-        best = Candidates(*(jnp.where(nearer, a, b) for a, b in zip((scan[at] + move, distance), best, strict=True)))
+        best = Candidates(*(jnp.where(nearer, a, b) for a, b in zip((at + move, distance), best, strict=True)))
     return best
+
+
+def _pick(mask: Array, values: Array) -> Array:
+    """The largest masked value; a maximum is much cheaper than a gather on a CPU."""
+    return jnp.max(jnp.where(mask, values, -jnp.inf))
 
 
 def _collect(scene: Scene, candidates: list[Candidates]) -> Candidates:
@@ -165,21 +172,18 @@ def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) ->
 
 
 def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
-    """Use one free slot (an empty panel at the end) to halve the hardest panel."""
+    """Use one free slot (an empty panel at the end) to halve the panel that is widest for its distance to trouble."""
     fixed = jax.lax.stop_gradient(edges)
     low, high = fixed[:-1], fixed[1:]
     width = high - low
-    distance = jnp.ones_like(width)
-    for k in range(kinks.angle.shape[0]):
-        middle = 0.5 * (low + high)
-        off = jnp.abs(jnp.mod(kinks.angle[k] - middle + 0.5 * cycle, cycle) - 0.5 * cycle)
-        away = jnp.maximum(off - 0.5 * width, 0.0)
-        near = jnp.where(kinks.distance[k] > KINK, kinks.distance[k], 1.0)  # beside a kink proper all is smooth
-        distance = jnp.minimum(distance, jnp.sqrt(away * away + near * near))
-    hardest = jnp.argmax(width / distance)
+    near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # beside a kink proper all is smooth
+    off = jnp.mod(kinks.angle - 0.5 * (low + high)[:, None] + 0.5 * cycle, cycle) - 0.5 * cycle
+    away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
+    squared = jnp.minimum(jnp.min(away * away + near * near, axis=1, initial=1.0), 1.0)
+    hard = width * width / squared
+    hardest = hard == jnp.max(hard)
     free = fixed[-2] >= fixed[-1]
-    cut = jnp.where(free, 0.5 * (low[hardest] + high[hardest]), jnp.inf)
-    index = jnp.arange(edges.shape[0])
-    shifted = jnp.concatenate([edges[:1], edges[:-1]])
-    new = jnp.where(index <= hardest, edges, jnp.where(index == hardest + 1, cut, shifted))
+    cut = _pick(hardest, 0.5 * (low + high))
+    after = jnp.concatenate([edges[:1], edges[:-1]])
+    new = jnp.where(edges <= cut, edges, jnp.where(jnp.concatenate([edges[:1], edges[:-1]]) <= cut, cut, after))
     return jnp.where(free, new, edges)

@@ -43,10 +43,14 @@ def rule(n: int) -> Rule:
     return Rule(x, w, spectrum, primitive, fine, at_fine[:, :n] @ spectrum, legendre.legvander(x, n), at_fine)
 
 
-def legendre_sum(coefficients: Float[Array, " k"], x: Float[Array, ""]) -> Float[Array, ""]:
-    """Value of a Legendre series at `x`, by the three-term recurrence."""
-    count = coefficients.shape[0]
+def legendre_sum(coefficients: Float[Array, "*rows k"], x: Float[Array, ""]) -> Float[Array, "*rows"]:
+    """Value of Legendre series at `x`, by the three-term recurrence."""
+    return coefficients @ legendre_basis(coefficients.shape[-1], x)
+
+
+def legendre_basis(count: int, x: Float[Array, ""]) -> Float[Array, " k"]:
+    """The first `count` Legendre polynomials at `x`."""
     basis = [jnp.ones_like(x), x]
     for k in range(1, count - 1):
         basis.append(((2 * k + 1) / (k + 1)) * x * basis[k] - (k / (k + 1)) * basis[k - 1])
-    return sum((coefficients[k] * basis[k] for k in range(count)), jnp.zeros_like(x))
+    return jnp.stack(basis[:count])

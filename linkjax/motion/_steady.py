@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 
 from linkjax._numerics import root, safe_divide
 from linkjax.machine import Scene
-from linkjax.motion._extremum import SHARPEN, Place, find_maximum, phi_at
-from linkjax.motion._grid import Grid, make_grid
+from linkjax.motion._extremum import SHARPEN, climb, phi_at, search, settle
+from linkjax.motion._grid import Grid, Place, make_grid
 from linkjax.motion._panels import legendre_sum
 from linkjax.reduction import Reduced, reduce
 
@@ -26,17 +26,24 @@ ERROR_FLOOR = 2e-11
 LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a regime that counts as running (ω_min / ω_m about 1e-3)
 
 
-class Work(eqx.Module):
-    """Work of all torques since the first edge of the grid, W(φ) (J), panel by panel as Legendre series."""
+class Primitive(eqx.Module):
+    """An integral over the crank angle since the first edge of the grid, panel by panel as Legendre series."""
 
     grid: Grid
     at_edges: Float[Array, " edges"]
     series: Float[Array, "panels terms"]
-    drive: Array
 
     def at(self, place: Place) -> Array:
-        """W at a place of the grid."""
+        """The integral from the first edge to a place of the grid."""
         return self.at_edges[place.panel] + legendre_sum(self.series[place.panel], place.x)
+
+
+def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
+    """Integral of a function known at the nodes."""
+    scaled = grid.half[:, None] * values
+    gained = jnp.cumsum(jnp.sum(grid.rule.w * scaled, axis=1))
+    edges = jnp.concatenate([jnp.zeros_like(gained[:1]), gained])
+    return Primitive(grid, edges, scaled @ jnp.asarray(grid.rule.primitive.T))
 
 
 class Steady(eqx.Module):
@@ -47,7 +54,8 @@ class Steady(eqx.Module):
     `lowest_mean_speed` is the lowest that has one.
     """
 
-    work: Work
+    work: Primitive
+    clock: Primitive
     energy: Array
     drive_torque: Array
     period: Array
@@ -68,6 +76,13 @@ class Steady(eqx.Module):
         """The cycle grid."""
         return self.work.grid
 
+    def at(self, scene: Scene, place: Place) -> tuple[Array, Array]:
+        """Crank speed (rad/s) and acceleration (rad/s²) at a place of the grid."""
+        here = reduce(scene, place.phi, self.grid.middle[place.panel])
+        floor = LEAST * 0.5 * here.inertia * scene.speed**2
+        speed = jnp.sqrt(2 * jnp.maximum(self.energy + self.work.at(place), floor) / here.inertia)
+        return speed, (here.torque + self.drive_torque - 0.5 * here.slope * speed**2) / here.inertia
+
 
 def steady(scene: Scene, nodes: int = 96) -> Steady:
     """Steady periodic motion of a scene, with about `nodes` nodes on the cycle grid.
@@ -84,10 +99,12 @@ def node_values(scene: Scene, grid: Grid) -> Reduced:
     return jax.vmap(jax.vmap(lambda phi, side: reduce(scene, phi, side)))(grid.nodes, sides)
 
 
+@jax.jit  # traced once, however often a flywheel search calls it
 def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
     """Steady periodic motion from the node values; see `steady`."""
-    work, drive = _balance(grid, here.torque, scene.cycle)
-    flow = _Flow(scene, grid, here.inertia, work)
+    drive = -jnp.sum(grid.half[:, None] * grid.rule.w * here.torque) / scene.cycle
+    work = primitive(grid, here.torque + drive)
+    flow = _Flow(scene, grid, here.inertia, work, drive)
     energy = flow.energy_for_time_mean()
     ends, rounds = flow.extremes(energy), 1
     if scene.mean == "midrange":  # the extremes depend on the energy and it on them: quadratic convergence
@@ -101,20 +118,13 @@ def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (top.speed + bottom.speed)
     least, angle = flow.least_work()
+    clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, here.inertia))
     return Steady(
-        work, energy, drive, period, mean, delta, jax.lax.stop_gradient(error), top.speed, bottom.speed,
+        work, clock, energy, drive, period, mean, delta, jax.lax.stop_gradient(error), top.speed, bottom.speed,
         jnp.mod(top.place.phi, scene.cycle), jnp.mod(bottom.place.phi, scene.cycle),
         (energy + least) / flow.scale - LEAST, angle, scene.cycle / flow.period(LEAST * flow.scale - least),
         grid.evaluations + grid.nodes.size + rounds * 2 * (SHARPEN + 1),
     )  # fmt: skip
-
-
-def _balance(grid: Grid, torque: Float[Array, "panels n"], cycle: float) -> tuple[Work, Array]:
-    """Work of the torque at the nodes together with the constant drive torque (N m) that closes the cycle."""
-    drive = -jnp.sum(grid.half[:, None] * grid.rule.w * torque) / cycle
-    net = grid.half[:, None] * (torque + drive)
-    gained = jnp.cumsum(jnp.sum(grid.rule.w * net, axis=1))
-    return Work(grid, jnp.concatenate([jnp.zeros((1,)), gained]), net @ jnp.asarray(grid.rule.primitive.T), drive), drive
 
 
 class End(NamedTuple):
@@ -129,9 +139,9 @@ class End(NamedTuple):
 class _Flow:
     """Node values of one cycle and what follows from them once the energy constant E₀ is chosen."""
 
-    def __init__(self, scene: Scene, grid: Grid, inertia: Array, work: Work):
+    def __init__(self, scene: Scene, grid: Grid, inertia: Array, work: Primitive, drive: Array):
         r = grid.rule
-        self.scene, self.grid, self.work, self.inertia = scene, grid, work, inertia
+        self.scene, self.grid, self.work, self.inertia, self.drive = scene, grid, work, inertia, drive
         self.weights = grid.half[:, None] * r.w
         base = work.at_edges[:-1, None]
         self.at_nodes = base + work.series @ jnp.asarray(r.at_nodes.T)
@@ -157,7 +167,9 @@ class _Flow:
         """E₀ for which the time mean of the speed is the wanted one; Newton on 1/period², which is nearly linear."""
         wanted = self.scene.cycle / self.scene.speed
         share = self.weights / self.scene.cycle
-        guess = (0.5 * self.scene.speed**2 - jnp.sum(share * self.at_nodes / self.inertia)) / jnp.sum(share / self.inertia)
+        guess = (0.5 * self.scene.speed**2 - jnp.sum(share * self.at_nodes / self.inertia)) / jnp.sum(
+            share / self.inertia
+        )
 
         def solve(_, start):
             def step(state):
@@ -196,24 +208,25 @@ class _Flow:
         """Largest and smallest speed over the continuous cycle: where (E₀ + W) / J is stationary."""
         height = (energy + self.fine) / self.inertia_fine
 
-        def slope(place: Place) -> Array:
-            here = reduce(self.scene, place.phi, self.grid.middle[place.panel])
-            gain = here.torque + self.drive - (energy + self.work.at(place)) * here.slope / here.inertia
-            return self.grid.half[place.panel] * gain / here.inertia
+        fine = jnp.asarray(self.grid.rule.fine)
 
         def end(sign):
-            place, _ = find_maximum(self.grid, height, slope, sign)
-            inertia = reduce(self.scene, place.phi, self.grid.middle[place.panel]).inertia
+            panel, start, bend = search(fine, sign * height)
+            side = self.grid.middle[panel]
+
+            def slope(x):
+                place = Place(panel, x, phi_at(self.grid, panel, x))
+                here = reduce(self.scene, place.phi, side)
+                gain = here.torque + self.drive - (energy + self.work.at(place)) * here.slope / here.inertia
+                return sign * self.grid.half[panel] * gain / here.inertia
+
+            place = settle(self.grid, panel, climb(slope, start, bend, SHARPEN))
+            inertia = reduce(self.scene, place.phi, side).inertia
             return End(place, self.work.at(place), inertia, jnp.zeros_like(inertia))
 
         both = jax.vmap(end)(jnp.asarray([1.0, -1.0], dtype=height.dtype))
         top, bottom = (jax.tree.map(lambda leaf: leaf[i], both) for i in (0, 1))  # noqa: B023
         return top, bottom
-
-    @property
-    def drive(self) -> Array:
-        """Constant drive torque (N m)."""
-        return self.work.drive
 
     def least_work(self) -> tuple[Array, Array]:
         """Least W on nodes and search grid (J), and its angle (rad)."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -45,8 +46,12 @@ def reduce(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
     At a jump of a load the value is the limit from the side of the angle `side` (default: from increasing φ).
     """
     phi = jnp.asarray(phi)
-    at = Instant(phi, phi if side is None else side, scene.cycle)
-    return reduce_pose(scene, at, pose(scene.mechanism, phi))
+    return _reduce(scene, phi, phi if side is None else side)
+
+
+@jax.jit  # traced once per scene topology, however often it is used inside larger functions
+def _reduce(scene: Scene, phi: Scalar, side: Scalar) -> Reduced:
+    return reduce_pose(scene, Instant(phi, side, scene.cycle), pose(scene.mechanism, phi))
 
 
 def mass_sums(here: Pose, centre_names: dict[str, str]) -> tuple[Vec, Vec]:

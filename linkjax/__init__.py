@@ -1,0 +1,76 @@
+"""linkjax: design of planar machines with JAX.
+
+A machine is a pytree of design numbers, its whole working cycle a pure function of them, and gradients through that
+cycle are exact. Names resolve on first use, so that `import linkjax` costs next to nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from linkjax._config import enable_x64 as enable_x64
+    from linkjax._vec import Vec as Vec
+    from linkjax.analysis import Cycle as Cycle
+    from linkjax.analysis import analyse as analyse
+    from linkjax.groups import RRP as RRP
+    from linkjax.groups import RRR as RRR
+    from linkjax.groups import Crank as Crank
+    from linkjax.kinematics import dead_centres as dead_centres
+    from linkjax.kinematics import margins as margins
+    from linkjax.kinematics import pose as pose
+    from linkjax.kinematics import transmission_angles as transmission_angles
+    from linkjax.loads import Force as Force
+    from linkjax.loads import OpposingForce as OpposingForce
+    from linkjax.loads import OpposingTorque as OpposingTorque
+    from linkjax.loads import Torque as Torque
+    from linkjax.loads import Window as Window
+    from linkjax.machine import Scene as Scene
+    from linkjax.mechanism import Flywheel as Flywheel
+    from linkjax.mechanism import Link as Link
+    from linkjax.mechanism import Mechanism as Mechanism
+    from linkjax.mechanism import StructureError as StructureError
+    from linkjax.motion import flywheel_for as flywheel_for
+    from linkjax.motion import steady as steady
+    from linkjax.reduction import reduce as reduce
+    from linkjax.scenes import SceneError as SceneError
+    from linkjax.scenes import load as load
+    from linkjax.scenes import scene_names as scene_names
+
+__version__ = "0.1.0"
+
+# Every room with the names it lends to the package; the block above says the same to type checkers.
+_ROOMS: dict[str, tuple[str, ...]] = {
+    "_config": ("enable_x64",),
+    "_vec": ("Vec",),
+    "groups": ("RRP", "RRR", "Crank"),
+    "mechanism": ("Flywheel", "Link", "Mechanism", "StructureError"),
+    "kinematics": ("dead_centres", "margins", "pose", "transmission_angles"),
+    "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
+    "machine": ("Scene",),
+    "reduction": ("reduce",),
+    "motion": ("flywheel_for", "steady"),
+    "forces": (),
+    "analysis": ("Cycle", "analyse"),
+    "measures": (),
+    "scenes": ("SceneError", "load", "scene_names"),
+    "viz": (),
+    "report": (),
+}
+_HOMES = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        value = getattr(import_module(f"linkjax.{_HOMES[name]}"), name)
+    elif name in _ROOMS:
+        value = import_module(f"linkjax.{name}")
+    else:
+        raise AttributeError(f"module 'linkjax' has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *(room for room in _ROOMS if not room.startswith("_"))])

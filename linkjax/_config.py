@@ -1,0 +1,59 @@
+"""Settings of JAX that belong to a whole program: precision, compilation cache, number of CPU devices.
+
+Nothing here happens on import. `enable_x64` is for users; the other two are called by the command line, the tests and
+the benchmarks, which own their process, and never by the library.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import jax
+
+
+def enable_x64() -> None:
+    """Make float64 the precision of JAX, and so of linkjax, for this program. Call it before anything is computed."""
+    jax.config.update("jax_enable_x64", True)
+
+
+def cache_home() -> Path:
+    """Folder for files that may be deleted at any time: `$XDG_CACHE_HOME/linkjax`, or `~/.cache/linkjax`."""
+    named = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    return (named if named.is_absolute() else Path.home() / ".cache") / "linkjax"
+
+
+def use_compilation_cache(folder: Path | None = None) -> Path | None:
+    """Keep compiled programs in `folder` (default: `cache_home()`), so that the next process need not compile them.
+
+    A folder already chosen (`JAX_COMPILATION_CACHE_DIR`, or by the program) stays. Returns the folder in use, None
+    when it cannot be written; then everything works, only slower.
+    """
+    chosen = jax.config.values["jax_compilation_cache_dir"]
+    if chosen:
+        return Path(chosen)
+    folder = cache_home() if folder is None else folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    if not os.access(folder, os.W_OK):
+        return None
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)  # a cold start is a hundred small programs
+    return folder
+
+
+def use_cpu_devices(count: int | None = None) -> int:
+    """Show the CPU to JAX as `count` devices (default: one per core this process may use), and return the count.
+
+    A count already chosen (`JAX_NUM_CPU_DEVICES`, or by the program) stays. Raises `RuntimeError`, from JAX, when
+    something has been computed already: the number is fixed when the backend starts.
+    """
+    chosen = jax.config.values["jax_num_cpu_devices"]
+    if chosen > 0:
+        return chosen
+    if count is None:
+        count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    jax.config.update("jax_num_cpu_devices", count)
+    return count

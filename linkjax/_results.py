@@ -1,0 +1,41 @@
+"""Outcomes of an analysis. A failure is data: a code per crank angle and one for the cycle, each with its remedy."""
+
+from __future__ import annotations
+
+import enum
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+
+class Result(enum.IntEnum):
+    """What became of an analysis; the larger code is the graver and wins when outcomes are merged."""
+
+    SUCCESS = 0
+    TOO_MANY_REVERSALS = 1
+    NO_PERIODIC_REGIME = 2
+    CANNOT_BE_ASSEMBLED = 3
+
+
+MESSAGES = {
+    Result.SUCCESS: "The machine runs.",
+    Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid has room for; "
+    "the error estimates still hold. Give the load a window, or raise the number of nodes.",
+    Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out within "
+    "the cycle. Raise the mean speed, add a flywheel or lower the loads.",
+    Result.CANNOT_BE_ASSEMBLED: "The linkage cannot be assembled over the whole cycle. Change the lengths named until "
+    "every margin is positive.",
+}
+
+
+def merge(*codes: Array) -> Array:
+    """The gravest of several codes."""
+    return jnp.max(jnp.stack([jnp.asarray(code, dtype=int) for code in codes]))
+
+
+class MachineError(ValueError):
+    """The machine cannot do what was asked: it cannot be assembled, or has no periodic regime."""
+
+    def __init__(self, message: str, result: Result):
+        self.result = result
+        super().__init__(message)

@@ -1,0 +1,282 @@
+"""The whole story of a working cycle, in one call."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from linkjax._compile import compiled_soon
+from linkjax._numerics import safe_divide
+from linkjax._results import MESSAGES, MachineError, Result, merge
+from linkjax.forces import Forces
+from linkjax.kinematics import (
+    Least,
+    Pose,
+    Reversals,
+    assembly_margins,
+    dead_centres,
+    margins,
+    pose,
+    transmission_angles,
+)
+from linkjax.machine import Scene
+from linkjax.measures import both_motions, table
+from linkjax.motion import (
+    Peak,
+    Regime,
+    Steady,
+    flywheel_for,
+    make_grid,
+    node_values,
+    peaks,
+    primitive,
+    steady_on,
+    textbook_flywheel,
+)
+from linkjax.reduction import Reduced, reduce
+
+
+class Checks(eqx.Module):
+    """Relative residuals of the analysis's own checks; all should be near rounding.
+
+    `virtual_power`: drive torque by kinetostatics against the reduced model. `energy_closure`: kinetic energy of the
+    links against the work of each load, integrated separately. `force_balance`: frame force against shaking force,
+    weight and loads.
+    """
+
+    virtual_power: Array
+    energy_closure: Array
+    force_balance: Array
+
+
+class Flywheels(eqx.Module):
+    """Flywheel inertias (kg m²): given, needed for the scene's target δ exactly, and by the textbook's ΔA/(δω²)."""
+
+    given: Array
+    for_target_delta: Array | None
+    textbook: Array | None
+
+
+class Cycle(eqx.Module):
+    """A working cycle, computed. Arrays run over `angles` (rad); SI units throughout.
+
+    `forces` belong to the motion asked for, `forces_constant_speed` to constant nominal speed; `peaks` and
+    `peaks_constant_speed` hold the continuous cycle's peaks in the order of `peak_names`.
+    """
+
+    scene: Scene
+    angles: Float[Array, " angles"]
+    pose: Pose
+    transmission: dict[str, Array]
+    margins: dict[str, dict[str, Least]]
+    dead_centres: dict[str, Reversals]
+    reduced: Reduced
+    steady: Steady
+    speed: Float[Array, " angles"]
+    acceleration: Float[Array, " angles"]
+    time: Float[Array, " angles"]
+    forces: Forces
+    forces_constant_speed: Forces
+    peaks: Peak
+    peaks_constant_speed: Peak
+    flywheel: Flywheels
+    checks: Checks
+    assembled: Bool[Array, " angles"]
+    result: Int[Array, ""]
+    constant_speed: bool = eqx.field(static=True)
+
+    @property
+    def delta(self) -> Array:
+        """Coefficient of speed fluctuation of the true motion."""
+        return self.steady.delta
+
+    @property
+    def delta_error(self) -> Array:
+        """Bound of the absolute error of `delta`."""
+        return self.steady.delta_error
+
+    @property
+    def reactions(self):
+        """Joint reactions: `reactions[joint][link]` with `fx`, `fy`, `moment`, acting on the link."""
+        return self.forces.reactions
+
+
+def analyse(
+    scene: Scene,
+    *,
+    angles: int | Float[Array, " angles"] = 360,
+    nodes: int = 96,
+    constant_speed: bool = False,
+    throw: bool = True,
+) -> Cycle:
+    """Analyse a working cycle: kinematics, reduction, true motion, forces, peaks, flywheel, checks.
+
+    `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` the size of
+    the cycle grid; `constant_speed` reports `forces` at constant nominal speed instead of the true motion.
+    Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled
+    or has no periodic regime; with `throw=False`, and under jax transformations, `result` tells instead.
+    """
+    if nodes < 8:
+        raise ValueError(f"nodes must be at least 8, but is {nodes}; 96 gives about ten digits")
+    if isinstance(angles, int):
+        if angles < 1:
+            raise ValueError(f"angles must be at least 1, but is {angles}")
+        angles = jnp.arange(angles) * (scene.cycle / angles)
+    cycle = _analyse(scene, jnp.asarray(angles), nodes, constant_speed)
+    if throw and not isinstance(cycle.result, jax.core.Tracer):
+        explain(cycle)
+    return cycle
+
+
+def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool) -> Cycle:
+    """The analysis in a few jitted parts: one large program would take several times as long to compile."""
+    motion, here = _motion(scene, nodes)
+    at_nodes, at = _everywhere(scene, motion, angles)
+    tops = _peaks(scene, motion, at_nodes)
+    limits, dead = _limits(scene)
+    least = jnp.min(jnp.stack([jnp.ones(()), *(m.value for sides in limits.values() for m in sides.values())]))
+    code = merge(
+        jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
+        jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
+        jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
+    )
+    return Cycle(
+        scene, angles, at.pose, at.transmission, limits, dead, at.reduced, motion, at.speed[:, 0],
+        at.acceleration[:, 0], at.time, _row(at.forces, 1 if constant_speed else 0), _row(at.forces, 1), *tops,
+        _flywheels(scene, motion, here), _checks(scene, motion, here, angles, at), at.assembled, code, constant_speed,
+    )  # fmt: skip
+
+
+class Everywhere(NamedTuple):
+    """Everything at many places; `forces`, `speed` and `acceleration` for both motions along the second axis."""
+
+    pose: Pose
+    transmission: dict[str, Array]
+    reduced: Reduced
+    forces: Forces
+    speed: Array
+    acceleration: Array
+    time: Array
+    assembled: Array
+
+
+@compiled_soon(static=("nodes",))
+def _motion(scene: Scene, nodes: int) -> tuple[Steady, Reduced]:
+    grid = make_grid(scene, nodes)
+    here = node_values(scene, grid)
+    return steady_on(scene, grid, here), here
+
+
+@compiled_soon
+def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Everywhere]:
+    """Force table at the nodes, and everything at the angles: one evaluation of the mechanism for both."""
+    grid = motion.grid
+    regime = Regime(scene, grid, motion)
+    shown = jax.vmap(grid.place)(angles)
+    nodes = jax.tree.map(jnp.ravel, grid.node_places())
+    places = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), nodes, shown)
+
+    def at(place):
+        forces, speed, acceleration = both_motions(regime, place)
+        least = [m.value for sides in margins(scene.mechanism, place.phi).values() for m in sides.values()]
+        return Everywhere(
+            pose(scene.mechanism, place.phi), transmission_angles(scene.mechanism, place.phi),
+            reduce(scene, place.phi, regime.side(place)), forces, speed, acceleration, motion.clock.at(place),
+            jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0),
+        )  # fmt: skip
+
+    every = jax.vmap(at)(places)
+    count = grid.nodes.size
+    rows = table(scene, jax.tree.map(lambda leaf: leaf[:count], every.forces))
+    begin = motion.clock.at(grid.place(jnp.zeros(())))
+    at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
+    time = jnp.mod(at_angles.time - begin, motion.period)
+    at_nodes = rows.reshape((*grid.nodes.shape, -1, rows.shape[-1]))
+    return at_nodes, at_angles._replace(time=time)
+
+
+@compiled_soon
+def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak]:
+    def rows(regime, place):
+        forces, _, _ = both_motions(regime, place)
+        return table(scene, forces).reshape((-1, 2))
+
+    found = peaks(Regime(scene, motion.grid, motion), rows, at_nodes)
+    half = found.value.size // 2
+    return Peak(*(part[:half] for part in found)), Peak(*(part[half:] for part in found))
+
+
+@compiled_soon
+def _limits(scene: Scene):
+    mechanism, turns = scene.mechanism, scene.cycle_turns
+    return assembly_margins(mechanism, turns), dead_centres(mechanism, turns)
+
+
+def _row(tree, i: int):
+    return jax.tree.map(lambda leaf: leaf[:, i], tree)
+
+
+@compiled_soon
+def _flywheels(scene: Scene, motion: Steady, here: Reduced) -> Flywheels:
+    given, target = scene.mechanism.flywheel.inertia, scene.target_delta
+    if target is None:
+        return Flywheels(given, None, None)
+    return Flywheels(given, flywheel_for(scene, target, motion.grid, here), textbook_flywheel(motion, target))
+
+
+@compiled_soon
+def _checks(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Checks:
+    forces, found = at.forces, at.pose
+    inertia, slope, torque = (part[:, None] for part in at.reduced[:3])
+    parts = inertia * at.acceleration, 0.5 * slope * at.speed**2, -torque * jnp.ones_like(at.speed)
+    size = jnp.max(sum(jnp.abs(part) for part in parts), axis=0)
+    power = jnp.max(jnp.abs(forces.drive_torque - sum(parts)), axis=0)
+    speed = at.speed[:, 0]
+    # energy: every link's kinetic energy from its own velocities, every load's work integrated by itself
+    kinetic = 0.5 * scene.mechanism.flywheel.inertia * speed**2
+    for name, link in scene.mechanism.links.items():
+        body = link.actual()
+        v, w = found.points[link.centre_name].dr * speed, found.links[name].w * speed
+        kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
+    work = motion.drive_torque * jax.vmap(lambda phi: motion.grid.place(phi).phi)(angles)
+    for share in here.by_load.values():
+        series = primitive(motion.grid, share)
+        work = work + jax.vmap(lambda phi, series=series: series.at(motion.grid.place(phi)))(angles)
+    closure = jnp.max(jnp.abs((kinetic - kinetic[0]) - (work - work[0])))
+    rest = [forces.frame[i] - forces.shaking[i] - forces.weight[i] - forces.loads[i] for i in (0, 1)]
+    frame = jnp.max(jnp.hypot(forces.frame.fx, forces.frame.fy), axis=0)
+    return Checks(
+        jnp.max(safe_divide(power, size)),
+        closure / jnp.max(kinetic),
+        jnp.max(safe_divide(jnp.max(jnp.hypot(*rest), axis=0), frame)),
+    )
+
+
+def explain(cycle: Cycle) -> None:
+    """Raise `MachineError` when the cycle did not succeed, saying what falls short, where, and what to change."""
+    code = Result(int(cycle.result))
+    title = f"Scene {cycle.scene.title!r}: " if cycle.scene.title else ""
+    if code is Result.CANNOT_BE_ASSEMBLED:
+        worst = min(
+            ((group, side, at) for group, sides in cycle.margins.items() for side, at in sides.items()),
+            key=lambda item: float(item[2].value),
+        )
+        group, side, at = worst
+        degrees = float(jnp.degrees(at.angle))
+        raise MachineError(
+            f"{title}group {group!r} cannot be assembled at {degrees:.2f} degrees of crank angle ({side}): it falls short "
+            f"by {-float(at.value):.3g} of its length. {MESSAGES[code]}",
+            code,
+        )
+    if code is Result.NO_PERIODIC_REGIME:
+        lowest = float(cycle.steady.lowest_mean_speed)
+        degrees = float(jnp.degrees(cycle.steady.angle_of_least_work))
+        raise MachineError(
+            f"{title}no periodic regime at a mean speed of {float(cycle.scene.speed):.4g} rad/s: the kinetic energy runs "
+            f"out at {degrees:.2f} degrees; the lowest mean speed that has one is {lowest:.4g} rad/s. {MESSAGES[code]}",
+            code,
+        )

@@ -1,0 +1,146 @@
+"""The JSON document of an analysis: the contract that reports, plots and other programs read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from linkjax._results import MESSAGES, Result
+from linkjax.analysis._cycle import Cycle
+from linkjax.forces import Forces, JointForce, other_sides
+from linkjax.kinematics import named_groups
+from linkjax.measures import peak_names
+from linkjax.motion import Peak
+
+WHY = "torques depend on position only, so the energy equation is integrated and no differential equation is solved"
+
+
+def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
+    """The analysis as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says."""
+    cycle = jax.device_get(cycle)
+    scene, motion = cycle.scene, cycle.steady
+    code = Result(int(cycle.result))
+    return {
+        "scene": name or scene.title,
+        "linkjax_version": version,
+        "precision": str(np.asarray(motion.delta).dtype),
+        "model": {
+            "motion": "quadrature", "nodes": int(motion.grid.nodes.size), "evaluations": motion.evaluations,
+            "mean": scene.mean, "why": WHY, "constant_speed": cycle.constant_speed,
+        },
+        "angles": np.asarray(cycle.angles),
+        "points": {
+            point: {"x": s.r.x, "y": s.r.y, "dx": s.dr.x, "dy": s.dr.y, "ddx": s.ddr.x, "ddy": s.ddr.y}
+            for point, s in _points(cycle)
+        },
+        "links": {
+            link: {"angle": np.unwrap(np.arctan2(state.u.y, state.u.x)), "d": state.w, "dd": state.e}
+            for link, state in ((link, cycle.pose.links[link]) for link in scene.mechanism.link_names)
+        },
+        "groups": _groups(cycle),
+        "dead_centres": _dead_centres(cycle),
+        "reduced": {
+            "inertia": cycle.reduced.inertia, "inertia_slope": cycle.reduced.slope, "torque": cycle.reduced.torque,
+            "torque_by_load": dict(cycle.reduced.by_load),
+        },
+        "motion": {
+            "speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time,
+            "mean_speed": float(motion.mean_speed), "delta": float(motion.delta), "delta_error": float(motion.delta_error),
+            "speed_max": float(motion.speed_max), "speed_min": float(motion.speed_min),
+            "angle_of_max": float(motion.angle_of_max), "angle_of_min": float(motion.angle_of_min),
+            "drive_torque_mean": float(motion.drive_torque), "regime_margin": float(motion.regime_margin),
+            "lowest_mean_speed": float(motion.lowest_mean_speed), "period": float(motion.period),
+        },
+        "flywheel": {
+            "given": float(cycle.flywheel.given), "for_target_delta": _maybe(cycle.flywheel.for_target_delta),
+            "textbook": _maybe(cycle.flywheel.textbook), "target_delta": _maybe(scene.target_delta),
+        },
+        "forces": _forces(cycle, cycle.forces),
+        "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
+        "peaks": {
+            **_peaks(cycle, cycle.peaks, ""), **_peaks(cycle, cycle.peaks_constant_speed, "_constant_speed"),
+        },
+        "checks": {
+            "virtual_power": float(cycle.checks.virtual_power), "energy_closure": float(cycle.checks.energy_closure),
+            "force_balance": float(cycle.checks.force_balance),
+        },
+        "result": {
+            "code": int(code), "name": code.name.lower(), "message": MESSAGES[code],
+            "per_angle": np.where(cycle.assembled, int(Result.SUCCESS), int(Result.CANNOT_BE_ASSEMBLED)),
+        },
+    }  # fmt: skip
+
+
+def plain(value: Any) -> Any:
+    """The document with lists instead of arrays, ready for `json.dump`."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return value
+
+
+def _maybe(value) -> float | None:
+    return None if value is None else float(value)
+
+
+def _points(cycle: Cycle):
+    """Points in the order of the machine: frame, pins and marked points, then mass centres."""
+    mechanism = cycle.scene.mechanism
+    centres = [mechanism.links[link].centre_name for link in mechanism.link_names]
+    first = [point for point in mechanism.owners() if point not in centres]
+    return [(point, cycle.pose.points[point]) for point in [*first, *centres]]
+
+
+def _groups(cycle: Cycle) -> dict[str, Any]:
+    found = {}
+    for name, group in named_groups(cycle.scene.mechanism).items():
+        entry: dict[str, Any] = {"kind": group.kind, "formula": group.formula}
+        sides = cycle.margins.get(name, {})
+        if sides:
+            worst = min(sides.values(), key=lambda least: float(least.value))
+            entry |= {"margin": float(worst.value), "margin_angle": float(worst.angle)}
+            entry["margins"] = {s: {"value": float(m.value), "angle": float(m.angle)} for s, m in sides.items()}
+        if name in cycle.transmission:
+            entry["transmission_angle"] = cycle.transmission[name]
+        found[name] = entry
+    return found
+
+
+def _dead_centres(cycle: Cycle) -> list[dict[str, Any]]:
+    points, rows = set(cycle.pose.points), []
+    for name, found in cycle.dead_centres.items():
+        true = np.asarray(found.present) & (np.asarray(found.distance) < 1e-6)
+        for angle in np.sort(np.mod(np.asarray(found.angle)[true], cycle.scene.cycle)):
+            rows.append({"point" if name in points else "link": name, "angle": float(angle)})
+    return rows
+
+
+def _forces(cycle: Cycle, forces: Forces) -> dict[str, Any]:
+    by = other_sides(cycle.scene)
+    return {
+        "reactions": {
+            joint: {link: {**_vector(forces.reactions[joint][link]), "by": other} for link, other in sides.items()}
+            for joint, sides in by.items()
+        },
+        "drive_torque": forces.drive_torque,
+        "shaking": {**_vector(forces.shaking), "about": cycle.scene.mechanism.groups[0].needs()[0]},
+        "frame": _vector(forces.frame),
+        "net_frame": _vector(forces.net_frame),
+    }
+
+
+def _vector(force: JointForce) -> dict[str, Any]:
+    return {"fx": force.fx, "fy": force.fy, "moment": force.moment}
+
+
+def _peaks(cycle: Cycle, peak: Peak, suffix: str) -> dict[str, Any]:
+    names = peak_names(cycle.scene)
+    return {
+        f"{name}{suffix}": {"value": float(peak.value[i]), "angle": float(peak.angle[i]), "error": float(peak.error[i])}
+        for i, name in enumerate(names)
+    }

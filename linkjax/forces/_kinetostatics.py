@@ -1,0 +1,173 @@
+"""Kinetostatics: joint reactions, guide forces and drive torque, group by group in reverse order of assembly.
+
+Source: d'Alembert's principle on each structural group, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
+ch. 13. Forces in N, moments in N m, in the axes of the frame.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._types import Scalar
+from linkjax._vec import Vec, zero
+from linkjax.groups import Reaction, Wrench
+from linkjax.kinematics import Pose, pose
+from linkjax.loads import Instant
+from linkjax.machine import Scene
+
+
+class JointForce(NamedTuple):
+    """What the rest of the machine exerts on a link at a joint: force (N) and moment about the joint (N m)."""
+
+    fx: Array
+    fy: Array
+    moment: Array
+
+    @property
+    def magnitude(self) -> Array:
+        """Size of the force (N)."""
+        return jnp.sqrt(self.fx**2 + self.fy**2)
+
+
+class Forces(NamedTuple):
+    """Forces at one crank angle. `reactions[joint][link]` acts on the link; `by[joint][link]` names the other side.
+
+    `shaking` is -Σ m a with its moment -dH/dt about the crank pivot; `frame` is what the mechanism exerts on the frame
+    through its joints (moment about the crank pivot, drive torque not counted); `net_frame` adds loads that react on
+    the frame.
+    """
+
+    reactions: dict[str, dict[str, JointForce]]
+    drive_torque: Array
+    shaking: JointForce
+    frame: JointForce
+    net_frame: JointForce
+    weight: JointForce
+    loads: JointForce
+
+
+def kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar | None = None) -> Forces:
+    """All forces at the crank angle `phi` (rad), crank speed (rad/s) and acceleration (rad/s²).
+
+    Scalar in, scalars out; `vmap` for more. At a jump of a load the value is the limit from the side of the angle
+    `side` (default: from increasing φ). Statically determinate: nothing is assumed but equilibrium.
+    """
+    phi = jnp.asarray(phi)
+    return _kinetostatics(scene, phi, speed, acceleration, phi if side is None else side)
+
+
+@jax.jit  # traced once per scene topology, however often it is used inside larger functions
+def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar) -> Forces:
+    here = pose(scene.mechanism, phi)
+    at = Instant(phi, side, scene.cycle)
+    origins = scene.mechanism.origins()
+    inertia, weight, working, own = _applied(scene, here, at, speed, acceleration)
+    acting = {name: Wrench(zero(), jnp.zeros_like(phi)) for name in scene.mechanism.links}
+    for link, point, force, couple in [*inertia, *weight, *working]:
+        arm = here.points[point].r - here.points[origins[link]].r if point else zero()
+        acting[link] = Wrench(acting[link].force + force, acting[link].moment + couple + arm.cross(force))
+    found, drive = _solve_groups(scene, here, acting, origins)
+    about = here.points[scene.mechanism.groups[0].needs()[0]].r
+    shaking = _resultant(here, inertia, about)
+    frame = _on_frame(here, found, about)
+    to_frame = _resultant(here, own, about)
+    net = JointForce(frame.fx - to_frame.fx, frame.fy - to_frame.fy, frame.moment - to_frame.moment)
+    return Forces(
+        _by_joint(found), drive, shaking, frame, net, _resultant(here, weight, about), _resultant(here, working, about)
+    )
+
+
+def _applied(scene: Scene, here: Pose, at: Instant, speed, acceleration):
+    """Inertia, weight and working loads as (link, point, force, couple), and the loads that react on the frame."""
+    inertia, weight, working, own = [], [], [], []
+    for name, link in scene.mechanism.links.items():
+        body, centre, turn = here.bodies[name], here.points[link.centre_name], here.links[name]
+        a = centre.ddr * speed**2 + centre.dr * acceleration
+        spin = turn.e * speed**2 + turn.w * acceleration
+        moment = body.inertia
+        if name == scene.mechanism.crank:
+            moment = moment + scene.mechanism.flywheel.inertia
+        inertia.append((name, link.centre_name, a * (-body.mass), -moment * spin))
+        weight.append((name, link.centre_name, scene.gravity * body.mass, jnp.zeros_like(spin)))
+    for load in scene.loads:
+        force, couple = load.wrench(here, at)
+        working.append((load.link, load.point, force, couple))
+        if load.reacts_on == "frame":
+            own.append(working[-1])
+    return inertia, weight, working, own
+
+
+def _solve_groups(scene: Scene, here: Pose, acting: dict[str, Wrench], origins: dict[str, str]):
+    owners = scene.mechanism.owners()
+    found: list[Reaction] = []
+    drive = jnp.zeros(())
+    for group in reversed(scene.mechanism.groups):
+        reactions, torque = group.react(acting, here.links, here.points, owners)
+        drive = drive if torque is None else torque
+        for r in reactions:
+            found.append(r)
+            if r.by != "frame" and r.by not in group.link_names():
+                arm = here.points[r.joint].r - here.points[origins[r.by]].r
+                moment = acting[r.by].moment - r.moment - arm.cross(r.force)
+                acting[r.by] = Wrench(acting[r.by].force - r.force, moment)
+                found.append(Reaction(r.joint, r.by, r.link, -r.force, -r.moment))
+    return found, drive
+
+
+def _by_joint(found: list[Reaction]) -> dict[str, dict[str, JointForce]]:
+    table: dict[str, dict[str, JointForce]] = {}
+    for r in found:
+        at = table.setdefault(r.joint, {})
+        old = at.get(r.link)
+        new = JointForce(r.force.x, r.force.y, r.moment)
+        at[r.link] = new if old is None else JointForce(*(a + b for a, b in zip(old, new, strict=True)))
+    return table
+
+
+def other_sides(scene: Scene) -> dict[str, dict[str, str]]:
+    """Which link (or "frame") exerts each reaction: {joint: {link: by}}; several at one pin are joined with "+"."""
+    owners, by = scene.mechanism.owners(), {}
+    for group in scene.mechanism.groups:
+        for link, (first, far) in group.pins().items():
+            mates = [m for m, (_, f) in group.pins().items() if m != link and f == far and far is not None]
+            if far is not None and mates:
+                by.setdefault(far, {})[link] = mates[0]
+            if link in group.translating():
+                by.setdefault(f"{link}.guide", {})[link] = "frame"
+                rod = next(name for name, (_, f) in group.pins().items() if f == first)
+                by.setdefault(first, {}).update({link: rod, rod: link})
+                continue
+            owner = owners[first]
+            by.setdefault(first, {})[link] = owner
+            if owner != "frame":
+                known = by[first].get(owner)
+                by[first][owner] = f"{known}+{link}" if known else link
+    return by
+
+
+def _resultant(here: Pose, acting, about: Vec) -> JointForce:
+    """Sum of forces and couples, and their moment about a point."""
+    total, moment = zero(), jnp.zeros(())
+    for _, point, force, couple in acting:
+        arm = here.points[point].r - about if point else zero()
+        total, moment = total + force, moment + couple + arm.cross(force)
+    return JointForce(total.x, total.y, moment)
+
+
+def _on_frame(here: Pose, found: list[Reaction], about: Vec) -> JointForce:
+    total, moment = zero(), jnp.zeros(())
+    for r in found:
+        if r.by == "frame":
+            at = here.points[r.joint].r if r.joint in here.points else _guide_point(here, found, r)
+            total, moment = total - r.force, moment - r.moment - (at - about).cross(r.force)
+    return JointForce(total.x, total.y, moment)
+
+
+def _guide_point(here: Pose, found: list[Reaction], guide: Reaction) -> Vec:
+    """Guide couples are referred to the pin of the block."""
+    pin = next(r.joint for r in found if r.link == guide.link and r.joint != guide.joint)
+    return here.points[pin].r

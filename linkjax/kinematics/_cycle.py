@@ -1,0 +1,188 @@
+"""What only the whole cycle tells: reversals of motion (dead centres) and least margins, between the scan points too."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from linkjax._numerics import repeat, safe_divide, safe_sqrt
+from linkjax.groups import Margin
+from linkjax.kinematics._pose import margins, named_groups, pose
+from linkjax.mechanism import Mechanism
+
+MARGIN_SCAN = 64  # scan points per turn for the least margins
+SHARPEN = 4  # Newton steps from the best scan point
+
+
+class Motion(NamedTuple):
+    """Velocity and acceleration coefficients of a point or link, component by component."""
+
+    v: tuple[Array, ...]
+    a: tuple[Array, ...]
+
+
+class Reversals(NamedTuple):
+    """Crank angles (rad) where a motion reverses; unused slots are not `present`. `distance` says how far off the real
+    axis the speed vanishes: zero for a true reversal, more for a point that only slows down."""
+
+    angle: Float[Array, " slots"]
+    distance: Float[Array, " slots"]
+    present: Bool[Array, " slots"]
+    overflow: Bool[Array, ""]
+
+
+def find_reversals(
+    motion: Callable[[Array], Motion],
+    scanned: Motion,
+    scan: Float[Array, " scan"],
+    slots: int,
+    steps: int,
+    wanted: Callable[[Array], Array] = jnp.isfinite,
+) -> Reversals:
+    """Reversals of a motion over the cycle: in every scan cell whose end velocities point against each other.
+
+    `scanned` holds the motion at the uniform `scan` angles (components first); each found angle is sharpened by
+    `steps` evaluations of `motion`. At most `slots` are kept, more set `overflow`; `wanted` filters by angle.
+    """
+    step = scan[1] - scan[0]
+    v0, a0 = jnp.stack(scanned.v), jnp.stack(scanned.a) * step
+    v1, a1 = jnp.roll(v0, -1, axis=1), jnp.roll(a0, -1, axis=1)
+    turn = v1 - v0
+    along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))
+    f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
+    x = safe_divide(-f0, f1 - f0)
+    c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
+    for _ in range(3):  # Newton on the cell's cubic Hermite interpolant
+        value, slope = f0 + x * (g0 + x * (c2 + x * c3)), g0 + x * (2 * c2 + 3 * x * c3)
+        x = jnp.clip(x - safe_divide(value, slope), 0.0, 1.0)
+    start = scan + x * step
+    stopped = (jnp.sum(v0 * v0, axis=0) == 0) & (jnp.sum(a0 * a0, axis=0) > 0)  # a scan point right on a reversal
+    mask = ((jnp.sum(v0 * v1, axis=0) < 0) | stopped) & wanted(start)
+    place = jnp.cumsum(mask)
+    number = jnp.arange(1, slots + 1)
+    angle = jnp.sum(jnp.where(mask & (place == number[:, None]), start, 0.0), axis=1)
+
+    def sharpen(_, state):
+        here = jax.vmap(motion)(state[0])
+        v, a = jnp.stack(here.v), jnp.stack(here.a)
+        slope = jnp.sum(a * a, axis=0)
+        move = jnp.clip(safe_divide(jnp.sum(v * a, axis=0), slope), -step, step)
+        left = v - a * move
+        return state[0] - move, safe_sqrt(safe_divide(jnp.sum(left * left, axis=0), slope))
+
+    angle, distance = repeat(steps, sharpen, (angle, jnp.zeros_like(angle)))
+    return Reversals(angle, distance, place[-1] >= number, place[-1] > slots)
+
+
+def scan_angles(turns: int, points: int) -> Float[Array, " scan"]:
+    """Uniform crank angles over `turns` turns, `points` a turn, the end not repeated."""
+    return jnp.arange(points * turns) * (2 * math.pi / points)
+
+
+def dead_centres(mechanism: Mechanism, turns: int = 1, slots: int = 8) -> dict[str, Reversals]:
+    """Dead centres over the cycle: where a slider stops (by the name of its pin) or a link turning about a frame point
+    stops (by its name). Angles in rad, sharpened to rounding."""
+    ends = _stopping_ends(mechanism)
+    if not ends:
+        return {}
+    scan = scan_angles(turns, 2 * MARGIN_SCAN)
+    whole = jax.vmap(lambda phi: _motions(mechanism, ends, phi))(scan)  # leaves (scan, ends)
+
+    def one(number):
+        def motion(phi):
+            return jax.tree.map(lambda leaf: leaf[number], _motions(mechanism, ends, phi))
+
+        return find_reversals(motion, jax.tree.map(lambda leaf: leaf[:, number], whole), scan, slots, 3)
+
+    found = jax.vmap(one)(jnp.arange(len(ends)))
+    return {name: Reversals(*(leaf[i] for leaf in found)) for i, name in enumerate(ends)}
+
+
+def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
+    """Pins of sliders (True) and links that turn about a point of the frame (False), the crank left out."""
+    ends = {}
+    for group in mechanism.groups[1:]:
+        for link, (origin, _) in group.pins().items():
+            if link in group.translating():
+                ends[origin] = True
+            elif origin in mechanism.fixed:
+                ends[link] = False
+    return ends
+
+
+def _motions(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Motion:
+    """Motion of every stopping end at one crank angle, leaves of shape (ends,)."""
+    here = pose(mechanism, phi)
+    still = jnp.zeros_like(phi)
+    rows = []
+    for name, slides in ends.items():
+        if slides:
+            p = here.points[name]
+            rows.append((p.dr.x, p.dr.y, p.ddr.x, p.ddr.y))
+        else:
+            rows.append((here.links[name].w, still, here.links[name].e, still))
+    columns = [jnp.stack(column) for column in zip(*rows, strict=True)]
+    return Motion((columns[0], columns[1]), (columns[2], columns[3]))
+
+
+class Least(NamedTuple):
+    """Least value of a margin over the continuous cycle, and the crank angle (rad) where it occurs."""
+
+    value: Array
+    angle: Array
+
+
+def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str, Least]]:
+    """Least signed margin of every group to each of its dead positions over the continuous cycle.
+
+    Dimensionless; negative where the group cannot be assembled, by how much it falls short. Values and gradients are
+    finite throughout, and the gradient points back to designs that assemble.
+    """
+    names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.dead_positions]
+    if not names:
+        return {}
+    scan = scan_angles(turns, MARGIN_SCAN)
+    step = scan[1] - scan[0]
+    fixed = jax.lax.stop_gradient(mechanism)
+    scanned = jax.vmap(lambda phi: _stacked(fixed, phi))(scan)  # leaves (scan, margins)
+    start = jax.vmap(lambda m: _lowest(m, scan), in_axes=1)(scanned)
+
+    def sharpen(_, phi):
+        here = jax.tree.map(jnp.diagonal, jax.vmap(lambda one: _stacked(fixed, one))(phi))
+        bend = jnp.where(here.dd > 0, here.dd, jnp.abs(here.d) + 1.0)
+        return jnp.clip(phi - here.d / bend, start - step, start + step)
+
+    phi = repeat(SHARPEN, sharpen, start)
+    value = jnp.diagonal(jax.vmap(lambda one: _stacked(mechanism, one))(phi).value)
+    angle = jnp.mod(phi, scan.size * step)
+    result: dict[str, dict[str, Least]] = {}
+    for i, (group, side) in enumerate(names):
+        result.setdefault(group, {})[side] = Least(value[i], angle[i])
+    return result
+
+
+def _stacked(mechanism: Mechanism, phi: Array) -> Margin:
+    """All margins at one crank angle, leaves of shape (margins,)."""
+    at, groups = margins(mechanism, phi), named_groups(mechanism)
+    every = [at[name][side] for name, group in groups.items() for side in group.dead_positions]
+    return Margin(*(jnp.stack(part) for part in zip(*every, strict=True)))
+
+
+def _lowest(margin: Margin, scan: Array) -> Array:
+    """Best predicted place of the least margin: the lowest of the scan points' local parabolas."""
+    step = scan[1] - scan[0]
+    move = jnp.clip(-margin.d / jnp.maximum(margin.dd, 1e-9), -step, step)
+    predicted = margin.value + move * (margin.d + 0.5 * move * margin.dd)
+    best = jnp.argmin(jnp.minimum(predicted, margin.value))
+    return scan[best] + move[best]
+
+
+def least_margin(mechanism: Mechanism, turns: int = 1) -> Array:
+    """The smallest of all assembly margins over the continuous cycle (positive: the machine can be assembled)."""
+    every = [least.value for sides in assembly_margins(mechanism, turns).values() for least in sides.values()]
+    return jnp.min(jnp.stack(every)) if every else jnp.asarray(jnp.inf)

@@ -1,0 +1,71 @@
+"""Force quantities at a place of the cycle grid, stacked so that all their peaks are found by one search."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from linkjax.forces import Forces, kinetostatics, other_sides
+from linkjax.kinematics import pose
+from linkjax.machine import Scene
+from linkjax.motion import Place, Regime
+from linkjax.reduction import mass_sums
+
+
+def shaking(regime: Regime, place: Place) -> Float[Array, "1 2"]:
+    """Shaking force (N): what inertia does to the frame."""
+    here = pose(regime.scene.mechanism, place.phi)
+    names = {name: link.centre_name for name, link in regime.scene.mechanism.links.items()}
+    first, second = mass_sums(here, names)
+    speed, acceleration = regime.crank(place)
+    force = -(second * speed**2 + first * acceleration)
+    return jnp.stack([force.x, force.y])[None]
+
+
+def drive(regime: Regime, place: Place) -> Float[Array, "1 1"]:
+    """Drive torque (N m) by kinetostatics."""
+    return _forces(regime, place).drive_torque[None, None]
+
+
+def reactions(regime: Regime, place: Place) -> Float[Array, "joints 2"]:
+    """Joint and guide forces (N), in the order of `reaction_names`."""
+    found = _forces(regime, place).reactions
+    return jnp.stack([jnp.stack(found[joint][link][:2]) for joint, link in reaction_names(regime.scene)])
+
+
+def both_motions(regime: Regime, place: Place) -> tuple[Forces, Float[Array, "2"], Float[Array, "2"]]:
+    """Forces in the true motion and at constant nominal speed (leading axis 2), with crank speed and acceleration."""
+    speed, acceleration = regime.crank(place)
+    speeds = jnp.stack([speed, regime.scene.speed * jnp.ones_like(speed)])
+    accelerations = jnp.stack([acceleration, jnp.zeros_like(acceleration)])
+    side = regime.side(place)
+    forces = jax.vmap(lambda w, e: kinetostatics(regime.scene, place.phi, w, e, side))(speeds, accelerations)
+    return forces, speeds, accelerations
+
+
+def table(scene: Scene, forces: Forces) -> Float[Array, "*motions quantities 2"]:
+    """Shaking force, frame force, shaking moment, drive torque and all reactions, in the order of `peak_names`."""
+    zero = jnp.zeros_like(forces.drive_torque)
+    rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (forces.drive_torque, zero)]
+    rows += [forces.reactions[joint][link][:2] for joint, link in reaction_names(scene)]
+    return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def peak_names(scene: Scene) -> list[str]:
+    """Names of the rows of `table`; a reaction is `reaction.<joint>.<link>`."""
+    joints = [f"reaction.{joint}.{link}" for joint, link in reaction_names(scene)]
+    return ["shaking_force", "frame_force", "shaking_moment", "drive_torque", *joints]
+
+
+def reaction_names(scene: Scene) -> list[tuple[str, str]]:
+    """One (joint, link) for every joint: the link that joins, the other side being equal and opposite."""
+    names, owners = [], scene.mechanism.owners()
+    for joint, sides in other_sides(scene).items():
+        names += [(joint, link) for link in sides if owners.get(joint) != link]
+    return names
+
+
+def _forces(regime: Regime, place: Place) -> Forces:
+    speed, acceleration = regime.crank(place)
+    return kinetostatics(regime.scene, place.phi, speed, acceleration, regime.side(place))

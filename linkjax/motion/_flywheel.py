@@ -1,0 +1,60 @@
+"""The flywheel that gives a wanted coefficient of speed fluctuation."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import root, safe_divide
+from linkjax._types import Scalar
+from linkjax.machine import Scene
+from linkjax.mechanism import Flywheel
+from linkjax.motion._grid import Grid
+from linkjax.motion._steady import Steady, steady_on
+from linkjax.reduction import Reduced
+
+
+def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
+    """The scene with another flywheel inertia (kg m²)."""
+    return scene.with_mechanism(eqx.tree_at(lambda m: m.flywheel, scene.mechanism, Flywheel(inertia)))
+
+
+def flywheel_for(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array:
+    """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged.
+
+    Root of δ(J) in 1/δ, which is nearly linear in J; differentiated implicitly. The work over the cycle does not
+    depend on the flywheel, so the mechanism is evaluated only at the extremes. Negative (down to minus half the least
+    reduced inertia) when the machine is steadier than asked for without any flywheel.
+    """
+    bare = here.inertia - scene.mechanism.flywheel.inertia
+    least = -0.5 * jnp.min(bare)
+
+    def excess(inertia):
+        at = with_flywheel(scene, inertia)
+        return delta / steady_on(at, grid, here._replace(inertia=bare + inertia)).delta - 1
+
+    def solve(function, start):
+        def step(state):
+            count, x, value, before, value_before, _ = state
+            slope = safe_divide(value - value_before, x - before)
+            rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, jnp.mean(bare) + x))
+            new = jnp.maximum(x - value / rising, least)
+            tiny = jnp.abs(new - x) <= 4e-16 * (jnp.abs(new) + jnp.mean(bare))
+            return count + 1, new, function(new), x, value, ~tiny
+
+        first = function(start)
+        state = (0, start, first, start, first, first == first)
+        return jax.lax.while_loop(lambda s: s[5] & (s[0] < 30), step, state)[1]
+
+    return root(excess, jax.lax.stop_gradient(jnp.maximum(scene.mechanism.flywheel.inertia, 0.0)), solve)
+
+
+def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:
+    """Flywheel inertia (kg m²) by the textbook's ΔA / (δ ω²), reduced inertia ignored: for comparison only.
+
+    ΔA is the largest excess work, max W - min W. Source: e.g. Norton, Design of Machinery, eq. 11.20.
+    """
+    fine = steady.work.at_edges[:-1, None] + steady.work.series @ jnp.asarray(steady.grid.rule.at_fine.T)
+    return (jnp.max(fine) - jnp.min(fine)) / (delta * steady.mean_speed**2)

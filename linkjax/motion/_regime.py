@@ -1,0 +1,106 @@
+"""A regime: how the crank moves over the cycle, asked at places of the grid. Constant speed, or the true steady motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax.machine import Scene
+from linkjax.motion._extremum import FOLLOW, SHARPEN, climb, phi_at, search, settle
+from linkjax.motion._grid import Grid, Place
+from linkjax.motion._panels import legendre_sum
+from linkjax.motion._steady import Steady
+
+
+class Regime(eqx.Module):
+    """A scene with its cycle grid and, for the true motion, its steady regime (`None`: constant nominal speed)."""
+
+    scene: Scene
+    grid: Grid
+    steady: Steady | None = None
+
+    def crank(self, place: Place) -> tuple[Array, Array]:
+        """Crank speed (rad/s) and acceleration (rad/s²)."""
+        if self.steady is None:
+            return self.scene.speed * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
+        return self.steady.at(self.scene, place)
+
+    def side(self, place: Place) -> Array:
+        """An angle inside the panel: the side from which limits at jumps are taken."""
+        return self.grid.middle[place.panel]
+
+
+class Peak(NamedTuple):
+    """Largest magnitude over the continuous cycle, its crank angle (rad), and a bound of its error."""
+
+    value: Array
+    angle: Array
+    error: Array
+
+
+Components = Callable[[Regime, Place], Float[Array, "quantities parts"]]
+
+
+def peaks(
+    regime: Regime,
+    components: Components,
+    at_nodes: Float[Array, "panels n quantities parts"] | None = None,
+) -> Peak:
+    """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
+
+    `components(regime, place)` gives the vectors at one place. Suprema over both one-sided limits at every jump; found
+    on the search grid, followed on the interpolants, and sharpened by parabolic steps on the quantities themselves.
+    Values known at the nodes may be handed in.
+    """
+    grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
+    if at_nodes is None:
+        at_nodes = jax.vmap(jax.vmap(lambda place: components(fixed, place)))(grid.node_places())
+    at_nodes = jnp.moveaxis(jax.lax.stop_gradient(at_nodes), (2, 0, 3, 1), (0, 1, 2, 3))  # quantity, panel, part, node
+    rule = grid.rule
+    heights = jnp.sum((at_nodes @ jnp.asarray(rule.to_fine.T)) ** 2, axis=2)
+    series = at_nodes @ jnp.asarray(rule.spectrum.T)
+
+    def find(height, rows):
+        panel, start, bend = search(jnp.asarray(rule.fine), height)
+
+        def slope(x):
+            value, rate = jax.jvp(lambda x: legendre_sum(rows[panel], x), (x,), (jnp.ones_like(x),))
+            return 2 * jnp.sum(value * rate)
+
+        x = climb(slope, start, bend, FOLLOW)
+        return panel, x, bend, jnp.sqrt(jnp.sum(legendre_sum(rows[panel], x) ** 2))
+
+    panel, x, bend, seen = jax.vmap(find)(heights, series)
+    number = jnp.arange(panel.size)
+
+    def squared(which, panel, x):
+        vector = components(regime, Place(panel, x, phi_at(grid, panel, x)))[which]
+        return jnp.sum(vector * vector)
+
+    reach = jnp.asarray([-1.0, 0.0, 1.0])
+
+    def probe(i, x):
+        """One parabolic step on the quantity itself; the reach shrinks from round to round."""
+        h = 3e-2 * 3e-2 ** jnp.asarray(i, dtype=x.dtype)
+        centre = jnp.clip(x, -1.0 + h, 1.0 - h)
+        y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + h * reach))(number, panel, centre)
+        bend, tilt = y[:, 2] - 2 * y[:, 1] + y[:, 0], 0.5 * (y[:, 2] - y[:, 0])
+        step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt))
+        return jnp.clip(centre + h * jnp.clip(step, -3.0, 3.0), -1.0, 1.0)
+
+    x = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHARPEN + 1, probe, x))
+
+    def value(which, panel, x):
+        place = settle(grid, panel, x)
+        vector = components(regime, place)[which]
+        return safe_sqrt(jnp.sum(vector * vector)), place.phi
+
+    top, phi = jax.vmap(value)(number, panel, x)
+    error = jax.lax.stop_gradient(jnp.abs(top - seen) + 1e-12 * top)
+    return Peak(top, jnp.mod(phi, regime.scene.cycle), error)
