@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -34,6 +34,7 @@ from linkjax.motion import (
     node_values,
     peaks,
     primitive,
+    steady_by_diffrax,
     steady_on,
     textbook_flywheel,
 )
@@ -88,6 +89,7 @@ class Cycle(eqx.Module):
     assembled: Bool[Array, " angles"]
     result: Int[Array, ""]
     constant_speed: bool = eqx.field(static=True)
+    road: str = eqx.field(static=True, default="quadrature")
 
     @property
     def delta(self) -> Array:
@@ -111,12 +113,14 @@ def analyse(
     angles: int | Float[Array, " angles"] = 360,
     nodes: int = 96,
     constant_speed: bool = False,
+    motion: Literal["quadrature", "diffrax"] = "quadrature",
     throw: bool = True,
 ) -> Cycle:
     """Analyse a working cycle: kinematics, reduction, true motion, forces, peaks, flywheel, checks.
 
     `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` the size of
-    the cycle grid; `constant_speed` reports `forces` at constant nominal speed instead of the true motion.
+    the cycle grid; `constant_speed` reports `forces` at constant nominal speed instead of the true motion; `motion` is
+    the road to the true motion: quadrature of the energy equation, or the equation of motion solved by diffrax.
     Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled
     or has no periodic regime; with `throw=False`, and under jax transformations, `result` tells instead.
     """
@@ -126,15 +130,17 @@ def analyse(
         if angles < 1:
             raise ValueError(f"angles must be at least 1, but is {angles}")
         angles = jnp.arange(angles) * (scene.cycle / angles)
-    cycle = _analyse(scene, jnp.asarray(angles), nodes, constant_speed)
+    if motion not in ("quadrature", "diffrax"):
+        raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
+    cycle = _analyse(scene, jnp.asarray(angles), nodes, constant_speed, motion)
     if throw and not isinstance(cycle.result, jax.core.Tracer):
         explain(cycle)
     return cycle
 
 
-def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool) -> Cycle:
+def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile."""
-    motion, here = _motion(scene, nodes)
+    motion, here = _motion(scene, nodes, road)
     at_nodes, at = _everywhere(scene, motion, angles)
     tops = _peaks(scene, motion, at_nodes)
     limits, dead = _limits(scene)
@@ -147,7 +153,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool) -> C
     return Cycle(
         scene, angles, at.pose, at.transmission, limits, dead, at.reduced, motion, at.speed[:, 0],
         at.acceleration[:, 0], at.time, _row(at.forces, 1 if constant_speed else 0), _row(at.forces, 1), *tops,
-        _flywheels(scene, motion, here), _checks(scene, motion, here, angles, at), at.assembled, code, constant_speed,
+        _flywheels(scene, motion, here), _checks(scene, motion, here, angles, at), at.assembled, code, constant_speed, road,
     )  # fmt: skip
 
 
@@ -164,8 +170,11 @@ class Everywhere(NamedTuple):
     assembled: Array
 
 
-@compiled_soon(static=("nodes",))
-def _motion(scene: Scene, nodes: int) -> tuple[Steady, Reduced]:
+@compiled_soon(static=("nodes", "road"))
+def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced]:
+    if road == "diffrax":
+        motion = steady_by_diffrax(scene, nodes)
+        return motion, node_values(scene, motion.grid)
     grid = make_grid(scene, nodes)
     here = node_values(scene, grid)
     return steady_on(scene, grid, here), here

@@ -14,7 +14,11 @@ from linkjax.kinematics import named_groups
 from linkjax.measures import peak_names
 from linkjax.motion import Peak
 
-WHY = "torques depend on position only, so the energy equation is integrated and no differential equation is solved"
+WHY = {
+    "quadrature": "torques depend on position only, so the energy equation is integrated and no differential equation "
+    "is solved",
+    "diffrax": "asked for: the equation of motion is solved in the crank angle by diffrax (Dopri8)",
+}
 
 
 def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
@@ -27,8 +31,8 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
         "linkjax_version": version,
         "precision": str(np.asarray(motion.delta).dtype),
         "model": {
-            "motion": "quadrature", "nodes": int(motion.grid.nodes.size), "evaluations": motion.evaluations,
-            "mean": scene.mean, "why": WHY, "constant_speed": cycle.constant_speed,
+            "motion": cycle.road, "nodes": int(motion.grid.nodes.size), "evaluations": motion.evaluations,
+            "mean": scene.mean, "why": WHY[cycle.road], "constant_speed": cycle.constant_speed,
         },
         "angles": np.asarray(cycle.angles),
         "points": {

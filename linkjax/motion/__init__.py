@@ -1,5 +1,9 @@
-"""Motion of the crank over the cycle."""
+"""Motion of the crank over the cycle: quadrature for the steady regime, diffrax for anything."""
 
+from linkjax.motion._diffrax import Run as Run
+from linkjax.motion._diffrax import run_in_angle as run_in_angle
+from linkjax.motion._diffrax import run_in_time as run_in_time
+from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax
 from linkjax.motion._flywheel import flywheel_for as flywheel_for
 from linkjax.motion._flywheel import textbook_flywheel as textbook_flywheel
 from linkjax.motion._flywheel import with_flywheel as with_flywheel

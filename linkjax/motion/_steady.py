@@ -103,24 +103,30 @@ def node_values(scene: Scene, grid: Grid) -> Reduced:
 def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
     """Steady periodic motion from the node values; see `steady`."""
     drive = -jnp.sum(grid.half[:, None] * grid.rule.w * here.torque) / scene.cycle
-    work = primitive(grid, here.torque + drive)
-    flow = _Flow(scene, grid, here.inertia, work, drive)
+    flow = Flow(scene, grid, here.inertia, primitive(grid, here.torque + drive), drive)
     energy = flow.energy_for_time_mean()
+    clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, here.inertia))
+    return conclude(flow, here.torque, energy, clock)
+
+
+def conclude(flow: Flow, torque: Array, energy: Array, clock: Primitive) -> Steady:
+    """Everything that follows from the work over the cycle and the energy constant for the wanted time mean."""
+    scene, grid = flow.scene, flow.grid
     ends, rounds = flow.extremes(energy), 1
     if scene.mean == "midrange":  # the extremes depend on the energy and it on them: quadratic convergence
         for _ in range(2):
             energy, rounds = flow.energy_for_midrange(ends), rounds + 1
             ends = flow.extremes(energy)
         energy = flow.energy_for_midrange(ends)
+        clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, flow.inertia))
     top, bottom = (End(e.place, e.work, e.inertia, flow.speed(energy + e.work, e.inertia)) for e in ends)
     delta = (top.speed - bottom.speed) / scene.speed
-    error = delta_error(flow, here.torque, energy, (top, bottom))
+    error = delta_error(flow, torque, energy, (top, bottom))
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (top.speed + bottom.speed)
     least, angle = flow.least_work()
-    clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, here.inertia))
     return Steady(
-        work, clock, energy, drive, period, mean, delta, jax.lax.stop_gradient(error), top.speed, bottom.speed,
+        flow.work, clock, energy, flow.drive, period, mean, delta, jax.lax.stop_gradient(error), top.speed, bottom.speed,
         jnp.mod(top.place.phi, scene.cycle), jnp.mod(bottom.place.phi, scene.cycle),
         (energy + least) / flow.scale - LEAST, angle, scene.cycle / flow.period(LEAST * flow.scale - least),
         grid.evaluations + grid.nodes.size + rounds * 2 * (SHARPEN + 1),
@@ -136,7 +142,7 @@ class End(NamedTuple):
     speed: Array
 
 
-class _Flow:
+class Flow:
     """Node values of one cycle and what follows from them once the energy constant E₀ is chosen."""
 
     def __init__(self, scene: Scene, grid: Grid, inertia: Array, work: Primitive, drive: Array):
@@ -236,7 +242,7 @@ class _Flow:
         return jnp.minimum(jnp.min(self.fine), jnp.min(self.at_nodes)), jnp.mod(angle, self.scene.cycle)
 
 
-def delta_error(flow: _Flow, torque: Array, energy: Array, ends: tuple[End, End]) -> Array:
+def delta_error(flow: Flow, torque: Array, energy: Array, ends: tuple[End, End]) -> Array:
     """Bound of the absolute error of δ, from the decay of the Legendre series of work, torque and slowness."""
     grid, scene = flow.grid, flow.scene
     r = grid.rule
