@@ -19,17 +19,17 @@ def safe_divide(a: Array, b: Array, instead: Array | float = 0.0) -> Array:
     return jnp.where(ok, a / jnp.where(ok, b, 1.0), instead)
 
 
-def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> Array:
+def root(function: Callable[[Array], Array], start: Array, solve: Callable, has_aux: bool = False):
     """Scalar root of `function`, found by `solve(function, start)`, differentiated implicitly.
 
     Forward, reverse and nested derivatives all follow from the implicit function theorem
-    (`jax.lax.custom_root`); where the slope at the root is zero the derivative is zero, not NaN.
+    (`jax.lax.custom_root`); with `has_aux` the solver also returns something that has no derivative. Where the slope at the root is zero the derivative is zero, not NaN.
     """
 
     def tangent_solve(linear, value):
         return safe_divide(value, linear(jnp.ones_like(value)))
 
-    return jax.lax.custom_root(function, start, solve, tangent_solve)
+    return jax.lax.custom_root(function, start, solve, tangent_solve, has_aux=has_aux)
 
 
 def repeat(times: int, body: Callable, state):

@@ -14,7 +14,7 @@ Panels = Float[Array, "panels nodes"]
 ScalarFunction = Callable[[Scalar], Scalar]
 
 
-def as_float(value: Any) -> Array:
+def as_float(value: Any) -> Any:
     """Return `value` as a floating array of the precision in force (float64 after `linkjax.enable_x64()`).
 
     Tracers, arrays and the placeholders that JAX puts into trees pass through unchanged.

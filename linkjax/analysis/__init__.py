@@ -6,3 +6,4 @@ from linkjax.analysis._cycle import analyse as analyse
 from linkjax.analysis._cycle import explain as explain
 from linkjax.analysis._document import document as document
 from linkjax.analysis._document import plain as plain
+from linkjax.analysis._pick import pick as pick

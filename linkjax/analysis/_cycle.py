@@ -129,7 +129,7 @@ def analyse(
     if isinstance(angles, int):
         if angles < 1:
             raise ValueError(f"angles must be at least 1, but is {angles}")
-        angles = jnp.arange(angles) * (scene.cycle / angles)
+        angles = jnp.arange(angles, dtype=float) * (scene.cycle / angles)
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
     cycle = _analyse(scene, jnp.asarray(angles), nodes, constant_speed, motion)
@@ -199,12 +199,12 @@ def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Eve
         )  # fmt: skip
 
     every = jax.vmap(at)(places)
-    count = grid.nodes.size
+    count = grid.size
     rows = table(scene, jax.tree.map(lambda leaf: leaf[:count], every.forces))
     begin = motion.clock.at(grid.place(jnp.zeros(())))
     at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
     time = jnp.mod(at_angles.time - begin, motion.period)
-    at_nodes = rows.reshape((*grid.nodes.shape, -1, rows.shape[-1]))
+    at_nodes = rows.reshape((grid.size // grid.n, grid.n, -1, 2))
     return at_nodes, at_angles._replace(time=time)
 
 

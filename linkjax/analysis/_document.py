@@ -31,7 +31,7 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
         "linkjax_version": version,
         "precision": str(np.asarray(motion.delta).dtype),
         "model": {
-            "motion": cycle.road, "nodes": int(motion.grid.nodes.size), "evaluations": motion.evaluations,
+            "motion": cycle.road, "nodes": motion.grid.size, "evaluations": motion.evaluations,
             "mean": scene.mean, "why": WHY[cycle.road], "constant_speed": cycle.constant_speed,
         },
         "angles": np.asarray(cycle.angles),

@@ -7,7 +7,7 @@ A group is one file with all its sides together: assembly and rates (`solve`), c
 from __future__ import annotations
 
 import abc
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 from jaxtyping import Array
@@ -56,6 +56,7 @@ class Reaction(NamedTuple):
     moment: Array
 
 
+@runtime_checkable
 class LinkLike(Protocol):
     """What a group needs to know of a link."""
 

@@ -53,7 +53,7 @@ def find_reversals(
     v0, a0 = jnp.stack(scanned.v), jnp.stack(scanned.a) * step
     v1, a1 = jnp.roll(v0, -1, axis=1), jnp.roll(a0, -1, axis=1)
     turn = v1 - v0
-    along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))
+    along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))[None]
     f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
     x = safe_divide(-f0, f1 - f0)
     c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
@@ -65,14 +65,14 @@ def find_reversals(
     mask = ((jnp.sum(v0 * v1, axis=0) < 0) | stopped) & wanted(start)
     place = jnp.cumsum(mask)
     number = jnp.arange(1, slots + 1)
-    angle = jnp.sum(jnp.where(mask & (place == number[:, None]), start, 0.0), axis=1)
+    angle = jnp.sum(jnp.where(mask[None] & (place[None] == number[:, None]), start[None], 0.0), axis=1)
 
     def sharpen(_, state):
         here = jax.vmap(motion)(state[0])
         v, a = jnp.stack(here.v), jnp.stack(here.a)
         slope = jnp.sum(a * a, axis=0)
         move = jnp.clip(safe_divide(jnp.sum(v * a, axis=0), slope), -step, step)
-        left = v - a * move
+        left = v - a * move[None]
         return state[0] - move, safe_sqrt(safe_divide(jnp.sum(left * left, axis=0), slope))
 
     angle, distance = repeat(steps, sharpen, (angle, jnp.zeros_like(angle)))
@@ -81,7 +81,7 @@ def find_reversals(
 
 def scan_angles(turns: int, points: int) -> Float[Array, " scan"]:
     """Uniform crank angles over `turns` turns, `points` a turn, the end not repeated."""
-    return jnp.arange(points * turns) * (2 * math.pi / points)
+    return jnp.arange(points * turns, dtype=float) * (2 * math.pi / points)
 
 
 def dead_centres(mechanism: Mechanism, turns: int = 1, slots: int = 8) -> dict[str, Reversals]:

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +20,8 @@ from linkjax.motion import Place, Regime, flywheel_for, make_grid, node_values, 
 NODES = 96  # nodes on the cycle grid unless asked otherwise
 
 
-class Measure(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Measure:
     """A number of a scene: `function(scene, nodes)` in SI `unit`."""
 
     name: str
@@ -117,7 +118,7 @@ def rms_shaking_force_constant_speed(scene: Scene, nodes: int = NODES) -> Array:
     """Root mean square over the cycle of the shaking force at constant nominal speed."""
     regime = _constant(scene, nodes)
     force = jax.vmap(jax.vmap(lambda place: _forces.shaking(regime, place)[0]))(regime.grid.node_places())
-    weights = regime.grid.half[:, None] * regime.grid.rule.w
+    weights = regime.grid.half[:, None] * regime.grid.rule.w[None]
     return jnp.sqrt(jnp.sum(weights * jnp.sum(force * force, axis=-1)) / scene.cycle)
 
 

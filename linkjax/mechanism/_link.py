@@ -28,7 +28,7 @@ class Link(eqx.Module):
     mass: Array = eqx.field(converter=as_float, default=0.0)
     inertia: Array = eqx.field(converter=as_float, default=0.0)
     centre: Vec = eqx.field(default_factory=lambda: Vec(0.0, 0.0))
-    points: dict[str, Vec] = eqx.field(default_factory=dict)
+    points: dict[str, Vec] = eqx.field(converter=lambda points: dict(sorted(points.items())), default_factory=dict)
     reference_length: Array | None = eqx.field(converter=as_float, default=None)
     area: Array | None = eqx.field(converter=as_float, default=None)
     density: Array | None = eqx.field(converter=as_float, default=None)

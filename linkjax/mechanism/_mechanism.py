@@ -35,10 +35,10 @@ class Mechanism(eqx.Module):
     link_names: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __init__(self, fixed, links, groups, flywheel=None):
-        self.fixed, self.groups = dict(fixed), tuple(groups)
+        self.fixed, self.groups = dict(sorted(fixed.items())), tuple(groups)  # sorted, as jax sorts the keys of dicts
         self.flywheel = Flywheel() if flywheel is None else flywheel
         named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
-        self.links, self.link_names = named, tuple(named)
+        self.links, self.link_names = dict(sorted(named.items())), tuple(named)
         check_structure(self)
 
     @property

@@ -65,7 +65,7 @@ def _in_angle(scene: Scene, grid: Grid, angles, start_speed, drive_torque, toler
 
     first, last = angles[0], angles[-1]
     back = jnp.floor((first - grid.edges[0]) / scene.cycle) * scene.cycle
-    jumps = (grid.edges[:-1] + back)[None, :] + scene.cycle * jnp.arange(MOST_CYCLES)[:, None]
+    jumps = (grid.edges[:-1] + back)[None, :] + scene.cycle * jnp.arange(MOST_CYCLES, dtype=float)[:, None]
 
     def rate(phi, state, _):
         squared, here = state[0], reduce(scene, phi)

@@ -4,10 +4,11 @@ on the function itself."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from linkjax._numerics import envelope, root, safe_divide
 from linkjax.motion._grid import Grid, Place
@@ -21,8 +22,19 @@ def phi_at(grid: Grid, panel: Array, x: Array) -> Array:
     return grid.middle[panel] + grid.half[panel] * x
 
 
-def search(fine: Array, height: Float[Array, "panels fine"]) -> tuple[Array, Array, Array]:
-    """Panel, place and bend (second derivative by x, negative) of the highest point, by the parabola through it."""
+class Summit(NamedTuple):
+    """The highest point of a search grid: panel, place by the parabola through it, distance of its neighbours, its bend
+    (second derivative by x, negative), and the search grid without it and what touches it."""
+
+    panel: Int[Array, ""]
+    x: Array
+    reach: Array
+    bend: Array
+    rest: Float[Array, "panels fine"]
+
+
+def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
+    """The summit of a function given on the search grid of every panel."""
     height = jax.lax.stop_gradient(height)
     points = height.shape[1]
     flat = jnp.argmax(height)
@@ -33,27 +45,38 @@ def search(fine: Array, height: Float[Array, "panels fine"]) -> tuple[Array, Arr
     right = (y[2] - y[1]) / (x[2] - x[1])
     bend = (right - left) / (0.5 * (x[2] - x[0]))
     vertex = 0.5 * (x[0] + x[2]) - safe_divide((y[2] - y[0]) / (x[2] - x[0]), bend)
-    start = jnp.clip(jnp.where(bend < 0, vertex, fine[i]), -1.0, 1.0)
-    return panel, start, jnp.where(bend < 0, bend, -1.0)
+    low, high = fine[jnp.maximum(i - 1, 0)], fine[jnp.minimum(i + 1, points - 1)]
+    start = jnp.clip(jnp.where(bend < 0, vertex, fine[i]), low, high)
+    twin = jnp.where(i == 0, panel - 1, jnp.where(i == points - 1, panel + 1, panel)) % height.shape[0]
+    number = jnp.arange(height.shape[0])[:, None]
+    rest = jnp.where((number == panel) | (number == twin), -jnp.inf, height)
+    return Summit(panel, start, high - low, jnp.where(bend < 0, bend, -1.0), rest)
 
 
-def climb(slope: Callable[[Array], Array], start: Array, bend: Array, steps: int) -> Array:
-    """The place in [-1, 1] where the slope vanishes, or the end it climbs to: secant steps, `steps` evaluations.
+def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> tuple[Array, Array]:
+    """The place near a summit where the slope vanishes, or the end of the panel: secant steps, each one evaluation of
+    the slope and none longer than the reach.
 
-    Differentiated implicitly, for second derivatives; first derivatives of an extreme value do not need it.
+    Also returns what the last step gained, a bound of what is left to gain. Differentiated implicitly, for second derivatives; first derivatives of an extreme value do not need it.
     """
 
     def solve(function, x):
         def step(_, state):
-            x, rise, bend, before = state
+            x, rise, bend, before, _ = state
             rise_new = function(x)
             secant = safe_divide(rise_new - rise, x - before)
-            bend = jnp.where((secant < 0) & (jnp.abs(x) < 1), secant, bend)
-            return jnp.clip(x - rise_new / bend, -1.0, 1.0), rise_new, bend, x
+            bend = jnp.where((secant < 0) & (x != before), secant, bend)
+            move = -rise_new / bend
+            new = jnp.clip(x + jnp.clip(move, -summit.reach, summit.reach), -1.0, 1.0)
+            held = (new == jnp.sign(move)) & (jnp.abs(new) == 1)  # at the end of the panel, where it belongs
+            return new, rise_new, bend, x, jnp.where(held, 0.0, jnp.abs(rise_new * move))
 
-        return jax.lax.fori_loop(0, steps, step, (x, jnp.zeros_like(x), bend, x))[0]
+        none = jnp.zeros_like(x)
+        x, _, _, _, gained = jax.lax.fori_loop(0, steps, step, (x, none, summit.bend, x, none))
+        return x, gained
 
-    return root(slope, start, solve)
+    x, gained = root(slope, summit.x, solve, has_aux=True)
+    return x, jax.lax.stop_gradient(gained)
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:

@@ -36,6 +36,11 @@ class Grid(eqx.Module):
     evaluations: int = eqx.field(static=True)
 
     @property
+    def size(self) -> int:
+        """Number of nodes."""
+        return self.n * (self.edges.shape[-1] - 1)
+
+    @property
     def rule(self) -> Rule:
         """The Gauss-Legendre rule used in every panel."""
         return rule(self.n)
@@ -53,18 +58,19 @@ class Grid(eqx.Module):
     @property
     def nodes(self) -> Float[Array, "panels n"]:
         """Crank angles of the nodes (rad)."""
-        return self.middle[:, None] + self.half[:, None] * self.rule.x
+        return self.middle[:, None] + self.half[:, None] * self.rule.x[None]
 
     def place(self, phi: Array) -> Place:
         """Where a crank angle lies; on an edge, in the panel that begins there (the limit from increasing φ)."""
         start, cycle = self.edges[0], self.edges[-1] - self.edges[0]
         phi = start + jnp.mod(phi - start, cycle)
         panel = jnp.clip(jnp.searchsorted(self.edges, phi, side="right") - 1, 0, self.edges.size - 2)
+        panel = panel.astype(jnp.int32)
         return Place(panel, jnp.clip(safe_divide(phi - self.middle[panel], self.half[panel]), -1.0, 1.0), phi)
 
     def node_places(self) -> Place:
         """The nodes as places, every leaf of shape (panels, n)."""
-        panel, x = jnp.meshgrid(jnp.arange(self.half.size), jnp.asarray(self.rule.x), indexing="ij")
+        panel, x = jnp.meshgrid(jnp.arange(self.half.size, dtype=jnp.int32), jnp.asarray(self.rule.x), indexing="ij")
         return Place(panel, x, self.nodes)
 
 
@@ -177,9 +183,9 @@ def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
     low, high = fixed[:-1], fixed[1:]
     width = high - low
     near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # beside a kink proper all is smooth
-    off = jnp.mod(kinks.angle - 0.5 * (low + high)[:, None] + 0.5 * cycle, cycle) - 0.5 * cycle
+    off = jnp.mod(kinks.angle[None] - 0.5 * (low + high)[:, None] + 0.5 * cycle, cycle) - 0.5 * cycle
     away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
-    squared = jnp.minimum(jnp.min(away * away + near * near, axis=1, initial=1.0), 1.0)
+    squared = jnp.minimum(jnp.min(away * away + (near * near)[None], axis=1, initial=1.0), 1.0)
     hard = width * width / squared
     hardest = hard == jnp.max(hard)
     free = fixed[-2] >= fixed[-1]

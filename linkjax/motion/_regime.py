@@ -67,16 +67,15 @@ def peaks(
     series = at_nodes @ jnp.asarray(rule.spectrum.T)
 
     def find(height, rows):
-        panel, start, bend = search(jnp.asarray(rule.fine), height)
+        summit = search(jnp.asarray(rule.fine), height)
 
         def slope(x):
-            value, rate = jax.jvp(lambda x: legendre_sum(rows[panel], x), (x,), (jnp.ones_like(x),))
+            value, rate = jax.jvp(lambda x: legendre_sum(rows[summit.panel], x), (x,), (jnp.ones_like(x),))
             return 2 * jnp.sum(value * rate)
 
-        x = climb(slope, start, bend, FOLLOW)
-        return panel, x, bend, jnp.sqrt(jnp.sum(legendre_sum(rows[panel], x) ** 2))
+        return summit.panel, climb(slope, summit, FOLLOW)[0]
 
-    panel, x, bend, seen = jax.vmap(find)(heights, series)
+    panel, x = jax.vmap(find)(heights, series)
     number = jnp.arange(panel.size)
 
     def squared(which, panel, x):
@@ -85,16 +84,18 @@ def peaks(
 
     reach = jnp.asarray([-1.0, 0.0, 1.0])
 
-    def probe(i, x):
+    def probe(i, state):
         """One parabolic step on the quantity itself; the reach shrinks from round to round."""
+        x, _ = state
         h = 3e-2 * 3e-2 ** jnp.asarray(i, dtype=x.dtype)
         centre = jnp.clip(x, -1.0 + h, 1.0 - h)
         y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + h * reach))(number, panel, centre)
         bend, tilt = y[:, 2] - 2 * y[:, 1] + y[:, 0], 0.5 * (y[:, 2] - y[:, 0])
         step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt))
-        return jnp.clip(centre + h * jnp.clip(step, -3.0, 3.0), -1.0, 1.0)
+        new = jnp.clip(centre + h * jnp.clip(step, -3.0, 3.0), -1.0, 1.0)
+        return new, jnp.abs(tilt * (new - centre) / h)
 
-    x = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHARPEN + 1, probe, x))
+    x, gained = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHARPEN + 1, probe, (x, jnp.zeros_like(x))))
 
     def value(which, panel, x):
         place = settle(grid, panel, x)
@@ -102,5 +103,5 @@ def peaks(
         return safe_sqrt(jnp.sum(vector * vector)), place.phi
 
     top, phi = jax.vmap(value)(number, panel, x)
-    error = jax.lax.stop_gradient(jnp.abs(top - seen) + 1e-12 * top)
+    error = jax.lax.stop_gradient(safe_divide(gained, 2 * top) + 1e-12 * top)
     return Peak(top, jnp.mod(phi, regime.scene.cycle), error)

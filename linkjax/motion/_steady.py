@@ -41,7 +41,7 @@ class Primitive(eqx.Module):
 def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
     """Integral of a function known at the nodes."""
     scaled = grid.half[:, None] * values
-    gained = jnp.cumsum(jnp.sum(grid.rule.w * scaled, axis=1))
+    gained = jnp.cumsum(jnp.sum(grid.rule.w[None] * scaled, axis=1))
     edges = jnp.concatenate([jnp.zeros_like(gained[:1]), gained])
     return Primitive(grid, edges, scaled @ jnp.asarray(grid.rule.primitive.T))
 
@@ -102,7 +102,7 @@ def node_values(scene: Scene, grid: Grid) -> Reduced:
 @jax.jit  # traced once, however often a flywheel search calls it
 def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
     """Steady periodic motion from the node values; see `steady`."""
-    drive = -jnp.sum(grid.half[:, None] * grid.rule.w * here.torque) / scene.cycle
+    drive = -jnp.sum(grid.half[:, None] * grid.rule.w[None] * here.torque) / scene.cycle
     flow = Flow(scene, grid, here.inertia, primitive(grid, here.torque + drive), drive)
     energy = flow.energy_for_time_mean()
     clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, here.inertia))
@@ -119,7 +119,7 @@ def conclude(flow: Flow, torque: Array, energy: Array, clock: Primitive) -> Stea
             ends = flow.extremes(energy)
         energy = flow.energy_for_midrange(ends)
         clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, flow.inertia))
-    top, bottom = (End(e.place, e.work, e.inertia, flow.speed(energy + e.work, e.inertia)) for e in ends)
+    top, bottom = (e._replace(speed=flow.speed(energy + e.work, e.inertia)) for e in ends)
     delta = (top.speed - bottom.speed) / scene.speed
     error = delta_error(flow, torque, energy, (top, bottom))
     period = flow.period(energy)
@@ -129,17 +129,19 @@ def conclude(flow: Flow, torque: Array, energy: Array, clock: Primitive) -> Stea
         flow.work, clock, energy, flow.drive, period, mean, delta, jax.lax.stop_gradient(error), top.speed, bottom.speed,
         jnp.mod(top.place.phi, scene.cycle), jnp.mod(bottom.place.phi, scene.cycle),
         (energy + least) / flow.scale - LEAST, angle, scene.cycle / flow.period(LEAST * flow.scale - least),
-        grid.evaluations + grid.nodes.size + rounds * 2 * (SHARPEN + 1),
+        grid.evaluations + grid.size + rounds * 4 * (SHARPEN + 1),
     )  # fmt: skip
 
 
 class End(NamedTuple):
-    """An extreme of the speed: place, work and reduced inertia there, and the speed once the energy is known."""
+    """An extreme of the speed: place, work and reduced inertia there, the speed once the energy is known, and how much
+    the search may have missed of (E₀ + W) / J."""
 
     place: Place
     work: Array
     inertia: Array
     speed: Array
+    left: Array
 
 
 class Flow:
@@ -148,7 +150,7 @@ class Flow:
     def __init__(self, scene: Scene, grid: Grid, inertia: Array, work: Primitive, drive: Array):
         r = grid.rule
         self.scene, self.grid, self.work, self.inertia, self.drive = scene, grid, work, inertia, drive
-        self.weights = grid.half[:, None] * r.w
+        self.weights = grid.half[:, None] * r.w[None]
         base = work.at_edges[:-1, None]
         self.at_nodes = base + work.series @ jnp.asarray(r.at_nodes.T)
         self.fine = base + work.series @ jnp.asarray(r.at_fine.T)
@@ -216,9 +218,8 @@ class Flow:
 
         fine = jnp.asarray(self.grid.rule.fine)
 
-        def end(sign):
-            panel, start, bend = search(fine, sign * height)
-            side = self.grid.middle[panel]
+        def end(sign, summit):
+            panel, side = summit.panel, self.grid.middle[summit.panel]
 
             def slope(x):
                 place = Place(panel, x, phi_at(self.grid, panel, x))
@@ -226,13 +227,22 @@ class Flow:
                 gain = here.torque + self.drive - (energy + self.work.at(place)) * here.slope / here.inertia
                 return sign * self.grid.half[panel] * gain / here.inertia
 
-            place = settle(self.grid, panel, climb(slope, start, bend, SHARPEN))
+            x, left = climb(slope, summit, SHARPEN)
+            place = settle(self.grid, panel, x)
             inertia = reduce(self.scene, place.phi, side).inertia
-            return End(place, self.work.at(place), inertia, jnp.zeros_like(inertia))
+            work = self.work.at(place)
+            return End(place, work, inertia, (energy + work) / inertia, left)
 
-        both = jax.vmap(end)(jnp.asarray([1.0, -1.0], dtype=height.dtype))
-        top, bottom = (jax.tree.map(lambda leaf: leaf[i], both) for i in (0, 1))  # noqa: B023
-        return top, bottom
+        def best(sign):
+            """The better of the two best summits: which is the higher only the exact inertia can tell."""
+            first = search(fine, sign * height)
+            both = jax.tree.map(lambda a, b: jnp.stack([a, b]), first, search(fine, first.rest))
+            found = jax.vmap(lambda summit: end(sign, summit))(both)
+            second = jax.lax.stop_gradient(sign * (found.speed[1] - found.speed[0]) > 0)
+            return jax.tree.map(lambda leaf: jnp.where(second, leaf[1], leaf[0]), found)
+
+        both = jax.vmap(best)(jnp.asarray([1.0, -1.0], dtype=height.dtype))
+        return End(*_at(both, 0)), End(*_at(both, 1))
 
     def least_work(self) -> tuple[Array, Array]:
         """Least W on nodes and search grid (J), and its angle (rad)."""
@@ -240,6 +250,10 @@ class Flow:
         panel, i = at // self.fine.shape[1], at % self.fine.shape[1]
         angle = phi_at(self.grid, panel, jnp.asarray(self.grid.rule.fine)[i])
         return jnp.minimum(jnp.min(self.fine), jnp.min(self.at_nodes)), jnp.mod(angle, self.scene.cycle)
+
+
+def _at(tree, i: int):
+    return jax.tree.map(lambda leaf: leaf[i], tree)
 
 
 def delta_error(flow: Flow, torque: Array, energy: Array, ends: tuple[End, End]) -> Array:

@@ -1,0 +1,3 @@
+"""The report of an analysis: one HTML file that holds everything."""
+
+from linkjax.report._report import write_report as write_report

@@ -1,0 +1,16 @@
+"""Scene files: TOML with units on values, read into scenes; the built-in machines."""
+
+from linkjax.scenes._build import build as build
+from linkjax.scenes._build import json_schema as json_schema
+from linkjax.scenes._build import load as load
+from linkjax.scenes._build import loads_text as loads_text
+from linkjax.scenes._build import starter as starter
+from linkjax.scenes._document import Document as Document
+from linkjax.scenes._document import load_document as load_document
+from linkjax.scenes._document import override as override
+from linkjax.scenes._document import read_document as read_document
+from linkjax.scenes._document import scene_names as scene_names
+from linkjax.scenes._document import setting as setting
+from linkjax.scenes._errors import SceneError as SceneError
+from linkjax.scenes._units import QuantityError as QuantityError
+from linkjax.scenes._units import quantity as quantity

@@ -1,0 +1,62 @@
+# Everything sets itself up in $(VENV). Needs Python 3.11 or newer (with venv and pip) and make, nothing else.
+#
+#   make demo       analyse the hay press; figures and report in out/hay-press
+#   make test       the tests                      make test-all   the slow ones too
+#   make check      format, lint, types, house rules
+#   make format     put the sources into shape     make bench      install what the benchmarks compare with
+#   make clean      remove all that was made
+#
+# PYTHON=python3.12 takes another interpreter; the environment is made anew when its version changes.
+
+PYTHON ?= python3
+VENV ?= .venv
+PYTEST_FLAGS ?= -n auto --maxprocesses 8 --dist loadfile --nbmake
+
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# the interpreter's version; empty when it is missing or too old
+VERSION := $(shell $(PYTHON) -c 'import sys; v = sys.version_info; print("%d.%d.%d" % v[:3] if v >= (3, 11) else "")' 2>/dev/null)
+MADE := $(VENV)/python-$(or $(VERSION),missing)
+
+.PHONY: demo test test-all check format bench clean
+
+demo: $(VENV)/demo.stamp
+	$(BIN)/linkjax analyse hay-press --out out/hay-press
+
+test: $(VENV)/test.stamp
+	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+test-all: $(VENV)/test.stamp
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m ""
+
+check: $(VENV)/test.stamp
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/python -m pytest --quiet tests/test_architecture.py
+
+format: $(VENV)/test.stamp
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/bench.stamp
+	@echo "Ready: $(BIN)/python -m benchmarks.throughput"
+
+clean:
+	rm -rf $(VENV) .cache .pytest_cache .ruff_cache dist out
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(VENV)/demo.stamp: EXTRA :=
+$(VENV)/test.stamp: EXTRA := [test]
+$(VENV)/bench.stamp: EXTRA := [bench]
+$(VENV)/%.stamp: $(MADE) pyproject.toml
+	@echo "Installing linkjax$(EXTRA) into $(VENV): a minute or two the first time"
+	$(PIP) --editable '.$(EXTRA)'
+	@touch $@
+
+$(MADE):
+	@test -n "$(VERSION)" || { \
+	  echo "linkjax needs Python 3.11 or newer, but '$(PYTHON)' is: $$($(PYTHON) --version 2>&1)."; \
+	  echo "Name another one, e.g.: make $(or $(MAKECMDGOALS),demo) PYTHON=python3.12"; exit 1; } >&2
+	$(PYTHON) -m venv --clear $(VENV)
+	@touch $@

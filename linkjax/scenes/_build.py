@@ -1,0 +1,108 @@
+"""From a raw document to the scene: validate, check, build."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from linkjax._vec import Vec
+from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
+from linkjax.machine import Scene
+from linkjax.mechanism import Flywheel, Link, Mechanism, StructureError
+from linkjax.scenes import _models as file
+from linkjax.scenes._check import check
+from linkjax.scenes._document import STARTER, Document, load_document, override, read_document
+from linkjax.scenes._explain import explained, from_structure
+
+
+def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None) -> Scene:
+    """The scene of a built-in name ("hay-press") or of a file, with single keys changed before it is validated.
+
+    `changes` maps paths of keys to values, e.g. `{"links.rod.length": "1.1 m"}`; see `override`. Raises `SceneError`,
+    naming file, key, value and remedy, when the file is missing or anything in it is wrong.
+    """
+    document = load_document(name_or_path)
+    for key, value in (changes or {}).items():
+        document = override(document, key, value)
+    return build(document)
+
+
+def loads_text(text: str, source: str = "<text>") -> Scene:
+    """The scene written in a text in TOML; `source` names it in messages. Raises `SceneError` if anything is wrong."""
+    return build(read_document(text, source))
+
+
+def build(document: Document) -> Scene:
+    """The scene of a raw document. Raises `SceneError` at the first thing wrong in it."""
+    source, table = document.source, document.table
+    model = explained(file.SceneFile, source, table)
+    check(model, source, table)
+    try:
+        mechanism = Mechanism(
+            {name: Vec(*at) for name, at in model.fixed.items()},
+            {name: _link(link) for name, link in model.links.items()},
+            [group.build(1 if model.rotation == "ccw" else -1) for group in model.groups],
+            Flywheel(model.flywheel.inertia),
+        )
+        return Scene(
+            mechanism,
+            tuple(_load(item) for item in model.loads),
+            Vec(*model.gravity) if isinstance(model.gravity, tuple) else Vec(0.0, -model.gravity),
+            model.speed,
+            model.target_delta,
+            mean=model.mean,
+            cycle_turns=model.cycle_turns,
+            title=model.title,
+        )
+    except StructureError as error:
+        raise from_structure(error, source, table) from error
+
+
+def starter(name: str) -> str:
+    """The text of a commented scene to begin with, titled `name`: what `linkjax new NAME` writes."""
+    title = "".join(c for c in name if c.isprintable()).replace("\\", "\\\\").replace('"', '\\"')
+    return STARTER.read_text(encoding="utf-8").replace("NAME", title or "New machine")
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of a scene file: keys, types, defaults, descriptions and examples (not the checks across keys)."""
+    return file.SceneFile.model_json_schema(by_alias=True)
+
+
+def _link(link: file.Link) -> Link:
+    reference = link.length if link.reference_length is None else link.reference_length
+    return Link(
+        length=link.length,
+        mass=link.mass,
+        inertia=link.inertia,
+        centre=_place(link.centre),
+        points={name: _place(at) for name, at in link.points.items()},
+        reference_length=reference if link.mass_properties == "scaled" else None,
+        area=link.area,
+        density=link.density,
+        mass_properties=link.mass_properties,
+        centre_name=link.centre_name,
+    )
+
+
+def _place(place: float | file.Polar | file.Cartesian) -> Vec:
+    if isinstance(place, file.Polar):
+        return Vec(place.at * math.cos(place.turned), place.at * math.sin(place.turned))
+    if isinstance(place, file.Cartesian):
+        return Vec(place.along, place.across)
+    return Vec(place, 0.0)
+
+
+def _load(load: file.Load) -> AbstractLoad:
+    window = None if load.window is None else Window(*load.window)
+    always: dict[str, Any] = {"name": load.name, "link": load.link, "window": window, "reacts_on": load.reacts_on}
+    if load.torque is not None:
+        return (
+            OpposingTorque(magnitude=load.torque, **always) if load.opposing else Torque(torque=load.torque, **always)
+        )
+    always["point"] = load.point
+    if isinstance(load.force, tuple):
+        return Force(force=Vec(*load.force), **always)
+    return OpposingForce(magnitude=load.force, **always)

@@ -1,0 +1,128 @@
+"""What the types of single keys cannot say: keys that exclude or need each other, lengths that a group needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from linkjax.scenes._explain import fault
+from linkjax.scenes._groups import CrankTable, Fault, GroupTable
+from linkjax.scenes._models import Link, Load, SceneFile
+
+
+def check(model: SceneFile, source: str, table: Any) -> None:
+    """Raise `SceneError` at the first contradiction between the keys of a scene."""
+    for problem in _problems(model):
+        raise fault(source, table, *problem)
+
+
+def _problems(model: SceneFile) -> Iterator[Fault]:
+    """Everything that does not fit together, as (path, problem, remedy)."""
+    yield from _centre_names(model)
+    for name, link in model.links.items():
+        yield from _link(name, link)
+    for number, group in enumerate(model.groups):
+        yield from _group(number, group, model)
+    for number, load in enumerate(model.loads):
+        yield from _load(number, load)
+        yield from _window(number, load, 2 * math.pi * model.cycle_turns)
+
+
+def _link(name: str, link: Link) -> Iterator[Fault]:
+    path = ("links", name)
+    if name == "frame":
+        yield path, 'the name "frame" is taken by the frame itself', "give the link another name"
+    if link.mass_properties == "section":
+        for key in ("area", "density"):
+            if getattr(link, key) is None:
+                example = '"600 mm^2"' if key == "area" else '"7850 kg/m^3"'
+                yield (
+                    (*path, key),
+                    'missing (mass_properties = "section" computes the mass from it)',
+                    f"add {key} = {example}",
+                )
+        for key in ("mass", "inertia", "centre"):
+            if key in link.model_fields_set:
+                problem = 'given twice: mass_properties = "section" computes it from area and density'
+                yield (*path, key), problem, f"delete {key}, or mass_properties"
+    else:
+        for key in ("area", "density"):
+            if key in link.model_fields_set:
+                yield (*path, key), "has no effect", f'delete {key}, or write mass_properties = "section"'
+    if link.reference_length is not None and link.mass_properties != "scaled":
+        yield (*path, "reference_length"), "has no effect", 'delete it, or write mass_properties = "scaled"'
+    if link.reference_length == 0:
+        yield (*path, "reference_length"), "must be greater than zero", "write the length that the masses belong to"
+
+
+def _centre_names(model: SceneFile) -> Iterator[Fault]:
+    """Mass centres that nobody named, where their S1, S2, … is the name of another point."""
+    taken = {*model.fixed, *(pin for group in model.groups for pin in group.pins())}
+    taken |= {point for link in model.links.values() for point in link.points}
+    for number, (name, link) in enumerate(model.links.items(), 1):
+        if not link.centre_name and f"S{number}" in taken:
+            problem = f"the mass centre of this link is called S{number} unless named, and so is another point"
+            yield ("links", name, "centre_name"), problem, f'add centre_name = "C{number}", or rename the other point'
+
+
+def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
+    path = ("groups", number)
+    if isinstance(group, CrankTable) == bool(number):
+        problem = "there is more than one driver" if number else "the first group must be the driving crank"
+        yield (*path, "kind"), problem, "keep one crank: mobility is one" if number else 'begin with kind = "crank"'
+    for name in group.bars():
+        if name in model.links and model.links[name].length == 0:
+            problem = f"the length is zero, but groups[{number}] needs a bar with two pins"
+            yield ("links", name, "length"), problem, 'write the distance between its pins, e.g. length = "300 mm"'
+    for name in group.blocks():
+        if name in model.links and model.links[name].length > 0:
+            problem = f"a length, but groups[{number}] uses this link as its sliding block"
+            yield ("links", name, "length"), problem, "delete it: a block has one pin only"
+        if name in model.links and model.links[name].mass_properties != "fixed":
+            problem = "a sliding block has no length for its mass to follow"
+            yield ("links", name, "mass_properties"), problem, 'delete it: a block is always "fixed"'
+    for inner, problem, remedy in group.faults(model.fixed):
+        yield (*path, *inner), problem, remedy
+
+
+def _load(number: int, load: Load) -> Iterator[Fault]:
+    path = ("loads", number)
+    if load.name == "gravity":
+        yield (*path, "name"), "taken by the weight of the links", "give the load another name"
+    if load.force is None and load.torque is None:
+        yield (
+            (*path, "force"),
+            "missing",
+            'add force = "30 kN" with opposing = true, force = [fx, fy], or torque = "60 N m"',
+        )
+    elif load.torque is not None:
+        if load.force is not None:
+            yield (*path, "torque"), "a load is a force or a torque, not both", "write two [[loads]]"
+        if load.point is not None:
+            yield (*path, "point"), "a torque has no point", "delete point"
+        if load.opposing and load.torque < 0:
+            remedy = "write the magnitude; an opposing torque finds its own direction"
+            yield (*path, "torque"), "must not be negative", remedy
+    else:
+        if load.point is None:
+            yield (*path, "point"), "missing", "add the point of the link where the force acts"
+        if load.opposing and isinstance(load.force, tuple):
+            problem = "two components, but opposing = true: the motion gives the direction"
+            yield (*path, "force"), problem, 'write the magnitude alone, e.g. force = "30 kN", or delete opposing'
+        if not load.opposing and not isinstance(load.force, tuple):
+            remedy = 'add opposing = true, or write both components, e.g. force = ["0 N", "-3 kN"]'
+            yield (*path, "force"), "has no direction", remedy
+
+
+def _window(number: int, load: Load, cycle: float) -> Iterator[Fault]:
+    if load.window is None:
+        return
+    on, off = load.window
+    path, turn = ("loads", number, "window"), math.degrees(cycle)
+    if abs(math.remainder(off - on, cycle)) < 1e-9 * cycle:
+        problem = f"the two ends coincide (the cycle is {turn:.12g} deg long)"
+        yield path, problem, "delete it for a load that always acts, or move one end"
+    elif abs(off - on) > cycle:
+        problem = f"longer than the cycle of {turn:.12g} deg"
+        yield path, problem, "write [on, off] within one cycle; off may be less than on"

@@ -1,0 +1,197 @@
+"""The raw scene document: reading TOML from a file, a built-in scene or a text, and overriding single keys."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import difflib
+import os
+import re
+import tomllib
+import typing
+from pathlib import Path
+from typing import Any
+
+from linkjax.mechanism import nearest
+from linkjax.scenes._errors import SceneError
+from linkjax.scenes._keys import Path as KeyPath
+from linkjax.scenes._keys import annotation_at, fields, is_table, join, leaves, lookup, split
+
+BUILTIN = Path(__file__).with_name("builtin")
+STARTER = Path(__file__).with_name("starter.toml")
+
+
+@dataclasses.dataclass(frozen=True)
+class Document:
+    """A scene file as read, not yet validated: `table` is what TOML gave, `source` names the file in messages."""
+
+    source: str
+    table: dict[str, Any]
+
+
+def scene_names() -> tuple[str, ...]:
+    """Names of the built-in scenes."""
+    return tuple(sorted(path.stem for path in BUILTIN.glob("*.toml")))
+
+
+def scene_text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
+    """Source and text of a built-in scene (by name) or of a file. Raises `SceneError` when it cannot be read."""
+    name = os.fspath(name_or_path)
+    known = scene_names()
+    path, source = (BUILTIN / f"{name}.toml", f"{name}.toml") if name in known else (Path(name), name)
+    try:
+        return source, path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        raise SceneError(
+            source, "", None, f"not a text in UTF-8 (byte {error.start})", "save the file as UTF-8"
+        ) from error
+    except (OSError, ValueError) as error:  # a ValueError: a null character in the name
+        raise _unreadable(name, path) from error
+
+
+def _unreadable(name: str, path: Path) -> SceneError:
+    problem, known = "no such scene file, nor a built-in scene", scene_names()
+    if "\n" in name:
+        return SceneError("<text>", "", None, "a text where a name or path is needed", "read a text with loads_text")
+    if name and os.path.exists(path):  # unlike those of pathlib, os.path's answers raise nothing
+        problem = "cannot be read: a folder" if os.path.isdir(path) else "cannot be read"
+    beside = f"{name}.toml"
+    close = [beside] if name and os.path.isfile(beside) else difflib.get_close_matches(name, known, n=1)
+    ways = f"give the path of a .toml file, or a built-in scene: {', '.join(known)}"
+    remedy = f"did you mean {close[0]!r}? ({ways})" if close else ways
+    return SceneError(name or '""', "", None, problem, remedy)
+
+
+def load_document(name_or_path: str | os.PathLike[str]) -> Document:
+    """The raw document of a built-in scene or a file, not validated. Raises `SceneError` if missing or not TOML."""
+    source, text = scene_text(name_or_path)
+    return read_document(text, source)
+
+
+def read_document(text: str, source: str = "<text>") -> Document:
+    """The raw document of a text in TOML. Raises `SceneError`, with the line, when it is not TOML, or is empty."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax(str(error), text, source) from error
+    except (RecursionError, ValueError) as error:  # a ValueError: a number of thousands of digits
+        raise SceneError(
+            source, "", None, "not readable as TOML", "write plain numbers and at most two nested lists"
+        ) from error
+    if not table:
+        raise SceneError(
+            source, "", None, "the scene is empty", "begin with `linkjax new NAME`, or copy a built-in scene"
+        )
+    return Document(source, table)
+
+
+def _syntax(message: str, text: str, source: str) -> SceneError:
+    found = re.search(r"\(at line (\d+), column (\d+)\)", message)
+    lines = text.split("\n")
+    number = min(int(found[1]), len(lines)) if found else len(lines)
+    line = lines[number - 1].strip()
+    remedy = "see docs/scenes.md for how a scene is written"
+    if re.search(r"=\s*[-+.\d]+\s*[A-Za-z°µ]", line):
+        remedy = 'put a quantity in double quotes, e.g. length = "300 mm"'
+    elif "overwrite" in message or "twice" in message or "mutate" in message:
+        remedy = "give every key and table once"
+    elif "nterminated" in message or "llegal character" in message or "Expected" in message:
+        remedy = "close every quote and bracket on its own line"
+    problem = message.split(" (at ")[0]
+    return SceneError(
+        source, f"line {number}", line or None, f"not valid TOML: {problem[:1].lower()}{problem[1:]}", remedy
+    )
+
+
+def setting(value: Any) -> Any:
+    """A value from the command line: a TOML number, truth value, list, table or quoted text, else the text itself."""
+    if not isinstance(value, str):
+        return copy.deepcopy(value)
+    try:
+        read = tomllib.loads(f"value = {value}")
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError):
+        return value
+    plain = set(read) == {"value"} and isinstance(read["value"], bool | int | float | str | list | dict)
+    return read["value"] if plain else value
+
+
+def override(document: Document, key: str, value: Any) -> Document:
+    """A copy of `document` with one key replaced, as `--set links.rod.length="1.1 m"` does; validated when built.
+
+    `key` is a path such as `links.rod.length`, `fixed.F[0]`, `loads.hay.window[1]` (a load by name or number) or
+    `groups[1].guide.along` (a group by number or by its links joined, `groups.rod-slider.guide.along`). A text is read
+    as a TOML value where it is one ("0.02", "true", "[0, -1]"), else kept. Keys that the format knows may be added;
+    anything else raises `SceneError` with the nearest known key. Where the mass properties of a link follow its length
+    ("scaled"), the length they were given for is kept as its `reference_length`.
+    """
+    table, given = copy.deepcopy(document.table), setting(value)
+    path = _resolved(document, key, given)
+    place: Any = table
+    for part in path[:-1]:
+        if isinstance(place, dict):
+            place.setdefault(part, {})
+        place = place[part]
+    place[path[-1]] = given
+    if len(path) == 3 and (path[0], path[2]) == ("links", "length"):
+        link, before = place, lookup(document.table, path)
+        if link.get("mass_properties") == "scaled" and before is not None:
+            link.setdefault("reference_length", before)
+    return Document(document.source, table)
+
+
+def _resolved(document: Document, key: str, value: Any) -> KeyPath:
+    """`key` as a path that exists in the document, or that the format knows."""
+    path: KeyPath = ()
+    for step in split(key):
+        held = lookup(document.table, path)
+        annotation = annotation_at(document.table, path)
+        if isinstance(held, list):
+            part, known = _entry(held, step)
+            step = int(step) if step.isdecimal() else step
+        elif is_table(annotation) and (held is None or isinstance(held, dict)):
+            known = list(fields(annotation))
+            part = step if step in known else None
+        elif typing.get_origin(annotation) is dict and (held is None or isinstance(held, dict)):
+            known = list(held or {})
+            part = step if step in known else None
+        else:
+            raise SceneError(
+                document.source, key, value, f"{join(path)} has no keys of its own", f"set {join(path)} itself"
+            )
+        if part is None:
+            raise _unknown(document, key, value, join((*path, step)), known)
+        path = (*path, part)
+    if not path:
+        raise SceneError(document.source, key, value, "no key given", 'write e.g. links.rod.length="1.1 m"')
+    return path
+
+
+def _entry(items: list[Any], step: str) -> tuple[int | None, list[str]]:
+    """Number of the entry that `step` means (its number, name or links), and what it could have meant."""
+    known = [entry_name(item) or str(number) for number, item in enumerate(items)]
+    if step.isdecimal() and len(step) < 6 and int(step) < len(items):
+        return int(step), known
+    return (known.index(step) if step in known else None), known
+
+
+def entry_name(item: Any) -> str:
+    """Name of an entry of a list of tables: that of a load, or the links of a group joined by "-"; "" where none."""
+    if not isinstance(item, dict):
+        return ""
+    name, links = item.get("name"), item.get("links")
+    if isinstance(name, str):
+        return name
+    names = links if isinstance(links, list) else [item.get("link"), item.get("block")]
+    return "-".join(n for n in names if isinstance(n, str))
+
+
+def _unknown(document: Document, key: str, value: Any, reached: str, known: list[str]) -> SceneError:
+    step = split(reached)[-1]
+    close = difflib.get_close_matches(step, known, n=1)
+    whole = difflib.get_close_matches(key, [join(leaf) for leaf in leaves(document.table)], n=1)
+    if close:
+        parent = reached[: len(reached) - len(step)]
+        remedy = f"did you mean {parent + close[0] + key[len(reached) :]!r}?"
+    else:
+        remedy = f"did you mean {whole[0]!r}?" if whole else nearest(step, known)
+    return SceneError(document.source, key, value, f"{reached} is not a known key", remedy)

@@ -1,0 +1,49 @@
+"""The one error a scene file can cause: what is wrong, where, and what to write instead."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+
+class SceneError(ValueError):
+    """A scene cannot be used as it stands.
+
+    `source` is the file (or "<text>"), `key` the path of the offending key, e.g. `links.rod.length` or
+    `loads[0].window` ("line 7" when the file is not TOML, empty when all of it is meant), `value` what stands there
+    (None when nothing does), `problem` what is wrong with it and `remedy` what to write instead. The message is one
+    line made of the five.
+    """
+
+    def __init__(self, source: str, key: str, value: Any, problem: str, remedy: str):
+        self.source, self.key, self.value, self.problem, self.remedy = source, key, value, problem, remedy
+        line = key.startswith("line ")  # of a file that is not TOML: the line itself is the value
+        stands = "" if value is None else str(value)[:70] if line else shown(value)
+        place = (": " if line else " = ").join(part for part in (key[:200], stands) if part)
+        super().__init__(f"{source}: {place + ': ' if place else ''}{problem}; {remedy}")
+
+    def __reduce__(self):
+        return SceneError, (self.source, self.key, self.value, self.problem, self.remedy)
+
+
+def shown(value: Any, limit: int = 70) -> str:
+    """`value` as it would stand in a TOML file, on one line, cut at `limit` characters."""
+    text = _toml(value)
+    return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+def _toml(value: Any, depth: int = 0) -> str:
+    if depth > 4:
+        return "…"
+    if isinstance(value, str):
+        return json.dumps(value[:200], ensure_ascii=False)
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(item, depth + 1) for item in value[:20]) + "]"
+    if isinstance(value, dict):
+        items = list(value.items())[:20]
+        return "{" + ", ".join(f"{key} = {_toml(item, depth + 1)}" for key, item in items) + "}"
+    if isinstance(value, int) and abs(value) >= 10**30:
+        return "a whole number beyond any use"
+    return str(value)

@@ -1,0 +1,124 @@
+"""From what pydantic or the mechanism finds wrong to one clear `SceneError`."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from pydantic import ValidationError
+
+from linkjax.mechanism import StructureError, nearest
+from linkjax.scenes._errors import SceneError, shown
+from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_table, join, lookup
+from linkjax.scenes._models import SceneFile
+from linkjax.scenes._units import kind_of
+
+ADD = {
+    "fixed": "add a table [fixed] with the points of the frame, e.g. A = [0, 0]",
+    "links": 'add a table for each link, e.g. [links.crank] with length = "300 mm"',
+    "groups": 'add a table [[groups]] for each group, first the one with kind = "crank"',
+}
+
+
+def fault(source: str, table: Any, path: Path, problem: str, remedy: str) -> SceneError:
+    """The error about the value that stands at `path` of the raw document."""
+    return SceneError(source, join(path), lookup(table, path), problem, remedy)
+
+
+def from_validation(error: ValidationError, source: str, table: Any) -> SceneError:
+    """The first thing that pydantic found, but unknown keys first: a misspelt key also looks like a missing one."""
+    found = error.errors(include_url=False)
+    first = min(found, key=lambda item: item["type"] != "extra_forbidden")
+    path = tuple(part for part in first["loc"] if not (isinstance(part, str) and part.startswith("#")))
+    if path and path[-1] == "[key]":
+        path = path[:-1]
+    kind, given, context = first["type"], first["input"], first.get("ctx", {})
+    if kind == "union_tag_not_found" and isinstance(given, dict):
+        path, kind = (*path, "kind"), "string_type" if "kind" in given else "missing"
+        given = given.get("kind")
+    problem, remedy = _say(kind, path, given, context, table, first["msg"])
+    if kind == "union_tag_invalid":
+        path = (*path, "kind")
+    return fault(source, table, path, problem, remedy)
+
+
+def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any, message: str) -> tuple[str, str]:
+    """Problem and remedy."""
+    what, last = kind_of(given), str(path[-1]) if path else ""
+    if kind == "scene":
+        return context["problem"], context["remedy"]
+    if kind == "extra_forbidden":
+        return "not a known key", nearest(last, known_keys(table, path[:-1]))
+    if kind == "missing":
+        return "missing", _addition(table, path)
+    if kind == "union_tag_invalid":
+        kinds = re.findall(r"'#([^']*)'", context["expected_tags"])
+        return "not a known kind of group", _choice(str(given["kind"]), kinds)
+    if kind == "literal_error":
+        return "not one of the choices", _choice(str(given), re.findall(r"'([^']*)'", context["expected"]))
+    if kind == "string_type":
+        return f"{what} where a text is needed", f"write it in double quotes, e.g. {_example(table, path)}"
+    if kind == "bool_type":
+        return f"{what} where true or false is needed", "write true or false, without quotes"
+    if kind in ("dict_type", "model_type", "union_tag_not_found"):
+        name = join(tuple(part for part in path if isinstance(part, str)))
+        brackets = f"[[{name}]]" if "groups" in path[:1] or "loads" in path[:1] else f"[{name}]"
+        return f"{what} where a table is needed", f"write {brackets} with its keys below it"
+    if kind == "list_type":
+        return f"{what} where a list of tables is needed", f"write [[{last}]], in double brackets, once for each"
+    return message[:1].lower() + message[1:], "see docs/scenes.md for what may stand here"
+
+
+def _choice(given: str, choices: list[str]) -> str:
+    alike = [choice for choice in choices if choice.lower() == given.strip().lower()]
+    listed = " or ".join(shown(choice) for choice in choices)
+    return f"did you mean {shown(alike[0])}?" if alike else f"write {listed}"
+
+
+def known_keys(table: Any, path: Path) -> list[str]:
+    """The keys that the format knows in the table at `path`."""
+    model = annotation_at(table, path)
+    return list(fields(model)) if is_table(model) else []
+
+
+def _example(table: Any, path: Path) -> str:
+    model = annotation_at(table, path[:-1])
+    fallback = "crank" if path[-1] == "kind" else "A"
+    return shown(examples(model).get(str(path[-1]), fallback) if is_table(model) else fallback)
+
+
+def _addition(table: Any, path: Path) -> str:
+    if len(path) == 1 and path[0] in ADD:
+        return ADD[str(path[0])]
+    if path[-1] == "kind":
+        return 'add kind = "crank", "RRP" or "RRR"'
+    return f"add {path[-1]} = {_example(table, path)}"
+
+
+def from_structure(error: StructureError, source: str, table: Any) -> SceneError:
+    """The mechanism's own complaint, at the key that holds the name it quotes (or at the element it names)."""
+    steps = re.findall(r"[\w-]+", error.element.split(" ")[0])
+    path: Path = tuple(int(step) if step.isdigit() and n == 1 and steps[0] in ("groups", "loads") else step
+                       for n, step in enumerate(steps))  # fmt: skip
+    quoted = re.findall(r"'([^']*)'", error.problem)[:1]
+    element = lookup(table, path)
+    if isinstance(element, dict) and "already" in error.problem:  # the new name stands behind those that it is hung on
+        element = dict(reversed(element.items()))
+    inner = _holder(element, quoted[0]) if quoted else None
+    return fault(source, table, (*path, *(inner or ())), error.problem, error.remedy)
+
+
+def _holder(value: Any, name: str, path: Path = ()) -> Path | None:
+    """Path inside `value` to the text `name`, a list of names counting as one place."""
+    if value == name or (isinstance(value, list) and name in value):
+        return path
+    items = value.items() if isinstance(value, dict) else ()
+    return next((found for key, item in items if (found := _holder(item, name, (*path, key))) is not None), None)
+
+
+def explained(model: type[SceneFile], source: str, table: Any) -> SceneFile:
+    """The raw document as a validated model; raises `SceneError` at the first thing wrong."""
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        raise from_validation(error, source, table) from error

@@ -1,0 +1,108 @@
+"""The types of the values in a scene file, as pydantic annotations: tables, quantities with units, names, pairs."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError, core_schema
+
+from linkjax.scenes._units import DIMENSIONS, QuantityError, kind_of, quantity
+
+
+class Table(BaseModel):
+    """A table of a scene file: no other keys than its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """Annotation of a float that is written as a quantity of a `dimension`, read into SI units.
+
+    `sign` restricts it: "any", "zero" (zero or more) or "positive"; `hint` is a remedy to name when it is not so.
+    """
+
+    dimension: str
+    sign: Literal["any", "zero", "positive"] = "any"
+    hint: str = ""
+
+    def read(self, value: Any) -> float:
+        """The value in SI units; raises what pydantic collects, with `problem` and `remedy` in its context."""
+        try:
+            result = quantity(value, self.dimension)
+        except QuantityError as error:
+            raise wrong(error.problem, error.remedy) from error
+        wanted = DIMENSIONS[self.dimension]
+        if result < 0 and self.sign != "any":
+            raise wrong(
+                "must not be negative", self.hint or f"write {wanted.phrase} of zero or more, e.g. {wanted.example}"
+            )
+        if result == 0 and self.sign == "positive":
+            raise wrong("must be greater than zero", f"write {wanted.phrase} above zero, e.g. {wanted.example}")
+        return result
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        wanted = DIMENSIONS[self.dimension]
+        bound = {"zero": {"minimum": 0}, "positive": {"exclusiveMinimum": 0}}.get(self.sign, {})
+        if self.dimension == "angle":
+            bound = {"const": 0}
+        text = f"{wanted.phrase[0].upper()}{wanted.phrase[1:]}: a text with a unit, e.g. {wanted.example}, or a number"
+        described = f"{text}{' in ' + wanted.unit if wanted.unit else ''}."
+        return {"anyOf": [{"type": "string"}, {"type": "number", **bound}], "description": described}
+
+
+def wrong(problem: str, remedy: str) -> PydanticCustomError:
+    """What a validator raises: pydantic collects it, `_explain` turns it into a `SceneError`."""
+    return PydanticCustomError("scene", "{problem}; {remedy}", {"problem": problem, "remedy": remedy})
+
+
+def _pair(value: Any) -> Any:
+    if not isinstance(value, list | tuple):
+        raise wrong(
+            f"{kind_of(value)} where a list of two is needed", "write two values in square brackets, [first, second]"
+        )
+    if len(value) != 2:
+        raise wrong(f"a list of {len(value)} where two values are needed", "write [first, second]")
+    return value
+
+
+def _name(value: str) -> str:
+    if not re.fullmatch(r"[^\W\d_][\w-]{0,39}", value):
+        raise wrong("not a usable name", "begin with a letter; up to 39 letters, digits, _ and - may follow")
+    return value
+
+
+def _turns(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 1000:
+        raise wrong("not a whole number from 1 to 1000", "write the crank turns after which everything repeats, e.g. 1")
+    return value
+
+
+Pair = BeforeValidator(_pair)
+Name = Annotated[str, AfterValidator(_name)]
+Length = Annotated[float, Quantity("length")]
+Distance = Annotated[float, Quantity("length", "zero", "a distance is not negative; turn it by 180 deg instead")]
+LinkLength = Annotated[float, Quantity("length", "zero")]
+Angle = Annotated[float, Quantity("angle")]
+Mass = Annotated[float, Quantity("mass", "zero")]
+Inertia = Annotated[float, Quantity("inertia", "zero")]
+Area = Annotated[float, Quantity("area", "positive")]
+Density = Annotated[float, Quantity("density", "positive")]
+Weight = Annotated[
+    float, Quantity("acceleration", "zero", 'a single value points downwards; write [gx, gy], e.g. [0, "9.81 m/s^2"]')
+]
+Acceleration = Annotated[float, Quantity("acceleration")]
+Speed = Annotated[float, Quantity("speed", "positive", 'write it positive, and rotation = "cw" for a clockwise crank')]
+Magnitude = Annotated[
+    float, Quantity("force", "zero", "write the magnitude; an opposing force finds its own direction")
+]
+Force = Annotated[float, Quantity("force")]
+Torque = Annotated[float, Quantity("torque")]
+Ratio = Annotated[float, Quantity("number", "positive")]
+Turns = Annotated[int, PlainValidator(_turns), WithJsonSchema({"type": "integer", "minimum": 1, "maximum": 1000})]

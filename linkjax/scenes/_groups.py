@@ -1,0 +1,136 @@
+"""The groups as a scene file writes them, one class for each kind; a new kind is a new class and a branch of `Group`.
+
+Each class knows its keys, what else must hold between them (`faults`), and how to `build` the group itself.
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from linkjax import groups
+from linkjax.mechanism import nearest
+from linkjax.scenes._fields import Angle, Length, Name, Pair, Table
+
+Fault = tuple[tuple[str | int, ...], str, str]
+"""Something wrong: path of the key, problem, remedy."""
+
+
+class GroupTable(Table, abc.ABC):
+    """A group of any kind."""
+
+    @abc.abstractmethod
+    def build(self, turns: int) -> groups.AbstractGroup:
+        """The group itself; `turns` is the sense of the crank, +1 for counter-clockwise."""
+
+    @abc.abstractmethod
+    def pins(self) -> tuple[str, ...]:
+        """Names of the pins it brings in."""
+
+    @abc.abstractmethod
+    def bars(self) -> tuple[str, ...]:
+        """Links that need a length."""
+
+    def blocks(self) -> tuple[str, ...]:
+        """Links that slide and have no length."""
+        return ()
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        """What else is wrong, given the points of the frame."""
+        yield from ()
+
+
+class CrankTable(GroupTable):
+    """The driving crank, the first of the groups."""
+
+    kind: Literal["crank"] = Field(examples=["crank"])
+    link: Name = Field(description="the link that turns", examples=["crank"])
+    pivot: Name = Field(description="the fixed point it turns about", examples=["A"])
+    end: Name = Field(description="name for its far pin", examples=["B"])
+    phase: Angle = Field(0.0, description="angle of the link at crank angle zero", examples=["90 deg"])
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        return groups.Crank(self.link, self.pivot, self.end, turns, self.phase)
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return (self.link,)
+
+
+class Guide(Table):
+    """A straight guide of the frame."""
+
+    through: Name = Field(description="a fixed point", examples=["A"])
+    along: Angle = Field(0.0, description="direction of the guide", examples=["90 deg"])
+    offset: Length = Field(0.0, description="shift of the pin's path to the left of that direction", examples=["10 mm"])
+
+
+class RRPTable(GroupTable):
+    """A rod and a block that slides on a straight guide."""
+
+    kind: Literal["RRP"] = Field(examples=["RRP"])
+    link: Name = Field(description="the rod", examples=["rod"])
+    from_: Name = Field(alias="from", description="the point the rod starts from", examples=["B"])
+    end: Name = Field(description="name for the pin between rod and block", examples=["D"])
+    block: Name = Field(description="the sliding block", examples=["slider"])
+    guide: Guide = Field(description="the guide of the block", examples=[{"through": "A"}])
+    side: Literal["+", "-"] = Field("+", description="pin ahead of (+) or behind (-) the foot of the perpendicular")
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        through, along, offset = self.guide.through, self.guide.along, self.guide.offset
+        side = 1 if self.side == "+" else -1
+        return groups.RRP(self.link, self.block, self.from_, self.end, through, side, along, offset)
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return (self.link,)
+
+    def blocks(self) -> tuple[str, ...]:
+        return (self.block,)
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        if self.guide.through not in fixed:
+            problem = f"{self.guide.through!r} is not a point of the frame"
+            yield ("guide", "through"), problem, nearest(self.guide.through, fixed)
+
+
+class RRRTable(GroupTable):
+    """Two links and three pins."""
+
+    kind: Literal["RRR"] = Field(examples=["RRR"])
+    links: Annotated[tuple[Name, Name], Pair] = Field(description="the two links", examples=[["coupler", "rocker"]])
+    from_: Name = Field(alias="from", description="the point the first link starts from", examples=["B"])
+    to: Name = Field(description="the point the second link starts from", examples=["F"])
+    meet: Name = Field(description="name for the pin where they meet", examples=["G"])
+    side: Literal["left", "right"] = Field("left", description="where they meet, seen along the line from-to")
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        return groups.RRR(self.links, self.from_, self.to, self.meet, 1 if self.side == "left" else -1)
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.meet,)
+
+    def bars(self) -> tuple[str, ...]:
+        return self.links
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        if self.from_ == self.to:
+            yield ("to",), "the same point as `from`", "name the point that the second link starts from"
+
+
+def _kind(value: Any) -> str | None:
+    kind = value.get("kind") if isinstance(value, dict) else None
+    return f"#{kind}" if isinstance(kind, str) else None
+
+
+Group = Annotated[
+    Annotated[CrankTable, Tag("#crank")] | Annotated[RRPTable, Tag("#RRP")] | Annotated[RRRTable, Tag("#RRR")],
+    Discriminator(_kind),
+]

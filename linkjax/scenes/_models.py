@@ -1,0 +1,134 @@
+"""The format of a scene file, as pydantic models: keys, defaults, examples (groups: `_groups.py`).
+
+Descriptions and examples feed the error messages and the JSON Schema. A table that may be written in several ways is a
+union whose branches carry tags that begin with `#`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, StrictBool, Tag
+
+from linkjax.scenes._fields import (
+    Acceleration,
+    Angle,
+    Area,
+    Density,
+    Distance,
+    Force,
+    Inertia,
+    Length,
+    LinkLength,
+    Magnitude,
+    Mass,
+    Name,
+    Pair,
+    Ratio,
+    Speed,
+    Table,
+    Torque,
+    Turns,
+    Weight,
+)
+from linkjax.scenes._groups import Group
+
+
+class Polar(Table):
+    """A place on a link: distance from the first pin, turned from the link's direction."""
+
+    at: Distance = Field(description="distance from the link's first pin", examples=["450 mm"])
+    turned: Angle = Field(0.0, description="angle from the link's direction, ccw", examples=["30 deg"])
+
+
+class Cartesian(Table):
+    """A place on a link in the link's own axes: origin at the first pin, x towards the second."""
+
+    along: Length = Field(description="along the link from its first pin", examples=["200 mm"])
+    across: Length = Field(0.0, description="to the left of the link", examples=["40 mm"])
+
+
+def _place(value: Any) -> str:
+    if isinstance(value, dict):
+        return "#polar" if {"at", "turned"} & set(value) else "#cartesian"
+    return "#along"
+
+
+Place = Annotated[
+    Annotated[Length, Tag("#along")] | Annotated[Polar, Tag("#polar")] | Annotated[Cartesian, Tag("#cartesian")],
+    Discriminator(_place),
+]
+
+
+def _vector(value: Any) -> str:
+    return "#vector" if isinstance(value, list | tuple) else "#scalar"
+
+
+class Link(Table):
+    """One link: a bar between two pins, or a sliding block without length."""
+
+    length: LinkLength = Field(0.0, description="distance between its two pins; none for a block", examples=["300 mm"])
+    mass: Mass = Field(0.0, description="mass", examples=["5 kg"])
+    inertia: Inertia = Field(0.0, description="moment of inertia about the mass centre", examples=["0.65 kg m^2"])
+    centre: Place = Field(0.0, description="mass centre, from the first pin", examples=["150 mm"])
+    centre_name: Name = Field("", description="name of the mass centre; S1, S2, … in file order", examples=["S2"])
+    points: dict[Name, Place] = Field(
+        {}, description="further points of the link", examples=[{"E": {"at": "450 mm", "turned": "30 deg"}}]
+    )
+    mass_properties: Literal["fixed", "scaled", "section"] = Field(
+        "fixed", description="what happens to the mass when the length changes", examples=["scaled"]
+    )
+    reference_length: LinkLength | None = Field(
+        None, description='with "scaled": the length to which mass, inertia, centre and points belong', examples=["1 m"]
+    )
+    area: Area | None = Field(None, description="cross-section of a uniform bar", examples=["600 mm^2"])
+    density: Density | None = Field(None, description="density of a uniform bar", examples=["7850 kg/m^3"])
+
+
+class Wheel(Table):
+    """Rotating inertia on the crank shaft."""
+
+    inertia: Inertia = Field(default=0.0, description="moment of inertia about the crank shaft", examples=["40 kg m^2"])
+
+
+class Load(Table):
+    """A working load on one link."""
+
+    name: Name = Field(description="name of the load", examples=["cutting"])
+    link: Name = Field(description="the link it acts on", examples=["slider"])
+    point: Name | None = Field(None, description="the point of that link where a force acts", examples=["D"])
+    force: (
+        Annotated[
+            Annotated[Magnitude, Tag("#scalar")] | Annotated[tuple[Force, Force], Pair, Tag("#vector")],
+            Discriminator(_vector),
+        ]
+        | None
+    ) = Field(None, description="magnitude (with opposing = true) or [fx, fy]", examples=["30 kN"])
+    torque: Torque | None = Field(
+        None, description="torque, ccw positive; a magnitude when opposing", examples=["60 N m"]
+    )
+    opposing: StrictBool = Field(False, description="against the motion of the point or link", examples=[True])
+    window: Annotated[tuple[Angle, Angle], Pair] | None = Field(
+        None, description="crank angles [on, off) between which it acts", examples=[["90 deg", "335 deg"]]
+    )
+    reacts_on: Literal["frame"] | None = Field(None, description="the load's own reaction goes into the frame")
+
+
+class SceneFile(Table):
+    """A scene file."""
+
+    title: str = Field("", description="title for reports", examples=["Hay press"])
+    gravity: Annotated[
+        Annotated[Weight, Tag("#scalar")] | Annotated[tuple[Acceleration, Acceleration], Pair, Tag("#vector")],
+        Discriminator(_vector),
+    ] = Field(0.0, description="acceleration of gravity, downwards, or [gx, gy]", examples=["9.81 m/s^2"])
+    speed: Speed = Field(description="mean speed of the crank", examples=["700 rpm"])
+    mean: Literal["time", "midrange"] = Field("time", description="which mean the speed is")
+    cycle_turns: Turns = Field(1, description="crank turns per cycle", examples=[2])
+    rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the crank")
+    target_delta: Ratio | None = Field(None, description="wanted coefficient of speed fluctuation", examples=[0.02])
+    fixed: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(description="points of the frame, [x, y]")
+    links: dict[Name, Link] = Field(description="the links by name")
+    flywheel: Wheel = Field(Wheel(), description="rotating inertia on the crank shaft")
+    groups: list[Group] = Field(description="crank and structural groups in their order of attachment")
+    loads: list[Load] = Field([], description="the working loads")

@@ -1,0 +1,222 @@
+"""Physical quantities written as text, "300 mm", read into SI numbers.
+
+The text is taken apart by a small grammar (a number, then units joined by blanks, `*`, `·` or `/`, with whole powers);
+only names of units ever reach pint, so nothing in a scene file is evaluated. Decimal arithmetic: "570 mm" is exactly
+the float 0.57, and "180 deg" is `math.pi`. Angle is a dimension of its own here, so that "5 Hz" is no speed of rotation
+and "30" no angle.
+"""
+
+from __future__ import annotations
+
+import decimal
+import functools
+import math
+import re
+from typing import Any, NamedTuple
+
+from linkjax.mechanism import nearest
+
+
+class Dimension(NamedTuple):
+    """A physical dimension: its SI unit, its name with article, an example and the units that people use."""
+
+    unit: str
+    phrase: str
+    example: str
+    units: tuple[str, ...]
+
+
+DIMENSIONS = {
+    "length": Dimension("m", "a length", '"300 mm"', ("m", "mm", "cm", "km", "in", "ft")),
+    "angle": Dimension("rad", "an angle", '"30 deg"', ("deg", "rad", "turn")),
+    "mass": Dimension("kg", "a mass", '"5 kg"', ("kg", "g", "t", "lb")),
+    "inertia": Dimension("kg m^2", "a moment of inertia", '"0.65 kg m^2"', ("kg m^2", "kg cm^2", "g mm^2")),
+    "acceleration": Dimension("m/s^2", "an acceleration", '"9.81 m/s^2"', ("m/s^2", "mm/s^2", "ft/s^2")),
+    "speed": Dimension("rad/s", "a speed of rotation", '"700 rpm"', ("rpm", "rad/s", "rev/s", "deg/s")),
+    "force": Dimension("N", "a force", '"30 kN"', ("N", "kN", "MN", "kp", "lbf")),
+    "torque": Dimension("N m", "a torque", '"60 N m"', ("N m", "kN m", "N mm", "lbf ft")),
+    "area": Dimension("m^2", "an area", '"600 mm^2"', ("m^2", "mm^2", "cm^2", "in^2")),
+    "density": Dimension("kg/m^3", "a density", '"7850 kg/m^3"', ("kg/m^3", "g/cm^3", "kg/dm^3")),
+    "number": Dimension("", "a plain number", "0.15", ()),
+}
+
+ALSO = {
+    "s": "a time",
+    "m/s": "a velocity",
+    "s^-1": "a frequency",
+    "N/m": "a stiffness",
+    "Pa": "a pressure",
+    "W": "a power",
+}
+
+DEFINITIONS = """
+mega- = 1e6 = M-
+kilo- = 1e3 = k-
+deci- = 1e-1 = d-
+centi- = 1e-2 = c-
+milli- = 1e-3 = m-
+micro- = 1e-6 = µ- = μ- = u-
+meter = [length] = m = metre
+gram = [mass] = g
+second = [time] = s = sec
+radian = [angle] = rad
+degree = 0.01745329251994329508887757482524547311994764539930556 * radian = ° = deg
+turn = 6.28318530717958623199592693708837032318115234375 * radian = _ = rev = revolution
+minute = 60 * second = min
+hour = 3600 * second = h
+rpm = turn / minute = _ = RPM
+hertz = 1 / second = Hz
+inch = 0.0254 * meter = in = inches
+foot = 0.3048 * meter = ft = feet
+tonne = 1000 * kilogram = t
+pound = 0.45359237 * kilogram = lb = lbm
+ounce = 28.349523125 * gram = oz
+newton = kilogram * meter / second ** 2 = N
+kilopond = 9.80665 * newton = kp = kgf
+pound_force = 4.4482216152605 * newton = lbf
+newton_meter = newton * meter = Nm
+pascal = newton / meter ** 2 = Pa
+bar = 100000 * pascal
+psi = 6894.757293168361 * pascal
+joule = newton * meter = J
+watt = joule / second = W
+"""
+
+NUMBER = re.compile(r"([+-]?(?:[0-9][0-9_]*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*)", re.DOTALL)
+FACTOR = re.compile(
+    r"\s*(?P<join>[*·/]?)\s*(?P<name>[^\W\d_]+|°)(?:(?:\^|\*\*)?(?P<power>[1-9])|(?:\^|\*\*)(?P<low>-[1-9]))?"
+)
+TIDY = str.maketrans({"−": "-", "²": "^2", "³": "^3", "⋅": "·", "×": "*"})
+
+
+class QuantityError(ValueError):
+    """A value is not the physical quantity that was asked for; `problem` says why, `remedy` what to write."""
+
+    def __init__(self, problem: str, remedy: str):
+        self.problem, self.remedy = problem, remedy
+        super().__init__(f"{problem}; {remedy}")
+
+
+def quantity(value: Any, dimension: str) -> float:
+    """`value` in SI units: a text with a unit ("300 mm"), or a plain number that is in SI units already.
+
+    `dimension` is a key of `DIMENSIONS`. A plain angle other than zero is refused: 30 would be taken for degrees by
+    its writer and for radians by us. Raises `QuantityError` for anything else than a finite quantity of this dimension.
+    """
+    wanted = DIMENSIONS[dimension]
+    if isinstance(value, str):
+        result = _read(value, wanted)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        result = _float(value)
+        if dimension == "angle" and result != 0 and math.isfinite(result):
+            raise QuantityError("an angle without a unit", f'write "{result:.12g} deg" or "{result:.12g} rad"')
+    else:
+        raise QuantityError(f"{kind_of(value)} where {wanted.phrase} is needed", _example(wanted))
+    if not math.isfinite(result):
+        raise QuantityError("not a finite number", _example(wanted))
+    return result
+
+
+def kind_of(value: Any) -> str:
+    """What a TOML value is, in words with an article."""
+    kinds = {
+        bool: "a truth value",
+        int: "a whole number",
+        float: "a number",
+        str: "a text",
+        list: "a list",
+        dict: "a table",
+    }
+    return kinds.get(type(value), "a date or time")
+
+
+def _float(value: int | float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _example(wanted: Dimension) -> str:
+    return f"write {wanted.phrase}{' with its unit' if wanted.unit else ''}, e.g. {wanted.example}"
+
+
+def _read(text: str, wanted: Dimension) -> float:
+    match = NUMBER.fullmatch(text.translate(TIDY).strip())
+    if text.strip().lower().lstrip("+-").startswith(("nan", "inf")):
+        return math.nan
+    if match is None or "," in text:
+        comma = " (decimal point, no comma)" if "," in text else ""
+        raise QuantityError("cannot be read as a number and a unit", _example(wanted) + comma)
+    number, unit = match[1], match[2].strip()
+    try:
+        with decimal.localcontext(decimal.Context(prec=34)):
+            amount = decimal.Decimal(number)
+            if not unit and wanted.unit and amount:
+                plain = f" (a number without quotes is in {wanted.unit})" if wanted.unit != "rad" else ""
+                raise QuantityError("a number without a unit", _example(wanted) + plain)
+            return float(amount * _factor(unit, wanted)) if unit else float(amount)
+    except (decimal.DecimalException, OverflowError):
+        return math.inf
+
+
+def _factor(unit: str, wanted: Dimension) -> decimal.Decimal:
+    """SI value of one `unit`; raises `QuantityError` where it is unknown or of another dimension."""
+    factor, dimension = _resolve(unit, wanted)
+    if dimension != _dimensions()[wanted.phrase]:
+        named = [phrase for phrase, known in _dimensions().items() if known == dimension and known]
+        given = named[0] if named else f"a quantity in {unit}"
+        raise QuantityError(f"{given} where {wanted.phrase} is needed", _example(wanted))
+    return factor
+
+
+def _resolve(unit: str, wanted: Dimension) -> tuple[decimal.Decimal, dict[str, int]]:
+    """Product of the units in the text `unit`: its size in SI base units and its dimension."""
+    factor, dimension, at = decimal.Decimal(1), dict[str, int](), 0
+    while at < len(unit):
+        match = FACTOR.match(unit, at)
+        if match is None or (at == 0 and match["join"] not in ("", "/")) or len(unit) > 60:
+            remedy = f"{_example(wanted)}; join units by blanks or *, divide by /, raise by ^"
+            raise QuantityError(f"cannot read the unit {unit[:60]!r}", remedy)
+        power = int(match["power"] or match["low"] or 1) * (-1 if match["join"] == "/" else 1)
+        unit_found = _unit(match["name"])
+        if unit_found is None:
+            known = wanted.units or tuple(u for d in DIMENSIONS.values() for u in d.units)
+            hint = nearest(match["name"], known)
+            raise QuantityError(f"unknown unit {match['name']!r}", f"{hint} ({_example(wanted)})")
+        factor *= unit_found[0] ** power
+        for base, exponent in unit_found[1].items():
+            dimension[base] = dimension.get(base, 0) + exponent * power
+        at = match.end()
+    return factor, {base: exponent for base, exponent in dimension.items() if exponent}
+
+
+@functools.cache
+def _unit(name: str) -> tuple[decimal.Decimal, dict[str, int]] | None:
+    """Size in SI base units, and dimension, of a unit with or without prefix; None where there is no such unit."""
+    registry, undefined = _registry()
+    try:
+        unit = registry.Quantity(decimal.Decimal(1), registry.parse_units(name)).to_base_units()
+    except undefined:
+        return None
+    dimension = {str(base): int(power) for base, power in unit.dimensionality.items()}
+    grams = dimension.get("[mass]", 0)  # pint's base unit of mass is the gram
+    return unit.magnitude * decimal.Decimal(1000) ** -grams, dimension
+
+
+@functools.cache
+def _registry() -> tuple[Any, type[Exception]]:
+    """pint's registry of the units that a machine needs (4 ms; all of pint's: 130 ms), and its error for others."""
+    import pint
+
+    units: Any = pint.UnitRegistry
+    registry = units(DEFINITIONS.strip().splitlines(), non_int_type=decimal.Decimal)
+    return registry, pint.UndefinedUnitError
+
+
+@functools.cache
+def _dimensions() -> dict[str, dict[str, int]]:
+    """Dimension in base units by phrase."""
+    units = {d.phrase: d.unit for d in DIMENSIONS.values()} | {phrase: unit for unit, phrase in ALSO.items()}
+    number = DIMENSIONS["number"]
+    return {phrase: _resolve(unit, number)[1] for phrase, unit in units.items()}

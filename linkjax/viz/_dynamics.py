@@ -1,0 +1,129 @@
+"""Torque and work of the cycle, and the speed of the crank."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from linkjax.machine import Scene
+from linkjax.viz._style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    VERMILION,
+    Data,
+    closed,
+    degrees,
+    key,
+    label,
+    largest,
+    line,
+    number,
+    over_crank,
+    prefixed,
+    rpm,
+    sheet,
+    styled,
+    window_keys,
+)
+
+
+@styled
+def torque_figure(data: Data, scene: Scene) -> Figure:
+    """Reduced torque by load, mean drive torque, and the work of each over the cycle with the kinetic energy.
+
+    Surplus of drive over load is shaded: there the machine gains speed. Work is integrated by the trapezoid rule over
+    the angles shown; the kinetic energy is ½ J ω².
+    """
+    phi, reduced, motion = degrees(data, scene), data["reduced"], data["motion"]
+    drive = float(motion["drive_torque_mean"])
+    loads = {name: closed(data, share) for name, share in reduced["torque_by_load"].items()}
+    loads = {name: share for name, share in loads.items() if largest([share]) > 0}
+    looks = {name: line(i) for i, name in enumerate(loads)}
+    total, mean = {"color": BLACK, "linewidth": 1.6}, {"color": GREY, "linewidth": 1.4, "linestyle": (0, (5, 2))}
+    energy_look = {"color": BLACK, "linewidth": 1.6, "linestyle": (0, (1.5, 1.5))}
+    keys = [key(name, **look) for name, look in looks.items()]
+    keys += [key("all loads", **total)] if len(loads) > 1 else []
+    keys += [key("drive", **mean), key("kinetic energy, change", **energy_look), *window_keys(scene)]
+    figure, ((top,), (bottom,)) = sheet("Torque and work, reduced to the crank", 2, 1, panel=2.1, keys=keys)
+
+    torque = closed(data, reduced["torque"])
+    factor, shown = prefixed(largest([torque, drive, *loads.values()]), "N·m")
+    if len(loads) > 1:
+        top.plot(phi, factor * torque, **total)
+    for name, share in loads.items():
+        top.plot(phi, factor * share, **looks[name])
+    top.axhline(factor * drive, **mean)
+    top.axhline(0, color=GREY, linewidth=0.6)
+    top.set_title(label("torque", shown))
+
+    angles = np.radians(phi)
+    energy = 0.5 * closed(data, reduced["inertia"]) * closed(data, motion["speed"]) ** 2
+    works = {name: integral(angles, share) for name, share in loads.items()}
+    driven, gain = drive * angles, energy - energy[0]
+    factor, shown = prefixed(largest([driven, gain, *works.values()]), "J")
+    for name, work in works.items():
+        bottom.plot(phi, factor * work, **looks[name])
+    bottom.plot(phi, factor * driven, **mean)
+    bottom.plot(phi, factor * gain, **energy_look)
+    bottom.axhline(0, color=GREY, linewidth=0.6)
+    bottom.set_title(label("work since φ = 0, and change of kinetic energy", shown))
+    over_crank([top, bottom], scene)
+    return figure
+
+
+def integral(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Running integral by the trapezoid rule, zero at the start."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x))])
+
+
+@styled
+def speed_figure(data: Data, scene: Scene) -> Figure:
+    """Crank speed with mean, extremes and δ, and the angular acceleration of the crank."""
+    phi, motion = degrees(data, scene), data["motion"]
+    speed = rpm(closed(data, motion["speed"]))
+    name = "mean (of time)" if scene.mean == "time" else "mean of largest and smallest"
+    mean = {"color": GREEN, "linewidth": 1.1, "linestyle": (0, (5, 2))}
+    keys = [key("true motion", color=BLUE, linewidth=1.7), key(name, **mean), *window_keys(scene)]
+    figure, ((top,), (bottom,)) = sheet("Speed of the crank", 2, 1, panel=(2.2, 1.4), keys=keys, right=1.05)
+    top.plot(phi, speed, color=BLUE, linewidth=1.7)
+    top.axhline(rpm(motion["mean_speed"]), **mean)
+    top.set_title("speed ω  (rpm)")
+    over_crank([top, bottom], scene)
+    _extremes(top, data, scene)
+    acceleration = closed(data, motion["acceleration"])
+    factor, shown = prefixed(largest([acceleration]), "rad/s²")
+    bottom.plot(phi, factor * acceleration, color=VERMILION, linewidth=1.4)
+    bottom.axhline(0, color=GREY, linewidth=0.6)
+    bottom.set_title(label("angular acceleration ε", shown))
+    return figure
+
+
+def _extremes(ax: Axes, data: Data, scene: Scene) -> None:
+    """Largest and smallest speed marked at their angles; δ as a measure to the right of the panel."""
+    motion, end = data["motion"], 360 * scene.cycle_turns
+    ends = {}
+    for which, up in (("max", 1), ("min", -1)):
+        value, angle = float(rpm(motion[f"speed_{which}"])), math.degrees(float(motion[f"angle_of_{which}"]))
+        ends[which] = value
+        ax.plot([angle, end * 1.015], [value, value], color=GREY, linewidth=0.7, linestyle=(0, (1, 1.5)), clip_on=False)
+        ax.plot([angle], [value], "o" if up > 0 else "s", color=BLUE, markerfacecolor="white", markersize=5, zorder=5,
+                clip_on=False)  # fmt: skip
+        side = "left" if angle < 0.7 * end else "right"
+        ax.annotate(
+            f"ω {which} {number(value)} rpm at {angle:.2f}°", (angle, value), xytext=(0, 8 * up),
+            textcoords="offset points", ha=side, va="bottom" if up > 0 else "top", fontsize=7.5,
+        )  # fmt: skip
+    low, high = min(ends.values()), max(ends.values())
+    room = 0.17 * max(high - low, 1e-9 * abs(high), 1e-12)
+    ax.set_ylim(low - room, high + room)
+    ax.annotate(
+        "", (end * 1.02, high), xytext=(end * 1.02, low), annotation_clip=False,
+        arrowprops={"arrowstyle": "<->", "color": BLACK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0},
+    )  # fmt: skip
+    text = f"δ = {number(float(motion['delta']))}"
+    ax.annotate(text, (end * 1.032, 0.5 * (low + high)), annotation_clip=False, fontsize=9, va="center")

@@ -1,0 +1,147 @@
+"""Positions and kinematic coefficients of points and links; hodographs; reduced inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from linkjax.machine import Scene
+from linkjax.viz._curves import frame_equal, hodograph, moving
+from linkjax.viz._style import (
+    BLUE,
+    GREY,
+    INK,
+    VERMILION,
+    Data,
+    blank,
+    closed,
+    degrees,
+    key,
+    label,
+    largest,
+    line,
+    mark_keys,
+    over_crank,
+    prefixed,
+    sheet,
+    styled,
+    window_keys,
+)
+
+ORDERS = (("position", "m", "x", "y"), ("first coefficient", "m/rad", "dx", "dy"),
+          ("second coefficient", "m/rad²", "ddx", "ddy"))  # fmt: skip
+
+
+@styled
+def points_figure(data: Data, scene: Scene) -> Figure:
+    """Position, first and second kinematic coefficients of pins and marked points over the crank angle."""
+    return _points(data, scene, moving(data, scene).pins, "Pins and marked points")
+
+
+@styled
+def centres_figure(data: Data, scene: Scene) -> Figure:
+    """The same of the mass centres that move on their own."""
+    return _points(data, scene, moving(data, scene).centres, "Mass centres")
+
+
+def _points(data: Data, scene: Scene, names: list[str], title: str) -> Figure:
+    phi = degrees(data, scene)
+    keys = [key(name, **line(i)) for i, name in enumerate(names)]
+    figure, axes = sheet(title, 3, 2, panel=1.55, keys=[*keys, *window_keys(scene)])
+    for row, (quantity, unit, *components) in enumerate(ORDERS):
+        curves = {(n, c): closed(data, data["points"][n][c]) for n in names for c in components}
+        factor, shown = prefixed(largest(curves.values()), unit)
+        for column, component in enumerate(components):
+            ax = axes[row][column]
+            for i, name in enumerate(names):
+                ax.plot(phi, factor * curves[name, component], **line(i))
+            ax.set_title(label(f"{'xy'[column]}{('', '′', '″')[row]}, {quantity}", shown))
+    for column in (0, 1):
+        over_crank([row[column] for row in axes], scene, columns=2)
+    return figure
+
+
+@styled
+def links_figure(data: Data, scene: Scene) -> Figure:
+    """Angle, first and second kinematic coefficients of the links, and transmission angles of the groups."""
+    phi, count = degrees(data, scene), np.size(data["angles"])
+    turning = [n for n, link in data["links"].items() if largest([link["d"]]) > 0]
+    groups = {n: g["transmission_angle"] for n, g in data.get("groups", {}).items()
+              if np.size(g.get("transmission_angle", ())) == count}  # fmt: skip
+    looks = {name: line(i) | {"color": INK, "linewidth": 1.3} for i, name in enumerate(groups)}
+    keys = [key(name, **line(i)) for i, name in enumerate(turning)]
+    keys += [key(f"μ, {name}", **look) for name, look in looks.items()]
+    figure, axes = sheet("Links", 2, 2, panel=1.9, keys=[*keys, *window_keys(scene)])
+    (angles, first), (transmission, second) = axes
+    for i, name in enumerate(turning):
+        link = data["links"][name]
+        angle = np.degrees(np.asarray(link["angle"], float))
+        climb = 360 * np.round((angle[-1] - angle[0]) / 360)
+        angles.plot(phi, closed(data, angle, climb), **line(i))
+        first.plot(phi, closed(data, link["d"]), **line(i))
+        second.plot(phi, closed(data, link["dd"]), **line(i))
+    for name, values in groups.items():
+        transmission.plot(phi, np.degrees(closed(data, values)), **looks[name])
+    angles.set_title("θ, angle to the x axis  (°)")
+    first.set_title("ω′ = dθ/dφ")
+    second.set_title("ε′ = d²θ/dφ²")
+    transmission.set_title("μ, transmission angle  (°)")
+    for column in (0, 1):
+        over_crank([row[column] for row in axes], scene, columns=2)
+    transmission.set_ylim(0, 180)
+    transmission.set_yticks([0, 40, 90, 140, 180])
+    for limit in (40, 140):  # outside these a group works badly
+        transmission.axhline(limit, color=VERMILION, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+    return figure
+
+
+@styled
+def velocity_hodographs_figure(data: Data, scene: Scene) -> Figure:
+    """Hodographs of the first kinematic coefficients: the velocities at unit crank speed."""
+    return _hodographs(data, scene, 1, "Hodographs of the first coefficients (velocity / ω)")
+
+
+@styled
+def acceleration_hodographs_figure(data: Data, scene: Scene) -> Figure:
+    """Hodographs of the second kinematic coefficients: the accelerations at constant unit crank speed."""
+    return _hodographs(data, scene, 2, "Hodographs of the second coefficients (acceleration / ω²)")
+
+
+def _hodographs(data: Data, scene: Scene, order: int, title: str) -> Figure:
+    names = [name for group in moving(data, scene) for name in group]
+    columns = 3
+    rows = -(-len(names) // columns) or 1
+    figure, axes = sheet(title, rows, columns, panel=0.0, keys=mark_keys(scene), gap=(0.5, 0.5), square=True)
+    cells = [ax for row in axes for ax in row]
+    _, unit, cx, cy = ORDERS[order]
+    for ax, name in zip(cells, names, strict=False):
+        curve = np.stack([closed(data, data["points"][name][c]) for c in (cx, cy)])
+        factor, shown = prefixed(largest([curve]), unit)
+        hodograph(ax, degrees(data, scene), factor * curve, {"color": BLUE, "linewidth": 1.4})
+        frame_equal(ax, [factor * curve])
+        ax.set_title(label(name, shown))
+    blank(cells[len(names) :])
+    return figure
+
+
+@styled
+def inertia_figure(data: Data, scene: Scene) -> Figure:
+    """Reduced inertia J and its slope J′ over the crank angle."""
+    phi, reduced = degrees(data, scene), data["reduced"]
+    inertia, slope = closed(data, reduced["inertia"]), closed(data, reduced["inertia_slope"])
+    wheel = float(data.get("flywheel", {}).get("given", 0.0))
+    keys = [key("flywheel's share", color=GREY, linewidth=1.0, linestyle=(0, (5, 2)))] if wheel > 0 else []
+    figure, axes = sheet("Reduced inertia", 2, 1, panel=1.9, keys=[*keys, *window_keys(scene)])
+    top, bottom = (row[0] for row in axes)
+    for ax, values, name, unit, colour in (
+        (top, inertia, "J", "kg·m²", BLUE),
+        (bottom, slope, "J′ = dJ/dφ", "kg·m²/rad", VERMILION),
+    ):
+        factor, shown = prefixed(largest([values]), unit)
+        ax.plot(phi, factor * values, color=colour, linewidth=1.6)
+        ax.set_title(label(name, shown))
+        if ax is top and wheel > 0:
+            ax.axhline(factor * wheel, color=GREY, linewidth=1.0, linestyle=(0, (5, 2)))
+    bottom.axhline(0, color=GREY, linewidth=0.6)
+    over_crank([top, bottom], scene)
+    return figure

@@ -1,0 +1,296 @@
+"""The machine drawn to scale."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, FancyArrowPatch, Polygon, Wedge
+from matplotlib.path import Path
+
+from linkjax.machine import Scene
+from linkjax.viz._labels import along, place_labels
+from linkjax.viz._skeleton import Arrow, Place, Places, Shape, Skeleton, arrows, clearest, path, places, skeleton
+from linkjax.viz._style import (
+    BLACK,
+    COLOURS,
+    GREY,
+    INK,
+    TEXT,
+    VERMILION,
+    WIDTH,
+    Data,
+    canvas,
+    key,
+    legend_columns,
+    prefixed,
+    styled,
+)
+
+JOINT, CENTRE = 3.4, 5.0  # points: radius of a joint, and of a mass centre's symbol
+ARROW, ARC = 46.0, 15.0  # points: length of a force arrow, radius of a torque's
+BLOCK = (10.5, 7.0)  # points: half length and half height of a sliding block
+MARGIN = (36.0, 46.0, 36.0, 30.0)  # points: left, bottom, right, top
+
+
+class Stage(NamedTuple):
+    """A figure with a panel in equal scales; `unit` is the length (m) that one typographic point stands for."""
+
+    figure: Figure
+    ax: Axes
+    unit: float
+
+
+@styled
+def machine_figure(data: Data, scene: Scene, angle: float | None = None) -> Figure:
+    """The machine to scale at a crank angle (rad; by default one at which the loads act and the joints stand apart).
+
+    Links with their joints, ground, guides and blocks, mass centres as quartered circles, paths of pins and marked
+    points, the loads that act there, a scale bar.
+    """
+    look = skeleton(data, scene)
+    angle = clearest(data, scene, look) if angle is None else float(angle)
+    keys = [key(s.link, color=colour(i), linewidth=4.5) for i, s in enumerate(look.shapes)]
+    title = scene.title or str(data.get("scene", "")) or "Machine"
+    stage = make_stage(look, WIDTH, 5.4, 0.42 + 0.19 * legend_columns(keys)[1])
+    figure = stage.figure
+    height = figure.get_size_inches()[1]
+    figure.text(0.3 / WIDTH, 1 - 0.12 / height, title, size=TEXT + 2.5, weight="bold", va="top")
+    where = f"φ = {math.degrees(angle):.4g}°"
+    figure.text(1 - 0.3 / WIDTH, 1 - 0.14 / height, where, size=TEXT + 1, va="top", ha="right")
+    figure.legend(
+        handles=keys, loc="upper left", bbox_to_anchor=(0.28 / WIDTH, 1 - 0.36 / height), ncols=legend_columns(keys)[0],
+        borderaxespad=0, borderpad=0, handlelength=1.8, columnspacing=1.4, labelspacing=0.3,
+    )  # fmt: skip
+    draw_frame(stage, data, look)
+    at = places(data, scene, angle)
+    working = arrows(data, scene, angle)
+    draw_links(stage, look, at, working)
+    draw_names(stage, data, look, at, working)
+    return figure
+
+
+def make_stage(look: Skeleton, width: float, tallest: float, head: float) -> Stage:
+    """A figure `width` inches wide, at most `tallest` high, whose panel below `head` inches holds the whole cycle."""
+    left, bottom, right, top = MARGIN
+    spread = np.maximum(look.high - look.low, 1e-3 * look.size)
+    room = np.array([72 * width - left - right, 72 * (tallest - head) - bottom - top])
+    scale = float(np.min(room / spread))  # points per metre
+    drawn = max(scale * spread[1] + bottom + top, 72 * 1.5)
+    height = head + drawn / 72
+    figure = canvas(width, height)
+    ax = figure.add_axes((0, 0, 1, 1 - head / height))
+    unit = 1 / scale
+    x = 0.5 * (look.low[0] + look.high[0]) + 0.5 * (right - left) * unit
+    y = 0.5 * (look.low[1] + look.high[1]) + 0.5 * (top - bottom) * unit
+    ax.set_xlim(x - 36 * width * unit, x + 36 * width * unit)
+    ax.set_ylim(y - 0.5 * drawn * unit, y + 0.5 * drawn * unit)
+    ax.set_axis_off()
+    return Stage(figure, ax, unit)
+
+
+def colour(index: int) -> str:
+    """Colour of the link of this index."""
+    return COLOURS[index % len(COLOURS)]
+
+
+def tint(name: str, share: float = 0.3) -> tuple[float, float, float]:
+    """A colour mixed with white."""
+    r, g, b = (1 - share + share * part for part in to_rgb(name))
+    return r, g, b
+
+
+def draw_frame(stage: Stage, data: Data, look: Skeleton) -> None:
+    """What does not move: paths, guides, ground, scale bar."""
+    ax, unit = stage.ax, stage.unit
+    for point in look.traced:
+        ax.plot(*path(data, point), color="#c3ccd4", linewidth=0.9, zorder=1)
+    for guide in look.guides:
+        t = np.array([math.cos(guide.angle), math.sin(guide.angle)])
+        n = np.array([-t[1], t[0]])
+        first, last = (end + sign * (BLOCK[0] + 8) * unit * t for end, sign in zip(guide.ends, (-1, 1), strict=True))
+        for side in (1, -1):
+            offset = side * (BLOCK[1] + 0.8) * unit * n
+            _ground(stage, first + offset, last + offset, side * n)
+    places_ = data["points"]
+    for point in look.pivots:
+        at = np.array([float(np.ravel(places_[point][k])[0]) for k in ("x", "y")])
+        foot = at - np.array([0, 12.5]) * unit
+        sole = np.array([8.5, 0]) * unit
+        corners = np.stack([at, foot - 0.85 * sole, foot + 0.85 * sole])
+        ax.add_patch(Polygon(corners, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=2, joinstyle="round"))
+        _ground(stage, foot - 1.5 * sole, foot + 1.5 * sole, np.array([0.0, -1.0]))
+    _scale_bar(stage)
+
+
+def _ground(stage: Stage, start: np.ndarray, end: np.ndarray, outward: np.ndarray) -> None:
+    """A line of the frame with hatching on its outer side."""
+    ax, unit = stage.ax, stage.unit
+    ax.plot(*np.stack([start, end], axis=1), color=INK, linewidth=1.0, zorder=2, solid_capstyle="butt")
+    t = (end - start) / math.hypot(*(end - start))
+    marks = along(start, end, 4.6 * unit)[:-1] + 2.3 * unit * t
+    strokes = [(mark, mark + 4.5 * unit * (outward - t)) for mark in marks]
+    ax.add_collection(LineCollection(strokes, colors=GREY, linewidths=0.7, zorder=1.9))
+
+
+def _scale_bar(stage: Stage) -> None:
+    ax, unit = stage.ax, stage.unit
+    (left, right), (bottom, _) = ax.get_xlim(), ax.get_ylim()
+    wanted = 0.22 * (right - left)
+    power = 10.0 ** math.floor(math.log10(wanted))
+    length = max(k * power for k in (1, 2, 5) if k * power <= wanted)
+    x, y = left + 22 * unit, bottom + 12 * unit
+    outline = np.array([[0, 3], [0, -3], [0, 0], [1, 0], [1, -3], [1, 3]]) * (length, unit) + (x, y)
+    ax.plot(*outline.T, color=INK, linewidth=1.0, solid_joinstyle="miter", zorder=2)
+    factor, shown = prefixed(length, "m")
+    ax.text(x + 0.5 * length, y + 3 * unit, f"{factor * length:g} {shown}", ha="center", va="bottom", fontsize=TEXT - 1)
+
+
+def draw_links(stage: Stage, look: Skeleton, at: Places, working: list[Arrow]) -> list[Artist]:
+    """What moves: links, blocks, joints, mass centres and loads; the artists, in order of drawing."""
+    artists: list[Artist] = []
+    for i, shape in enumerate(look.shapes):
+        artists += _block(stage, look, shape, at, i) if shape.block else _bar(stage, shape, at, i)
+    dots = {p for shape in look.shapes for p in shape.marked} - set(look.joints)
+    marks = [(p, JOINT) for p in look.joints] + [(p, 2.0) for p in sorted(dots)]
+    for point, radius in marks:
+        face = "white" if point in look.joints else INK
+        look_ = {"facecolor": face, "edgecolor": INK, "linewidth": 1.1, "zorder": 6}
+        artists.append(Circle(_place(at[point]), radius * stage.unit, **look_))
+    for shape in look.shapes:
+        if shape.centre:
+            artists += _quartered(stage, _place(at[shape.centre]))
+    for arrow in working:
+        artists += _load(stage, arrow)
+    for artist in artists:
+        stage.ax.add_artist(artist)
+    return artists
+
+
+def _place(at: np.ndarray) -> Place:
+    return float(at[0]), float(at[1])
+
+
+def _bar(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
+    """A bar, or a plate through all its points, with a rounded outline."""
+    corners = np.stack([at[p] for p in (*shape.pins, *shape.marked)])
+    axis = corners[1] - corners[0]
+    axis = axis / (math.hypot(*axis) or 1.0)
+    off, on = (corners - corners[0]) @ np.array([-axis[1], axis[0]]), (corners - corners[0]) @ axis
+    if np.ptp(off) < 3 * stage.unit:
+        corners = corners[[int(np.argmin(on)), int(np.argmax(on))]]
+    else:
+        out = corners - corners.mean(axis=0)
+        corners = corners[np.argsort(np.arctan2(out[:, 1], out[:, 0]))]
+    edge, fill, order = colour(index), tint(colour(index)), 3 + 0.1 * index
+    if len(corners) == 2:
+        return [
+            Line2D(*corners.T, color=edge, linewidth=10.5, solid_capstyle="round", zorder=order),
+            Line2D(*corners.T, color=fill, linewidth=8.3, solid_capstyle="round", zorder=order + 0.01),
+        ]
+    looks: list[dict[str, Any]] = [
+        {"edgecolor": edge, "facecolor": edge, "linewidth": 10.5, "zorder": order},
+        {"edgecolor": fill, "facecolor": fill, "linewidth": 8.3, "zorder": order + 0.01},
+    ]
+    return [Polygon(corners, closed=True, joinstyle="round", **each) for each in looks]
+
+
+def _block(stage: Stage, look: Skeleton, shape: Shape, at: Places, index: int) -> list[Artist]:
+    """A block, turned along its guide."""
+    angle = next((g.angle for g in look.guides if g.block == shape.link), 0.0)
+    t = stage.unit * np.array([math.cos(angle), math.sin(angle)])
+    n = np.array([-t[1], t[0]])
+    a, b = BLOCK[0] * t, BLOCK[1] * n
+    corners = at[shape.pins[0]] + np.stack([a + b, b - a, -a - b, a - b])
+    return [Polygon(corners, closed=True, edgecolor=colour(index), facecolor=tint(colour(index)), linewidth=1.3,
+                    zorder=2.5)]  # fmt: skip
+
+
+def _quartered(stage: Stage, centre: Place) -> list[Artist]:
+    """The symbol of a mass centre."""
+    radius = CENTRE * stage.unit
+    return [
+        Circle(centre, radius, facecolor="white", edgecolor=BLACK, linewidth=0.9, zorder=6.2),
+        *(Wedge(centre, radius, a, a + 90, facecolor=BLACK, linewidth=0, zorder=6.3) for a in (0, 180)),
+    ]
+
+
+def _tail(stage: Stage, arrow: Arrow) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of a force arrow: head at the point, or tail there when the arrow would leave the picture."""
+    reach = ARROW * stage.unit * arrow.along
+    gap = 6.5 * stage.unit * arrow.along
+    tail, head = arrow.at - gap - reach, arrow.at - gap
+    (left, right), (low, high) = stage.ax.get_xlim(), stage.ax.get_ylim()
+    if left < tail[0] < right and low < tail[1] < high:
+        return tail, head
+    return arrow.at + gap, arrow.at + gap + reach
+
+
+def _load(stage: Stage, arrow: Arrow) -> list[Artist]:
+    """A force as a straight arrow, a torque as an arc about the pin."""
+    style: dict[str, Any] = {
+        "arrowstyle": "-|>", "mutation_scale": 11, "color": VERMILION, "linewidth": 2.0, "zorder": 7, "shrinkA": 0,
+        "shrinkB": 0,
+    }  # fmt: skip
+    if arrow.turn == 0:
+        tail, head = _tail(stage, arrow)
+        return [FancyArrowPatch(_place(tail), _place(head), **style)]
+    sweep = np.radians(np.linspace(205, -25, 40) if arrow.turn < 0 else np.linspace(-25, 205, 40))
+    curve = arrow.at + ARC * stage.unit * np.stack([np.cos(sweep), np.sin(sweep)], axis=1)
+    return [FancyArrowPatch(path=Path(curve), **style)]
+
+
+def draw_names(stage: Stage, data: Data, look: Skeleton, at: Places, working: list[Arrow]) -> None:
+    """Names of points, mass centres and loads, placed where they cover least."""
+    unit = stage.unit
+    centres = [shape.centre for shape in look.shapes if shape.centre]
+    marked = [p for shape in look.shapes for p in shape.marked if p not in look.joints]
+    spots: list[tuple[list[str], np.ndarray]] = []
+    for point in [*look.joints, *marked, *centres]:
+        near = next((names for names, spot in spots if math.hypot(*(spot - at[point])) < 4 * unit), None)
+        if near is None:
+            spots.append(([point], at[point]))
+        else:
+            near.append(point)
+    names = [(", ".join(group), spot, GREY if group[0] in centres else INK) for group, spot in spots]
+    for arrow in working:
+        start = arrow.at + np.array([0, ARC * unit]) if arrow.turn else _tail(stage, arrow)[0]
+        names.append((arrow.text, start, VERMILION))
+    solid = [at[p][None] for p in (*look.joints, *centres)] + [_covered(stage, arrow) for arrow in working]
+    for shape in look.shapes:
+        corners = [at[p] for p in (*shape.pins, *shape.marked)]
+        solid += [along(a, b, 2.5 * unit) for i, a in enumerate(corners) for b in corners[:i]]
+        solid += [at[shape.pins[0]] + unit * _raster(BLOCK[0], -BLOCK[1], BLOCK[1])] if shape.block else []
+    solid += [at[p] + unit * _raster(9.0, -13.0, -3.0) for p in look.pivots]
+    for guide in look.guides:
+        normal = np.array([-math.sin(guide.angle), math.cos(guide.angle)]) * (BLOCK[1] + 1.5) * unit
+        solid += [along(guide.ends[0] + side * normal, guide.ends[1] + side * normal, 2.5 * unit) for side in (1, -1)]
+    faint = [path(data, p).T for p in look.traced] or [np.zeros((0, 2))]
+    (left, right), (low, high) = stage.ax.get_xlim(), stage.ax.get_ylim()
+    found = place_labels(
+        [text for text, _, _ in names], np.stack([spot for _, spot, _ in names]) / unit, np.concatenate(solid) / unit,
+        np.concatenate(faint) / unit, size=TEXT, limits=(left / unit, low / unit, right / unit, high / unit),
+    )  # fmt: skip
+    for (text, _, ink), (x, y) in zip(names, found, strict=True):
+        stage.ax.text(x * unit, y * unit, text, ha="center", va="center", fontsize=TEXT, color=ink, zorder=8)
+
+
+def _covered(stage: Stage, arrow: Arrow) -> np.ndarray:
+    """Points along a load's arrow."""
+    if arrow.turn == 0:
+        return along(*_tail(stage, arrow), 2.5 * stage.unit)
+    sweep = np.radians(np.arange(-25, 206, 15))
+    return arrow.at + ARC * stage.unit * np.stack([np.cos(sweep), np.sin(sweep)], axis=1)
+
+
+def _raster(half: float, low: float, high: float) -> np.ndarray:
+    """Points that fill a rectangle."""
+    x, y = np.meshgrid(np.linspace(-half, half, 5), np.linspace(low, high, 4))
+    return np.stack([x.ravel(), y.ravel()], axis=1)

@@ -1,0 +1,194 @@
+"""What a drawing has to know of a machine: which points make up which link, pivots, blocks, guides, mass centres."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
+from linkjax.machine import Scene
+from linkjax.viz._style import Data, closed, lost, prefixed
+
+Place = tuple[float, float]
+Places = dict[str, np.ndarray]
+
+
+class Shape(NamedTuple):
+    """A link to draw: its pins, its further marked points, its mass centre (None without mass), block or bar."""
+
+    link: str
+    pins: tuple[str, ...]
+    marked: tuple[str, ...]
+    centre: str | None
+    block: bool
+
+
+class Guide(NamedTuple):
+    """A straight guide of the frame: the block on it, its direction (rad) and the two ends of the pin's stroke."""
+
+    block: str
+    angle: float
+    ends: tuple[np.ndarray, np.ndarray]
+
+
+class Arrow(NamedTuple):
+    """A working load at work: force arrow along `along` with its head at `at`, or a torque of sense `turn` about it."""
+
+    text: str
+    at: np.ndarray
+    along: np.ndarray
+    turn: int
+
+
+class Skeleton(NamedTuple):
+    """Everything about a machine's looks that does not move, and the size of the drawing (m)."""
+
+    shapes: tuple[Shape, ...]
+    pivots: tuple[str, ...]
+    joints: tuple[str, ...]
+    guides: tuple[Guide, ...]
+    traced: tuple[str, ...]
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def size(self) -> float:
+        """Larger side of the rectangle in which all points stay over the cycle."""
+        return float(np.max(self.high - self.low)) or 1.0
+
+
+def skeleton(data: Data, scene: Scene) -> Skeleton:
+    """Read the looks of a machine off its scene and the paths of its points."""
+    mechanism = scene.mechanism
+    shapes, joints = [], []
+    for group in mechanism.groups:
+        for name, ends in group.pins().items():
+            link = mechanism.links[name]
+            pins = tuple(p for p in ends if p is not None)
+            heavy = float(link.actual().mass) > 0
+            shapes.append(Shape(name, pins, tuple(link.points), link.centre_name if heavy else None,
+                                name in group.translating()))  # fmt: skip
+            joints += [p for p in pins if p not in joints]
+    drawn = {p for shape in shapes for p in (*shape.pins, *shape.marked, *([shape.centre] if shape.centre else []))}
+    paths = {p: path(data, p) for p in data["points"] if p in drawn}
+    sound = np.concatenate(list(paths.values()), axis=1)
+    sound = sound[:, np.all(np.isfinite(sound), axis=0)]
+    if not sound.size:
+        sound = np.zeros((2, 1))
+    pivots = tuple(p for p in joints if p in mechanism.fixed)
+    loaded = {load.point for load in scene.loads}
+    traced = tuple(p for s in shapes for p in (*s.pins[1:], *s.marked, s.centre)
+                   if p and (p != s.centre or p in loaded) and p in paths)  # fmt: skip
+    guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block) if g)
+    low, high = sound.min(axis=1), sound.max(axis=1)
+    return Skeleton(tuple(shapes), pivots, tuple(joints), guides, tuple(dict.fromkeys(traced)), low, high)
+
+
+def path(data: Data, point: str) -> np.ndarray:
+    """Path of a point over the closed cycle, shape (2, angles + 1)."""
+    where = data["points"][point]
+    return np.stack([closed(data, where["x"]), closed(data, where["y"])])
+
+
+def _guide(data: Data, shape: Shape, paths: Places) -> Guide | None:
+    """The guide of a block that never turns and whose pin keeps to a straight line, None where there is none."""
+    angle = float(np.mean(np.asarray(data["links"][shape.link]["angle"], float)))
+    along = np.array([math.cos(angle), math.sin(angle)])
+    track = paths[shape.pins[0]]
+    track = track[:, np.all(np.isfinite(track), axis=0)]
+    if not track.size:
+        return None
+    stroke, off = along @ track, along[0] * track[1] - along[1] * track[0]
+    if np.ptp(off) > 1e-6 * max(np.ptp(stroke), 1e-12):
+        return None
+    base = track[:, 0] - along * stroke[0]
+    return Guide(shape.link, angle, (base + along * stroke.min(), base + along * stroke.max()))
+
+
+def places(data: Data, scene: Scene, angle: float) -> Places:
+    """Positions of all points at a crank angle (rad), between the angles given by cubic Hermite interpolation."""
+    angles, cycle = np.asarray(data["angles"], float), scene.cycle
+    knots = np.append(angles, angles[0] + cycle)
+    angle = angles[0] + (angle - angles[0]) % cycle
+    i = int(np.clip(np.searchsorted(knots, angle, side="right") - 1, 0, angles.size - 1))
+    h, j = knots[i + 1] - knots[i], (i + 1) % angles.size
+    t = (angle - knots[i]) / h
+    near, far = (1 + 2 * t) * (1 - t) ** 2, t * t * (3 - 2 * t)
+    leave, arrive = h * t * (1 - t) ** 2, h * t * t * (t - 1)
+
+    def between(p, x, dx):
+        value, slope = (np.broadcast_to(np.asarray(p[k], float), angles.shape) for k in (x, dx))
+        return near * value[i] + far * value[j] + leave * slope[i] + arrive * slope[j]
+
+    return {n: np.array([between(p, "x", "dx"), between(p, "y", "dy")]) for n, p in data["points"].items()}
+
+
+def velocity(data: Data, scene: Scene, point: str, angle: float) -> np.ndarray:
+    """First kinematic coefficient of a point at a crank angle, linear between the angles given."""
+    p, phi = data["points"][point], np.append(np.asarray(data["angles"], float), scene.cycle)
+    return np.array([np.interp(angle % scene.cycle, phi, closed(data, p[k])) for k in ("dx", "dy")])
+
+
+def arrows(data: Data, scene: Scene, angle: float) -> list[Arrow]:
+    """The working loads that act at a crank angle."""
+    found, at = [], places(data, scene, angle)
+    origins = scene.mechanism.origins()
+    for load in scene.loads:
+        if not acts(load, angle, scene.cycle):
+            continue
+        nothing = np.zeros(2)
+        if isinstance(load, Force | OpposingForce):
+            if isinstance(load, Force):
+                force = np.array([float(load.force.x), float(load.force.y)])
+                size = math.hypot(*force)
+            else:
+                force, size = -velocity(data, scene, load.point, angle), float(load.magnitude)
+            if size > 0 and math.hypot(*force) > 0:
+                text = f"{load.name} {_amount(size, 'N')}"
+                found.append(Arrow(text, at[load.point], force / math.hypot(*force), 0))
+        elif isinstance(load, Torque | OpposingTorque):
+            if isinstance(load, Torque):
+                torque = float(load.torque)
+            else:
+                link = data["links"][load.link]
+                phi = np.append(np.asarray(data["angles"], float), scene.cycle)
+                torque = -float(load.magnitude * np.sign(np.interp(angle % scene.cycle, phi, closed(data, link["d"]))))
+            if torque != 0:
+                text = f"{load.name} {_amount(abs(torque), 'N·m')}"
+                found.append(Arrow(text, at[origins[load.link]], nothing, 1 if torque > 0 else -1))
+    return found
+
+
+def acts(load, angle: float, cycle: float) -> bool:
+    """Whether a load acts at a crank angle."""
+    if load.window is None:
+        return True
+    on, off = float(load.window.on), float(load.window.off)
+    return (angle - on) % cycle < (off - on) % cycle
+
+
+def _amount(value: float, unit: str) -> str:
+    factor, shown = prefixed(value, unit)
+    return f"{factor * value:.4g} {shown}"
+
+
+def clearest(data: Data, scene: Scene, look: Skeleton) -> float:
+    """The crank angle (rad, whole degrees) with the most loads at work, and of these the one with joints best apart."""
+    best, chosen = (-1, -1.0), 0.0
+    good = ~lost(data)
+    angles = np.asarray(data["angles"], float)
+    for angle in np.radians(np.arange(0, 360 * scene.cycle_turns, 5)):
+        at = places(data, scene, float(angle))
+        spots = np.stack([at[p] for p in look.joints])
+        gaps = np.hypot(*(spots[:, None] - spots[None]).T) + np.eye(len(spots)) * 1e9
+        lengths = [at[s.pins[1]] - at[s.pins[0]] for s in look.shapes if len(s.pins) > 1]
+        spread = min((abs(a[0] * b[1] - a[1] * b[0]) / (math.hypot(*a) * math.hypot(*b) or 1.0)
+                      for i, a in enumerate(lengths) for b in lengths[:i]), default=1.0)  # fmt: skip
+        working = sum(acts(load, float(angle), scene.cycle) for load in scene.loads)
+        sound = bool(good[int(np.argmin(np.abs(angles - angle)))])
+        score = (working if sound else -1, float(gaps.min()) / look.size * (0.15 + spread))
+        if score > best:
+            best, chosen = score, float(angle)
+    return chosen

@@ -1,0 +1,29 @@
+"""Strict JAX for every test: float64, nothing promoted silently, two CPU devices, compiled programs kept.
+
+linkjax itself must not be imported here: its annotations are checked by a hook that acts on import.
+"""
+
+import os
+import zlib
+from pathlib import Path
+
+CACHE = Path(__file__).parents[1] / ".cache"
+os.environ["XDG_CACHE_HOME"] = str(CACHE)  # also for programs that tests start: nothing is written outside
+os.environ["MPLBACKEND"] = "agg"
+
+import jax  # noqa: E402
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_num_cpu_devices", 2)
+jax.config.update("jax_compilation_cache_dir", str(CACHE / "jax"))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+@pytest.fixture
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    """Random numbers that depend on nothing but the name of the test."""
+    return np.random.default_rng(zlib.crc32(request.node.name.encode()))

@@ -1,0 +1,58 @@
+"""Comparisons that several tests share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "linkjax"
+
+
+def assert_gradients_agree(
+    function: Callable[[Any], jax.Array],
+    tree: Any,
+    rng: np.random.Generator,
+    *,
+    forward: float = 1e-10,
+    difference: float = 1e-6,
+    step: float = 1e-4,
+    directions: int = 3,
+) -> None:
+    """Gradients of a scalar `function` of a pytree: reverse against forward mode, and against differences.
+
+    Every leaf is scaled by its own size (by one where it is zero), and errors are relative to the norm of the gradient
+    so scaled. Differences are central, of fourth order, along random directions; `step` is relative.
+    """
+    flat, rebuild = ravel_pytree(tree)
+    scale = jnp.where(flat == 0, 1.0, jnp.abs(flat))
+
+    def scaled(x):
+        return function(rebuild(flat + scale * x))
+
+    origin = jnp.zeros_like(flat)
+    reverse = np.asarray(jax.jit(jax.grad(scaled))(origin))
+    ahead = np.asarray(jax.jit(jax.jacfwd(scaled))(origin))
+    size = np.linalg.norm(reverse)
+    assert np.all(np.isfinite(reverse)), "the gradient is not finite"
+    assert size > 0, "the gradient is zero"
+    assert np.linalg.norm(reverse - ahead) <= forward * size, "reverse and forward mode differ"
+    value = jax.jit(scaled)
+    for _ in range(directions):
+        d = rng.normal(size=flat.shape)
+        d /= np.linalg.norm(d)
+        near, far = (float(value(h * d) - value(-h * d)) for h in (step, 2 * step))
+        slope = (8 * near - far) / (12 * step)
+        assert abs(slope - reverse @ d) <= difference * size, "gradient and differences differ"
+
+
+def ulps(value: Any, exact: Any) -> np.ndarray:
+    """Errors of float64 values, in units in the last place of the exact ones (numbers of any precision)."""
+    pairs = zip(np.asarray(value, dtype=float), exact, strict=True)
+    return np.asarray([abs(float((float(v) - e) / float(np.spacing(abs(float(e)))))) for v, e in pairs])

@@ -1,0 +1,67 @@
+"""Documentation that cannot rot: examples run, links lead somewhere, what is named exists."""
+
+import doctest
+import importlib
+import re
+import tomllib
+
+import pytest
+
+from linkjax.groups import KINDS
+from tests.helpers import PACKAGE, ROOT
+
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "studies").rglob("*.md")])
+
+
+def name(path):
+    return path.relative_to(ROOT).as_posix()
+
+
+def blocks(path, language):
+    """Fenced blocks in one language, each padded so that line numbers are those of the page."""
+    text = path.read_text(encoding="utf-8")
+    for found in re.finditer(rf"^```{language}\n(.*?)^```", text, re.M | re.S):
+        yield "\n" * text[: found.start(1)].count("\n") + found[1]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_python_blocks_run(path, tmp_path, monkeypatch):
+    """The Python blocks of a page, one after the other as one program."""
+    monkeypatch.chdir(tmp_path)
+    program: dict = {}
+    for block in blocks(path, "python"):
+        exec(compile(block, str(path), "exec"), program)
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_toml_blocks_parse(path):
+    for block in blocks(path, "toml"):
+        tomllib.loads(block)
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_links_lead_somewhere(path):
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.M | re.S)
+    targets = [t.split("#")[0] for t in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in t and t[0] != "#"]
+    assert [t for t in targets if not (path.parent / t).exists()] == []
+
+
+def test_named_make_targets_exist():
+    made = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    for path in PAGES:
+        used = re.findall(r"(?:`|\$ )make ([a-z-]+)", path.read_text(encoding="utf-8"))
+        assert set(used) <= made, path
+
+
+def test_every_kind_of_group_is_in_the_conventions():
+    text = (ROOT / "docs/conventions.md").read_text(encoding="utf-8")
+    assert [kind for kind, group in KINDS.items() if f"| `{kind}` | {group.formula} |" not in text] == []
+
+
+def test_docstring_examples():
+    for path in PACKAGE.rglob("*.py"):
+        if ">>> " in path.read_text(encoding="utf-8"):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            module = importlib.import_module(".".join(part for part in parts if part != "__init__"))
+            outcome = doctest.testmod(module, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+            assert outcome.attempted and not outcome.failed, path

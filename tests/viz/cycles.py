@@ -1,0 +1,18 @@
+"""Analysed built-in machines that the tests of drawings and reports share."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import linkjax as lj
+from linkjax.analysis import document
+
+SCENES = lj.scene_names()
+
+
+@functools.cache
+def analysed(name: str) -> tuple[lj.Scene, dict[str, Any]]:
+    """A built-in scene and the document of its analysis; not to be changed."""
+    scene = lj.load(name)
+    return scene, document(lj.analyse(scene), name, lj.__version__)

@@ -1,0 +1,201 @@
+"""Every figure of every built-in machine; warnings are errors throughout."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from linkjax import viz
+from linkjax.viz import PICTURES
+from linkjax.viz._forces import cases, joints
+from tests.helpers import PACKAGE
+from tests.viz.cycles import SCENES, analysed
+
+PICTURE = {picture.name: picture for picture in PICTURES}
+
+
+def curves(figure: Figure) -> list[np.ndarray]:
+    """All lines of a figure that have a course, as (x, y) rows."""
+    lines = [np.asarray(line.get_xydata(), float) for ax in figure.axes for line in ax.get_lines()]
+    return [line.T for line in lines if len(line) > 2]
+
+
+def written(figure: Figure) -> list[Text]:
+    """Everything written in a figure that shows."""
+    texts = list(figure.texts)
+    for legend in figure.legends:
+        texts += legend.get_texts()
+    for ax in (ax for ax in figure.axes if ax.axison):
+        texts += [*ax.texts, ax.title]
+        for axis in (ax.xaxis, ax.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            texts += [axis.label, *(tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high)]
+    texts += [text for ax in figure.axes if not ax.axison for text in ax.texts]
+    return [text for text in texts if text.get_text() and text.get_visible()]
+
+
+def assert_tidy(figure: Figure) -> None:
+    """Nothing written sticks out of the figure, no panel's heading runs into the next panel's."""
+    figure.canvas.draw()
+    renderer = figure.canvas.get_renderer()  # pyright: ignore[reportAttributeAccessIssue]
+    page = figure.bbox
+    for text in written(figure):
+        box = text.get_window_extent(renderer)
+        inside = box.x0 >= page.x0 and box.y0 >= page.y0 and box.x1 <= page.x1 + 1 and box.y1 <= page.y1
+        assert inside, f"{text.get_text()} at {box}"
+    heads = [ax.title.get_window_extent(renderer) for ax in figure.axes if ax.title.get_text()]
+    for i, one in enumerate(heads):
+        assert not any(one.overlaps(other) for other in heads[:i])
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("picture", PICTURE)
+def test_every_figure_of_every_scene(picture, name):
+    scene, data = analysed(name)
+    before = matplotlib.rcParams.copy()
+    figure = PICTURE[picture].draw(data, scene)
+    assert matplotlib.rcParams == before
+    assert_tidy(figure)
+    found = curves(figure)
+    assert found
+    assert all(np.all(np.isfinite(curve)) for curve in found)
+    assert any(np.ptp(curve[1]) > 0 for curve in found)
+
+
+def test_no_global_drawing_state():
+    assert not [path for path in (PACKAGE / "viz").glob("*.py") if "pyplot" in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_curves_are_the_data(name):
+    scene, data = analysed(name)
+    phi = np.degrees(np.append(data["angles"], scene.cycle))
+    names = ("points", "inertia", "torque", "drive", "shaking", "reactions")
+    drawn = {picture: curves(PICTURE[picture].draw(data, scene)) for picture in names}
+
+    def found(picture: str, values: np.ndarray) -> bool:
+        wanted = np.append(values, values[0])
+        for x, y in drawn[picture]:
+            if len(x) == len(phi) and np.allclose(x, phi):
+                scale = 10.0 ** round(math.log10(np.max(np.abs(y)) / np.max(np.abs(wanted)) or 1.0))
+                if np.allclose(y, scale * wanted, rtol=1e-12, atol=1e-12 * np.max(np.abs(y))):
+                    return True
+        return False
+
+    crank = scene.mechanism.groups[0]
+    end = crank.pins()[crank.link_names()[0]][1]
+    assert found("points", data["points"][end]["x"])
+    assert found("points", data["points"][end]["ddy"])
+    assert found("inertia", data["reduced"]["inertia"])
+    assert found("inertia", data["reduced"]["inertia_slope"])
+    assert found("torque", data["reduced"]["torque"])
+    assert found("drive", data["forces_constant_speed"]["drive_torque"])
+    assert found("shaking", data["forces"]["shaking"]["moment"])
+    for joint, link, _ in joints(data):
+        for forces in (data["forces"], data["forces_constant_speed"]):
+            side = forces["reactions"][joint][link]
+            assert found("reactions", np.hypot(side["fx"], side["fy"]))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_extremes_of_the_speed_are_marked(name):
+    scene, data = analysed(name)
+    motion = data["motion"]
+    figure = viz.speed_figure(data, scene)
+    marks = [np.asarray(line.get_xydata())[0] for line in figure.axes[0].get_lines() if line.get_marker() in ("o", "s")]
+    wanted = [(math.degrees(motion[f"angle_of_{w}"]), motion[f"speed_{w}"] * 30 / math.pi) for w in ("max", "min")]
+    assert np.allclose(marks, wanted, rtol=1e-12)
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert f"δ = {viz.number(motion['delta'])}" in texts
+
+
+def test_every_joint_is_shown_once():
+    _, data = analysed("hay-press")
+    assert sorted(joint for joint, _, _ in joints(data)) == ["A", "B", "D", "E", "F", "G", "slider.guide"]
+
+
+def test_one_motion_alone():
+    scene, data = analysed("four-bar")
+    assert [case.name for case in cases(data)] == ["true motion", "constant speed"]
+    constant = {**data, "model": {**data["model"], "constant_speed": True}}
+    assert [case.name for case in cases(constant)] == ["constant speed"]
+    true = {key: part for key, part in data.items() if key != "forces_constant_speed"}
+    assert [case.name for case in cases(true)] == ["true motion"]
+    for document in (constant, true):
+        for picture in ("drive", "shaking", "reactions", "reaction-hodographs"):
+            assert curves(PICTURE[picture].draw(document, scene))
+
+
+@pytest.mark.parametrize("picture", PICTURE)
+def test_lost_angles_leave_a_gap(picture):
+    scene, data = analysed("four-bar")
+    lost = np.zeros(len(data["angles"]), int)
+    lost[100:140] = 3
+    figure = PICTURE[picture].draw({**data, "result": {**data["result"], "per_angle": lost}}, scene)
+    figure.canvas.draw()
+    found = [curve for curve in curves(figure) if curve.shape[1] == len(lost) + 1]
+    assert any(np.all(np.isnan(curve[1, 100:140])) and np.all(np.isfinite(curve[1, :100])) for curve in found)
+
+
+@pytest.mark.parametrize("picture", PICTURE)
+def test_two_turns(picture):
+    scene, data = analysed("slider-crank")
+    count = len(data["angles"])
+
+    def twice(value, climb=0.0):
+        if isinstance(value, dict):
+            return {key: twice(part) for key, part in value.items()}
+        return np.append(value, value + climb) if np.shape(value) == (count,) else value
+
+    double = twice(data) | {"angles": twice(data["angles"], 2 * math.pi)}
+    double["links"]["crank"]["angle"] = twice(data["links"]["crank"]["angle"], 2 * math.pi)
+    figure = PICTURE[picture].draw(double, dataclasses.replace(scene, cycle_turns=2))
+    assert_tidy(figure)
+    if picture in ("points", "speed", "reactions"):
+        assert {ax.get_xlim() for ax in figure.axes} == {(0.0, 720.0)}
+
+
+@pytest.mark.parametrize("picture", PICTURE)
+def test_names_are_not_read_as_formulas(picture):
+    scene, data = analysed("four-bar")
+    loads = tuple(dataclasses.replace(load, name=f"_{load.name} $x^2$ 5 $") for load in scene.loads)
+    named = {f"_{name} $x^2$ 5 $" if name != "gravity" else name: share
+             for name, share in data["reduced"]["torque_by_load"].items()}  # fmt: skip
+    strange = {**data, "reduced": {**data["reduced"], "torque_by_load": named}}
+    figure = PICTURE[picture].draw(strange, dataclasses.replace(scene, loads=loads, title="5 $ a_b $"))
+    figure.canvas.draw()
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "factor", "shown"),
+    [
+        (0.3, "m", 1e3, "mm"),
+        (25.0, "m", 1.0, "m"),
+        (2e-5, "m/rad²", 1e6, "µm/rad²"),
+        (0.0, "m", 1e3, "mm"),
+        (30e3, "N", 1e-3, "kN"),
+        (999.0, "N·m", 1.0, "N·m"),
+        (2e7, "W", 1e-6, "MW"),
+        (0.02, "N", 1e3, "mN"),
+        (0.02, "kg·m²", 1.0, "kg·m²"),
+        (2e-5, "kg·m²", 1e6, "10⁻⁶ kg·m²"),
+        (4e5, "kg·m²", 1e-3, "10³ kg·m²"),
+        (3.0, "", 1.0, ""),
+    ],
+)
+def test_prefixes(size, unit, factor, shown):
+    assert viz.prefixed(size, unit) == (pytest.approx(factor, rel=1e-12), shown)
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [(1.121524, 4, "1.122"), (-0.0144957, 4, "−0.01450"), (99999.6, 4, "100000"), (0.0, 4, "0"), (3e-12, 2, "3.0e−12")],
+)
+def test_numbers(value, digits, text):
+    assert viz.number(value, digits) == text
