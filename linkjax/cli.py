@@ -61,14 +61,16 @@ def main() -> None:
         sys.exit(1)
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool | None) -> None:
     if wanted:
         console.print(f"linkjax {__version__}", highlight=False)
         raise typer.Exit
 
 
 @app.callback()
-def _options(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False) -> None:
+def _options(
+    version: Annotated[bool | None, typer.Option("--version", callback=_version, is_eager=True)] = None,
+) -> None:
     """Planar machines: a whole working cycle, exact and differentiable."""
     enable_x64()
     use_compilation_cache()

@@ -1,0 +1,119 @@
+"""The command line: what it writes, says and returns."""
+
+import csv
+import json
+import math
+
+import jax
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import cli
+from linkjax.motion import steady
+
+
+def run(monkeypatch, capsys, *arguments):
+    """Exit code, standard output and standard error of one call."""
+    monkeypatch.setattr("sys.argv", ["linkjax", *map(str, arguments)])
+    monkeypatch.setattr(cli.console, "quiet", False)
+    monkeypatch.setattr(cli.console, "width", 160)
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    out, err = capsys.readouterr()
+    return stopped.value.code or 0, out, err
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    return lambda *arguments: run(monkeypatch, capsys, *arguments)
+
+
+def test_scenes_lists_every_scene_with_its_structure(call):
+    code, out, _ = call("scenes")
+    assert code == 0
+    for name in lj.scene_names():
+        assert name in out
+    assert "I1(crank) → II2(rod, slider) → II1(link4, rocker)" in out
+
+
+def test_show_tells_what_the_scene_holds(call):
+    code, out, _ = call("show", "hay-press", "--set", 'links.rod.length="1.1 m"')
+    assert code == 0
+    assert "700 rpm" in out
+    assert "1.1" in out
+    assert "hay: on rocker S5 against its motion, from 90 to 335 degrees" in out
+
+
+def test_new_writes_a_scene_that_loads_and_never_overwrites(call, tmp_path):
+    path = tmp_path / "mine"
+    assert call("new", path)[0] == 0
+    assert lj.load(tmp_path / "mine.toml").mechanism.crank
+    code, _, err = call("new", path)
+    assert code == 2
+    assert "exists already" in err
+
+
+@pytest.fixture(scope="module")
+def analysed(tmp_path_factory):
+    """One run of `analyse` with everything that it can write but the pictures."""
+    folder = tmp_path_factory.mktemp("analysed")
+    with pytest.MonkeyPatch.context() as patch:
+        words = ["analyse", "hay-press", "--json", folder / "all.json", "--csv", folder / "csv", "--angles", 72]
+        patch.setattr("sys.argv", ["linkjax", *map(str, words)])
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+    return stopped.value.code or 0, folder
+
+
+def test_analyse_writes_the_whole_document(analysed):
+    code, folder = analysed
+    assert code == 0
+    data = json.loads((folder / "all.json").read_text())
+    for key in ("scene", "linkjax_version", "precision", "model", "angles", "points", "links", "groups", "dead_centres",
+                "reduced", "motion", "flywheel", "forces", "peaks", "checks", "result"):  # fmt: skip
+        assert key in data
+    assert data["precision"] == "float64"
+    assert np.allclose(np.diff(data["angles"]), 2 * math.pi / 72, rtol=1e-12)
+    assert set(data["points"]) == {"A", "B", "D", "E", "F", "G", "S1", "S2", "S3", "S4", "S5"}
+    assert data["forces"]["reactions"]["B"]["rod"]["by"] == "crank"
+    assert data["forces"]["reactions"]["slider.guide"]["slider"]["by"] == "frame"
+    assert data["result"]["code"] == 0
+    assert max(data["checks"].values()) < 1e-10
+
+
+def test_the_document_agrees_with_python(analysed):
+    data = json.loads((analysed[1] / "all.json").read_text())
+    motion = jax.jit(lambda scene: steady(scene))(lj.load("hay-press"))
+    assert math.isclose(data["motion"]["delta"], float(motion.delta), rel_tol=1e-12)
+    # dead centres of the slider are those of a crank in line with its guide
+    slider = sorted(entry["angle"] for entry in data["dead_centres"] if entry.get("point") == "D")
+    assert np.allclose(slider, [0.0, math.pi], atol=1e-9)
+
+
+def test_tables_hold_the_same_numbers(analysed):
+    folder = analysed[1]
+    data = json.loads((folder / "all.json").read_text())
+    with (folder / "csv" / "points.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 72
+    assert [float(row["angle"]) for row in rows] == data["angles"]
+    assert [float(row["G.ddx"]) for row in rows] == data["points"]["G"]["ddx"]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (["analyse", "no-such-scene"], 2, "no such scene"),
+        (["analyse", "hay-press", "--set", "links.rod.lenght=1 m"], 2, "length"),
+        (["analyse", "hay-press", "--set", "links.rod.length"], 2, "KEY=VALUE"),
+        (["analyse", "hay-press", "--set", "links.rod.length=-1 m"], 2, "links.rod.length"),
+        (["analyse", "hay-press", "--motion", "magic"], 2, "magic"),
+        (["analyse", "hay-press", "--angles", "72", "--set", "links.rocker.length=0.1 m"], 1, "link4-rocker"),
+        (["analyse", "hay-press", "--angles", "72", "--set", "speed=20 rpm"], 1, "lowest mean speed"),
+    ],
+)
+def test_exit_codes_and_messages(call, words, code, says):
+    got, _, err = call(*words)
+    assert got == code
+    assert says in err
