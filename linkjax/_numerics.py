@@ -23,7 +23,8 @@ def root(function: Callable[[Array], Array], start: Array, solve: Callable, has_
     """Scalar root of `function`, found by `solve(function, start)`, differentiated implicitly.
 
     Forward, reverse and nested derivatives all follow from the implicit function theorem
-    (`jax.lax.custom_root`); with `has_aux` the solver also returns something that has no derivative. Where the slope at the root is zero the derivative is zero, not NaN.
+    (`jax.lax.custom_root`); with `has_aux` the solver also returns something that has no derivative. Where the slope
+    at the root is zero the derivative is zero, not NaN.
     """
 
     def tangent_solve(linear, value):

@@ -21,8 +21,8 @@ MESSAGES = {
     Result.SUCCESS: "The machine runs.",
     Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid has room for; "
     "the error estimates still hold. Give the load a window, or raise the number of nodes.",
-    Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out within "
-    "the cycle. Raise the mean speed, add a flywheel or lower the loads.",
+    Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out "
+    "within the cycle. Raise the mean speed, add a flywheel or lower the loads.",
     Result.CANNOT_BE_ASSEMBLED: "The linkage cannot be assembled over the whole cycle. Change the lengths named until "
     "every margin is positive.",
 }

@@ -1,4 +1,4 @@
-"""The plane vector: two separate scalar arrays, so that code reads like the textbook and compiles to plain arithmetic."""
+"""The plane vector: two separate scalar arrays, so that code reads like the textbook, compiled to plain arithmetic."""
 
 from __future__ import annotations
 

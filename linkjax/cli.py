@@ -23,7 +23,7 @@ from rich.table import Table
 from linkjax import __version__
 from linkjax._config import enable_x64, use_compilation_cache
 from linkjax._results import MachineError
-from linkjax.analysis import Cycle, analyse, document, explain, pick, plain
+from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.machine import Scene
 from linkjax.report import write_report
 from linkjax.scenes import SceneError, build, load_document, override, scene_names, setting, starter
@@ -42,7 +42,8 @@ class Road(StrEnum):
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene or the path of a scene file.")]
 Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help='Change a key, e.g. --set links.rod.length="1.1 m".')
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help='Change a key, e.g. --set links.rod.length="1.1 m".'),
 ]
 Out = Annotated[Path | None, typer.Option(help="Folder for report, figures and animation.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the whole analysis as JSON.")]
@@ -87,7 +88,9 @@ def scenes() -> None:
 
 
 @app.command()
-def new(name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new scene; NAME.toml is written.")]) -> None:
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new scene; NAME.toml is written.")],
+) -> None:
     """Write a commented starter scene NAME.toml."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     if path.exists():
@@ -104,17 +107,22 @@ def show(scene: SceneName, set_: Set = None) -> None:
     console.print(f"{machine.title or scene}", highlight=False, style="bold")
     console.print(f"structure  {mechanism.formula()}", highlight=False)
     console.print(
-        f"speed      {float(machine.speed):.6g} rad/s ({float(machine.speed) * 30 / math.pi:.6g} rpm), {machine.mean} mean",
+        f"speed      {float(machine.speed):.6g} rad/s ({float(machine.speed) * 30 / math.pi:.6g} rpm), "
+        f"{machine.mean} mean",
         highlight=False,
     )
     flywheel = float(mechanism.flywheel.inertia)
     console.print(f"flywheel   {flywheel:.6g} kg m²", highlight=False)
-    table = Table("link", "length [m]", "mass [kg]", "centre [m]", "inertia [kg m²]", "points", box=None, pad_edge=False)
+    table = Table(
+        "link", "length [m]", "mass [kg]", "centre [m]", "inertia [kg m²]", "points", box=None, pad_edge=False
+    )
     for name in mechanism.link_names:
         body, link = mechanism.links[name].actual(), mechanism.links[name]
         centre = f"{link.centre_name} ({float(body.centre.x):.6g}, {float(body.centre.y):.6g})"
         points = ", ".join(f"{p} ({float(at.x):.6g}, {float(at.y):.6g})" for p, at in body.points.items())
-        table.add_row(name, f"{float(link.length):.6g}", f"{float(body.mass):.6g}", centre, f"{float(body.inertia):.6g}", points)
+        table.add_row(
+            name, f"{float(link.length):.6g}", f"{float(body.mass):.6g}", centre, f"{float(body.inertia):.6g}", points
+        )
     console.print(table)
     for entry in machine.loads:
         window = "all the time"
@@ -166,7 +174,7 @@ def _write_out(data: dict[str, Any], machine: Scene, out: Path) -> None:
     with _elapsed("drawing"):
         figures = write_figures(data, machine, out)
         animate(data, machine, out / "machine.gif")
-        write_report(data, machine, out, out / "report.html")
+        write_report(data, machine, figures, out / "report.html", out / "machine.gif")
     console.print(f"\n{len(figures)} figures, machine.gif and report.html in {out}", highlight=False)
 
 
@@ -280,7 +288,7 @@ def _print_at(data: dict[str, Any], degrees: float) -> None:
     console.print(f"\nat {degrees:g}° of crank angle", style="bold", highlight=False)
     table = Table("point", "x [m]", "y [m]", "x'", "y'", "x''", "y''", box=None, pad_edge=False)
     for name, point in data["points"].items():
-        table.add_row(name, *(f"{float(part[0]):.6g}" for part in point.values()))
+        table.add_row(name, *(_number(part[0]) for part in point.values()))
     console.print(table, highlight=False)
     table = Table("link", "angle [°]", "ω'", "ε'", box=None, pad_edge=False)
     for name, link in data["links"].items():
@@ -289,14 +297,19 @@ def _print_at(data: dict[str, Any], degrees: float) -> None:
     table = Table("joint", "on", "by", "fx [N]", "fy [N]", "moment [N m]", box=None, pad_edge=False)
     for joint, sides in data["forces"]["reactions"].items():
         for link, force in sides.items():
-            table.add_row(joint, link, force["by"], *(f"{float(force[key][0]):.6g}" for key in ("fx", "fy", "moment")))
+            table.add_row(joint, link, force["by"], *(_number(force[key][0]) for key in ("fx", "fy", "moment")))
     console.print(table, highlight=False)
     reduced, run = data["reduced"], data["motion"]
     console.print(
-        f"J {reduced['inertia'][0]:.7g} kg m², J' {reduced['inertia_slope'][0]:.7g} kg m², Q {reduced['torque'][0]:.7g} N m, "
-        f"ω {run['speed'][0]:.7g} rad/s, drive torque {data['forces']['drive_torque'][0]:.7g} N m",
+        f"J {reduced['inertia'][0]:.7g} kg m², J' {reduced['inertia_slope'][0]:.7g} kg m², "
+        f"Q {reduced['torque'][0]:.7g} N m, ω {run['speed'][0]:.7g} rad/s, "
+        f"drive torque {data['forces']['drive_torque'][0]:.7g} N m",
         highlight=False,
     )
+
+
+def _number(value: Any) -> str:
+    return f"{float(value) + 0.0:.6g}"  # adding zero drops the sign of a negative zero
 
 
 def _write_csv(data: dict[str, Any], folder: Path) -> None:

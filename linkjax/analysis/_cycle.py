@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._compile import compiled_soon
+from linkjax._compile import Tracer, compiled_soon
 from linkjax._numerics import safe_divide
 from linkjax._results import MESSAGES, MachineError, Result, merge
 from linkjax.forces import Forces
@@ -133,7 +133,7 @@ def analyse(
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
     cycle = _analyse(scene, jnp.asarray(angles), nodes, constant_speed, motion)
-    if throw and not isinstance(cycle.result, jax.core.Tracer):
+    if throw and not isinstance(cycle.result, Tracer):
         explain(cycle)
     return cycle
 
@@ -151,9 +151,12 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
         jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
     )
     return Cycle(
-        scene, angles, at.pose, at.transmission, limits, dead, at.reduced, motion, at.speed[:, 0],
-        at.acceleration[:, 0], at.time, _row(at.forces, 1 if constant_speed else 0), _row(at.forces, 1), *tops,
-        _flywheels(scene, motion, here), _checks(scene, motion, here, angles, at), at.assembled, code, constant_speed, road,
+        scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, margins=limits, dead_centres=dead,
+        reduced=at.reduced, steady=motion, speed=at.speed[:, 0], acceleration=at.acceleration[:, 0], time=at.time,
+        forces=_row(at.forces, 1 if constant_speed else 0), forces_constant_speed=_row(at.forces, 1), peaks=tops[0],
+        peaks_constant_speed=tops[1], flywheel=_flywheels(scene, motion, here),
+        checks=_checks(scene, motion, here, angles, at), assembled=at.assembled, result=code,
+        constant_speed=constant_speed, road=road,
     )  # fmt: skip
 
 
@@ -277,15 +280,16 @@ def explain(cycle: Cycle) -> None:
         group, side, at = worst
         degrees = float(jnp.degrees(at.angle))
         raise MachineError(
-            f"{title}group {group!r} cannot be assembled at {degrees:.2f} degrees of crank angle ({side}): it falls short "
-            f"by {-float(at.value):.3g} of its length. {MESSAGES[code]}",
+            f"{title}group {group!r} cannot be assembled at {degrees:.2f} degrees of crank angle ({side}): it falls "
+            f"short by {-float(at.value):.3g} of its length. {MESSAGES[code]}",
             code,
         )
     if code is Result.NO_PERIODIC_REGIME:
         lowest = float(cycle.steady.lowest_mean_speed)
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_work))
         raise MachineError(
-            f"{title}no periodic regime at a mean speed of {float(cycle.scene.speed):.4g} rad/s: the kinetic energy runs "
-            f"out at {degrees:.2f} degrees; the lowest mean speed that has one is {lowest:.4g} rad/s. {MESSAGES[code]}",
+            f"{title}no periodic regime at a mean speed of {float(cycle.scene.speed):.4g} rad/s: the kinetic energy "
+            f"runs out at {degrees:.2f} degrees; the lowest mean speed that has one is {lowest:.4g} rad/s. "
+            f"{MESSAGES[code]}",
             code,
         )

@@ -51,7 +51,8 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
         },
         "motion": {
             "speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time,
-            "mean_speed": float(motion.mean_speed), "delta": float(motion.delta), "delta_error": float(motion.delta_error),
+            "mean_speed": float(motion.mean_speed), "delta": float(motion.delta),
+            "delta_error": float(motion.delta_error),
             "speed_max": float(motion.speed_max), "speed_min": float(motion.speed_min),
             "angle_of_max": float(motion.angle_of_max), "angle_of_min": float(motion.angle_of_min),
             "drive_torque_mean": float(motion.drive_torque), "regime_margin": float(motion.regime_margin),

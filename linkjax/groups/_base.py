@@ -7,6 +7,7 @@ A group is one file with all its sides together: assembly and rates (`solve`), c
 from __future__ import annotations
 
 import abc
+from collections.abc import Mapping
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -80,8 +81,12 @@ class AbstractGroup(eqx.Module):
         """Points that must exist before the group is attached."""
 
     @abc.abstractmethod
-    def pins(self) -> dict[str, tuple[str, str | None]]:
+    def pins(self) -> Mapping[str, tuple[str, str | None]]:
         """For each link brought in: the point at its origin, and the point at its far end (None where it has none)."""
+
+    def on_frame(self) -> tuple[str, ...]:
+        """Points that must belong to the frame."""
+        return ()
 
     def translating(self) -> tuple[str, ...]:
         """Links brought in that never turn."""
@@ -89,12 +94,12 @@ class AbstractGroup(eqx.Module):
 
     @abc.abstractmethod
     def solve(
-        self, links: dict[str, LinkLike], points: dict[str, PointState], phi: Array
+        self, links: Mapping[str, LinkLike], points: dict[str, PointState], phi: Array
     ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
         """States of the links brought in and of the pins that the group creates."""
 
     @abc.abstractmethod
-    def margins(self, links: dict[str, LinkLike], points: dict[str, PointState]) -> dict[str, Margin]:
+    def margins(self, links: Mapping[str, LinkLike], points: dict[str, PointState]) -> dict[str, Margin]:
         """Signed margins by the name of the dead position."""
 
     @abc.abstractmethod

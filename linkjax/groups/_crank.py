@@ -35,6 +35,9 @@ class Crank(AbstractGroup):
     def needs(self):
         return (self.pivot,)
 
+    def on_frame(self):
+        return (self.pivot,)
+
     def pins(self):
         return {self.link: (self.pivot, self.end)}
 

@@ -42,6 +42,9 @@ class RRP(AbstractGroup):
     def pins(self):
         return {self.link: (self.from_, self.end), self.block: (self.end, None)}
 
+    def on_frame(self):
+        return (self.through,)
+
     def translating(self):
         return (self.block,)
 

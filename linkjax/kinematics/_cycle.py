@@ -1,4 +1,4 @@
-"""What only the whole cycle tells: reversals of motion (dead centres) and least margins, between the scan points too."""
+"""What only the whole cycle tells: reversals of motion (dead centres) and least margins, also between scan points."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def carried(origin: PointState, link: LinkState, at: Vec, translating: bool = Fa
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
-    """Signed margin of every group to each of its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
+    """Signed margin of every group to its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
     points = pose(mechanism, phi).points
     return {name: group.margins(mechanism.links, points) for name, group in named_groups(mechanism).items()}
 

@@ -164,7 +164,7 @@ NEAR = 1e-9  # rad: within this of a reversal the direction of motion is that of
 
 
 def direction(point: PointState, at: Instant) -> Vec:
-    """Unit vector along the velocity; at a reversal, the limit from the side asked for (zero where at rest for good)."""
+    """Unit vector along the velocity; at a reversal, the limit from the side asked for; zero where at rest for good."""
     v, a = point.dr, point.ddr
     ahead = jnp.where(at.side >= at.phi, 1.0, -1.0)
     near = v.squared() <= NEAR * NEAR * a.squared()

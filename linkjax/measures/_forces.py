@@ -34,7 +34,7 @@ def reactions(regime: Regime, place: Place) -> Float[Array, "joints 2"]:
     return jnp.stack([jnp.stack(found[joint][link][:2]) for joint, link in reaction_names(regime.scene)])
 
 
-def both_motions(regime: Regime, place: Place) -> tuple[Forces, Float[Array, "2"], Float[Array, "2"]]:
+def both_motions(regime: Regime, place: Place) -> tuple[Forces, Float[Array, 2], Float[Array, 2]]:
     """Forces in the true motion and at constant nominal speed (leading axis 2), with crank speed and acceleration."""
     speed, acceleration = regime.crank(place)
     speeds = jnp.stack([speed, regime.scene.speed * jnp.ones_like(speed)])

@@ -98,7 +98,7 @@ def smallest_margin(scene: Scene, nodes: int = NODES) -> Array:
 
 @measure("1")
 def largest_transmission_cosine(scene: Scene, nodes: int = NODES) -> Array:
-    """Largest |cos μ| of the transmission angles of all groups over the cycle: 0 at 90 degrees, 1 at a dead position."""
+    """Largest |cos μ| of all transmission angles over the cycle: 0 at 90 degrees, 1 at a dead position."""
 
     def cosines(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)

@@ -35,6 +35,12 @@ class Link(eqx.Module):
     mass_properties: MassProperties = eqx.field(static=True, default="fixed")
     centre_name: str = eqx.field(static=True, default="")
 
+    def __check_init__(self):
+        if self.mass_properties == "section" and (self.area is None or self.density is None):
+            raise ValueError('a link with mass_properties = "section" needs area and density; give both')
+        if self.mass_properties == "scaled" and self.reference_length is None:
+            raise ValueError('a link with mass_properties = "scaled" needs reference_length; give its length as drawn')
+
     @property
     def actual_length(self) -> Array:
         """Distance between the two pins (m)."""
@@ -43,9 +49,11 @@ class Link(eqx.Module):
     def actual(self) -> Body:
         """Mass, mass centre, inertia about it and marked points at the present length."""
         if self.mass_properties == "section":
+            assert self.area is not None and self.density is not None
             mass = self.area * self.density * self.length
             return Body(mass, Vec(0.5 * self.length, jnp.zeros_like(mass)), mass * self.length**2 / 12, self.points)
         if self.mass_properties == "scaled":
+            assert self.reference_length is not None
             k = self.length / jax.lax.stop_gradient(self.reference_length)
             points = {name: at * k for name, at in self.points.items()}
             return Body(self.mass * k, self.centre * k, self.inertia * k**3, points)

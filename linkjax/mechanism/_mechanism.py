@@ -100,12 +100,10 @@ def check_structure(mechanism: Mechanism) -> None:
                 problem = f"point {point!r} does not exist yet" if later else f"point {point!r} is not defined"
                 remedy = "move this group behind the one that brings the point in" if later else nearest(point, known)
                 raise StructureError(element, problem, remedy)
-        if getattr(group, "through", None) not in (None, *mechanism.fixed):
-            raise StructureError(
-                element,
-                f"guide point {group.through!r} is not a point of the frame",  # pyright: ignore
-                nearest(group.through, mechanism.fixed),
-            )  # pyright: ignore
+        for point in group.on_frame():
+            if point not in mechanism.fixed:
+                problem = f"point {point!r} moves, but must be a point of the frame"
+                raise StructureError(element, problem, nearest(point, mechanism.fixed))
         _add_points(mechanism, group, element, known)
     idle = [name for name in mechanism.links if name not in placed]
     if idle:

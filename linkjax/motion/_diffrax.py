@@ -56,6 +56,7 @@ def run_in_angle(
     import diffrax
 
     solution = _in_angle(scene, make_grid(scene, 8), angles, start_speed, drive_torque, tolerance, solver, adjoint)
+    assert solution.ys is not None
     stalled = solution.result == diffrax.RESULTS.event_occurred
     return Run(angles, safe_sqrt(solution.ys[:, 0]), solution.ys[:, 1], stalled)
 
@@ -77,7 +78,8 @@ def _in_angle(scene: Scene, grid: Grid, angles, start_speed, drive_torque, toler
     least = jax.lax.stop_gradient(LEAST * start_speed**2)
     return diffrax.diffeqsolve(
         diffrax.ODETerm(rate), solver or diffrax.Dopri8(), first, last, None, start, saveat=diffrax.SaveAt(ts=angles),
-        stepsize_controller=_controller(tolerance, jumps.ravel()), adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
+        stepsize_controller=_controller(tolerance, jumps.ravel()),
+        adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
         event=diffrax.Event(lambda t, y, args, **_: y[0] <= least), max_steps=16**4, throw=False,
     )  # fmt: skip
 
@@ -124,7 +126,7 @@ def _controller(tolerance: float, jumps: Array | None):
 
 
 def steady_by_diffrax(scene: Scene, nodes: int = 96, *, tolerance: float = 1e-11, adjoint: Any = None) -> Steady:
-    """The steady periodic regime by the general road: one cycle is integrated from the start that gives the wanted mean.
+    """The steady periodic regime by the general road: one cycle, integrated from the start that gives the wanted mean.
 
     The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady`
     within the tolerance. `adjoint` is diffrax's and decides the direction of differentiation: `ForwardMode()` (default)
@@ -140,7 +142,9 @@ def steady_by_diffrax(scene: Scene, nodes: int = 96, *, tolerance: float = 1e-11
 
     def cycle(energy, drive):
         speed = safe_sqrt(2 * energy / inertia, 1e-6)
-        return _in_angle(scene, grid, places, speed, drive, tolerance, None, adjoint).ys
+        states = _in_angle(scene, grid, places, speed, drive, tolerance, None, adjoint).ys
+        assert states is not None
+        return states
 
     guess = 0.5 * inertia * scene.speed**2
     drive = -cycle(1e3 * guess, 0.0)[-1, 3] / scene.cycle  # so fast that it cannot stall: only the work is wanted

@@ -57,7 +57,8 @@ def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> tuple[
     """The place near a summit where the slope vanishes, or the end of the panel: secant steps, each one evaluation of
     the slope and none longer than the reach.
 
-    Also returns what the last step gained, a bound of what is left to gain. Differentiated implicitly, for second derivatives; first derivatives of an extreme value do not need it.
+    Also returns what the last step gained, a bound of what is left to gain. Differentiated implicitly, for second
+    derivatives; first derivatives of an extreme value do not need it.
     """
 
     def solve(function, x):
@@ -80,7 +81,7 @@ def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> tuple[
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:
-    """The place found, carrying the derivative of a moving edge it sits on and none of the search (envelope theorem)."""
+    """The place found, with the derivative of a moving edge it sits on and none of the search (envelope theorem)."""
     inside = jax.lax.stop_gradient(jnp.abs(x) < 1)
     nearest_edge = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
     edge = phi_at(grid, panel, nearest_edge)

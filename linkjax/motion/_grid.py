@@ -110,7 +110,7 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
 
 def _scan_at(scene, opposing, phi):
     here = pose(scene.mechanism, phi)
-    motions = [load.opposed(here) for load in opposing]
+    motions = [motion for load in opposing if (motion := load.opposed(here)) is not None]
     groups = list(named_groups(scene.mechanism).values())[1:]
     return motions, [list(g.margins(scene.mechanism.links, here.points).values()) for g in groups]
 

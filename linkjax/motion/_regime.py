@@ -1,4 +1,4 @@
-"""A regime: how the crank moves over the cycle, asked at places of the grid. Constant speed, or the true steady motion."""
+"""A regime: how the crank moves over the cycle, at constant speed or in the true steady motion."""
 
 from __future__ import annotations
 
@@ -89,7 +89,9 @@ def peaks(
         x, _ = state
         h = 3e-2 * 3e-2 ** jnp.asarray(i, dtype=x.dtype)
         centre = jnp.clip(x, -1.0 + h, 1.0 - h)
-        y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + h * reach))(number, panel, centre)
+        y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + h * reach))(
+            number, panel, centre
+        )
         bend, tilt = y[:, 2] - 2 * y[:, 1] + y[:, 0], 0.5 * (y[:, 2] - y[:, 0])
         step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt))
         new = jnp.clip(centre + h * jnp.clip(step, -3.0, 3.0), -1.0, 1.0)

@@ -126,7 +126,8 @@ def conclude(flow: Flow, torque: Array, energy: Array, clock: Primitive) -> Stea
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (top.speed + bottom.speed)
     least, angle = flow.least_work()
     return Steady(
-        flow.work, clock, energy, flow.drive, period, mean, delta, jax.lax.stop_gradient(error), top.speed, bottom.speed,
+        flow.work, clock, energy, flow.drive, period, mean, delta, jax.lax.stop_gradient(error), top.speed,
+        bottom.speed,
         jnp.mod(top.place.phi, scene.cycle), jnp.mod(bottom.place.phi, scene.cycle),
         (energy + least) / flow.scale - LEAST, angle, scene.cycle / flow.period(LEAST * flow.scale - least),
         grid.evaluations + grid.size + rounds * 4 * (SHARPEN + 1),

@@ -80,16 +80,22 @@ $body
 
 
 def write_report(
-    data: dict[str, Any], scene: Scene, figures: Iterable[str | Path], path: str | Path,
+    data: dict[str, Any], scene: Scene, figures: str | Path | Iterable[str | Path], path: str | Path,
     animation: str | Path | None = None,
 ) -> Path:  # fmt: skip
     """Write the report of an analysis as one HTML file that needs nothing else: no network, no fonts, no other files.
 
     `data` is the document of the analysis (see `linkjax.analysis.document`), `figures` the files that
-    `linkjax.viz.write_figures` returned (the SVG ones are put into the page, in that order), `animation` a GIF.
+    `linkjax.viz.write_figures` returned (the SVG ones are put into the page, in that order) or the folder that it wrote
+    them to, `animation` a GIF (from a folder, its `machine.gif` unless another is named).
     Returns the path. Raises `OSError` when a file cannot be read or written.
     """
     captions = {picture.name: picture.caption for picture in PICTURES}
+    if isinstance(figures, str | Path):
+        folder = Path(figures)
+        moving = folder / "machine.gif"
+        animation = moving if animation is None and moving.exists() else animation
+        figures = [file for file in (folder / f"{name}.svg" for name in captions) if file.exists()]
     drawings = [file for file in map(Path, figures) if file.suffix == ".svg"]
     pictures = {file.stem: _figure(file, captions.get(file.stem, file.stem)) for file in drawings}
     first = pictures.pop("machine", "")
