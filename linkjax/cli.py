@@ -20,14 +20,13 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import linkjax
 from linkjax import __version__
 from linkjax._config import enable_x64, use_compilation_cache
 from linkjax._results import MachineError
 from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.machine import Scene
-from linkjax.report import write_report
 from linkjax.scenes import SceneError, build, load_document, override, scene_names, setting, starter
-from linkjax.viz import animate, write_figures
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 console, complaints = Console(), Console(stderr=True)
@@ -172,9 +171,9 @@ def analyse_command(
 
 def _write_out(data: dict[str, Any], machine: Scene, out: Path) -> None:
     with _elapsed("drawing"):
-        figures = write_figures(data, machine, out)
-        animate(data, machine, out / "machine.gif")
-        write_report(data, machine, figures, out / "report.html", out / "machine.gif")
+        figures = linkjax.viz.write_figures(data, machine, out)  # the room loads matplotlib, so only when drawing
+        linkjax.viz.animate(data, machine, out / "machine.gif")
+        linkjax.report.write_report(data, machine, figures, out / "report.html", out / "machine.gif")
     console.print(f"\n{len(figures)} figures, machine.gif and report.html in {out}", highlight=False)
 
 

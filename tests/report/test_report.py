@@ -96,6 +96,7 @@ def test_self_contained_and_well_formed(name, tmp_path):
     scene, data = analysed(name)
     gif = animate(data, scene, tmp_path / "machine.gif")
     path = write_report(data, scene, write_figures(data, scene, tmp_path), tmp_path / "report.html", gif)
+    assert write_report(data, scene, tmp_path, tmp_path / "again.html").read_bytes() == path.read_bytes()
     text = path.read_text(encoding="utf-8")
     assert len(text.encode()) <= 3e6
     assert not re.search(r"https?:|//www|@import|<script|<link", text)

@@ -1,0 +1,199 @@
+"""The machines that the tests of the physics share, and what can be done to them: mirrored, scaled, moved."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+
+import linkjax as lj
+from linkjax import (
+    RRP,
+    RRR,
+    Crank,
+    Flywheel,
+    Force,
+    Link,
+    Mechanism,
+    OpposingForce,
+    OpposingTorque,
+    Torque,
+    Vec,
+    Window,
+)
+
+BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar")
+COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise")
+
+
+def turn(degrees: float) -> float:
+    return math.radians(degrees)
+
+
+def _two_on_one_crank() -> lj.Scene:
+    """Two sliders, on inclined guides, and a dyad, all on the pin of one crank."""
+    links = {
+        "crank": Link(length=0.11, mass=2.0, inertia=0.01, centre=Vec(0.02, -0.01)),
+        "rod1": Link(length=0.42, mass=1.5, inertia=0.02, centre=Vec(0.2, 0.01), points={"K": Vec(0.1, 0.12)}),
+        "ram": Link(mass=4.0, centre=Vec(0.03, 0.02)),
+        "rod2": Link(length=0.38, mass=1.2, inertia=0.015, centre=Vec(0.15, 0.0)),
+        "pump": Link(mass=2.5, centre=Vec(-0.02, 0.01)),
+        "coupler": Link(length=0.4, mass=1.1, inertia=0.02, centre=Vec(0.2, 0.03)),
+        "rocker": Link(length=0.3, mass=1.3, inertia=0.01, centre=Vec(0.12, -0.02)),
+    }
+    groups = [
+        Crank("crank", "A", "B"),
+        RRP("rod1", "ram", "B", "D", "A", 1, along=turn(20.0), offset=0.02),
+        RRP("rod2", "pump", "B", "P", "C", -1, along=turn(-65.0), offset=-0.015),
+        RRR(("coupler", "rocker"), "B", "F", "G", 1),
+    ]
+    fixed = {"A": Vec(0.05, -0.02), "C": Vec(0.02, 0.03), "F": Vec(-0.25, -0.2)}
+    loads = (
+        OpposingForce("press", "ram", "D", magnitude=900.0, window=Window(turn(200.0), turn(20.0)), reacts_on="frame"),
+        Force("cut", "rod1", "K", force=Vec(30.0, -80.0)),
+        OpposingTorque("brake", "rocker", magnitude=9.0),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(1.2)), loads, Vec(0.0, -9.81), 30.0, 0.05, title="Two")
+
+
+def _coupler_points() -> lj.Scene:
+    """Groups that hang on points of couplers: a dyad on the coupler of a four-bar, a slider on that dyad's rocker."""
+    links = {
+        "crank": Link(length=0.1, mass=1.0, inertia=0.004, centre=Vec(0.03, 0.0)),
+        "coupler": Link(length=0.35, mass=1.4, inertia=0.02, centre=Vec(0.16, 0.03), points={"E": Vec(0.2, 0.14)}),
+        "rocker": Link(length=0.25, mass=1.6, inertia=0.012, centre=Vec(0.12, 0.01), points={"H": Vec(0.1, -0.08)}),
+        "arm": Link(length=0.3, mass=0.9, inertia=0.01, centre=Vec(0.1, 0.0), points={"T": Vec(0.15, -0.1)}),
+        "lever": Link(length=0.26, mass=1.2, inertia=0.011, centre=Vec(0.1, 0.02), points={"M": Vec(0.2, 0.05)}),
+        "rod": Link(length=0.5, mass=1.0, inertia=0.02, centre=Vec(0.25, 0.0)),
+        "slide": Link(mass=3.0, centre=Vec(0.0, 0.04)),
+    }
+    groups = [
+        Crank("crank", "A", "B", phase=0.4),
+        RRR(("coupler", "rocker"), "B", "D", "C", 1),
+        RRR(("arm", "lever"), "E", "F", "G", -1),
+        RRP("rod", "slide", "M", "P", "F", 1, along=turn(100.0), offset=0.03),
+    ]
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.38, 0.02), "F": Vec(0.45, 0.4)}
+    loads = (
+        OpposingForce("tool", "arm", "T", magnitude=120.0, window=Window(turn(30.0), turn(190.0))),
+        Force("push", "rocker", "H", force=Vec(-40.0, 25.0), window=Window(turn(300.0), turn(80.0)), reacts_on="frame"),
+        Torque("motor", "crank", torque=1.5),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.5)), loads, Vec(1.0, -9.5), 25.0, 0.05, title="Coupler")
+
+
+def _clockwise() -> lj.Scene:
+    """A clockwise crank with a phase, off the origin; an inclined guide, offset, taken backwards; right-hand dyad."""
+    links = {
+        "crank": Link(
+            length=0.08, mass=1.0, inertia=0.003, centre=Vec(0.02, 0.01), reference_length=0.1, mass_properties="scaled"
+        ),
+        "rod": Link(length=0.31, mass=1.1, inertia=0.01, centre=Vec(0.12, 0.02), points={"E": Vec(0.2, -0.09)}),
+        "block": Link(mass=2.2, centre=Vec(0.02, -0.03)),
+        "bar": Link(
+            length=0.28, mass=0.8, inertia=0.008, centre=Vec(0.1, 0.0), points={"N": Vec(0.1, 0.06)},
+            reference_length=0.25, mass_properties="scaled",
+        ),
+        "rocker": Link(length=0.24, area=6e-4, density=7850.0, mass_properties="section"),
+    }  # fmt: skip
+    groups = [
+        Crank("crank", "O", "B", -1, phase=0.7),
+        RRP("rod", "block", "B", "D", "O", -1, along=turn(35.0), offset=0.012),
+        RRR(("bar", "rocker"), "E", "F", "G", -1),
+    ]
+    fixed = {"O": Vec(0.3, -0.2), "F": Vec(-0.05, -0.02)}
+    loads = (
+        OpposingForce("saw", "block", "D", magnitude=200.0),
+        OpposingTorque("rub", "rocker", magnitude=4.0, window=Window(turn(100.0), turn(260.0)), reacts_on="frame"),
+        Force("pull", "bar", "N", force=Vec(15.0, 10.0), window=Window(turn(10.0), turn(170.0))),
+    )
+    return lj.Scene(
+        Mechanism(fixed, links, groups, Flywheel(0.4)), loads, Vec(0.0, -9.81), 40.0, 0.05, title="Clockwise"
+    )
+
+
+@functools.cache
+def machine(name: str) -> lj.Scene:
+    """A built-in scene, or one composed here."""
+    made = dict(zip(COMPOSED, (_two_on_one_crank, _coupler_points, _clockwise), strict=True))
+    return made[name]() if name in made else lj.load(name)
+
+
+def mirrored(mechanism: Mechanism) -> Mechanism:
+    """The mirror image in the x axis; the crank turns the other way."""
+
+    def flip(at: Vec) -> Vec:
+        return Vec(at.x, -at.y)
+
+    def link(old: Link) -> Link:
+        points = {name: flip(at) for name, at in old.points.items()}
+        return dataclasses.replace(old, centre=flip(old.centre), points=points)
+
+    def group(old):
+        if isinstance(old, Crank):
+            return dataclasses.replace(old, turns=-old.turns, phase=-old.phase)
+        if isinstance(old, RRP):
+            return dataclasses.replace(old, along=-old.along, offset=-old.offset)
+        return dataclasses.replace(old, side=-old.side)
+
+    links = {name: link(mechanism.links[name]) for name in mechanism.link_names}
+    fixed = {name: flip(at) for name, at in mechanism.fixed.items()}
+    return Mechanism(fixed, links, [group(g) for g in mechanism.groups], mechanism.flywheel)
+
+
+def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: float = 1.0) -> lj.Scene:
+    """The same machine in other units: every number scaled by its dimension."""
+    inertias, forces = masses * lengths**2, masses * lengths / times**2
+
+    def link(old: Link) -> Link:
+        return dataclasses.replace(
+            old, length=old.length * lengths, mass=old.mass * masses, inertia=old.inertia * inertias,
+            centre=old.centre * lengths, points={name: at * lengths for name, at in old.points.items()},
+            reference_length=None if old.reference_length is None else old.reference_length * lengths,
+            area=None if old.area is None else old.area * lengths**2,
+            density=None if old.density is None else old.density * (masses / lengths**3),
+        )  # fmt: skip
+
+    def group(old):
+        return dataclasses.replace(old, offset=old.offset * lengths) if isinstance(old, RRP) else old
+
+    def load(old):
+        if isinstance(old, Force):
+            return dataclasses.replace(old, force=old.force * forces)
+        size = forces if isinstance(old, OpposingForce) else forces * lengths
+        if isinstance(old, Torque):
+            return dataclasses.replace(old, torque=old.torque * size)
+        return dataclasses.replace(old, magnitude=old.magnitude * size)
+
+    m = scene.mechanism
+    return dataclasses.replace(
+        scene,
+        mechanism=Mechanism(
+            {name: at * lengths for name, at in m.fixed.items()},
+            {name: link(m.links[name]) for name in m.link_names},
+            [group(g) for g in m.groups],
+            Flywheel(m.flywheel.inertia * inertias),
+        ),
+        loads=tuple(load(old) for old in scene.loads),
+        gravity=scene.gravity * (lengths / times**2),
+        speed=scene.speed / times,
+    )
+
+
+def moved(mechanism: Mechanism, x: float, y: float) -> Mechanism:
+    """The same machine elsewhere on the frame."""
+    fixed = {name: at + Vec(x, y) for name, at in mechanism.fixed.items()}
+    links = {name: mechanism.links[name] for name in mechanism.link_names}
+    return Mechanism(fixed, links, mechanism.groups, mechanism.flywheel)
+
+
+def same_compilation(one, other) -> bool:
+    """Whether two trees share their compiled programs."""
+    return jax.tree.structure(one) == jax.tree.structure(other)
+
+
+def array(values) -> jax.Array:
+    return jnp.asarray(values, dtype=float)

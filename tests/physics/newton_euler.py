@@ -1,0 +1,116 @@
+"""All forces of a machine at once: the Newton-Euler equations of every link as one linear system.
+
+Unknown are the two components of the force at every pin, normal force and couple of every guide, and the drive torque.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkjax.groups import RRP, RRR, Crank
+from tests.physics import oracle
+
+
+class Joint(NamedTuple):
+    """What `by` exerts on `link`: a force at a point, or normal force and couple of a guide (referred to the point)."""
+
+    name: str
+    point: str
+    link: str
+    by: str
+    guide: bool = False
+
+
+def joints(mechanism) -> list[Joint]:
+    """Every joint of the machine, once."""
+    owner = dict.fromkeys(mechanism.fixed, "frame")
+    found: list[Joint] = []
+    for g in mechanism.groups:
+        if isinstance(g, Crank):
+            found.append(Joint(g.pivot, g.pivot, g.link, owner[g.pivot]))
+            owner[g.end] = g.link
+        elif isinstance(g, RRP):
+            found += [
+                Joint(g.from_, g.from_, g.link, owner[g.from_]),
+                Joint(g.end, g.end, g.block, g.link),
+                Joint(f"{g.block}.guide", g.end, g.block, "frame", guide=True),
+            ]
+            owner[g.end] = g.link
+        else:
+            assert isinstance(g, RRR)
+            one, two = g.links
+            found += [
+                Joint(g.from_, g.from_, one, owner[g.from_]),
+                Joint(g.to, g.to, two, owner[g.to]),
+                Joint(g.meet, g.meet, two, one),
+            ]
+            owner[g.meet] = one
+        for name in g.link_names():
+            link = mechanism.links[name]
+            owner.update(dict.fromkeys([link.centre_name, *link.points], name))
+    return found
+
+
+class Solution(NamedTuple):
+    """Force (complex) and moment on each link at each joint, drive torque along the rotation, and m a of each link."""
+
+    reactions: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
+    drive: np.ndarray
+    momentum_rate: dict[str, np.ndarray]
+    spin_rate: dict[str, np.ndarray]
+
+
+def solve(scene, phi, speed, acceleration) -> Solution:
+    """Forces at arrays of crank angle, crank speed and acceleration."""
+    phi, speed, acceleration = (np.asarray(x, dtype=float) for x in (phi, speed, acceleration))
+    mechanism = scene.mechanism
+    here, every = oracle.rates(mechanism, phi), joints(mechanism)
+    bodies = oracle.bodies(mechanism)
+    row = {name: 3 * i for i, name in enumerate(bodies)}
+    size = 3 * len(bodies)
+    assert size == 2 * len(every) + 1, "as many equations as unknowns"
+    matrix, right = np.zeros((*phi.shape, size, size)), np.zeros((*phi.shape, size))
+    centre = {name: here.points[next(iter(b.places))] for name, b in bodies.items()}
+    normal = {g.block: 1j * here.links[g.block].r for g in mechanism.groups if isinstance(g, RRP)}
+
+    def act(link: str, point: str, column: int, force: Any, couple: Any = 0.0):
+        """A unit unknown that gives `force` at the point and `couple`, on a link."""
+        if link == "frame":
+            return
+        arm = here.points[point].r - centre[link].r
+        matrix[..., row[link], column] += force.real
+        matrix[..., row[link] + 1, column] += force.imag
+        matrix[..., row[link] + 2, column] += (arm.conjugate() * force).imag + couple
+
+    none = np.zeros_like(phi) + 0j
+    for k, j in enumerate(every):
+        units = ((normal[j.link], 0.0), (none, 1.0)) if j.guide else ((none + 1, 0.0), (none + 1j, 0.0))
+        for c, (force, couple) in enumerate(units):
+            act(j.link, j.point, 2 * k + c, force, couple)
+            act(j.by, j.point, 2 * k + c, -force, -couple)
+    crank = mechanism.groups[0]
+    assert isinstance(crank, Crank)
+    act(crank.link, crank.pivot, size - 1, none, float(crank.turns))
+    rate, spin = {}, {}
+    for name, b in bodies.items():
+        inertia = b.inertia + (float(mechanism.flywheel.inertia) if name == crank.link else 0.0)
+        rate[name] = b.mass * (centre[name].a * speed**2 + centre[name].v * acceleration)
+        spin[name] = inertia * (here.links[name].a * speed**2 + here.links[name].v * acceleration)
+        right[..., row[name] : row[name] + 3] = np.stack([rate[name].real, rate[name].imag, spin[name]], -1)
+    for link, point, force, couple in oracle.applied(scene, phi, here).values():
+        arm = here.points[point].r - centre[link].r if point else none
+        right[..., row[link]] -= force.real
+        right[..., row[link] + 1] -= force.imag
+        right[..., row[link] + 2] -= (arm.conjugate() * force).imag + couple
+    x = np.linalg.solve(matrix, right[..., None])[..., 0]
+    reactions: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = {}
+    for k, j in enumerate(every):
+        one, two = x[..., 2 * k], x[..., 2 * k + 1]
+        force, couple = (one * normal[j.link], two) if j.guide else (one + 1j * two, 0 * one)
+        for link, sign in ((j.link, 1), (j.by, -1)):
+            if link != "frame":
+                old = reactions.get((j.name, link), (none, 0 * phi))
+                reactions[j.name, link] = (old[0] + sign * force, old[1] + sign * couple)
+    return Solution(reactions, x[..., -1], rate, spin)

@@ -1,0 +1,216 @@
+"""Planar machines by other roads: NumPy and mpmath, straight from the laws.
+
+Nothing of linkjax is used but the numbers and names of a design. Points and link directions are complex numbers,
+linkages are closed with angles and the law of cosines, rates come from the loop equations solved as linear systems (or
+from differences of 50-digit positions), forces from the Newton-Euler equations of all links at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import mpmath
+import numpy as np
+
+from linkjax.groups import RRP, RRR, Crank
+from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
+from linkjax.mechanism import Mechanism
+
+
+class Body(NamedTuple):
+    """Mass, central inertia, and the points of a link (mass centre included) in its own frame, as complex numbers."""
+
+    mass: Any
+    inertia: Any
+    places: dict[str, Any]
+
+
+def reader(m):
+    """How a number of a design is read: as mpmath's exact number, or as a NumPy array."""
+    if m is mpmath:
+        return lambda x: x if isinstance(x, mpmath.mpf) else mpmath.mpf(float(x))
+    return lambda x: np.asarray(x, dtype=float)
+
+
+def body(link, m=np) -> Body:
+    """What a link is at its present length."""
+    n = reader(m)
+    place = {name: n(at.x) + 1j * n(at.y) for name, at in link.points.items()}
+    centre = n(link.centre.x) + 1j * n(link.centre.y)
+    mass, inertia, length = n(link.mass), n(link.inertia), n(link.length)
+    if link.mass_properties == "section":
+        mass, centre = n(link.area) * n(link.density) * length, length / 2 + 0j
+        inertia = mass * length**2 / 12
+    if link.mass_properties == "scaled":
+        k = length / n(link.reference_length)
+        place = {name: at * k for name, at in place.items()}
+        mass, centre, inertia = mass * k, centre * k, inertia * k**3
+    return Body(mass, inertia, {link.centre_name: centre, **place})
+
+
+def bodies(mechanism: Mechanism, m=np) -> dict[str, Body]:
+    return {name: body(link, m) for name, link in mechanism.links.items()}
+
+
+def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Points and link directions at the crank angle `phi`: complex numbers of NumPy or mpmath."""
+    n = reader(m)
+    length = {name: n(link.length) for name, link in mechanism.links.items()}
+    points = {name: n(at.x) + 1j * n(at.y) for name, at in mechanism.fixed.items()}
+    directions: dict[str, Any] = {}
+    for g in mechanism.groups:
+        if isinstance(g, Crank):
+            new = {g.link: (g.pivot, m.exp(1j * (n(g.phase) + g.turns * phi)))}
+            points[g.end] = points[g.pivot] + length[g.link] * new[g.link][1]
+        elif isinstance(g, RRP):
+            along = m.exp(1j * n(g.along))
+            height = ((points[g.from_] - points[g.through]) / along).imag - n(g.offset)
+            lean = m.asin(-height / length[g.link])
+            rod = along * m.exp(1j * (lean if g.side > 0 else m.pi - lean))
+            points[g.end] = points[g.from_] + length[g.link] * rod
+            new = {g.link: (g.from_, rod), g.block: (g.end, along + 0 * rod)}
+        else:
+            assert isinstance(g, RRR)
+            one, two = (length[name] for name in g.links)
+            span = points[g.to] - points[g.from_]
+            r = abs(span)
+            corner = m.acos((one**2 + r**2 - two**2) / (2 * one * r))
+            first = span / r * m.exp(1j * g.side * corner)
+            points[g.meet] = points[g.from_] + one * first
+            new = {g.links[0]: (g.from_, first), g.links[1]: (g.to, (points[g.meet] - points[g.to]) / two)}
+        for name, (origin, direction) in new.items():
+            directions[name] = direction
+            for point, at in body(mechanism.links[name], m).places.items():
+                points[point] = points[origin] + at * direction
+    return points, directions
+
+
+class Jet(NamedTuple):
+    """A quantity with its first and second derivatives by the crank angle (NumPy arrays over the angles)."""
+
+    r: Any
+    v: Any
+    a: Any
+
+
+class Rates(NamedTuple):
+    """Points, and links as direction `r`, ω' `v` and ε' `a`."""
+
+    points: dict[str, Jet]
+    links: dict[str, Jet]
+
+
+def exact(mechanism: Mechanism, phi: float, digits: int = 50, step: str = "1e-13") -> Rates:
+    """Positions with 50 digits, and their differences: rates right to about 1e-22."""
+    with mpmath.workdps(digits):
+        h, at = mpmath.mpf(step), mpmath.mpf(float(phi))
+        before, here, after = (assemble(mechanism, at + k * h, mpmath) for k in (-1, 0, 1))
+        points, links = {}, {}
+        for name, p in here[0].items():
+            ahead, behind = after[0][name] - p, p - before[0][name]
+            points[name] = Jet(p, (ahead + behind) / (2 * h), (ahead - behind) / h**2)
+        for name, u in here[1].items():
+            ahead, behind = mpmath.arg(after[1][name] / u), mpmath.arg(u / before[1][name])
+            links[name] = Jet(u, (ahead + behind) / (2 * h), (ahead - behind) / h**2)
+    return Rates(points, links)
+
+
+def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
+    """Rates at an array of crank angles, from the loop equations of each group solved as linear systems."""
+    phi = np.asarray(phi, dtype=float)
+    at, directions = assemble(mechanism, phi)
+    none = np.zeros_like(phi)
+    points = {name: Jet(at[name] + none, none + 0j, none + 0j) for name in mechanism.fixed}
+    links: dict[str, Jet] = {}
+
+    def carried(origin: Jet, link: Jet, place) -> Jet:
+        arm = place * link.r
+        return Jet(origin.r + arm, origin.v + 1j * link.v * arm, origin.a + (1j * link.a - link.v**2) * arm)
+
+    for g in mechanism.groups:
+        if isinstance(g, Crank):
+            links[g.link] = Jet(directions[g.link], none + g.turns, none)
+        elif isinstance(g, RRP):
+            b, rod, along = points[g.from_], at[g.end] - at[g.from_], directions[g.block]
+            w, _ = _solve(1j * rod, -along, -b.v)
+            e, _ = _solve(1j * rod, -along, -b.a + w**2 * rod)
+            links[g.link], links[g.block] = Jet(directions[g.link], w, e), Jet(along, none, none)
+        else:
+            a, b = points[g.from_], points[g.to]
+            p, q = at[g.meet] - a.r, at[g.meet] - b.r
+            w1, w2 = _solve(1j * p, -1j * q, b.v - a.v)
+            e1, e2 = _solve(1j * p, -1j * q, b.a - a.a + w1**2 * p - w2**2 * q)
+            for name, w, e in zip(g.links, (w1, w2), (e1, e2), strict=True):
+                links[name] = Jet(directions[name], w, e)
+        for name, (origin, far) in g.pins().items():
+            places = body(mechanism.links[name]).places
+            if far is not None and far not in points:
+                places = {far: complex(mechanism.links[name].length), **places}
+            for point, place in places.items():
+                points[point] = carried(points[origin], links[name], place)
+    return Rates(points, links)
+
+
+def _solve(a, b, right):
+    """Real x, y with a x + b y = right, all complex."""
+    matrix = np.stack([np.stack([a.real, b.real], -1), np.stack([a.imag, b.imag], -1)], -2)
+    found = np.linalg.solve(matrix, np.stack([right.real, right.imag], -1)[..., None])[..., 0]
+    return found[..., 0], found[..., 1]
+
+
+def active(load, phi, cycle) -> np.ndarray:
+    """One where a load is on: half-open window, modulo the cycle."""
+    if load.window is None:
+        return np.ones_like(phi)
+    on, off = float(load.window.on), float(load.window.off)
+    return np.where((phi - on) % cycle < (off - on) % cycle, 1.0, 0.0)
+
+
+def applied(scene, phi, here: Rates) -> dict[str, tuple[str, str, Any, Any]]:
+    """Weights and loads by name: link, point, force (complex) and couple."""
+    gravity = complex(float(scene.gravity.x), float(scene.gravity.y))
+    found = {}
+    for name, b in bodies(scene.mechanism).items():
+        found[f"weight of {name}"] = (name, next(iter(b.places)), b.mass * gravity + 0 * phi, 0 * phi)
+    for load in scene.loads:
+        on = active(load, phi, scene.cycle)
+        force, couple = 0j * phi, 0.0 * phi
+        if isinstance(load, Force):
+            force = complex(float(load.force.x), float(load.force.y)) * on
+        elif isinstance(load, OpposingForce):
+            v = here.points[load.point].v
+            force = -float(load.magnitude) * on * v / np.where(v == 0, 1.0, np.abs(v))
+        elif isinstance(load, Torque):
+            couple = float(load.torque) * on
+        else:
+            assert isinstance(load, OpposingTorque)
+            couple = -float(load.magnitude) * on * np.sign(here.links[load.link].v)
+        found[load.name] = (load.link, load.point, force, couple)
+    return found
+
+
+class Reduction(NamedTuple):
+    """Reduced inertia with its slope, and reduced torque with the share of each load."""
+
+    inertia: np.ndarray
+    slope: np.ndarray
+    torque: np.ndarray
+    shares: dict[str, np.ndarray]
+
+
+def reduction(scene, phi) -> Reduction:
+    """Kinetic energy and power at unit crank speed."""
+    phi = np.asarray(phi, dtype=float)
+    here = rates(scene.mechanism, phi)
+    inertia, slope = np.full_like(phi, float(scene.mechanism.flywheel.inertia)), np.zeros_like(phi)
+    for name, b in bodies(scene.mechanism).items():
+        s, turn = here.points[next(iter(b.places))], here.links[name]
+        inertia = inertia + b.mass * abs(s.v) ** 2 + b.inertia * turn.v**2
+        slope = slope + 2 * b.mass * (s.v.conjugate() * s.a).real + 2 * b.inertia * turn.v * turn.a
+    shares = {}
+    for name, (link, point, force, couple) in applied(scene, phi, here).items():
+        velocity = here.points[point].v if point else 0j
+        share = (force.conjugate() * velocity).real + couple * here.links[link].v
+        name = "gravity" if name.startswith("weight of ") else name
+        shares[name] = shares.get(name, 0.0) + share
+    return Reduction(inertia, slope, sum(shares.values(), np.zeros_like(phi)), shares)

@@ -1,0 +1,234 @@
+"""Forces against the Newton-Euler equations of all links at once, momentum, virtual power, and brute force."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax.forces import Forces, kinetostatics, other_sides
+from linkjax.measures import peak_names
+from linkjax.motion import Regime
+from tests.physics import newton_euler, oracle
+from tests.physics.machines import BUILT_IN, COMPOSED, machine
+
+MACHINES = [*BUILT_IN, *COMPOSED]
+ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
+STATES = {"constant speed": (1.0, 0.0), "speeding up": (0.8, 0.6), "slowing down": (1.1, -0.9)}  # times ω, ω²
+
+
+@compiled_soon
+def forces_at(scene, phi, speed, acceleration, side) -> Forces:
+    return jax.vmap(lambda *at: kinetostatics(scene, *at))(phi, speed, acceleration, side)
+
+
+def forces(scene, phi, speed, acceleration, side=None) -> Forces:
+    phi = np.asarray(phi, dtype=float)
+    every = (np.broadcast_to(x, phi.shape) for x in (phi, speed, acceleration, phi if side is None else side))
+    return jax.device_get(forces_at(scene, *(jnp.asarray(x, dtype=float) for x in every)))
+
+
+def states(name: str):
+    """Crank angles, speeds and accelerations: every angle in every state."""
+    w = float(machine(name).speed)
+    parts = [(ANGLES, np.full_like(ANGLES, a * w), np.full_like(ANGLES, b * w * w)) for a, b in STATES.values()]
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+
+
+@functools.cache
+def computed(name: str) -> Forces:
+    return forces(machine(name), *states(name))
+
+
+@functools.cache
+def truth(name: str) -> newton_euler.Solution:
+    return newton_euler.solve(machine(name), *states(name))
+
+
+def plane(f) -> np.ndarray:
+    return np.asarray(f.fx) + 1j * np.asarray(f.fy)
+
+
+def largest(name: str) -> float:
+    return max(float(np.max(np.abs(force))) for force, _ in truth(name).reactions.values())
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_newton_euler(name):
+    got, known = computed(name), truth(name)
+    size = largest(name)
+    assert {(joint, link) for joint, sides in got.reactions.items() for link in sides} == set(known.reactions)
+    for (joint, link), (force, moment) in known.reactions.items():
+        np.testing.assert_allclose(plane(got.reactions[joint][link]), force, rtol=0, atol=1e-12 * size)
+        reach = max(1e-9, np.max(np.abs(moment)))
+        np.testing.assert_allclose(got.reactions[joint][link].moment, moment, rtol=0, atol=1e-11 * reach)
+    np.testing.assert_allclose(got.drive_torque, known.drive, rtol=0, atol=1e-12 * np.max(np.abs(known.drive)))
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_virtual_power(name):
+    """The drive torque is what the energy of the whole machine asks for."""
+    phi, speed, acceleration = states(name)
+    reduced = oracle.reduction(machine(name), phi)
+    parts = reduced.inertia * acceleration, 0.5 * reduced.slope * speed**2, -reduced.torque
+    size = np.max(sum(np.abs(part) for part in parts))
+    np.testing.assert_allclose(computed(name).drive_torque, sum(parts), rtol=0, atol=1e-12 * size)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_shaking_is_the_loss_of_momentum(name):
+    """Force and moment about the crank pivot, from differences of momentum and angular momentum."""
+    scene, (phi, speed, acceleration) = machine(name), states(name)
+    mechanism = scene.mechanism
+    about = oracle.rates(mechanism, phi).points[mechanism.groups[0].pivot].r
+
+    def momentum(phi):
+        here = oracle.rates(mechanism, phi)
+        linear, angular = 0j, float(mechanism.flywheel.inertia) * here.links[mechanism.crank].v
+        for link, b in oracle.bodies(mechanism).items():
+            s = here.points[next(iter(b.places))]
+            linear = linear + b.mass * s.v
+            angular = angular + b.mass * ((s.r - about).conjugate() * s.v).imag + b.inertia * here.links[link].v
+        return np.stack([linear.real, linear.imag, angular])
+
+    h = 1e-3
+    slope = (8 * (momentum(phi + h) - momentum(phi - h)) - momentum(phi + 2 * h) + momentum(phi - 2 * h)) / (12 * h)
+    loss = -(slope * speed**2 + momentum(phi) * acceleration)
+    got = computed(name).shaking
+    for value, known in zip((got.fx, got.fy, got.moment), loss, strict=True):
+        np.testing.assert_allclose(value, known, rtol=0, atol=1e-8 * np.max(np.abs(loss)))
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_what_the_frame_feels(name):
+    """Sum of the reactions of the frame; shaking + weight + loads; and without loads that react on the frame."""
+    scene, (phi, _, _) = machine(name), states(name)
+    got, known, mechanism = computed(name), truth(name), scene.mechanism
+    here = oracle.rates(mechanism, phi)
+    about = here.points[mechanism.groups[0].pivot].r
+
+    def cross(point, force):
+        return ((here.points[point].r - about).conjugate() * force).imag if point else 0.0
+
+    force, moment = 0j, 0.0
+    for j in newton_euler.joints(mechanism):
+        if j.by == "frame":
+            one, couple = known.reactions[j.name, j.link]
+            force, moment = force - one, moment - couple - cross(j.point, one)
+    size, reach = largest(name), np.max(np.abs(moment)) + np.max(np.abs(known.drive))
+    np.testing.assert_allclose(plane(got.frame), force, rtol=0, atol=1e-12 * size)
+    np.testing.assert_allclose(got.frame.moment, moment, rtol=0, atol=1e-11 * reach)
+    applied = oracle.applied(scene, phi, here)
+    weight = [part for key, part in applied.items() if key.startswith("weight of ")]
+    loads = [applied[load.name] for load in scene.loads]
+    own = [applied[load.name] for load in scene.loads if load.reacts_on == "frame"]
+    total = got.shaking
+    for value, group in ((got.weight, weight), (got.loads, loads)):
+        np.testing.assert_allclose(plane(value), sum(f for _, _, f, _ in group) + 0 * phi, rtol=0, atol=1e-12 * size)
+        couple = sum(c + cross(p, f) for _, p, f, c in group)
+        np.testing.assert_allclose(value.moment, couple + 0 * phi, rtol=0, atol=1e-12 * reach)
+        total = type(total)(*(a + b for a, b in zip(total, value, strict=True)))
+    np.testing.assert_allclose(plane(got.frame), plane(total), rtol=0, atol=1e-12 * size)
+    turns = mechanism.groups[0].turns
+    np.testing.assert_allclose(got.frame.moment, total.moment + turns * got.drive_torque, rtol=0, atol=1e-11 * reach)
+    net = plane(got.frame) - sum(f for _, _, f, _ in own)
+    np.testing.assert_allclose(plane(got.net_frame), net, rtol=0, atol=1e-12 * size)
+    couple = got.frame.moment - sum(c + cross(p, f) for _, p, f, c in own)
+    np.testing.assert_allclose(got.net_frame.moment, couple, rtol=0, atol=1e-11 * reach)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_action_and_reaction(name):
+    """Away from the frame the forces at a joint add up to nothing, and every side says by whom it is pushed."""
+    by, got = other_sides(machine(name)), computed(name).reactions
+    assert {j: set(sides) for j, sides in by.items()} == {j: set(sides) for j, sides in got.items()}
+    expected: dict[str, dict[str, set[str]]] = {}
+    for j in newton_euler.joints(machine(name).mechanism):
+        expected.setdefault(j.name, {}).setdefault(j.link, set()).add(j.by)
+        if j.by != "frame":
+            expected[j.name].setdefault(j.by, set()).add(j.link)
+    assert {j: {link: set(b.split("+")) for link, b in sides.items()} for j, sides in by.items()} == expected
+    inner = 0
+    for joint, sides in got.items():
+        if "frame" not in by[joint].values():
+            inner += 1
+            rest = sum(plane(f) for f in sides.values())
+            assert np.max(np.abs(rest)) <= 1e-13 * largest(name)
+    assert inner
+
+
+def test_guide_couple():
+    """The piston's mass centre lies ahead of its pin: the guide holds its weight's moment, nothing else turns it."""
+    scene = machine("slider-crank")
+    piston = scene.mechanism.links["piston"]
+    couple = computed("slider-crank").reactions["piston.guide"]["piston"].moment
+    held = float(piston.centre.x) * float(piston.mass) * -float(scene.gravity.y)
+    assert held > 0.1
+    np.testing.assert_allclose(couple, held, rtol=1e-12)
+
+
+def reversal(name: str) -> tuple[float, float]:
+    """Crank angle where the point that the first opposing load acts on stops while the load is on, and a unit of force."""
+    scene = machine(name)
+    load = next(load for load in scene.loads if load.opposing and load.point)
+    guide = next(g for g in scene.mechanism.groups if getattr(g, "end", "") == load.point and g.kind == "RRP")
+
+    def speed(phi):
+        here = oracle.rates(scene.mechanism, np.atleast_1d(phi))
+        return (here.points[load.point].v / np.exp(1j * float(guide.along))).real
+
+    scan = np.linspace(0.01, 2 * math.pi - 0.01, 400)
+    v, on = speed(scan), oracle.active(load, scan, scene.cycle)
+    i = np.flatnonzero((v[1:] * v[:-1] < 0) & (on[1:] * on[:-1] > 0))[0]
+    return brentq(lambda phi: speed(phi)[0], scan[i], scan[i + 1], xtol=1e-15), float(load.magnitude)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("hay-press", "window"), ("four-bar", "window"), ("hay-press-slider", "reversal"), ("clockwise", "reversal")],
+)
+def test_limits_at_a_jump(name, kind):
+    """At a jump: the limit from increasing φ; from the other side when asked."""
+    scene, w = machine(name), float(machine(name).speed)
+    if kind == "window":
+        load = next(load for load in scene.loads if load.window is not None)
+        at, jump = float(load.window.on), float(load.magnitude)
+    else:
+        at, jump = reversal(name)
+    near = 1e-7
+    both = forces(scene, [at - near, at + near], w, 0.0)
+    here = forces(scene, [at, at], w, 0.0, side=[at - 0.1, at + 0.1])
+    plain = forces(scene, [at, at], w, 0.0)
+    known = newton_euler.solve(scene, np.asarray([at - near, at + near]), np.asarray([w, w]), np.zeros(2))
+    size = largest(name)
+    gap = 0.0
+    for (joint, link), (force, _) in known.reactions.items():
+        limits = plane(both.reactions[joint][link])
+        np.testing.assert_allclose(limits, force, rtol=0, atol=1e-11 * size)
+        np.testing.assert_allclose(plane(here.reactions[joint][link]), limits, rtol=0, atol=1e-4 * size)
+        np.testing.assert_allclose(plane(plain.reactions[joint][link]), limits[[1, 1]], rtol=0, atol=1e-4 * size)
+        gap = max(gap, abs(limits[1] - limits[0]))
+    assert gap > 0.1 * jump
+
+
+def jumps(scene) -> np.ndarray:
+    """Crank angles where a load switches or turns round."""
+    found = [float(end) for load in scene.loads if load.window for end in (load.window.on, load.window.off)]
+    scan = np.linspace(0.0, scene.cycle, 4001) + 1e-4
+    for load in (load for load in scene.loads if load.opposing):
+
+        def along(phi, load=load):
+            here = oracle.rates(scene.mechanism, np.atleast_1d(phi))
+            return here.points[load.point].v if load.point else here.links[load.link].v + 0j
+
+        v = along(scan)
+        for i in np.flatnonzero((v[1:] * v[:-1].conjugate()).real < 0):
+            found.append(brentq(lambda p, a=along, i=i: (a(p) * v[i].conjugate())[0].real, scan[i], scan[i + 1]))
+    return np.asarray(found)
