@@ -52,17 +52,10 @@ def find_reversals(
     step = scan[1] - scan[0]
     v0, a0 = jnp.stack(scanned.v), jnp.stack(scanned.a) * step
     v1, a1 = jnp.roll(v0, -1, axis=1), jnp.roll(a0, -1, axis=1)
-    turn = v1 - v0
-    along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))[None]
-    f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
-    x = safe_divide(-f0, f1 - f0)
-    c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
-    for _ in range(3):  # Newton on the cell's cubic Hermite interpolant
-        value, slope = f0 + x * (g0 + x * (c2 + x * c3)), g0 + x * (2 * c2 + 3 * x * c3)
-        x = jnp.clip(x - safe_divide(value, slope), 0.0, 1.0)
-    start = scan + x * step
-    stopped = (jnp.sum(v0 * v0, axis=0) == 0) & (jnp.sum(a0 * a0, axis=0) > 0)  # a scan point right on a reversal
-    mask = ((jnp.sum(v0 * v1, axis=0) < 0) | stopped) & wanted(start)
+    single, x = _single_root(v0, a0, v1, a1)
+    double, near, far = _double_root(v0, a0, v1, a1)
+    start = jnp.concatenate([scan + step * jnp.where(double, near, x), scan + step * far])
+    mask = jnp.concatenate([single | double, double]) & wanted(start)
     place = jnp.cumsum(mask)
     number = jnp.arange(1, slots + 1)
     angle = jnp.sum(jnp.where(mask[None] & (place[None] == number[:, None]), start[None], 0.0), axis=1)
@@ -77,6 +70,35 @@ def find_reversals(
 
     angle, distance = repeat(steps, sharpen, (angle, jnp.zeros_like(angle)))
     return Reversals(angle, distance, place[-1] >= number, place[-1] > slots)
+
+
+def _single_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Array]:
+    """Cells in which the motion reverses once, and where (0…1): the root of the cubic Hermite interpolant."""
+    turn = v1 - v0
+    along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))[None]
+    f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
+    x = safe_divide(-f0, f1 - f0)
+    c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
+    for _ in range(3):
+        value, slope = f0 + x * (g0 + x * (c2 + x * c3)), g0 + x * (2 * c2 + 3 * x * c3)
+        x = jnp.clip(x - safe_divide(value, slope), 0.0, 1.0)
+    stopped = (jnp.sum(v0 * v0, axis=0) == 0) & (jnp.sum(a0 * a0, axis=0) > 0)  # a scan point right on a reversal
+    return (jnp.sum(v0 * v1, axis=0) < 0) | stopped, x
+
+
+def _double_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Array, Array]:
+    """Cells in which the motion reverses and reverses back, and where: the Hermite interpolant dips below zero."""
+    mean = v0 + v1
+    along = mean * safe_divide(jnp.ones_like(mean[0]), safe_sqrt(jnp.sum(mean * mean, axis=0)))[None]
+    f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
+    c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
+    x = safe_divide(-g0, g1 - g0)
+    for _ in range(2):
+        x = jnp.clip(x - safe_divide(g0 + x * (2 * c2 + 3 * x * c3), 2 * c2 + 6 * x * c3), 0.0, 1.0)
+    least, bend = f0 + x * (g0 + x * (c2 + x * c3)), 2 * c2 + 6 * x * c3
+    dips = (f0 > 0) & (f1 > 0) & (g0 < 0) & (g1 > 0) & (least < 0) & (bend > 0)
+    reach = safe_sqrt(safe_divide(-2 * least, bend))
+    return dips, jnp.clip(x - reach, 0.0, 1.0), jnp.clip(x + reach, 0.0, 1.0)
 
 
 def scan_angles(turns: int, points: int) -> Float[Array, " scan"]:

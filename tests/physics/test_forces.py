@@ -232,3 +232,53 @@ def jumps(scene) -> np.ndarray:
         for i in np.flatnonzero((v[1:] * v[:-1].conjugate()).real < 0):
             found.append(brentq(lambda p, a=along, i=i: (a(p) * v[i].conjugate())[0].real, scan[i], scan[i + 1]))
     return np.asarray(found)
+
+
+def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
+    """Size of everything whose peak is reported, rows in the order of `peak_names`, from the Newton-Euler equations."""
+    known, mechanism = newton_euler.solve(scene, phi, speed, acceleration), scene.mechanism
+    here = oracle.rates(mechanism, phi)
+    about = here.points[mechanism.groups[0].pivot].r
+    moment = 0.0
+    for name, b in oracle.bodies(mechanism).items():
+        s = here.points[next(iter(b.places))]
+        moment = moment + ((s.r - about).conjugate() * known.momentum_rate[name]).imag + known.spin_rate[name]
+    frame = sum(known.reactions[j.name, j.link][0] for j in newton_euler.joints(mechanism) if j.by == "frame")
+    found = {"shaking_force": sum(known.momentum_rate.values()), "frame_force": frame}
+    found |= {"shaking_moment": moment, "drive_torque": known.drive}
+    found |= {f"reaction.{joint}.{link}": force for (joint, link), (force, _) in known.reactions.items()}
+    return np.abs(np.stack([found[name] + 0 * phi for name in peak_names(scene)]))
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in ("hay-press", "two-on-one-crank") else pytest.param(n, marks=pytest.mark.slow) for n in MACHINES]
+)
+def test_peaks_and_checks(name):
+    """Suprema over 20 000 angles and both sides of every jump, each looked at more closely around the highest."""
+    scene = machine(name)
+    cycle = lj.analyse(scene, angles=24)
+    for check in (cycle.checks.virtual_power, cycle.checks.energy_closure, cycle.checks.force_balance):
+        assert float(check) <= 1e-10
+    crank = jax.jit(
+        jax.vmap(lambda phi: Regime(scene, cycle.steady.grid, cycle.steady).crank(cycle.steady.grid.place(phi)))
+    )
+    scan = np.linspace(0.0, scene.cycle, 20_000, endpoint=False)
+    edges = np.concatenate([jumps(scene) - 1e-10, jumps(scene) + 1e-10])
+    for peak, constant in ((cycle.peaks, False), (cycle.peaks_constant_speed, True)):
+
+        def sizes(phi, constant=constant):
+            if constant:
+                return magnitudes(scene, phi, np.full_like(phi, float(scene.speed)), np.zeros_like(phi))
+            return magnitudes(scene, phi, *(np.asarray(x) for x in crank(jnp.asarray(phi))))
+
+        coarse = sizes(np.concatenate([scan, edges]))
+        tops = np.concatenate([scan, edges])[np.argmax(coarse, axis=1)]
+        fine = sizes((tops[:, None] + np.linspace(-1, 1, 401) * scan[1]).ravel()).reshape((len(tops), len(tops), 401))
+        known = np.maximum(coarse.max(axis=1), np.diagonal(fine).max(axis=0))
+        assert [*peak_names(scene)] and len(known) == peak.value.size
+        np.testing.assert_allclose(peak.value, known, rtol=1e-9)
+        slack = np.asarray(peak.error) + 1e-10 * known
+        assert np.all(np.abs(np.asarray(peak.value) - known) <= slack)
+        at = np.asarray(peak.angle)
+        there = np.max([np.diagonal(sizes(at + side)) for side in (-1e-9, 1e-9)], axis=0)
+        np.testing.assert_allclose(there, known, rtol=1e-6)
