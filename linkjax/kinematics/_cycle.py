@@ -60,15 +60,18 @@ def find_reversals(
     number = jnp.arange(1, slots + 1)
     angle = jnp.sum(jnp.where(mask[None] & (place[None] == number[:, None]), start[None], 0.0), axis=1)
 
-    def sharpen(_, state):
-        here = jax.vmap(motion)(state[0])
+    def sharpen(at):
+        here = jax.vmap(motion)(at)
         v, a = jnp.stack(here.v), jnp.stack(here.a)
-        slope = jnp.sum(a * a, axis=0)
+        slope = jax.lax.stop_gradient(jnp.sum(a * a, axis=0))
         move = jnp.clip(safe_divide(jnp.sum(v * a, axis=0), slope), -step, step)
-        left = v - a * move[None]
-        return state[0] - move, safe_sqrt(safe_divide(jnp.sum(left * left, axis=0), slope))
+        left = jax.lax.stop_gradient(v - a * move[None])
+        return at - move, safe_sqrt(safe_divide(jnp.sum(left * left, axis=0), slope))
 
-    angle, distance = repeat(steps, sharpen, (angle, jnp.zeros_like(angle)))
+    angle = jax.lax.stop_gradient(angle)
+    if steps > 1:
+        angle = jax.lax.stop_gradient(jax.lax.fori_loop(0, steps - 1, lambda _, at: sharpen(at)[0], angle))
+    angle, distance = sharpen(angle)  # the last step carries the derivative of a reversal that moves with the design
     return Reversals(angle, distance, place[-1] >= number, place[-1] > slots)
 
 

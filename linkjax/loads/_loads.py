@@ -160,7 +160,7 @@ class OpposingTorque(AbstractLoad):
         return Motion((link.w,), (link.e,))
 
 
-NEAR = 1e-9  # rad: within this of a reversal the direction of motion is that of the side asked for
+NEAR = 1e-5  # rad: within this of a reversal the direction of motion is that of the side asked for
 
 
 def direction(point: PointState, at: Instant) -> Vec:

@@ -94,8 +94,10 @@ def _right_panel(fine, height, panel, i):
     """An extremum found on an edge lies inside the neighbour when the function still rises (or fell) there."""
     panels, points = height.shape
     after, before = (panel + 1) % panels, (panel - 1) % panels
-    forward = (i == points - 1) & (_end_slope(fine[:3], height[after, :3]) > 0)
-    backward = (i == 0) & (_end_slope(fine[-1:-4:-1], height[before, -1:-4:-1]) < 0)
+    jump = 1e-4 * (jnp.max(height) - jnp.min(jnp.where(jnp.isfinite(height), height, jnp.inf)))
+    joined = height[panel, i] - jnp.where(i == 0, height[before, -1], height[after, 0]) <= jump  # else a true corner
+    forward = (i == points - 1) & joined & (_end_slope(fine[:3], height[after, :3]) > 0)
+    backward = (i == 0) & joined & (_end_slope(fine[-1:-4:-1], height[before, -1:-4:-1]) < 0)
     panel = jnp.where(forward, after, jnp.where(backward, before, panel))
     return panel, jnp.where(forward, 0, jnp.where(backward, points - 1, i))
 

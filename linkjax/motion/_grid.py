@@ -99,9 +99,7 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     motions, closeness = jax.vmap(lambda phi: _scan_at(scene, opposing, phi))(scan)
     found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
     soft = [_closest(margins, scan) for margins in closeness]
-    kinks = jax.lax.stop_gradient(
-        _collect(scene, [*(f for f, _ in found), *soft])
-    )  # exact: the torque is continuous there
+    kinks = _collect(scene, [*(f for f, _ in found), *jax.lax.stop_gradient(soft)])
     edges = _edges(scene, [jnp.mod(w, scene.cycle) for w in windows], kinks, count)
     overflow = jnp.any(jnp.stack([jnp.asarray(False), *(o for _, o in found)]))
     n = max(4, -(-nodes // count))
@@ -182,6 +180,7 @@ def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
     fixed = jax.lax.stop_gradient(edges)
     low, high = fixed[:-1], fixed[1:]
     width = high - low
+    kinks = jax.lax.stop_gradient(kinks)
     near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # beside a kink proper all is smooth
     off = jnp.mod(kinks.angle[None] - 0.5 * (low + high)[:, None] + 0.5 * cycle, cycle) - 0.5 * cycle
     away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)

@@ -132,8 +132,9 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
             links[g.link] = Jet(directions[g.link], none + g.turns, none)
         elif isinstance(g, RRP):
             b, rod, along = points[g.from_], at[g.end] - at[g.from_], directions[g.block]
-            w, _ = _solve(1j * rod, -along, -b.v)
-            e, _ = _solve(1j * rod, -along, -b.a + w**2 * rod)
+            w, s = _solve(1j * rod, -along, -b.v)
+            e, s2 = _solve(1j * rod, -along, -b.a + w**2 * rod)
+            points[g.end] = Jet(at[g.end], s * along, s2 * along)
             links[g.link], links[g.block] = Jet(directions[g.link], w, e), Jet(along, none, none)
         else:
             a, b = points[g.from_], points[g.to]
