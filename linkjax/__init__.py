@@ -8,8 +8,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from linkjax import report as report
-    from linkjax import viz as viz
     from linkjax._config import enable_x64 as enable_x64
     from linkjax._vec import Vec as Vec
     from linkjax.analysis import Cycle as Cycle

@@ -101,6 +101,8 @@ def test_the_documented_ranks_are_these():
 
 def test_imports_go_down_the_ranks():
     def allowed(source: str, target: str) -> bool:
+        if target == "linkjax":  # the package resolves its rooms when they are used; only the top may rely on that
+            return top(source) == "cli"
         inside = target in MODULES
         return inside and (room(source) == room(target) or RANKS[top(target)] < RANKS[top(source)])
 

@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
+# pyright: reportReturnType=false, reportOptionalMemberAccess=false
 """Planar machines by other roads: NumPy and mpmath, straight from the laws.
 
 Nothing of linkjax is used but the numbers and names of a design. Points and link directions are complex numbers,
@@ -11,6 +13,7 @@ from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
+from scipy.optimize import brentq
 
 from linkjax.groups import RRP, RRR, Crank
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
@@ -215,3 +218,20 @@ def reduction(scene, phi) -> Reduction:
         name = "gravity" if name.startswith("weight of ") else name
         shares[name] = shares.get(name, 0.0) + share
     return Reduction(inertia, slope, sum(shares.values(), np.zeros_like(phi)), shares)
+
+
+def jumps(scene) -> np.ndarray:
+    """Crank angles where a load switches or turns round, sorted, in [0, cycle)."""
+    found = [float(end) for load in scene.loads if load.window for end in (load.window.on, load.window.off)]
+    scan = np.linspace(0.0, scene.cycle, 4001) + 1e-4
+    for load in (load for load in scene.loads if load.opposing):
+
+        def along(phi, load=load):
+            here = rates(scene.mechanism, np.atleast_1d(phi))
+            return here.points[load.point].v if load.point else here.links[load.link].v + 0j
+
+        v = along(scan)
+        for i in np.flatnonzero((v[1:] * v[:-1].conjugate()).real < 0):
+            before = v[i].conjugate()
+            found.append(brentq(lambda p, a=along, b=before: (a(p) * b)[0].real, scan[i], scan[i + 1], xtol=1e-14))
+    return np.unique(np.mod(found, scene.cycle))

@@ -1,3 +1,5 @@
+# pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
+# pyright: reportReturnType=false, reportOptionalMemberAccess=false
 """Positions and kinematic coefficients against nested differentiation, 50-digit arithmetic and symmetry."""
 
 from __future__ import annotations
