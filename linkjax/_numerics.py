@@ -19,6 +19,21 @@ def safe_divide(a: Array, b: Array, instead: Array | float = 0.0) -> Array:
     return jnp.where(ok, a / jnp.where(ok, b, 1.0), instead)
 
 
+def wrapped(x: Array, period: Array | float) -> Array:
+    """`x` modulo `period`, in [0, period); arithmetic only, since the library function takes one number at a time."""
+    rest = x - period * jnp.floor(x / period)
+    return jnp.where(rest >= period, rest - period, jnp.where(rest < 0, rest + period, rest))
+
+
+def highest(values: Array) -> Array:
+    """True at the largest value (and at any that equals it to rounding).
+
+    Not `values == max(values)`: XLA may compute the two sides in two places and round them differently.
+    """
+    top = jnp.max(values)
+    return values >= top - 1e-14 * jnp.abs(top)
+
+
 def root(function: Callable[[Array], Array], start: Array, solve: Callable, has_aux: bool = False):
     """Scalar root of `function`, found by `solve(function, start)`, differentiated implicitly.
 

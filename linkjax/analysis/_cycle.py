@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._compile import Tracer, compiled_soon
-from linkjax._numerics import safe_divide
+from linkjax._numerics import safe_divide, wrapped
 from linkjax._results import MESSAGES, MachineError, Result, merge
 from linkjax.forces import Forces
 from linkjax.kinematics import (
@@ -206,7 +206,7 @@ def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Eve
     rows = table(scene, jax.tree.map(lambda leaf: leaf[:count], every.forces))
     begin = motion.clock.at(grid.place(jnp.zeros(())))
     at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
-    time = jnp.mod(at_angles.time - begin, motion.period)
+    time = wrapped(at_angles.time - begin, motion.period)
     at_nodes = rows.reshape((grid.size // grid.n, grid.n, -1, 2))
     return at_nodes, at_angles._replace(time=time)
 

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from linkjax._numerics import repeat, safe_divide, safe_sqrt
+from linkjax._numerics import repeat, safe_divide, safe_sqrt, wrapped
 from linkjax.groups import Margin
 from linkjax.kinematics._pose import margins, named_groups, pose
 from linkjax.mechanism import Mechanism
@@ -61,7 +61,7 @@ def find_reversals(
     angle = jnp.sum(jnp.where(mask[None] & (place[None] == number[:, None]), start[None], 0.0), axis=1)
 
     def sharpen(at):
-        here = jax.vmap(motion)(at)
+        here = jax.lax.map(motion, at)  # a loop over the slots leaves the designs of a batch side by side
         v, a = jnp.stack(here.v), jnp.stack(here.a)
         slope = jax.lax.stop_gradient(jnp.sum(a * a, axis=0))
         move = jnp.clip(safe_divide(jnp.sum(v * a, axis=0), slope), -step, step)
@@ -184,7 +184,7 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
 
     phi = repeat(SHARPEN, sharpen, start)
     value = jnp.diagonal(jax.vmap(lambda one: _stacked(mechanism, one))(phi).value)
-    angle = jnp.mod(phi, scan.size * step)
+    angle = wrapped(phi, scan.size * step)
     result: dict[str, dict[str, Least]] = {}
     for i, (group, side) in enumerate(names):
         result.setdefault(group, {})[side] = Least(value[i], angle[i])

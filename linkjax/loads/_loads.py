@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._numerics import safe_divide, safe_sqrt, wrapped
 from linkjax._types import as_float
 from linkjax._vec import Vec, zero
 from linkjax.groups import PointState, Wrench
@@ -24,7 +24,7 @@ class Window(eqx.Module):
 
     def active(self, angle: Array, cycle: float) -> Array:
         """One inside the window, zero outside."""
-        return jnp.where(jnp.mod(angle - self.on, cycle) < jnp.mod(self.off - self.on, cycle), 1.0, 0.0)
+        return jnp.where(wrapped(angle - self.on, cycle) < wrapped(self.off - self.on, cycle), 1.0, 0.0)
 
 
 class Instant(NamedTuple):

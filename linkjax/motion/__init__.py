@@ -4,6 +4,8 @@ from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
 from linkjax.motion._diffrax import run_in_time as run_in_time
 from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax
+from linkjax.motion._flow import Primitive as Primitive
+from linkjax.motion._flow import primitive as primitive
 from linkjax.motion._flywheel import flywheel_for as flywheel_for
 from linkjax.motion._flywheel import textbook_flywheel as textbook_flywheel
 from linkjax.motion._flywheel import with_flywheel as with_flywheel
@@ -13,9 +15,7 @@ from linkjax.motion._grid import make_grid as make_grid
 from linkjax.motion._regime import Peak as Peak
 from linkjax.motion._regime import Regime as Regime
 from linkjax.motion._regime import peaks as peaks
-from linkjax.motion._steady import Primitive as Primitive
 from linkjax.motion._steady import Steady as Steady
 from linkjax.motion._steady import node_values as node_values
-from linkjax.motion._steady import primitive as primitive
 from linkjax.motion._steady import steady as steady
 from linkjax.motion._steady import steady_on as steady_on

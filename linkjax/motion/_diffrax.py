@@ -18,8 +18,9 @@ from jaxtyping import Array, Float
 from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
 from linkjax.machine import Scene
+from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, make_grid
-from linkjax.motion._steady import LEAST, Flow, Primitive, Steady, conclude, node_values
+from linkjax.motion._steady import Steady, conclude, node_values
 from linkjax.reduction import reduce
 
 MOST_CYCLES = 8  # breakpoints are laid over this many cycles from the start; beyond, step control alone finds them
@@ -159,8 +160,7 @@ def steady_by_diffrax(scene: Scene, nodes: int = 96, *, tolerance: float = 1e-11
     states = cycle(energy, drive)
     squared, clock = (states[1:-1, i].reshape(grid.nodes.shape) for i in (0, 1))
     work = _fitted(grid, 0.5 * here.inertia * squared - energy)
-    flow = Flow(scene, grid, here.inertia, work, drive)
-    return conclude(flow, here.torque, energy, _fitted(grid, clock))
+    return conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock))
 
 
 def _fitted(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:

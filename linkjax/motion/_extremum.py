@@ -1,5 +1,8 @@
-"""Extremes of a function over the continuous cycle: found on a search grid, followed on its interpolant, and sharpened
-on the function itself."""
+"""Extremes of a function over the continuous cycle.
+
+A function known with its slope at the nodes is a cubic between neighbours (`pieces`); one known by value only is
+searched on a fine grid (`search`) and followed on its interpolant (`climb`). Both are sharpened on the function itself.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from linkjax._numerics import envelope, root, safe_divide
+from linkjax._numerics import envelope, root, safe_divide, safe_sqrt
 from linkjax.motion._grid import Grid, Place
+from linkjax.motion._panels import Rule
 
 SHARPEN = 2  # evaluations of the exact slope after the search
 FOLLOW = 4  # Newton steps on the interpolant
@@ -20,6 +24,34 @@ FOLLOW = 4  # Newton steps on the interpolant
 def phi_at(grid: Grid, panel: Array, x: Array) -> Array:
     """Crank angle (rad) at the place `x` of a panel."""
     return grid.middle[panel] + grid.half[panel] * x
+
+
+class Pieces(NamedTuple):
+    """Cubic pieces of a function between the nodes and ends of every panel: the highest and lowest value of each piece,
+    where its extreme lies (place `x` in the panel), and the size of its bend there (second derivative by x)."""
+
+    high: Float[Array, "panels pieces"]
+    low: Float[Array, "panels pieces"]
+    x: Float[Array, "panels pieces"]
+    bend: Float[Array, "panels pieces"]
+
+
+def pieces(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Pieces:
+    """Cubic pieces of a function, from values and slopes by x at the low end, the nodes and the high end of panels."""
+    points = jnp.concatenate([-jnp.ones(1), jnp.asarray(rule.x), jnp.ones(1)])
+    width = (points[1:] - points[:-1])[None]
+    y0, y1, m0, m1 = value[:, :-1], value[:, 1:], slope[:, :-1] * width, slope[:, 1:] * width
+    c2, c3 = 3 * (y1 - y0) - 2 * m0 - m1, m0 + m1 - 2 * (y1 - y0)
+    turns = m0 * m1 < 0
+    sense = jnp.where(m0 > 0, 1.0, -1.0)  # a maximum, or a minimum
+    root = safe_sqrt(c2 * c2 - 3 * c3 * m0)
+    s = jnp.where(turns, jnp.clip(safe_divide(sense * m0, root - sense * c2), 0.0, 1.0), jnp.where(y1 > y0, 1.0, 0.0))
+    top = y0 + s * (m0 + s * (c2 + s * c3))
+    high = jnp.where(turns & (m0 > 0), top, jnp.maximum(y0, y1))
+    low = jnp.where(turns & (m0 < 0), top, jnp.minimum(y0, y1))
+    least = 1e-3 * (jnp.abs(m0) + jnp.abs(m1))
+    bend = jnp.maximum(jnp.abs(2 * c2 + 6 * c3 * s), least) / width**2
+    return Pieces(high, low, points[None, :-1] + s * width, bend)
 
 
 class Summit(NamedTuple):
@@ -95,7 +127,8 @@ def _right_panel(fine, height, panel, i):
     panels, points = height.shape
     after, before = (panel + 1) % panels, (panel - 1) % panels
     jump = 1e-4 * (jnp.max(height) - jnp.min(jnp.where(jnp.isfinite(height), height, jnp.inf)))
-    joined = height[panel, i] - jnp.where(i == 0, height[before, -1], height[after, 0]) <= jump  # else a true corner
+    other = jnp.where(i == 0, height[before, -1], height[after, 0])
+    joined = jnp.isfinite(other) & (height[panel, i] - other <= jump)  # else a true corner
     forward = (i == points - 1) & joined & (_end_slope(fine[:3], height[after, :3]) > 0)
     backward = (i == 0) & joined & (_end_slope(fine[-1:-4:-1], height[before, -1:-4:-1]) < 0)
     panel = jnp.where(forward, after, jnp.where(backward, before, panel))

@@ -25,7 +25,7 @@ def flywheel_for(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Arra
     """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged.
 
     Root of δ(J) in 1/δ, which is nearly linear in J; differentiated implicitly. The work over the cycle does not
-    depend on the flywheel, so the mechanism is evaluated only at the extremes. Negative (down to minus half the least
+    depend on the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the least
     reduced inertia) when the machine is steadier than asked for without any flywheel.
     """
     bare = here.inertia - scene.mechanism.flywheel.inertia

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._numerics import safe_divide
+from linkjax._numerics import highest, safe_divide, wrapped
 from linkjax.groups import Margin
 from linkjax.kinematics import Motion, find_reversals, named_groups, pose, scan_angles
 from linkjax.loads import AbstractLoad
@@ -63,7 +63,7 @@ class Grid(eqx.Module):
     def place(self, phi: Array) -> Place:
         """Where a crank angle lies; on an edge, in the panel that begins there (the limit from increasing φ)."""
         start, cycle = self.edges[0], self.edges[-1] - self.edges[0]
-        phi = start + jnp.mod(phi - start, cycle)
+        phi = start + wrapped(phi - start, cycle)
         panel = jnp.clip(jnp.searchsorted(self.edges, phi, side="right") - 1, 0, self.edges.size - 2)
         panel = panel.astype(jnp.int32)
         return Place(panel, jnp.clip(safe_divide(phi - self.middle[panel], self.half[panel]), -1.0, 1.0), phi)
@@ -100,7 +100,7 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
     soft = [_closest(margins, scan) for margins in closeness]
     kinks = _collect(scene, [*(f for f, _ in found), *jax.lax.stop_gradient(soft)])
-    edges = _edges(scene, [jnp.mod(w, scene.cycle) for w in windows], kinks, count)
+    edges = _edges(scene, [wrapped(w, scene.cycle) for w in windows], kinks, count)
     overflow = jnp.any(jnp.stack([jnp.asarray(False), *(o for _, o in found)]))
     n = max(4, -(-nodes // count))
     return Grid(edges, overflow, n, scan.size + REVERSALS * len(opposing))
@@ -133,7 +133,7 @@ def _closest(margins: list[Margin], scan: Array) -> Candidates:
     step = scan[1] - scan[0]
     best = Candidates(jnp.zeros(()), jnp.asarray(jnp.inf))
     for margin in margins:
-        least = margin.value == jnp.min(margin.value)
+        least = highest(-margin.value)
         at, value, d, dd = (_pick(least, part) for part in (scan, margin.value, margin.d, margin.dd))
         dd = jnp.maximum(dd, 1e-12)
         move = jnp.clip(-d / dd, -step, step)
@@ -153,7 +153,7 @@ def _collect(scene: Scene, candidates: list[Candidates]) -> Candidates:
     if not candidates:
         return Candidates(jnp.zeros((0,)), jnp.zeros((0,)))
     angle, distance = (jnp.concatenate([jnp.atleast_1d(c[i]) for c in candidates]) for i in (0, 1))
-    return Candidates(jnp.mod(angle, scene.cycle), distance)
+    return Candidates(wrapped(angle, scene.cycle), distance)
 
 
 def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) -> Array:
@@ -162,17 +162,30 @@ def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) ->
     kept = list(windows)
     for k in range(kinks.angle.shape[0]):
         angle = kinks.angle[k]
-        twin = [jnp.abs(jnp.mod(angle - other + 0.5 * cycle, cycle) - 0.5 * cycle) < SAME for other in kept]
+        twin = [jnp.abs(_nearest_turn(angle - other, cycle)) < SAME for other in kept]
         gone = jnp.any(jnp.stack([kinks.distance[k] > REACH, *twin]))
         kept.append(jnp.where(gone, jnp.inf, angle))
     kept += [jnp.asarray(jnp.inf)] * (count - len(kept))
-    edges = jnp.sort(jnp.stack(kept))
+    edges = _sorted(jnp.stack(kept))
     start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)
     edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
     edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
     for _ in range(count - max(1, len(windows))):
         edges = _halve(edges, kinks, cycle)
     return edges
+
+
+def _nearest_turn(angle: Array, cycle: float) -> Array:
+    """The angle less whole cycles, within half a cycle of zero."""
+    return angle - cycle * jnp.round(angle / cycle)
+
+
+def _sorted(values: Array) -> Array:
+    """A few values in order, by counting: a sort is slow on a CPU."""
+    number = jnp.arange(values.size)
+    before = (values[None] < values[:, None]) | ((values[None] == values[:, None]) & (number[None] < number[:, None]))
+    place = jnp.sum(before, axis=1)
+    return jnp.max(jnp.where(place[None] == number[:, None], values[None], -jnp.inf), axis=1)
 
 
 def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
@@ -182,11 +195,11 @@ def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
     width = high - low
     kinks = jax.lax.stop_gradient(kinks)
     near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # beside a kink proper all is smooth
-    off = jnp.mod(kinks.angle[None] - 0.5 * (low + high)[:, None] + 0.5 * cycle, cycle) - 0.5 * cycle
+    off = _nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
     away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
     squared = jnp.minimum(jnp.min(away * away + (near * near)[None], axis=1, initial=1.0), 1.0)
     hard = width * width / squared
-    hardest = hard == jnp.max(hard)
+    hardest = highest(hard)
     free = fixed[-2] >= fixed[-1]
     cut = _pick(hardest, 0.5 * (low + high))
     after = jnp.concatenate([edges[:1], edges[:-1]])

@@ -25,6 +25,9 @@ class Rule(NamedTuple):
     to_fine: np.ndarray  # interpolant at the search grid
     at_nodes: np.ndarray  # a series of degree n at the nodes
     at_fine: np.ndarray  # a series of degree n at the search grid
+    ends: np.ndarray  # interpolant at the two ends
+    hermite_ends: tuple[np.ndarray, np.ndarray]  # Hermite interpolant at the two ends, from values and slopes by x
+    hermite_slopes: tuple[np.ndarray, np.ndarray]  # its slope by x there
 
 
 @functools.lru_cache(maxsize=32)
@@ -40,7 +43,22 @@ def rule(n: int) -> Rule:
     primitive = raise_degree @ spectrum
     fine = np.cos(np.pi * np.arange(2 * n, -1, -1) / (2 * n))
     at_fine = legendre.legvander(fine, n)
-    return Rule(x, w, spectrum, primitive, fine, at_fine[:, :n] @ spectrum, legendre.legvander(x, n), at_fine)
+    return Rule(
+        x, w, spectrum, primitive, fine, at_fine[:, :n] @ spectrum, legendre.legvander(x, n), at_fine,
+        legendre.legvander(np.asarray([-1.0, 1.0]), n - 1) @ spectrum, *_hermite(x),
+    )  # fmt: skip
+
+
+def _hermite(x: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Values and slopes at the two ends of the Hermite interpolant, each as matrices for node values and slopes."""
+    n, ends = x.size, np.asarray([-1.0, 1.0])
+    apart = x[:, None] - x[None] + np.eye(n)
+    own = np.sum((1 - np.eye(n)) / apart, axis=1)  # slope of each Lagrange polynomial at its own node
+    away = ends[:, None] - x[None]
+    lagrange = np.prod(away, axis=1, keepdims=True) / away / np.prod(apart, axis=1)
+    tilt = lagrange * (np.sum(1 / away, axis=1, keepdims=True) - 1 / away)
+    straight, square, double = 1 - 2 * away * own, lagrange**2, 2 * lagrange * tilt
+    return (straight * square, away * square), (straight * double - 2 * own * square, away * double + square)
 
 
 def legendre_sum(coefficients: Float[Array, "*rows k"], x: Float[Array, ""]) -> Float[Array, "*rows"]:

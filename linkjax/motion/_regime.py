@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._numerics import safe_divide, safe_sqrt, wrapped
 from linkjax.machine import Scene
 from linkjax.motion._extremum import FOLLOW, SHARPEN, climb, phi_at, search, settle
 from linkjax.motion._grid import Grid, Place
@@ -106,4 +106,4 @@ def peaks(
 
     top, phi = jax.vmap(value)(number, panel, x)
     error = jax.lax.stop_gradient(safe_divide(gained, 2 * top) + 1e-12 * top)
-    return Peak(top, jnp.mod(phi, regime.scene.cycle), error)
+    return Peak(top, wrapped(phi, regime.scene.cycle), error)

@@ -1,0 +1,242 @@
+"""Node values of one cycle, and what follows from them once the energy constant E₀ is chosen.
+
+½ J ω² = E₀ + W(φ). The work W is the integral of the interpolated torque; (E₀ + W) / J is known with its slope at every
+node, and its extremes are found between them, then sharpened by evaluating the mechanism there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from linkjax._numerics import highest, root, safe_divide, wrapped
+from linkjax.machine import Scene
+from linkjax.motion._extremum import Pieces, phi_at, pieces
+from linkjax.motion._grid import Grid, Place
+from linkjax.motion._panels import legendre_sum
+from linkjax.reduction import Reduced, reduce
+
+LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a regime that counts as running (ω_min / ω_m about 1e-3)
+
+
+class Primitive(eqx.Module):
+    """An integral over the crank angle since the first edge of the grid, panel by panel as Legendre series."""
+
+    grid: Grid
+    at_edges: Float[Array, " edges"]
+    series: Float[Array, "panels terms"]
+
+    def at(self, place: Place) -> Array:
+        """The integral from the first edge to a place of the grid."""
+        return self.at_edges[place.panel] + legendre_sum(self.series[place.panel], place.x)
+
+
+def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
+    """Integral of a function known at the nodes."""
+    scaled = grid.half[:, None] * values
+    gained = jnp.cumsum(jnp.sum(grid.rule.w[None] * scaled, axis=1))
+    edges = jnp.concatenate([jnp.zeros_like(gained[:1]), gained])
+    return Primitive(grid, edges, scaled @ jnp.asarray(grid.rule.primitive.T))
+
+
+class End(NamedTuple):
+    """An extreme of the speed: its place, (E₀ + W) / J at the extreme itself, reduced inertia at the place, slope of
+    (E₀ + W) / J and of J there (by x and by the angle), and how much of (E₀ + W) / J the search may have missed."""
+
+    place: Place
+    height: Array
+    inertia: Array
+    tilt: Array
+    slope: Array
+    left: Array
+
+
+class Flow(eqx.Module):
+    """Node values of one cycle: reduced inertia with slope and torque (`here`), work, balancing drive torque."""
+
+    scene: Scene
+    grid: Grid
+    here: Reduced
+    work: Primitive
+    drive: Array
+    inertia: Array
+    weights: Array
+    at_nodes: Array
+    scale: Array
+
+    def __init__(self, scene: Scene, grid: Grid, here: Reduced, work: Primitive, drive: Array):
+        r = grid.rule
+        self.scene, self.grid, self.here, self.work, self.drive = scene, grid, here, work, drive
+        self.inertia = here.inertia
+        self.weights = grid.half[:, None] * r.w[None]
+        self.at_nodes = work.at_edges[:-1, None] + work.series @ jnp.asarray(r.at_nodes.T)
+        self.scale = 0.5 * scene.speed**2 * jnp.sum(self.weights * self.inertia) / scene.cycle
+
+    def running(self, energy: Array) -> Array:
+        """Kinetic energy kept positive: unchanged above `LEAST`, a smooth positive tail below."""
+        floor = LEAST * self.scale
+        low = energy <= floor
+        return jnp.where(low, floor / (2 - jnp.where(low, energy, floor) / floor), energy)
+
+    def speed(self, energy: Array, inertia: Array) -> Array:
+        """Crank speed (rad/s) from the kinetic energy."""
+        return jnp.sqrt(2 * self.running(energy) / inertia)
+
+    def period(self, energy: Array) -> Array:
+        """Duration of the cycle (s)."""
+        return jnp.sum(self.weights / self.speed(energy + self.at_nodes, self.inertia))
+
+    def energy_for_time_mean(self) -> Array:
+        """E₀ for which the time mean of the speed is the wanted one: Newton's method between bounds."""
+        wanted = self.scene.cycle / self.scene.speed
+        room = 0.5 * self.scene.speed**2 * self.inertia - self.at_nodes  # the energy with the wanted speed at each node
+        low, high = jnp.min(room), jnp.max(room)
+        lowest = LEAST * self.scale - jnp.min(self.at_nodes)  # below, the kinetic energy runs out somewhere
+        guess = jnp.sum(self.weights * room / self.inertia) / jnp.sum(self.weights / self.inertia)
+
+        def solve(_, start):
+            def step(state):
+                count, energy, low, high, _ = state
+                kinetic = energy + self.at_nodes
+                running = self.running(kinetic)
+                slowness = self.weights * jnp.sqrt(0.5 * self.inertia / running)
+                steep = jnp.where(kinetic > LEAST * self.scale, 1.0, (running / (LEAST * self.scale)) ** 2)
+                period, slope = jnp.sum(slowness), -0.5 * jnp.sum(slowness * steep / running)
+                late = period / wanted
+                low, high = jnp.where(late > 1, energy, low), jnp.where(late < 1, energy, high)
+                # nearly linear in the energy: 1 / period² of a machine that runs, period² of one that does not
+                move = -0.5 * period * jnp.where(energy > lowest, late**2 - 1, 1 - late**-2) / slope
+                inside = (energy + move >= low) & (energy + move <= high)
+                move = jnp.where(inside, move, 0.5 * (low + high) - energy)
+                return count + 1, energy + move, low, high, jnp.abs(move) > 4e-16 * jnp.abs(self.scale + energy)
+
+            state = (0, jnp.clip(start, low, high), low, high, jnp.asarray(True))
+            return jax.lax.while_loop(lambda s: s[4] & (s[0] < 60), step, state)[1]
+
+        return root(lambda energy: self.period(energy) / wanted - 1, jax.lax.stop_gradient(guess), solve)
+
+    def energy_for_midrange(self, energy: Array, ends: tuple[End, End]) -> Array:
+        """E₀ for which the mean of the largest and smallest speed is the wanted one, the extremes staying where they
+        were at another `energy`."""
+        (a, j), (b, k) = ((end.height * end.inertia - energy, end.inertia) for end in ends)
+
+        def excess(energy):
+            return 0.5 * (self.speed(energy + a, j) + self.speed(energy + b, k)) / self.scene.speed - 1
+
+        def solve(_, start):
+            def step(state):
+                count, energy, _ = state
+                value, slope = jax.jvp(excess, (energy,), (jnp.ones_like(energy),))
+                move = -0.5 * ((1 + value) - 1 / (1 + value)) / slope  # Newton on the square, nearly linear
+                return count + 1, energy + move, jnp.abs(move) > 4e-16 * jnp.abs(self.scale + energy)
+
+            return jax.lax.while_loop(lambda s: s[2] & (s[0] < 40), step, (0, start, jnp.asarray(True)))[1]
+
+        return root(excess, jax.lax.stop_gradient(self.scale - 0.5 * (a + b)), solve)
+
+    def pieces(self, energy: Array) -> Pieces:
+        """(E₀ + W) / J as cubic pieces between the nodes."""
+        r, half = self.grid.rule, self.grid.half[:, None]
+        inertia = self.with_ends(self.inertia, half * self.here.slope, r.hermite_ends)
+        slope = self.with_ends(self.inertia, half * self.here.slope, r.hermite_slopes, half * self.here.slope)
+        height = (energy + self.work_with_ends()) / inertia
+        return pieces(r, height, (half * self.torque_with_ends() - height * slope) / inertia)
+
+    def with_ends(self, values: Array, slopes: Array, ends: tuple, at_nodes: Array | None = None) -> Array:
+        """Values at the low end, the nodes and the high end of every panel, the ends by Hermite interpolation."""
+        beyond = values @ jnp.asarray(ends[0].T) + slopes @ jnp.asarray(ends[1].T)
+        return jnp.concatenate([beyond[:, :1], values if at_nodes is None else at_nodes, beyond[:, 1:]], axis=1)
+
+    def work_with_ends(self) -> Array:
+        """Work W at the low end, the nodes and the high end of every panel (J)."""
+        edges = self.work.at_edges
+        return jnp.concatenate([edges[:-1, None], self.at_nodes, edges[1:, None]], axis=1)
+
+    def torque_with_ends(self) -> Array:
+        """Torque Q + T there (N m): the slope of the work."""
+        ends = self.here.torque @ jnp.asarray(self.grid.rule.ends.T)
+        return jnp.concatenate([ends[:, :1], self.here.torque, ends[:, 1:]], axis=1) + self.drive
+
+    def extremes(self, energy: Array) -> tuple[End, End]:
+        """Largest and smallest speed over the continuous cycle: where (E₀ + W) / J is stationary."""
+        found = jax.lax.stop_gradient(self.pieces(energy))
+        signs = jnp.asarray([1.0, 1.0, -1.0, -1.0], dtype=found.x.dtype)
+        spots = [spot for height in (found.high, -found.low) for spot in _two_best(found, height)]
+        panel, x, bend = (jnp.stack(part) for part in zip(*spots, strict=True))
+        ends = jax.lax.map(lambda spot: self._end(*spot, energy), (signs, panel, x, bend))
+        tops = jax.lax.stop_gradient(signs * ends.height)  # which is the higher only the mechanism itself can tell
+
+        def best(i):
+            return jax.tree.map(lambda leaf: jnp.where(tops[i + 1] > tops[i], leaf[i + 1], leaf[i]), ends)
+
+        return best(0), best(2)
+
+    def _end(self, sign: Array, panel: Array, x: Array, bend: Array, energy: Array) -> End:
+        """One extreme, from a first guess and its bend: Newton's method on the mechanism itself, twice.
+
+        The second step is taken by the parabola only. It carries the derivatives: none for the first, since an extreme
+        does not depend on its place (envelope theorem), and the right one for the second.
+        """
+        fixed = jax.lax.stop_gradient(self)
+        tilt = fixed._at(panel, x, jax.lax.stop_gradient(energy))[-1]
+        move = _newton(x, sign * tilt, bend)
+        second = self._at(panel, x + move, energy)
+        secant = sign * safe_divide(tilt - jax.lax.stop_gradient(second[-1]), move)
+        bend = jnp.where((secant > 0.3 * bend) & (secant < 3 * bend), secant, bend)
+        place, height, here, tilt = second
+        move = jnp.clip(_newton(place.x, sign * tilt, bend), -jnp.abs(move), jnp.abs(move))
+        gain = tilt * move - 0.5 * sign * bend * move**2
+        place = place._replace(x=place.x + move, phi=place.phi + self.grid.half[panel] * move)
+        inertia = here.inertia + here.slope * self.grid.half[panel] * move
+        return End(place, height + gain, inertia, tilt, here.slope, jax.lax.stop_gradient(jnp.abs(gain)))
+
+    def _at(self, panel: Array, x: Array, energy: Array) -> tuple[Place, Array, Reduced, Array]:
+        """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J by x."""
+        place = Place(panel, x, phi_at(self.grid, panel, x))
+        here = reduce(self.scene, place.phi, self.grid.middle[panel])
+        height = (energy + self.work.at(place)) / here.inertia
+        return place, height, here, self.grid.half[panel] * self.rise(here, height)
+
+    def rise(self, here: Reduced, height: Array) -> Array:
+        """Derivative of `height` = (E₀ + W) / J by the crank angle."""
+        return (here.torque + self.drive - height * here.slope) / here.inertia
+
+    def work_pieces(self) -> Pieces:
+        """The work W as cubic pieces between the nodes."""
+        return pieces(self.grid.rule, self.work_with_ends(), self.grid.half[:, None] * self.torque_with_ends())
+
+    def least_work(self) -> tuple[Array, Array]:
+        """Least W over the continuous cycle (J), and its angle (rad)."""
+        found = self.work_pieces()
+        panel, x, _ = _best(found, -found.low)
+        at = Place(panel, x, phi_at(self.grid, panel, x))
+        return jnp.minimum(self.work.at(at), jnp.min(self.work.at_edges)), wrapped(at.phi, self.scene.cycle)
+
+
+def _newton(x: Array, tilt: Array, bend: Array) -> Array:
+    """Newton's step up a hill, inside the panel."""
+    return jnp.clip(tilt / bend, jnp.maximum(-1.0 - x, -0.5), jnp.minimum(1.0 - x, 0.5))
+
+
+def _two_best(found: Pieces, height: Array) -> list[tuple[Array, Array, Array]]:
+    """The two highest summits: panel, place and bend of each (twice the same where there is only one)."""
+    flat, number = height.ravel(), jnp.arange(height.size)
+    first = jnp.max(jnp.where(highest(flat), number, 0))
+    apart = jnp.abs(number - first)
+    summit = (flat >= jnp.roll(flat, 1)) & (flat >= jnp.roll(flat, -1)) & (apart > 1) & (apart < flat.size - 1)
+    rest = jnp.where(summit, flat, -jnp.inf)
+    rest = jnp.where(jnp.any(summit), rest, flat).reshape(height.shape)
+    return [_best(found, height), _best(found, rest)]
+
+
+def _best(found: Pieces, height: Array) -> tuple[Array, Array, Array]:
+    """Panel, place and bend of the highest piece; by masked maxima, which vectorise where an argmax does not."""
+    best = highest(height)
+    number = jnp.broadcast_to(jnp.arange(height.shape[0], dtype=jnp.int32)[:, None], height.shape)
+    panel = jnp.max(jnp.where(best, number, 0))
+    best &= number == panel
+    return panel, *(jnp.max(jnp.where(best, part, -jnp.inf)) for part in (found.x, found.bend))
