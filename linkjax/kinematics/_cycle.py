@@ -61,7 +61,7 @@ def find_reversals(
     angle = jnp.sum(jnp.where(mask[None] & (place[None] == number[:, None]), start[None], 0.0), axis=1)
 
     def sharpen(at):
-        here = jax.lax.map(motion, at)  # a loop over the slots leaves the designs of a batch side by side
+        here = jax.vmap(motion)(at)
         v, a = jnp.stack(here.v), jnp.stack(here.a)
         slope = jax.lax.stop_gradient(jnp.sum(a * a, axis=0))
         move = jnp.clip(safe_divide(jnp.sum(v * a, axis=0), slope), -step, step)

@@ -11,14 +11,12 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
-from linkjax._numerics import envelope, root, safe_divide, safe_sqrt
+from linkjax._numerics import envelope, once, root, safe_divide, safe_sqrt
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import Rule
-
-SHARPEN = 2  # evaluations of the exact slope after the search
-FOLLOW = 4  # Newton steps on the interpolant
 
 
 def phi_at(grid: Grid, panel: Array, x: Array) -> Array:
@@ -38,20 +36,24 @@ class Pieces(NamedTuple):
 
 def pieces(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Pieces:
     """Cubic pieces of a function, from values and slopes by x at the low end, the nodes and the high end of panels."""
-    points = jnp.concatenate([-jnp.ones(1), jnp.asarray(rule.x), jnp.ones(1)])
-    width = (points[1:] - points[:-1])[None]
-    y0, y1, m0, m1 = value[:, :-1], value[:, 1:], slope[:, :-1] * width, slope[:, 1:] * width
-    c2, c3 = 3 * (y1 - y0) - 2 * m0 - m1, m0 + m1 - 2 * (y1 - y0)
-    turns = m0 * m1 < 0
-    sense = jnp.where(m0 > 0, 1.0, -1.0)  # a maximum, or a minimum
+    points = np.concatenate([[-1.0], rule.x, [1.0]])
+    count = points.size - 1
+    low, width = (np.tile(part, value.shape[0]) for part in (points[:-1], np.diff(points)))
+    low, width = jnp.asarray(low), jnp.asarray(width)
+    y0, y1, m0, m1 = (part.ravel() for part in (value[:, :-1], value[:, 1:], slope[:, :-1], slope[:, 1:]))
+    m0, m1, rise = m0 * width, m1 * width, y1 - y0
+    c2, c3 = once(3 * rise - 2 * m0 - m1), once(m0 + m1 - 2 * rise)
+    turns, top = m0 * m1 < 0, m0 > 0
     root = safe_sqrt(c2 * c2 - 3 * c3 * m0)
-    s = jnp.where(turns, jnp.clip(safe_divide(sense * m0, root - sense * c2), 0.0, 1.0), jnp.where(y1 > y0, 1.0, 0.0))
-    top = y0 + s * (m0 + s * (c2 + s * c3))
-    high = jnp.where(turns & (m0 > 0), top, jnp.maximum(y0, y1))
-    low = jnp.where(turns & (m0 < 0), top, jnp.minimum(y0, y1))
-    least = 1e-3 * (jnp.abs(m0) + jnp.abs(m1))
-    bend = jnp.maximum(jnp.abs(2 * c2 + 6 * c3 * s), least) / width**2
-    return Pieces(high, low, points[None, :-1] + s * width, bend)
+    sense = jnp.where(top, 1.0, -1.0)  # a maximum, or a minimum
+    s = jnp.where(turns, jnp.clip(safe_divide(sense * m0, root - sense * c2), 0.0, 1.0), jnp.where(rise > 0, 1.0, 0.0))
+    s = once(s)
+    there = once(y0 + s * (m0 + s * (c2 + s * c3)))
+    high = jnp.where(turns & top, there, jnp.maximum(y0, y1))
+    low_value = jnp.where(turns & ~top, there, jnp.minimum(y0, y1))
+    bend = jnp.maximum(jnp.abs(2 * c2 + 6 * c3 * s), 1e-3 * (jnp.abs(m0) + jnp.abs(m1))) / (width * width)
+    shape = (value.shape[0], count)
+    return Pieces(*(part.reshape(shape) for part in (high, low_value, low + s * width, bend)))
 
 
 class Summit(NamedTuple):

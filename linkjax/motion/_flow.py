@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax._numerics import highest, root, safe_divide, wrapped
+from linkjax._numerics import highest, once, root, safe_divide, wrapped
 from linkjax.machine import Scene
 from linkjax.motion._extremum import Pieces, phi_at, pieces
 from linkjax.motion._grid import Grid, Place
@@ -141,25 +141,30 @@ class Flow(eqx.Module):
     def pieces(self, energy: Array) -> Pieces:
         """(E₀ + W) / J as cubic pieces between the nodes."""
         r, half = self.grid.rule, self.grid.half[:, None]
-        inertia = self.with_ends(self.inertia, half * self.here.slope, r.hermite_ends)
-        slope = self.with_ends(self.inertia, half * self.here.slope, r.hermite_slopes, half * self.here.slope)
-        height = (energy + self.work_with_ends()) / inertia
-        return pieces(r, height, (half * self.torque_with_ends() - height * slope) / inertia)
+        values, slopes = self.inertia, half * self.here.slope
+        inertia, slope = (
+            values @ jnp.asarray(m.T) + slopes @ jnp.asarray(k.T) for m, k in (r.hermite_ends, r.hermite_slopes)
+        )
 
-    def with_ends(self, values: Array, slopes: Array, ends: tuple, at_nodes: Array | None = None) -> Array:
-        """Values at the low end, the nodes and the high end of every panel, the ends by Hermite interpolation."""
-        beyond = values @ jnp.asarray(ends[0].T) + slopes @ jnp.asarray(ends[1].T)
-        return jnp.concatenate([beyond[:, :1], values if at_nodes is None else at_nodes, beyond[:, 1:]], axis=1)
+        def height_and_slope(work, torque, inertia, slope):
+            height = once((energy + work) / inertia)
+            return height, once((half * torque - height * slope) / inertia)
 
-    def work_with_ends(self) -> Array:
-        """Work W at the low end, the nodes and the high end of every panel (J)."""
+        nodes = height_and_slope(self.at_nodes, self.here.torque + self.drive, values, slopes)
+        ends = height_and_slope(*self.at_ends(), inertia, slope)
+        return pieces(r, *(_between(*part) for part in zip(ends, nodes, strict=True)))
+
+    def at_ends(self) -> tuple[Array, Array]:
+        """Work W (J) and its slope Q + T (N m) at the two ends of every panel."""
         edges = self.work.at_edges
-        return jnp.concatenate([edges[:-1, None], self.at_nodes, edges[1:, None]], axis=1)
+        torque = self.here.torque @ jnp.asarray(self.grid.rule.ends.T) + self.drive
+        return jnp.stack([edges[:-1], edges[1:]], axis=1), torque
 
-    def torque_with_ends(self) -> Array:
-        """Torque Q + T there (N m): the slope of the work."""
-        ends = self.here.torque @ jnp.asarray(self.grid.rule.ends.T)
-        return jnp.concatenate([ends[:, :1], self.here.torque, ends[:, 1:]], axis=1) + self.drive
+    def work_pieces(self) -> Pieces:
+        """The work W as cubic pieces between the nodes."""
+        nodes, half = (self.at_nodes, self.here.torque + self.drive), self.grid.half[:, None]
+        value, slope = (_between(*part) for part in zip(self.at_ends(), nodes, strict=True))
+        return pieces(self.grid.rule, value, half * slope)
 
     def extremes(self, energy: Array) -> tuple[End, End]:
         """Largest and smallest speed over the continuous cycle: where (E₀ + W) / J is stationary."""
@@ -167,7 +172,7 @@ class Flow(eqx.Module):
         signs = jnp.asarray([1.0, 1.0, -1.0, -1.0], dtype=found.x.dtype)
         spots = [spot for height in (found.high, -found.low) for spot in _two_best(found, height)]
         panel, x, bend = (jnp.stack(part) for part in zip(*spots, strict=True))
-        ends = jax.lax.map(lambda spot: self._end(*spot, energy), (signs, panel, x, bend))
+        ends = jax.vmap(lambda *spot: self._end(*spot, energy))(signs, panel, x, bend)
         tops = jax.lax.stop_gradient(signs * ends.height)  # which is the higher only the mechanism itself can tell
 
         def best(i):
@@ -205,16 +210,17 @@ class Flow(eqx.Module):
         """Derivative of `height` = (E₀ + W) / J by the crank angle."""
         return (here.torque + self.drive - height * here.slope) / here.inertia
 
-    def work_pieces(self) -> Pieces:
-        """The work W as cubic pieces between the nodes."""
-        return pieces(self.grid.rule, self.work_with_ends(), self.grid.half[:, None] * self.torque_with_ends())
-
     def least_work(self) -> tuple[Array, Array]:
         """Least W over the continuous cycle (J), and its angle (rad)."""
         found = self.work_pieces()
         panel, x, _ = _best(found, -found.low)
         at = Place(panel, x, phi_at(self.grid, panel, x))
         return jnp.minimum(self.work.at(at), jnp.min(self.work.at_edges)), wrapped(at.phi, self.scene.cycle)
+
+
+def _between(ends: Array, nodes: Array) -> Array:
+    """Values at the low end, the nodes and the high end of every panel."""
+    return jnp.concatenate([ends[:, :1], nodes, ends[:, 1:]], axis=1)
 
 
 def _newton(x: Array, tilt: Array, bend: Array) -> Array:

@@ -12,10 +12,13 @@ from jaxtyping import Array, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt, wrapped
 from linkjax.machine import Scene
-from linkjax.motion._extremum import FOLLOW, SHARPEN, climb, phi_at, search, settle
+from linkjax.motion._extremum import climb, phi_at, search, settle
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
 from linkjax.motion._steady import Steady
+
+FOLLOW = 4  # steps on the interpolants
+SHARPEN = 2  # parabolic steps on the quantities themselves
 
 
 class Regime(eqx.Module):
@@ -97,7 +100,7 @@ def peaks(
         new = jnp.clip(centre + h * jnp.clip(step, -3.0, 3.0), -1.0, 1.0)
         return new, jnp.abs(tilt * (new - centre) / h)
 
-    x, gained = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHARPEN + 1, probe, (x, jnp.zeros_like(x))))
+    x, gained = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHARPEN, probe, (x, jnp.zeros_like(x))))
 
     def value(which, panel, x):
         place = settle(grid, panel, x)
