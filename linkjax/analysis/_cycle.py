@@ -207,7 +207,8 @@ def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Eve
     begin = motion.clock.at(grid.place(jnp.zeros(())))
     at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
     time = wrapped(at_angles.time - begin, motion.period)
-    at_nodes = rows.reshape((grid.size // grid.n, grid.n, -1, 2))
+    at_nodes = jnp.moveaxis(rows.reshape((count, -1, 2)), 0, -1)
+    at_nodes = at_nodes.reshape((*at_nodes.shape[:2], *grid.nodes.shape))
     return at_nodes, at_angles._replace(time=time)
 
 

@@ -5,9 +5,9 @@ from linkjax.measures._forces import peak_names as peak_names
 from linkjax.measures._forces import reaction_names as reaction_names
 from linkjax.measures._forces import table as table
 from linkjax.measures._measures import MEASURES as MEASURES
-from linkjax.measures._measures import NODES as NODES
 from linkjax.measures._measures import Measure as Measure
 from linkjax.measures._measures import delta as delta
+from linkjax.measures._measures import evaluate as evaluate
 from linkjax.measures._measures import flywheel_for_target_delta as flywheel_for_target_delta
 from linkjax.measures._measures import largest_speed as largest_speed
 from linkjax.measures._measures import largest_transmission_cosine as largest_transmission_cosine
@@ -22,3 +22,5 @@ from linkjax.measures._measures import regime_margin as regime_margin
 from linkjax.measures._measures import rms_shaking_force_constant_speed as rms_shaking_force_constant_speed
 from linkjax.measures._measures import smallest_margin as smallest_margin
 from linkjax.measures._measures import smallest_speed as smallest_speed
+from linkjax.measures._parts import NODES as NODES
+from linkjax.measures._parts import Parts as Parts

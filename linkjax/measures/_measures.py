@@ -1,159 +1,149 @@
 """Every number a designer asks for, as a function of the scene with a unit. The name states the regime.
 
-`MEASURES` is what the tests sweep and the optimiser uses; a new measure is a function with the decorator.
+`MEASURES` is what the tests sweep and the optimiser uses; a new measure is a function of `Parts` with the decorator.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax.kinematics import assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
-from linkjax.motion import Place, Regime, flywheel_for, make_grid, node_values, peaks, steady
-
-NODES = 96  # nodes on the cycle grid unless asked otherwise
+from linkjax.measures._parts import NODES, Parts
+from linkjax.motion import Place, Regime, flywheel_for, peaks
 
 
 @dataclasses.dataclass(frozen=True)
 class Measure:
-    """A number of a scene: `function(scene, nodes)` in SI `unit`."""
+    """A number of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable."""
 
     name: str
     unit: str
-    function: Callable[..., Array]
+    meaning: str
+    function: Callable[[Parts], Array]
 
     def __call__(self, scene: Scene, nodes: int = NODES) -> Array:
-        return self.function(scene, nodes)
+        return self.function(Parts(scene, nodes))
 
 
 MEASURES: dict[str, Measure] = {}
 
 
-def measure(unit: str):
-    """Register a function of (scene, nodes) as a measure with a unit."""
+def measure(unit: str) -> Callable[[Callable[[Parts], Array]], Measure]:
+    """Make a measure of a function of `Parts`, with its unit, and register it under the function's name."""
 
-    def register(function: Callable[..., Array]) -> Callable[..., Array]:
-        name = function.__name__
-        MEASURES[name] = Measure(name, unit, function)
-        return function
+    def register(function: Callable[[Parts], Array]) -> Measure:
+        made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), function)
+        MEASURES[made.name] = made
+        return made
 
     return register
 
 
+def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
+    """Several measures of one scene by name, at little more than the cost of one: they share grid and node values."""
+    parts = Parts(scene, nodes)
+    return {one.name: one.function(parts) for one in measures}
+
+
 @measure("1")
-def delta(scene: Scene, nodes: int = NODES) -> Array:
+def delta(of: Parts) -> Array:
     """Coefficient of speed fluctuation of the true motion, (ω_max - ω_min) / mean speed."""
-    return steady(scene, nodes).delta
+    return of.steady.delta
 
 
 @measure("rad/s")
-def largest_speed(scene: Scene, nodes: int = NODES) -> Array:
+def largest_speed(of: Parts) -> Array:
     """Largest crank speed of the true motion."""
-    return steady(scene, nodes).speed_max
+    return of.steady.speed_max
 
 
 @measure("rad/s")
-def smallest_speed(scene: Scene, nodes: int = NODES) -> Array:
+def smallest_speed(of: Parts) -> Array:
     """Smallest crank speed of the true motion."""
-    return steady(scene, nodes).speed_min
+    return of.steady.speed_min
 
 
 @measure("1")
-def regime_margin(scene: Scene, nodes: int = NODES) -> Array:
+def regime_margin(of: Parts) -> Array:
     """Least kinetic energy of the true motion over ½ J̄ ω², less the least that counts as running."""
-    return steady(scene, nodes).regime_margin
+    return of.steady.regime_margin
 
 
 @measure("N m")
-def mean_drive_torque(scene: Scene, nodes: int = NODES) -> Array:
+def mean_drive_torque(of: Parts) -> Array:
     """Constant drive torque that balances the cycle."""
-    return steady(scene, nodes).drive_torque
+    return of.steady.drive_torque
 
 
 @measure("kg m^2")
-def flywheel_for_target_delta(scene: Scene, nodes: int = NODES) -> Array:
+def flywheel_for_target_delta(of: Parts) -> Array:
     """Flywheel inertia that gives the scene's target δ (0.05 where it names none)."""
-    grid = make_grid(scene, nodes)
-    target = jnp.asarray(0.05) if scene.target_delta is None else scene.target_delta
-    return flywheel_for(scene, target, grid, node_values(scene, grid))
+    target = jnp.asarray(0.05) if of.scene.target_delta is None else of.scene.target_delta
+    return flywheel_for(of.scene, target, of.grid, of.reduced)
 
 
 @measure("1")
-def smallest_margin(scene: Scene, nodes: int = NODES) -> Array:
+def smallest_margin(of: Parts) -> Array:
     """Smallest signed assembly margin of all groups over the continuous cycle; negative: it cannot be assembled."""
-    del nodes
-    every = [
-        least.value
-        for sides in assembly_margins(scene.mechanism, scene.cycle_turns).values()
-        for least in sides.values()
-    ]
+    limits = assembly_margins(of.scene.mechanism, of.scene.cycle_turns)
+    every = [least.value for sides in limits.values() for least in sides.values()]
     return jnp.min(jnp.stack(every)) if every else jnp.ones(())
 
 
 @measure("1")
-def largest_transmission_cosine(scene: Scene, nodes: int = NODES) -> Array:
+def largest_transmission_cosine(of: Parts) -> Array:
     """Largest |cos μ| of all transmission angles over the cycle: 0 at 90 degrees, 1 at a dead position."""
 
     def cosines(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)
         return jnp.cos(jnp.stack(list(angles.values())))[:, None]
 
-    return _largest(Regime(scene, make_grid(scene, nodes)), cosines)
+    return _largest(of.constant_speed, cosines)
 
 
 @measure("N")
-def peak_shaking_force_constant_speed(scene: Scene, nodes: int = NODES) -> Array:
+def peak_shaking_force_constant_speed(of: Parts) -> Array:
     """Largest shaking force at constant nominal speed."""
-    return _largest(_constant(scene, nodes), _forces.shaking)
+    return _largest(of.constant_speed, _forces.shaking, of.shaking(of.constant_speed))
 
 
 @measure("N")
-def rms_shaking_force_constant_speed(scene: Scene, nodes: int = NODES) -> Array:
+def rms_shaking_force_constant_speed(of: Parts) -> Array:
     """Root mean square over the cycle of the shaking force at constant nominal speed."""
-    regime = _constant(scene, nodes)
-    force = jax.vmap(jax.vmap(lambda place: _forces.shaking(regime, place)[0]))(regime.grid.node_places())
-    weights = regime.grid.half[:, None] * regime.grid.rule.w[None]
-    return jnp.sqrt(jnp.sum(weights * jnp.sum(force * force, axis=-1)) / scene.cycle)
+    force = of.shaking(of.constant_speed)[0]
+    weights = of.grid.half[:, None] * of.grid.rule.w[None]
+    return jnp.sqrt(jnp.sum(weights * jnp.sum(force * force, axis=0)) / of.scene.cycle)
 
 
 @measure("N")
-def peak_shaking_force(scene: Scene, nodes: int = NODES) -> Array:
+def peak_shaking_force(of: Parts) -> Array:
     """Largest shaking force in the true motion."""
-    return _largest(_true(scene, nodes), _forces.shaking)
+    return _largest(of.true_motion, _forces.shaking, of.shaking(of.true_motion))
 
 
 @measure("N m")
-def peak_drive_torque_constant_speed(scene: Scene, nodes: int = NODES) -> Array:
+def peak_drive_torque_constant_speed(of: Parts) -> Array:
     """Largest magnitude of the drive torque at constant nominal speed."""
-    return _largest(_constant(scene, nodes), _forces.drive)
+    return _largest(of.constant_speed, _forces.drive)
 
 
 @measure("N")
-def peak_reaction_constant_speed(scene: Scene, nodes: int = NODES) -> Array:
+def peak_reaction_constant_speed(of: Parts) -> Array:
     """Largest joint or guide force at constant nominal speed."""
-    return _largest(_constant(scene, nodes), _forces.reactions)
+    return _largest(of.constant_speed, _forces.reactions)
 
 
 @measure("N")
-def peak_reaction(scene: Scene, nodes: int = NODES) -> Array:
+def peak_reaction(of: Parts) -> Array:
     """Largest joint or guide force in the true motion."""
-    return _largest(_true(scene, nodes), _forces.reactions)
+    return _largest(of.true_motion, _forces.reactions)
 
 
-def _constant(scene: Scene, nodes: int) -> Regime:
-    return Regime(scene, make_grid(scene, nodes))
-
-
-def _true(scene: Scene, nodes: int) -> Regime:
-    motion = steady(scene, nodes)
-    return Regime(scene, motion.grid, motion)
-
-
-def _largest(regime: Regime, components) -> Array:
-    return jnp.max(peaks(regime, components).value)
+def _largest(regime: Regime, components, at_nodes: Array | None = None) -> Array:
+    return jnp.max(peaks(regime, components, at_nodes).value)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from linkjax._numerics import envelope, once, root, safe_divide, safe_sqrt
+from linkjax._numerics import envelope, highest, once, root, safe_divide, safe_sqrt
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import Rule
 
@@ -71,8 +71,9 @@ def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
     """The summit of a function given on the search grid of every panel."""
     height = jax.lax.stop_gradient(height)
     points = height.shape[1]
-    flat = jnp.argmax(height)
-    panel, i = _right_panel(fine, height, flat // points, flat % points)
+    best = highest(jnp.max(height, axis=1))
+    panel = jnp.max(jnp.where(best, jnp.arange(best.size), 0))
+    panel, i = _right_panel(fine, height, panel, jnp.argmax(height[panel]))
     j = jnp.clip(i, 1, points - 2)
     x, y = fine[j + jnp.arange(-1, 2)], height[panel, j + jnp.arange(-1, 2)]
     left = (y[1] - y[0]) / (x[1] - x[0])

@@ -53,7 +53,7 @@ Components = Callable[[Regime, Place], Float[Array, "quantities parts"]]
 def peaks(
     regime: Regime,
     components: Components,
-    at_nodes: Float[Array, "panels n quantities parts"] | None = None,
+    at_nodes: Float[Array, "quantities parts panels n"] | None = None,
 ) -> Peak:
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
@@ -63,17 +63,20 @@ def peaks(
     """
     grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
     if at_nodes is None:
-        at_nodes = jax.vmap(jax.vmap(lambda place: components(fixed, place)))(grid.node_places())
-    at_nodes = jnp.moveaxis(jax.lax.stop_gradient(at_nodes), (2, 0, 3, 1), (0, 1, 2, 3))  # quantity, panel, part, node
+        flat = jax.vmap(lambda place: components(fixed, place), out_axes=-1)(
+            jax.tree.map(jnp.ravel, grid.node_places())
+        )
+        at_nodes = flat.reshape((*flat.shape[:2], *grid.nodes.shape))
+    at_nodes = jax.lax.stop_gradient(at_nodes)
     rule = grid.rule
-    heights = jnp.sum((at_nodes @ jnp.asarray(rule.to_fine.T)) ** 2, axis=2)
+    heights = jnp.sum((at_nodes @ jnp.asarray(rule.to_fine.T)) ** 2, axis=1)
     series = at_nodes @ jnp.asarray(rule.spectrum.T)
 
     def find(height, rows):
         summit = search(jnp.asarray(rule.fine), height)
 
         def slope(x):
-            value, rate = jax.jvp(lambda x: legendre_sum(rows[summit.panel], x), (x,), (jnp.ones_like(x),))
+            value, rate = jax.jvp(lambda x: legendre_sum(rows[:, summit.panel], x), (x,), (jnp.ones_like(x),))
             return 2 * jnp.sum(value * rate)
 
         return summit.panel, climb(slope, summit, FOLLOW)[0]

@@ -1,0 +1,73 @@
+"""What the measures of one scene share: grid, node values, steady motion, each computed when first asked for."""
+
+from __future__ import annotations
+
+import functools
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from linkjax.kinematics import Pose, pose
+from linkjax.loads import Instant
+from linkjax.machine import Scene
+from linkjax.motion import Grid, Regime, Steady, make_grid, steady_on
+from linkjax.reduction import Reduced, mass_sums, reduce_pose
+
+NODES = 96  # nodes on the cycle grid unless asked otherwise
+
+
+class Parts:
+    """A scene on a cycle grid of about `nodes` nodes; attributes are computed on first use and kept."""
+
+    def __init__(self, scene: Scene, nodes: int = NODES):
+        self.scene, self.nodes = scene, nodes
+
+    @functools.cached_property
+    def grid(self) -> Grid:
+        """The cycle grid."""
+        return make_grid(self.scene, self.nodes)
+
+    @functools.cached_property
+    def poses(self) -> Pose:
+        """The pose at every node, leaves of shape (nodes,)."""
+        return jax.vmap(lambda phi: pose(self.scene.mechanism, phi))(self.grid.nodes.ravel())
+
+    @functools.cached_property
+    def reduced(self) -> Reduced:
+        """Reduced inertia, slope and torque at every node, shape (panels, n)."""
+        scene, nodes = self.scene, self.grid.nodes
+        sides = jnp.broadcast_to(self.grid.middle[:, None], nodes.shape).ravel()
+
+        def at(phi, side, here):
+            return reduce_pose(scene, Instant(phi, side, scene.cycle), here)
+
+        return jax.tree.map(lambda leaf: leaf.reshape(nodes.shape), jax.vmap(at)(nodes.ravel(), sides, self.poses))
+
+    @functools.cached_property
+    def steady(self) -> Steady:
+        """The steady periodic motion."""
+        return steady_on(self.scene, self.grid, self.reduced)
+
+    @functools.cached_property
+    def constant_speed(self) -> Regime:
+        """The regime of constant nominal speed."""
+        return Regime(self.scene, self.grid)
+
+    @functools.cached_property
+    def true_motion(self) -> Regime:
+        """The regime of the true steady motion."""
+        return Regime(self.scene, self.grid, self.steady)
+
+    def shaking(self, regime: Regime) -> Float[Array, "1 2 panels n"]:
+        """Shaking force at every node (N), as one quantity of two parts."""
+        names = {name: link.centre_name for name, link in self.scene.mechanism.links.items()}
+        places = jax.tree.map(jnp.ravel, self.grid.node_places())
+
+        def at(here, place):
+            first, second = mass_sums(here, names)
+            speed, acceleration = regime.crank(place)
+            force = -(second * speed**2 + first * acceleration)
+            return force.x, force.y
+
+        return jnp.stack(jax.vmap(at)(self.poses, places)).reshape((1, 2, *self.grid.nodes.shape))
