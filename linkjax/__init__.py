@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from linkjax._config import enable_x64 as enable_x64
+    from linkjax._config import use_cpu_devices as use_cpu_devices
+    from linkjax._population import over_designs as over_designs
     from linkjax._vec import Vec as Vec
     from linkjax.analysis import Cycle as Cycle
     from linkjax.analysis import analyse as analyse
@@ -40,7 +42,8 @@ __version__ = "0.1.0"
 
 # Every room with the names it lends to the package; the block above says the same to type checkers.
 _ROOMS: dict[str, tuple[str, ...]] = {
-    "_config": ("enable_x64",),
+    "_config": ("enable_x64", "use_cpu_devices"),
+    "_population": ("over_designs",),
     "_vec": ("Vec",),
     "groups": ("RRP", "RRR", "Crank"),
     "mechanism": ("Flywheel", "Link", "Mechanism", "StructureError"),

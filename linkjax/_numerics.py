@@ -25,6 +25,11 @@ def wrapped(x: Array, period: Array | float) -> Array:
     return jnp.where(rest >= period, rest - period, jnp.where(rest < 0, rest + period, rest))
 
 
+def nearest_turn(angle: Array, period: Array | float) -> Array:
+    """`angle` less whole periods, within half a period of zero."""
+    return angle - period * jnp.round(angle / period)
+
+
 def highest(values: Array) -> Array:
     """True at the largest value (and at any that equals it to rounding).
 

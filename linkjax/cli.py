@@ -328,7 +328,3 @@ def _columns(tree: dict[str, Any], length: int, prefix: str = "") -> Iterator[tu
             yield from _columns(value, length, f"{prefix}{key}.")
         elif getattr(value, "shape", ()) == (length,):
             yield prefix + key, value
-
-
-if __name__ == "__main__":
-    main()

@@ -62,7 +62,7 @@ def shooting(method):
             values = sign * dense(grid)[0]
             k = int(values.argmax())
             near = minimize_scalar(
-                lambda x: -sign * dense(x)[0],
+                lambda x, dense=dense: -sign * dense(x)[0],
                 method="bounded",
                 options={"xatol": 1e-9},
                 bounds=(grid[max(k - 1, 0)], grid[min(k + 1, 120)]),

@@ -17,6 +17,7 @@ from linkjax.mechanism import Mechanism
 
 MARGIN_SCAN = 64  # scan points per turn for the least margins
 SHARPEN = 4  # Newton steps from the best scan point
+BEND = 30.0  # 1/rad: Newton's step squared times this bounds what is left of the distance to a reversal
 
 
 class Motion(NamedTuple):
@@ -28,11 +29,14 @@ class Motion(NamedTuple):
 
 class Reversals(NamedTuple):
     """Crank angles (rad) where a motion reverses; unused slots are not `present`. `distance` says how far off the real
-    axis the speed vanishes: zero for a true reversal, more for a point that only slows down."""
+    axis the speed vanishes: zero for a true reversal, more for a point that only slows down. `left` bounds how far the
+    angle may still be off, `rate` is the acceleration coefficient there."""
 
     angle: Float[Array, " slots"]
     distance: Float[Array, " slots"]
     present: Bool[Array, " slots"]
+    left: Float[Array, " slots"]
+    rate: Float[Array, " slots"]
     overflow: Bool[Array, ""]
 
 
@@ -66,13 +70,15 @@ def find_reversals(
         slope = jax.lax.stop_gradient(jnp.sum(a * a, axis=0))
         move = jnp.clip(safe_divide(jnp.sum(v * a, axis=0), slope), -step, step)
         left = jax.lax.stop_gradient(v - a * move[None])
-        return at - move, safe_sqrt(safe_divide(jnp.sum(left * left, axis=0), slope))
+        return at - move, safe_sqrt(safe_divide(jnp.sum(left * left, axis=0), slope)), jnp.abs(move), safe_sqrt(slope)
 
     angle = jax.lax.stop_gradient(angle)
     if steps > 1:
         angle = jax.lax.stop_gradient(jax.lax.fori_loop(0, steps - 1, lambda _, at: sharpen(at)[0], angle))
-    angle, distance = sharpen(angle)  # the last step carries the derivative of a reversal that moves with the design
-    return Reversals(angle, distance, place[-1] >= number, place[-1] > slots)
+    # the last step carries the derivative of a reversal that moves with the design
+    angle, distance, moved, rate = sharpen(angle)
+    left = jax.lax.stop_gradient(jnp.minimum(moved, BEND * moved**2))
+    return Reversals(angle, distance, place[-1] >= number, left, rate, place[-1] > slots)
 
 
 def _single_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Array]:

@@ -61,6 +61,10 @@ class AbstractLoad(eqx.Module):
     def opposed(self, pose: Pose) -> Motion | None:
         """The motion the load opposes, None when it does not depend on the direction of motion."""
 
+    def strength(self) -> Array:
+        """Size of a load that opposes a motion (N or N m); zero for others."""
+        return jnp.zeros(())
+
     def activity(self, at: Instant) -> Array | float:
         """One while the load is on, zero while it is off."""
         return 1.0 if self.window is None else self.window.active(at.side, at.cycle)
@@ -99,6 +103,9 @@ class OpposingForce(AbstractLoad):
     @property
     def opposing(self):
         return True
+
+    def strength(self):
+        return self.magnitude
 
     def wrench(self, pose, at):
         against = direction(pose.points[self.point], at)
@@ -145,6 +152,9 @@ class OpposingTorque(AbstractLoad):
     @property
     def opposing(self):
         return True
+
+    def strength(self):
+        return self.magnitude
 
     def wrench(self, pose, at):
         link = pose.links[self.link]

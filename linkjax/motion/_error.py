@@ -9,15 +9,18 @@ checked on random designs, see `tests/physics/test_delta_error.py`.
 
 from __future__ import annotations
 
+import functools
 import math
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from linkjax._numerics import safe_divide
+from linkjax._numerics import nearest_turn, safe_divide
 from linkjax.kinematics import pose
 from linkjax.loads import Instant
+from linkjax.motion._extremum import doubt, pieces
 from linkjax.motion._flow import End, Flow
 from linkjax.reduction import Reduced, reduce_pose
 
@@ -37,37 +40,37 @@ def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
     at_edges = 1 / flow.speed(energy + work, inertia)
     torque = _missed(torque_series, after, jnp.roll(before, -1))
     slow = _missed(slow_series, at_edges, jnp.roll(at_edges, -1))
-    slopes = grid.half[:, None] * flow.here.slope
-    ends = sum(v @ jnp.asarray(m.T) for v, m in zip((flow.inertia, slopes), grid.rule.hermite_ends, strict=True))
-    stiff = jnp.max(jnp.abs(ends - jnp.stack([inertia, jnp.roll(inertia, -1)], axis=1)), axis=1) / inertia
-    found = flow.pieces(energy)
-    torque_decay, slow_decay = _decay(torque_series), _decay(slow_series)
+    profile = flow.profile(energy)
+    found, doubtful = pieces(grid.rule, *profile), doubt(grid.rule, *profile)
+    places = grid.middle[:, None] + grid.half[:, None] * found.x
+    torque_decay, slow_decay = _decay(torque_series, (2,), 0.7), _decay(slow_series[:, 1:], (1, 2), 0.8)
 
     gain = 0.5 * jnp.sum(flow.weights * weight)
-    across = jnp.sum(2 * grid.half * torque * torque_decay**n)
+    across = jnp.sum(2 * grid.half * torque * torque_decay**n) + grid.doubt
     late = jnp.sum(2 * grid.half * slow * slow_decay**n)
     degree = jnp.arange(n, dtype=torque.dtype)[None]
     share = jnp.sum(jnp.abs(weight_series[:, ::-1]) * (2 * degree + 1) * torque_decay[:, None] ** degree, axis=1)
     uneven = jnp.sum(grid.half**2 * torque * share) / ((2 * n - 1) * (n + 1))
-    everywhere = across + (late + uneven) / gain
+    shift = (late + uneven) / gain  # of the energy constant: it moves both extremes
 
-    total = jnp.zeros_like(gain)
+    high, low = (1 / (e.inertia * flow.speed(e.height * e.inertia, e.inertia)) for e in extremes)
+    total = 2 * shift * (jnp.abs(high - low) + 0.02 * (high + low))
     for sign, end, height in zip((1, -1), extremes, (found.high, -found.low), strict=True):
         panel, x = end.place.panel, end.place.x
         speed = flow.speed(end.height * end.inertia, end.inertia)
         wave = math.sqrt(8 / (math.pi * (n + 0.5))) * jnp.maximum(1 - x * x, 1 / n**2) ** 0.25 / (2 * n + 1)
-        inside = 4 * grid.half[panel] * torque[panel] * wave
-        # across an edge (E₀ + W) / J may go on rising; elsewhere, J being known to `stiff` only, it may be higher
+        inside = 5 * grid.half[panel] * torque[panel] * wave
+        # (E₀ + W) / J may go on rising across an edge, or be higher between two nodes elsewhere
         low_end = Reduced(end.inertia, end.slope, before[panel], {})
         high_end = Reduced(end.inertia, end.slope, jnp.roll(after, -1)[panel], {})
         down = -jnp.roll(grid.half, 1)[panel] * flow.rise(low_end, end.height)
         up = jnp.roll(grid.half, -1)[panel] * flow.rise(high_end, end.height)
         beyond = jnp.where(x < -1 + 1e-12, sign * down, jnp.where(x > 1 - 1e-12, sign * up, 0.0))
-        top = jnp.max(height, axis=1)
-        rival = top + 10 * stiff * jnp.abs(top) - sign * end.height
-        rival = jnp.where(jnp.arange(rival.size) == panel, 0.0, rival)
-        missed = 4 * end.left + jnp.maximum(beyond, 0.0) + jnp.maximum(jnp.max(rival), 0.0)
-        total = total + (1.3 * everywhere + inside) / (end.inertia * speed) + missed / speed
+        away = [jnp.abs(nearest_turn(places - seen, scene.cycle)) for seen in (end.place.phi, end.other)]
+        near = jnp.minimum(*away) < (3 / n) * (grid.half[:, None] + grid.half[panel])
+        rival = jnp.max(jnp.where(near, -jnp.inf, height + doubtful)) - sign * end.height
+        missed = 4 * end.left + jnp.maximum(beyond, 0.0) + jnp.maximum(rival, 0.0)
+        total = total + (1.3 * across + inside) / (end.inertia * speed) + missed / speed
     return total / scene.speed + FLOOR
 
 
@@ -87,13 +90,15 @@ def _at_edges(flow: Flow) -> tuple[Array, Array, Array]:
 
 def _missed(series: Float[Array, "panels terms"], low: Array, high: Array) -> Array:
     """The larger difference between the function and its interpolant at the two edges of each panel."""
-    sign = (-1.0) ** jnp.arange(series.shape[1])
+    sign = jnp.asarray((-1.0) ** np.arange(series.shape[1]), dtype=series.dtype)
     return jnp.maximum(jnp.abs(low - series @ sign), jnp.abs(high - jnp.sum(series, axis=1)))
 
 
-def _decay(series: Float[Array, "panels terms"]) -> Array:
-    """Decay of each panel's series from one degree to the next."""
-    size, span = jnp.abs(series), min(series.shape[1], 6)
-    last = jnp.max(size[:, -2:], axis=1)
-    before = jnp.max(size[:, -span : series.shape[1] - span + 2], axis=1)
-    return jnp.clip(safe_divide(last, before) ** (1 / (span - 2)), 0.05, 0.9)
+def _decay(series: Float[Array, "panels terms"], pairs: tuple[int, ...], most: float) -> Array:
+    """Decay of each panel's series from one degree to the next: the last pair of terms against pairs before."""
+    size, count = jnp.abs(series), series.shape[1]
+    last, rates = jnp.max(size[:, -2:], axis=1), []
+    for back in (min(2 * pair, count - 2) for pair in pairs):
+        before = jnp.max(size[:, count - 2 - back : count - back], axis=1)
+        rates.append(safe_divide(last, before) ** (1 / back))
+    return jnp.clip(functools.reduce(jnp.maximum, rates), 0.05, most)

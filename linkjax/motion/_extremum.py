@@ -56,6 +56,17 @@ def pieces(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array,
     return Pieces(*(part.reshape(shape) for part in (high, low_value, low + s * width, bend)))
 
 
+def doubt(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Array:
+    """How wrong each cubic piece may be: what the cubic over twice its width misses at the point left out, shrunk."""
+    points = jnp.asarray(np.concatenate([[-1.0], rule.x, [1.0]]))[None]
+    width = points[:, 2:] - points[:, :-2]
+    s = (points[:, 1:-1] - points[:, :-2]) / width
+    rise, m0, m1 = value[:, 2:] - value[:, :-2], slope[:, :-2] * width, slope[:, 2:] * width
+    cubic = value[:, :-2] + s * (m0 + s * (3 * rise - 2 * m0 - m1 + s * (m0 + m1 - 2 * rise)))
+    missed = 0.25 * jnp.abs(cubic - value[:, 1:-1])  # the fourth power of the width would give 1/16
+    return jnp.maximum(jnp.pad(missed, ((0, 0), (0, 1)), mode="edge"), jnp.pad(missed, ((0, 0), (1, 0)), mode="edge"))
+
+
 class Summit(NamedTuple):
     """The highest point of a search grid: panel, place by the parabola through it, distance of its neighbours, its bend
     (second derivative by x, negative), and the search grid without it and what touches it."""

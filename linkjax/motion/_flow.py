@@ -45,7 +45,8 @@ def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
 
 class End(NamedTuple):
     """An extreme of the speed: its place, (E₀ + W) / J at the extreme itself, reduced inertia at the place, slope of
-    (E₀ + W) / J and of J there (by x and by the angle), and how much of (E₀ + W) / J the search may have missed."""
+    (E₀ + W) / J and of J there (by x and by the angle), how much of (E₀ + W) / J the search may have missed, and the
+    angle of the next best summit, which has been looked at too."""
 
     place: Place
     height: Array
@@ -53,6 +54,7 @@ class End(NamedTuple):
     tilt: Array
     slope: Array
     left: Array
+    other: Array
 
 
 class Flow(eqx.Module):
@@ -138,8 +140,8 @@ class Flow(eqx.Module):
 
         return root(excess, jax.lax.stop_gradient(self.scale - 0.5 * (a + b)), solve)
 
-    def pieces(self, energy: Array) -> Pieces:
-        """(E₀ + W) / J as cubic pieces between the nodes."""
+    def profile(self, energy: Array) -> tuple[Array, Array]:
+        """(E₀ + W) / J and its slope by x at the low end, the nodes and the high end of every panel."""
         r, half = self.grid.rule, self.grid.half[:, None]
         values, slopes = self.inertia, half * self.here.slope
         inertia, slope = (
@@ -152,7 +154,8 @@ class Flow(eqx.Module):
 
         nodes = height_and_slope(self.at_nodes, self.here.torque + self.drive, values, slopes)
         ends = height_and_slope(*self.at_ends(), inertia, slope)
-        return pieces(r, *(_between(*part) for part in zip(ends, nodes, strict=True)))
+        height, slope = (_between(*part) for part in zip(ends, nodes, strict=True))
+        return height, slope
 
     def at_ends(self) -> tuple[Array, Array]:
         """Work W (J) and its slope Q + T (N m) at the two ends of every panel."""
@@ -168,7 +171,7 @@ class Flow(eqx.Module):
 
     def extremes(self, energy: Array) -> tuple[End, End]:
         """Largest and smallest speed over the continuous cycle: where (E₀ + W) / J is stationary."""
-        found = jax.lax.stop_gradient(self.pieces(energy))
+        found = jax.lax.stop_gradient(pieces(self.grid.rule, *self.profile(energy)))
         signs = jnp.asarray([1.0, 1.0, -1.0, -1.0], dtype=found.x.dtype)
         spots = [spot for height in (found.high, -found.low) for spot in _two_best(found, height)]
         panel, x, bend = (jnp.stack(part) for part in zip(*spots, strict=True))
@@ -176,7 +179,9 @@ class Flow(eqx.Module):
         tops = jax.lax.stop_gradient(signs * ends.height)  # which is the higher only the mechanism itself can tell
 
         def best(i):
-            return jax.tree.map(lambda leaf: jnp.where(tops[i + 1] > tops[i], leaf[i + 1], leaf[i]), ends)
+            second = tops[i + 1] > tops[i]
+            end = jax.tree.map(lambda leaf: jnp.where(second, leaf[i + 1], leaf[i]), ends)
+            return end._replace(other=jnp.where(second, ends.place.phi[i], ends.place.phi[i + 1]))
 
         return best(0), best(2)
 
@@ -197,7 +202,7 @@ class Flow(eqx.Module):
         gain = tilt * move - 0.5 * sign * bend * move**2
         place = place._replace(x=place.x + move, phi=place.phi + self.grid.half[panel] * move)
         inertia = here.inertia + here.slope * self.grid.half[panel] * move
-        return End(place, height + gain, inertia, tilt, here.slope, jax.lax.stop_gradient(jnp.abs(gain)))
+        return End(place, height + gain, inertia, tilt, here.slope, jax.lax.stop_gradient(jnp.abs(gain)), place.phi)
 
     def _at(self, panel: Array, x: Array, energy: Array) -> tuple[Place, Array, Reduced, Array]:
         """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J by x."""

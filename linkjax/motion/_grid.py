@@ -1,6 +1,6 @@
 """The cycle grid: panels that end wherever a load switches, a motion reverses or a dyad comes close to a dead position.
 
-Breakpoints come from one coarse scan of the cycle, each reversal sharpened by one more evaluation. Slots without a
+Breakpoints come from one coarse scan of the cycle, each reversal sharpened by two more evaluations. Slots without a
 breakpoint are used to halve the hardest panels, so nothing is wasted and every shape is static.
 """
 
@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._numerics import highest, safe_divide, wrapped
+from linkjax._numerics import highest, nearest_turn, safe_divide, wrapped
 from linkjax.groups import Margin
 from linkjax.kinematics import Motion, find_reversals, named_groups, pose, scan_angles
 from linkjax.loads import AbstractLoad
@@ -22,16 +22,21 @@ from linkjax.motion._panels import Rule, rule
 
 SCAN = 32  # scan points per crank turn
 REVERSALS = 4  # reversals looked for per opposing load and cycle
+POLISH = 2  # evaluations that sharpen each of them
 SAME = 1e-7  # rad: breakpoints nearer than this are one; a kink so misplaced costs (1e-7)^2
 KINK = 1e-6  # rad: a reversal with a singularity nearer than this is a true kink, smooth on either side
 REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
 
 
 class Grid(eqx.Module):
-    """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each."""
+    """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each.
+
+    `overflow` when there are more reversals than slots; `doubt` is the work (J) that misplaced reversals may cost.
+    """
 
     edges: Float[Array, " edges"]
     overflow: Bool[Array, ""]
+    doubt: Float[Array, ""]
     n: int = eqx.field(static=True)
     evaluations: int = eqx.field(static=True)
 
@@ -99,11 +104,12 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     motions, closeness = jax.vmap(lambda phi: _scan_at(scene, opposing, phi))(scan)
     found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
     soft = [_closest(margins, scan) for margins in closeness]
-    kinks = _collect(scene, [*(f for f, _ in found), *jax.lax.stop_gradient(soft)])
+    kinks = _collect(scene, [*(f[0] for f in found), *jax.lax.stop_gradient(soft)])
     edges = _edges(scene, [wrapped(w, scene.cycle) for w in windows], kinks, count)
-    overflow = jnp.any(jnp.stack([jnp.asarray(False), *(o for _, o in found)]))
+    overflow = jnp.any(jnp.stack([jnp.asarray(False), *(f[1] for f in found)]))
+    doubt = sum((f[2] for f in found), jnp.zeros(()))
     n = max(4, -(-nodes // count))
-    return Grid(edges, overflow, n, scan.size + REVERSALS * len(opposing))
+    return Grid(edges, overflow, doubt, n, scan.size + POLISH * REVERSALS * len(opposing))
 
 
 def _scan_at(scene, opposing, phi):
@@ -113,8 +119,9 @@ def _scan_at(scene, opposing, phi):
     return motions, [list(g.margins(scene.mechanism.links, here.points).values()) for g in groups]
 
 
-def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array]:
-    """Where the motion that a load opposes reverses while the load is on."""
+def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array, Array]:
+    """Where the motion that a load opposes reverses while the load is on; whether there are too many; and the work (J)
+    that the misplaced kinks may cost: the load has the wrong sign between the true and the found place."""
 
     def motion(phi):
         here = load.opposed(pose(scene.mechanism, phi))
@@ -124,8 +131,10 @@ def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -
     def on(angle):
         return jnp.isfinite(angle) if load.window is None else load.window.active(angle, scene.cycle) > 0
 
-    found = find_reversals(motion, scanned, scan, REVERSALS, 1, on)
-    return Candidates(found.angle, jnp.where(found.present, found.distance, jnp.inf)), found.overflow
+    found = find_reversals(motion, scanned, scan, REVERSALS, POLISH, on)
+    wrong = jnp.abs(load.strength()) * jnp.sum(jnp.where(found.present, found.rate * found.left**2, 0.0))
+    kinks = Candidates(found.angle, jnp.where(found.present, found.distance, jnp.inf))
+    return kinks, found.overflow, jax.lax.stop_gradient(wrong)
 
 
 def _closest(margins: list[Margin], scan: Array) -> Candidates:
@@ -162,7 +171,7 @@ def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) ->
     kept = list(windows)
     for k in range(kinks.angle.shape[0]):
         angle = kinks.angle[k]
-        twin = [jnp.abs(_nearest_turn(angle - other, cycle)) < SAME for other in kept]
+        twin = [jnp.abs(nearest_turn(angle - other, cycle)) < SAME for other in kept]
         gone = jnp.any(jnp.stack([kinks.distance[k] > REACH, *twin]))
         kept.append(jnp.where(gone, jnp.inf, angle))
     kept += [jnp.asarray(jnp.inf)] * (count - len(kept))
@@ -173,11 +182,6 @@ def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) ->
     for _ in range(count - max(1, len(windows))):
         edges = _halve(edges, kinks, cycle)
     return edges
-
-
-def _nearest_turn(angle: Array, cycle: float) -> Array:
-    """The angle less whole cycles, within half a cycle of zero."""
-    return angle - cycle * jnp.round(angle / cycle)
 
 
 def _sorted(values: Array) -> Array:
@@ -195,7 +199,7 @@ def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
     width = high - low
     kinks = jax.lax.stop_gradient(kinks)
     near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # beside a kink proper all is smooth
-    off = _nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
+    off = nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
     away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
     squared = jnp.minimum(jnp.min(away * away + (near * near)[None], axis=1, initial=1.0), 1.0)
     hard = width * width / squared

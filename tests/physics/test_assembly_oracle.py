@@ -61,7 +61,7 @@ def margins_at(mechanism: Mechanism, phi: np.ndarray) -> dict[tuple[str, str], n
 
 
 def least(mechanism: Mechanism, lengths: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
-    """Every margin's least value over the cycle: a scan, and the three lowest of its valleys searched ever more finely."""
+    """Every margin's least value over the cycle: a scan, and its three lowest valleys searched ever more finely."""
     designs = sized(mechanism, lengths[:, None, :])
     scan = np.linspace(0.0, 2 * np.pi, ANGLES, endpoint=False)[None]
     found = {}

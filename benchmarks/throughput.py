@@ -1,0 +1,146 @@
+"""Speed beside the peers, one line a figure: `name value unit`.
+
+Run: python -m benchmarks.throughput [ROW ...]      rows: kinematics cycle one gradient start (default: all)
+
+Every figure stands beside its baseline from the same run; ratios are medians of paired rounds, with quartiles: above
+one where linkjax is the faster (`gradient` and `start`: where it takes longer than what it is compared with).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+os.environ.setdefault("NUMBA_THREADING_LAYER", "omp")
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import linkjax as lj
+from benchmarks import press
+from benchmarks._timing import by_turns, line, processes, ratio
+from linkjax._config import use_compilation_cache
+from linkjax.measures import delta, evaluate, peak_shaking_force_constant_speed
+
+BLOCKS = {"kinematics": 100, "cycle": 50, "gradient": 20}
+REFERENCE = 0.0903376816582  # δ of hay-press-slider
+
+
+def kinematics() -> None:
+    """Kinematics, reduction and mass sums of many designs, the same eight outputs as numba's."""
+    from benchmarks.baselines import kinematics_numba as peer
+
+    for count in (1000, 10_000):
+        numbers, out = press.designs(count), np.empty((count, press.NODES, 8))
+        ours, mine = lj.over_designs(press.eight, block=BLOCKS["kinematics"]), jnp.asarray(numbers)
+        peer.sweep(numbers, press.NODES, out)
+        differences = [
+            float(np.max(np.abs(np.asarray(part) - out[:, :, i])) / np.max(np.abs(out[:, :, i])))
+            for i, part in enumerate(ours(mine))
+        ]
+        a, b = by_turns(lambda ours=ours, mine=mine: ours(mine), lambda n=numbers, o=out: peer.sweep(n, press.NODES, o))
+        rate = count * press.NODES / 1e6
+        line(f"kinematics.{count}.linkjax", rate / np.median(a), "M_positions/s")
+        line(f"kinematics.{count}.numba", rate / np.median(b), "M_positions/s")
+        line(f"kinematics.{count}.largest_difference", max(differences), "relative")
+        ratio(f"kinematics.{count}.times_numba", b / a)
+
+
+def whole_cycle(design: jax.Array) -> dict[str, jax.Array]:
+    """δ and peak shaking force of one design, 64 nodes."""
+    return evaluate(press.scene_of(design), [delta, peak_shaking_force_constant_speed], press.NODES)
+
+
+def cycle() -> None:
+    """A whole cycle against numba's bare kinematics of as many positions."""
+    from benchmarks.baselines import kinematics_numba as peer
+
+    count = 10_000
+    numbers, out = press.designs(count), np.empty((count, press.NODES, 8))
+    ours, mine = lj.over_designs(whole_cycle, block=BLOCKS["cycle"]), jnp.asarray(numbers)
+    a, b = by_turns(lambda: ours(mine), lambda: peer.sweep(numbers, press.NODES, out))
+    line("cycle.linkjax", count / np.median(a), "designs/s")
+    line("cycle.numba_bare_kinematics", count / np.median(b), "designs/s")
+    ratio("cycle.times_numba_bare_kinematics", b / a)
+
+
+def one() -> None:
+    """One design, and a batch, against SciPy's integrators at equal or smaller error of δ."""
+    from benchmarks.baselines.steady_scipy import shooting
+
+    errors = {name: abs(shooting(name) / REFERENCE - 1) for name in ("LSODA", "DOP853")}
+    scene = lj.load("hay-press-slider")
+    for nodes in range(48, 200, 8):
+        ours = jax.jit(lambda scene, nodes=nodes: delta(scene, nodes))
+        error = abs(float(ours(scene)) / REFERENCE - 1)
+        if error <= min(errors.values()):
+            break
+    count = 10_000
+    many = lj.over_designs(lambda design: delta(press.scene_of(design), nodes), block=BLOCKS["cycle"])
+    mine = jnp.asarray(press.designs(count))
+    times = by_turns(lambda: shooting("LSODA"), lambda: shooting("DOP853"), lambda: ours(scene), lambda: many(mine))
+    lsoda, dop853, single, batch = times
+    line("one_design.nodes", nodes, "nodes")
+    line("one_design.linkjax", 1e3 * np.median(single), "ms")
+    line("one_design.linkjax.error", error, "relative")
+    for name, taken in (("LSODA", lsoda), ("DOP853", dop853)):
+        line(f"one_design.{name}", 1e3 * np.median(taken), "ms")
+        line(f"one_design.{name}.error", errors[name], "relative")
+    better = np.minimum(lsoda, dop853)
+    ratio("one_design.times_scipy", better / single)
+    line("batch.linkjax", 1e6 * np.median(batch) / count, "us/design")
+    ratio("batch.times_scipy", better / (batch / count))
+
+
+def gradient() -> None:
+    """Gradient of the cycle by every number of the design against its value, each with its own best blocks."""
+    mine = jnp.asarray(press.designs(4000))
+    value = lj.over_designs(whole_cycle, block=BLOCKS["cycle"])
+
+    def scaled(design):
+        found = whole_cycle(design)
+        return found["delta"] + 1e-4 * found["peak_shaking_force_constant_speed"]
+
+    slope = lj.over_designs(jax.grad(scaled), block=BLOCKS["gradient"])
+    a, b = by_turns(lambda: slope(mine), lambda: value(mine))
+    line("gradient.gradient", 1e6 * np.median(a) / len(mine), "us/design")
+    line("gradient.value", 1e6 * np.median(b) / len(mine), "us/design")
+    ratio("gradient.times_value", a / b)
+
+
+def start() -> None:
+    """Starting up: `import linkjax`, and `linkjax analyse hay-press` with an empty and a filled compilation cache."""
+    with tempfile.TemporaryDirectory() as folder:
+        warm = Path(folder) / "warm"
+        analyse = [sys.executable, "-m", "linkjax", "analyse", "hay-press", "--quiet"]
+        runs = {
+            "import_jax": ([sys.executable, "-c", "import jax"], None),
+            "import_linkjax": ([sys.executable, "-c", "import linkjax"], None),
+            "analyse_warm": (analyse, warm),
+            "analyse_cold": (analyse, Path(folder)),  # a fresh folder inside for every round
+        }
+        times = processes(runs, rounds=5)
+    for name, taken in times.items():
+        line(f"start.{name}", np.median(taken), "s")
+    for name in ("import_linkjax", "analyse_cold", "analyse_warm"):
+        ratio(f"start.{name}.times_import_jax", times[name] / times["import_jax"])
+
+
+ROWS = {row.__name__: row for row in (kinematics, cycle, one, gradient, start)}
+
+
+def main(names: list[str]) -> None:
+    """Run the rows asked for."""
+    lj.enable_x64()
+    lj.use_cpu_devices()
+    use_compilation_cache()
+    line("devices", len(jax.devices()), jax.devices()[0].device_kind.replace(" ", "_"))
+    for name in names or ROWS:
+        ROWS[name]()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

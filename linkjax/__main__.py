@@ -1,0 +1,5 @@
+"""`python -m linkjax`: the command line."""
+
+from linkjax.cli import main
+
+main()
