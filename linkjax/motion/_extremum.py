@@ -127,13 +127,17 @@ def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> tuple[
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:
-    """The place found, with the derivative of a moving edge it sits on and none of the search (envelope theorem)."""
+    """The place found, with the derivative of a moving edge it sits on and none of the search (envelope theorem).
+
+    Inside a panel the angle stays where it is when the panel's edges move with the design, and so `x` moves.
+    """
     inside = jax.lax.stop_gradient(jnp.abs(x) < 1)
-    nearest_edge = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
-    edge = phi_at(grid, panel, nearest_edge)
-    fixed = jax.lax.stop_gradient(edge)
-    phi = envelope(jnp.where(inside, phi_at(grid, panel, x), fixed), jnp.where(inside, 0.0, edge - fixed))
-    return Place(panel, envelope(jnp.where(inside, x, nearest_edge), jnp.zeros_like(x)), phi)
+    end = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
+    edge, angle = phi_at(grid, panel, end), phi_at(grid, panel, x)
+    drift = (jax.lax.stop_gradient(angle) - grid.middle[panel]) / grid.half[panel]
+    phi = envelope(jnp.where(inside, angle, edge), jnp.where(inside, 0.0, edge - jax.lax.stop_gradient(edge)))
+    moves = jnp.where(inside, drift - jax.lax.stop_gradient(drift), 0.0)
+    return Place(panel, envelope(jnp.where(inside, x, end), moves), phi)
 
 
 def _right_panel(fine, height, panel, i):
