@@ -73,11 +73,13 @@ def one() -> None:
 
     errors = {name: abs(shooting(name) / REFERENCE - 1) for name in ("LSODA", "DOP853")}
     scene = lj.load("hay-press-slider")
-    for nodes in range(48, 200, 8):
-        ours = jax.jit(lambda scene, nodes=nodes: delta(scene, nodes))
-        error = abs(float(ours(scene)) / REFERENCE - 1)
-        if error <= min(errors.values()):
-            break
+
+    def program(nodes):
+        return jax.jit(lambda scene: delta(scene, nodes))
+
+    wrong = {nodes: abs(float(program(nodes)(scene)) / REFERENCE - 1) for nodes in (48, 64, 72, 80, 96)}
+    nodes, error = next((n, e) for n, e in wrong.items() if e <= min(errors.values()))
+    ours = program(nodes)
     count = 10_000
     many = lj.over_designs(lambda design: delta(press.scene_of(design), nodes), block=BLOCKS["cycle"])
     mine = jnp.asarray(press.designs(count))

@@ -8,6 +8,7 @@ import tomllib
 import pytest
 
 from linkjax.groups import KINDS
+from linkjax.measures import MEASURES
 from tests.helpers import PACKAGE, ROOT
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "studies").rglob("*.md")])
@@ -65,3 +66,8 @@ def test_docstring_examples():
             module = importlib.import_module(".".join(part for part in parts if part != "__init__"))
             outcome = doctest.testmod(module, optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
             assert outcome.attempted and not outcome.failed, path
+
+
+def test_every_measure_is_in_the_conventions():
+    text = (ROOT / "docs/conventions.md").read_text(encoding="utf-8")
+    assert [m.name for m in MEASURES.values() if f"| `{m.name}` | {m.unit} | " not in text] == []

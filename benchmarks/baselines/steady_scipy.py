@@ -1,3 +1,4 @@
+# pyright: basic, reportPossiblyUnboundVariable=false, reportAttributeAccessIssue=false
 """Baseline: the steady cycle with SciPy's ODE solvers and with the textbook's 12..360 positions.
 
 Run: python steady_scipy.py   prints wall time and the relative error of delta for each method.

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._compile import Tracer, compiled_soon
+from linkjax._compile import Tracer, aside, compiled_soon
 from linkjax._numerics import safe_divide, wrapped
 from linkjax._results import MESSAGES, MachineError, Result, merge
 from linkjax.forces import Forces
@@ -140,10 +140,12 @@ def analyse(
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile."""
+    ends = aside(_limits, scene)
     motion, here = _motion(scene, nodes, road)
+    wheels = aside(_flywheels, scene, motion, here)
     at_nodes, at = _everywhere(scene, motion, angles)
     tops = _peaks(scene, motion, at_nodes)
-    limits, dead = _limits(scene)
+    limits, dead = ends()
     least = jnp.min(jnp.stack([jnp.ones(()), *(m.value for sides in limits.values() for m in sides.values())]))
     code = merge(
         jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
@@ -154,7 +156,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
         scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, margins=limits, dead_centres=dead,
         reduced=at.reduced, steady=motion, speed=at.speed[:, 0], acceleration=at.acceleration[:, 0], time=at.time,
         forces=_row(at.forces, 1 if constant_speed else 0), forces_constant_speed=_row(at.forces, 1), peaks=tops[0],
-        peaks_constant_speed=tops[1], flywheel=_flywheels(scene, motion, here),
+        peaks_constant_speed=tops[1], flywheel=wheels(),
         checks=_checks(scene, motion, here, angles, at), assembled=at.assembled, result=code,
         constant_speed=constant_speed, road=road,
     )  # fmt: skip

@@ -98,7 +98,7 @@ def smallest_margin(of: Parts) -> Array:
 
 @measure("1")
 def largest_transmission_cosine(of: Parts) -> Array:
-    """Largest |cos μ| of all transmission angles over the cycle: 0 at 90 degrees, 1 at a dead position."""
+    """Largest size of cos μ over the cycle, μ every transmission angle: 0 at 90 degrees, 1 at a dead position."""
 
     def cosines(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)

@@ -117,7 +117,7 @@ def run_in_time(
     return Run(solution.ys[:, 0], solution.ys[:, 1], times, stalled)
 
 
-def _controller(tolerance: float, jumps: Array | None):
+def _controller(tolerance: Scalar | float, jumps: Array | None):
     import diffrax
 
     control = diffrax.PIDController(rtol=tolerance, atol=tolerance * 1e-3)
@@ -126,12 +126,14 @@ def _controller(tolerance: float, jumps: Array | None):
     return diffrax.ClipStepSizeController(control, jump_ts=jax.lax.stop_gradient(jnp.sort(jumps)))
 
 
-def steady_by_diffrax(scene: Scene, nodes: int = 96, *, tolerance: float = 1e-11, adjoint: Any = None) -> Steady:
+def steady_by_diffrax(
+    scene: Scene, nodes: int = 96, *, tolerance: Scalar | float = 1e-11, solver: Any = None, adjoint: Any = None
+) -> Steady:
     """The steady periodic regime by the general road: one cycle, integrated from the start that gives the wanted mean.
 
     The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady`
-    within the tolerance. `adjoint` is diffrax's and decides the direction of differentiation: `ForwardMode()` (default)
-    for `jvp`, `RecursiveCheckpointAdjoint()` for `grad`.
+    within the tolerance. `solver` (default `Dopri8`) and `adjoint` are diffrax's; the latter decides the direction of
+    differentiation: `ForwardMode()` (default) for `jvp`, `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 
@@ -143,7 +145,7 @@ def steady_by_diffrax(scene: Scene, nodes: int = 96, *, tolerance: float = 1e-11
 
     def cycle(energy, drive):
         speed = safe_sqrt(2 * energy / inertia, 1e-6)
-        states = _in_angle(scene, grid, places, speed, drive, tolerance, None, adjoint).ys
+        states = _in_angle(scene, grid, places, speed, drive, tolerance, solver, adjoint).ys
         assert states is not None
         return states
 
@@ -166,4 +168,6 @@ def steady_by_diffrax(scene: Scene, nodes: int = 96, *, tolerance: float = 1e-11
 def _fitted(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
     """A quantity known at the nodes as a piecewise series."""
     series = values @ jnp.asarray(grid.rule.spectrum.T)
-    return Primitive(grid, jnp.zeros_like(grid.edges), jnp.pad(series, ((0, 0), (0, 1))))
+    low, high = (values @ jnp.asarray(end) for end in grid.rule.ends)
+    series = jnp.concatenate([series[:, :1] - low[:, None], series[:, 1:], jnp.zeros_like(low)[:, None]], axis=1)
+    return Primitive(grid, jnp.concatenate([low, high[-1:]]), series)

@@ -175,7 +175,7 @@ class Flow(eqx.Module):
         signs = jnp.asarray([1.0, 1.0, -1.0, -1.0], dtype=found.x.dtype)
         spots = [spot for height in (found.high, -found.low) for spot in _two_best(found, height)]
         panel, x, bend = (jnp.stack(part) for part in zip(*spots, strict=True))
-        ends = jax.vmap(lambda *spot: self._end(*spot, energy))(signs, panel, x, bend)
+        ends = jax.vmap(self._end, (0, 0, 0, 0, None))(signs, panel, x, bend, energy)
         tops = jax.lax.stop_gradient(signs * ends.height)  # which is the higher only the mechanism itself can tell
 
         def best(i):
@@ -250,4 +250,5 @@ def _best(found: Pieces, height: Array) -> tuple[Array, Array, Array]:
     number = jnp.broadcast_to(jnp.arange(height.shape[0], dtype=jnp.int32)[:, None], height.shape)
     panel = jnp.max(jnp.where(best, number, 0))
     best &= number == panel
-    return panel, *(jnp.max(jnp.where(best, part, -jnp.inf)) for part in (found.x, found.bend))
+    x, bend = (jnp.max(jnp.where(best, part, -jnp.inf)) for part in (found.x, found.bend))
+    return panel, x, bend

@@ -92,16 +92,19 @@ def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
         for _ in range(2):
             energy, rounds = flow.energy_for_midrange(energy, ends), rounds + 1
             ends = flow.extremes(energy)
-        energy = flow.energy_for_midrange(energy, ends)
+        before, energy = energy, flow.energy_for_midrange(energy, ends)
+        high, low = (end._replace(height=end.height + (energy - before) / end.inertia) for end in ends)
+        ends = high, low
         clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, flow.inertia))
     fastest, slowest = (flow.speed(e.height * e.inertia, e.inertia) for e in ends)
     error = delta_error(flow, energy, ends)
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (fastest + slowest)
     least, angle = flow.least_work()
+    top, bottom = (wrapped(end.place.phi, scene.cycle) for end in ends)
     return Steady(
         flow.work, clock, energy, flow.drive, period, mean, (fastest - slowest) / scene.speed,
-        jax.lax.stop_gradient(error), fastest, slowest, *(wrapped(e.place.phi, scene.cycle) for e in ends),
+        jax.lax.stop_gradient(error), fastest, slowest, top, bottom,
         (energy + least) / flow.scale - LEAST, angle, scene.cycle / flow.period(LEAST * flow.scale - least),
         grid.evaluations + grid.size + 8 * rounds + grid.half.size,
     )  # fmt: skip

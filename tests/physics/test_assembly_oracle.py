@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false
 """Does it assemble? Random designs against a brute-force oracle; finite everywhere; gradients that lead back."""
 
 from __future__ import annotations

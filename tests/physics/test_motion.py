@@ -94,7 +94,7 @@ def test_shooting_with_scipy(name):
     assert at(name, angle)[0][0] == pytest.approx(speed, rel=1e-10)
 
 
-@pytest.mark.parametrize(("nodes", "evaluations", "error"), [(112, 160, 1e-8), (352, 400, 1e-11)])
+@pytest.mark.parametrize(("nodes", "evaluations", "error"), [(96, 160, 1e-8), (320, 400, 1e-11)])
 def test_accuracy_for_the_evaluations(nodes, evaluations, error):
     got = quadrature(machine("hay-press-slider"), nodes=nodes)
     assert got.evaluations <= evaluations
