@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Literal, NamedTuple
 
 import equinox as eqx
@@ -130,6 +131,12 @@ def analyse(
         if angles < 1:
             raise ValueError(f"angles must be at least 1, but is {angles}")
         angles = jnp.arange(angles, dtype=float) * (scene.cycle / angles)
+    if scene.speed.dtype == jnp.float32:
+        warnings.warn(
+            "linkjax computes in float32: about six digits of δ at best, fewer near dead positions, and checks near "
+            "1e-6; call linkjax.enable_x64() before loading the scene for full precision",
+            stacklevel=2,
+        )
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
     cycle = _analyse(scene, jnp.asarray(angles), nodes, constant_speed, motion)

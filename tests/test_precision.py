@@ -1,0 +1,22 @@
+"""Precision is the user's choice, and what single precision costs is said."""
+
+import subprocess
+import sys
+
+PROGRAM = """
+import jax, linkjax as lj
+scene = lj.load("slider-crank")
+cycle = lj.analyse(scene, angles=4, nodes=48)
+print(cycle.delta.dtype, f"{float(cycle.delta):.9g}")
+"""
+
+
+def test_single_precision_works_and_warns():
+    import linkjax as lj
+
+    run = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True)
+    kind, delta = run.stdout.split()
+    assert kind == "float32"
+    assert "float32" in run.stderr and "linkjax.enable_x64()" in run.stderr
+    full = float(lj.analyse(lj.load("slider-crank"), angles=4, nodes=48).delta)
+    assert abs(float(delta) / full - 1) < 1e-4
