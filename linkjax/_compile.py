@@ -81,10 +81,11 @@ def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
             return run, jax.tree.structure(shape)
         except Exception:  # damaged, or not of this machine after all: make it anew
             file.unlink(missing_ok=True)
-    structures = []
+    signature, structures = inspect.signature(function), []
 
     def flat(*leaves):
-        found, structure = jax.tree.flatten(function(**jax.tree.unflatten(tree, leaves), **fixed))
+        given = inspect.BoundArguments(signature, {**jax.tree.unflatten(tree, leaves), **fixed})
+        found, structure = jax.tree.flatten(function(*given.args, **given.kwargs))
         structures.append(structure)
         return found
 
