@@ -1,3 +1,4 @@
+# pyright: reportMissingImports=false
 """Baseline: the same formulas compiled by numba with prange and fastmath, the speed that hand work reaches.
 
 Run: python kinematics_numba.py   (needs numba)   prints crank positions per second, all cores.
