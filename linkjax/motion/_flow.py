@@ -201,8 +201,9 @@ class Flow(eqx.Module):
         move = jnp.clip(_newton(place.x, sign * tilt, bend), -jnp.abs(move), jnp.abs(move))
         gain = tilt * move - 0.5 * sign * bend * move**2
         place = place._replace(x=place.x + move, phi=place.phi + self.grid.half[panel] * move)
-        inertia = here.inertia + here.slope * self.grid.half[panel] * move
-        return End(place, height + gain, inertia, tilt, here.slope, jax.lax.stop_gradient(jnp.abs(gain)), place.phi)
+        return End(
+            place, height + gain, here.inertia, tilt, here.slope, jax.lax.stop_gradient(jnp.abs(gain)), place.phi
+        )
 
     def _at(self, panel: Array, x: Array, energy: Array) -> tuple[Place, Array, Reduced, Array]:
         """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J by x."""
