@@ -78,6 +78,7 @@ def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
             run = serialize_executable.deserialize_and_load(
                 payload, arguments, results, execution_devices=jax.devices()[:1]
             )
+            jax.block_until_ready(run(*leaves))  # what came out of JAX's own cache may not run once it is kept here
             return run, jax.tree.structure(shape)
         except Exception:  # damaged, or not of this machine after all: make it anew
             file.unlink(missing_ok=True)
@@ -89,6 +90,8 @@ def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
         structures.append(structure)
         return found
 
+    if file is not None:
+        flat.__name__ = file.name.replace("-", "_")  # never found in JAX's own cache under other sources
     made = jax.jit(flat).lower(*leaves).compile(compiler_options=_accepted())
     if file is not None:
         shape = jax.tree.unflatten(structures[-1], range(structures[-1].num_leaves))
