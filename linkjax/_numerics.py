@@ -39,18 +39,17 @@ def highest(values: Array) -> Array:
     return values >= top - 1e-14 * jnp.abs(top)
 
 
-def root(function: Callable[[Array], Array], start: Array, solve: Callable, has_aux: bool = False):
+def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> Array:
     """Scalar root of `function`, found by `solve(function, start)`, differentiated implicitly.
 
     Forward, reverse and nested derivatives all follow from the implicit function theorem
-    (`jax.lax.custom_root`); with `has_aux` the solver also returns something that has no derivative. Where the slope
-    at the root is zero the derivative is zero, not NaN.
+    (`jax.lax.custom_root`). Where the slope at the root is zero the derivative is zero, not NaN.
     """
 
     def tangent_solve(linear, value):
         return safe_divide(value, linear(jnp.ones_like(value)))
 
-    return jax.lax.custom_root(function, start, solve, tangent_solve, has_aux=has_aux)
+    return jax.lax.custom_root(function, start, solve, tangent_solve)
 
 
 def repeat(times: int, body: Callable, state):

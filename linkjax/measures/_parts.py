@@ -8,11 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax.kinematics import Pose, pose
-from linkjax.loads import Instant
+from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion import Grid, Regime, Steady, make_grid, steady_on
-from linkjax.reduction import Reduced, mass_sums, reduce_pose
+from linkjax.motion import Grid, Regime, Steady, make_grid, node_poses, node_values, steady_on
+from linkjax.reduction import Reduced, mass_sums
 
 NODES = 96  # nodes on the cycle grid unless asked otherwise
 
@@ -31,18 +30,12 @@ class Parts:
     @functools.cached_property
     def poses(self) -> Pose:
         """The pose at every node, leaves of shape (nodes,)."""
-        return jax.vmap(lambda phi: pose(self.scene.mechanism, phi))(self.grid.nodes.ravel())
+        return node_poses(self.scene, self.grid)
 
     @functools.cached_property
     def reduced(self) -> Reduced:
         """Reduced inertia, slope and torque at every node, shape (panels, n)."""
-        scene, nodes = self.scene, self.grid.nodes
-        sides = jnp.broadcast_to(self.grid.middle[:, None], nodes.shape).ravel()
-
-        def at(phi, side, here):
-            return reduce_pose(scene, Instant(phi, side, scene.cycle), here)
-
-        return jax.tree.map(lambda leaf: leaf.reshape(nodes.shape), jax.vmap(at)(nodes.ravel(), sides, self.poses))
+        return node_values(self.scene, self.grid, self.poses)
 
     @functools.cached_property
     def steady(self) -> Steady:

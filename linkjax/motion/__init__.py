@@ -16,6 +16,7 @@ from linkjax.motion._regime import Peak as Peak
 from linkjax.motion._regime import Regime as Regime
 from linkjax.motion._regime import peaks as peaks
 from linkjax.motion._steady import Steady as Steady
+from linkjax.motion._steady import node_poses as node_poses
 from linkjax.motion._steady import node_values as node_values
 from linkjax.motion._steady import steady as steady
 from linkjax.motion._steady import steady_on as steady_on

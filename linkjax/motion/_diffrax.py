@@ -1,8 +1,10 @@
 """The general road: the equation of motion J φ'' + ½ J' φ'² = Q + T solved by diffrax, in angle or in time.
 
 In angle the square of the speed obeys a linear equation, d(ω²)/dφ = (2 (Q + T) - J' ω²) / J, and loads switch at known
-places; in time nothing is assumed. Both start from any state. Slower than quadrature (milliseconds a cycle), but it
-needs no periodicity, and it is the independent check of the quadrature road.
+places: every panel of the cycle grid is mapped to an interval of length one, so derivatives hold across a switch too.
+In time nothing is assumed. Both start from any state. Slower than quadrature (milliseconds a cycle), but it needs no
+periodicity, and it is the independent check of the quadrature road. Speeds are in units of the scene's speed inside, so
+that tolerances mean the same for every machine.
 diffrax is imported where it is used: it takes as long to load as jax itself.
 Source: Kidger, On Neural Differential Equations, 2021 (diffrax); equation of motion as in `linkjax.reduction`.
 """
@@ -13,7 +15,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
@@ -23,8 +25,10 @@ from linkjax.motion._grid import Grid, make_grid
 from linkjax.motion._steady import Steady, conclude, node_values
 from linkjax.reduction import reduce
 
-MOST_CYCLES = 8  # breakpoints are laid over this many cycles from the start; beyond, step control alone finds them
+MOST_CYCLES = 8  # steps end at the switches of this many cycles from the start; beyond, step control alone finds them
+MOST_STEPS = 16**4
 SHOTS = 6  # Newton steps for the starting energy
+REST = 1e-6  # times the scene's speed: derivatives of a motion that starts slower are those of this start
 
 
 class Run(NamedTuple):
@@ -33,10 +37,10 @@ class Run(NamedTuple):
     `stalled` tells whether the speed came to zero on the way; from there on the values are infinite.
     """
 
-    angle: Array
-    speed: Array
-    time: Array
-    stalled: Array
+    angle: Float[Array, " points"]
+    speed: Float[Array, " points"]
+    time: Float[Array, " points"]
+    stalled: Bool[Array, ""]
 
 
 def run_in_angle(
@@ -49,40 +53,69 @@ def run_in_angle(
     solver: Any = None,
     adjoint: Any = None,
 ) -> Run:
-    """Motion over increasing crank `angles` (rad), starting at the first with `start_speed` (rad/s).
+    """Motion over increasing crank `angles` (rad), starting at the first with `start_speed` (rad/s, positive).
 
     `drive_torque` (N m) is constant. `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed
-    reverse mode; `diffrax.ForwardMode()` for `jvp`. Steps end at every breakpoint of the cycle grid.
+    reverse mode; `diffrax.ForwardMode()` for `jvp`. A start from rest counts as a stall: take `run_in_time`.
+    """
+    grid = make_grid(scene, 8)
+    place = jax.vmap(grid.place)(angles)
+    cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
+    along = cycles * grid.half.size + place.panel.astype(angles.dtype) + 0.5 * (place.x + 1)
+    states, stalled = _in_angle(scene, grid, along, start_speed, drive_torque, tolerance, solver, adjoint)
+    unit = jax.lax.stop_gradient(scene.speed)
+    return Run(angles, unit * safe_sqrt(states[:, 0]), states[:, 1] / unit, stalled)
+
+
+def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolerance, solver=None, adjoint=None):
+    """States at places `along` the panels (panel k of the first cycle is from k to k + 1), and whether it stalled.
+
+    With Ω the scene's speed and the energy J Ω² of the first place as unit, a state is: ω² / Ω², Ω t, the derivative of
+    Ω t by the energy at the start, and the work of the loads. diffrax sees places that do not move; that they move with
+    the design is put in as the state's own rate.
     """
     import diffrax
 
-    solution = _in_angle(scene, make_grid(scene, 8), angles, start_speed, drive_torque, tolerance, solver, adjoint)
-    assert solution.ys is not None
-    stalled = solution.result == diffrax.RESULTS.event_occurred
-    return Run(angles, safe_sqrt(solution.ys[:, 0]), solution.ys[:, 1], stalled)
+    panels, unit = grid.half.size, jax.lax.stop_gradient(scene.speed)
+    fixed = jax.lax.stop_gradient(along)
+    jumps = jnp.floor(fixed[0]) + jnp.arange(1, MOST_CYCLES * panels + 1, dtype=float)
 
+    def at(s):
+        panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
+        width = 2 * grid.half[panel]
+        return width, reduce(scene, grid.edges[panel] + (s - jnp.floor(s)) * width, grid.middle[panel])
 
-def _in_angle(scene: Scene, grid: Grid, angles, start_speed, drive_torque, tolerance, solver=None, adjoint=None):
-    import diffrax
+    first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)
 
-    first, last = angles[0], angles[-1]
-    back = jnp.floor((first - grid.edges[0]) / scene.cycle) * scene.cycle
-    jumps = (grid.edges[:-1] + back)[None, :] + scene.cycle * jnp.arange(MOST_CYCLES, dtype=float)[:, None]
+    def rate(s, state, _):
+        width, here = at(s)
+        speed = safe_sqrt(state[0], 1e-100)
+        gain = (2 * (here.torque + drive_torque) / unit**2 - here.slope * state[0]) / here.inertia
+        slower = -first / (here.inertia * speed**3)
+        return width * jnp.stack([gain, 1 / speed, slower, here.torque / (first * unit**2)])
 
-    def rate(phi, state, _):
-        squared, here = state[0], reduce(scene, phi)
-        speed = safe_sqrt(squared, 1e-100)
-        gain = (2 * (here.torque + drive_torque) - here.slope * squared) / here.inertia
-        return jnp.stack([gain, 1 / speed, -1 / (here.inertia * speed**3), here.torque])
-
-    start = jnp.stack([start_speed**2, *[jnp.zeros_like(start_speed)] * 3])
-    least = jax.lax.stop_gradient(LEAST * start_speed**2)
-    return diffrax.diffeqsolve(
-        diffrax.ODETerm(rate), solver or diffrax.Dopri8(), first, last, None, start, saveat=diffrax.SaveAt(ts=angles),
-        stepsize_controller=_controller(tolerance, jumps.ravel()),
+    start = jnp.stack([(start_speed / unit) ** 2, *[jnp.zeros_like(start_speed)] * 3])
+    moved = along - fixed
+    start = start - jax.lax.stop_gradient(rate(fixed[0], start, None)) * moved[0]
+    least = jax.lax.stop_gradient(LEAST * start[0])
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate), solver or diffrax.Dopri8(), fixed[0], fixed[-1], None, start,
+        saveat=diffrax.SaveAt(ts=fixed), stepsize_controller=_controller(tolerance, jumps),
         adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
-        event=diffrax.Event(lambda t, y, args, **_: y[0] <= least), max_steps=16**4, throw=False,
+        event=diffrax.Event(lambda t, y, args, **_: y[0] <= least), max_steps=MOST_STEPS, throw=False,
     )  # fmt: skip
+    assert solution.ys is not None
+    running = _running(solution.ys[:, 0])
+    states = jax.lax.stop_gradient(jnp.where(running, solution.ys, 1.0))
+    rates = jax.vmap(lambda s, state: rate(s, state, None))(fixed, states)
+    shift = jax.lax.stop_gradient(rates) * moved[:, None]
+    states = jnp.where(running, solution.ys + shift, jnp.inf)
+    return states, solution.result == diffrax.RESULTS.event_occurred
+
+
+def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
+    """Before a stall: the last step may reach beyond it, and after it there is nothing."""
+    return jax.lax.cummin(jnp.where((speed > 0) & jnp.isfinite(speed), 1, 0).at[0].set(1))[:, None] == 1
 
 
 def run_in_time(
@@ -96,25 +129,61 @@ def run_in_time(
     solver: Any = None,
     adjoint: Any = None,
 ) -> Run:
-    """Motion over increasing `times` (s) from `start_angle` (rad) and `start_speed` (rad/s) at the first of them."""
+    """Motion over increasing `times` (s) from `start_angle` (rad) and `start_speed` (rad/s, or rest) at the first.
+
+    `drive_torque` (N m) is constant; `solver` and `adjoint` as in `run_in_angle`. Where a load switches at an angle, the
+    time of the switch moves with the design, which no step in time can see: first derivatives are those of a run in
+    angle through the same states.
+    """
+    found = _in_time(*jax.lax.stop_gradient((scene, times, start_angle, start_speed, drive_torque)), tolerance, solver)
+    least = jax.lax.stop_gradient(REST * scene.speed)
+    start_speed = start_speed + jnp.where(start_speed < least, least, 0.0)
+    return _through_angle(scene, found, times, start_angle, start_speed, drive_torque, tolerance, solver, adjoint)
+
+
+def _in_time(scene: Scene, times, start_angle, start_speed, drive_torque, tolerance, solver) -> Run:
     import diffrax
 
-    least = jax.lax.stop_gradient(1e-3 * start_speed)
+    unit = scene.speed
+    least = 1e-3 * start_speed / unit
 
     def rate(_, state, __):
         phi, speed = state
-        here = reduce(scene, phi)
-        return jnp.stack([speed, (here.torque + drive_torque - 0.5 * here.slope * speed**2) / here.inertia])
+        return jnp.stack([speed, _acceleration(scene, phi, speed * unit, drive_torque) / unit**2])
 
+    start = jnp.stack([start_angle, start_speed / unit])
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate), solver or diffrax.Dopri8(), times[0], times[-1], None,
-        jnp.stack([start_angle, start_speed]), saveat=diffrax.SaveAt(ts=times),
-        stepsize_controller=_controller(tolerance, None), adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
-        event=diffrax.Event(lambda t, y, args, **_: y[1] <= least), max_steps=16**4, throw=False,
+        diffrax.ODETerm(rate), solver or diffrax.Dopri8(), times[0] * unit, times[-1] * unit, None, start,
+        saveat=diffrax.SaveAt(ts=times * unit), stepsize_controller=_controller(tolerance, None),
+        event=diffrax.Event(lambda t, y, args, **_: y[1] < least), max_steps=MOST_STEPS, throw=False,
     )  # fmt: skip
     assert solution.ys is not None
-    stalled = solution.result == diffrax.RESULTS.event_occurred
-    return Run(solution.ys[:, 0], solution.ys[:, 1], times, stalled)
+    states = jnp.where(_running(solution.ys[:, 1]), solution.ys, jnp.inf)
+    return Run(states[:, 0], states[:, 1] * unit, times, solution.result == diffrax.RESULTS.event_occurred)
+
+
+def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, tolerance, solver, adjoint) -> Run:
+    """The same motion with the derivatives of a run in angle: where φ(t) is late by dt, it is short of ω dt."""
+    there = jnp.isfinite(found.angle)
+    beyond = jnp.max(jnp.where(there, found.angle, -jnp.inf)) + 1e-3 * jnp.arange(times.size, dtype=float)
+    angles = jnp.concatenate([jnp.atleast_1d(angle), jnp.where(there, found.angle, beyond)[1:]])
+    run = run_in_angle(scene, angles, speed, drive_torque, tolerance=tolerance, solver=solver, adjoint=adjoint)
+    there &= jnp.isfinite(jax.lax.stop_gradient(run.speed))
+    late = jnp.where(there, times - times[0] - run.time, 0.0)
+    pace = jnp.where(there, found.speed, 1.0)
+    gain = jax.vmap(lambda phi, speed: _acceleration(scene, phi, speed, drive_torque))(angles, pace)
+
+    def carry(value, by_angle, rate):
+        same = by_angle + jax.lax.stop_gradient(rate) * late
+        return jnp.where(there, value + (same - jax.lax.stop_gradient(same)), value)
+
+    return Run(carry(found.angle, angles, pace), carry(found.speed, run.speed, gain), times, found.stalled)
+
+
+def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar) -> Scalar:
+    """Angular acceleration of the crank (rad/s²)."""
+    here = reduce(scene, phi)
+    return (here.torque + drive_torque - 0.5 * here.slope * speed**2) / here.inertia
 
 
 def _controller(tolerance: Scalar | float, jumps: Array | None):
@@ -123,7 +192,7 @@ def _controller(tolerance: Scalar | float, jumps: Array | None):
     control = diffrax.PIDController(rtol=tolerance, atol=tolerance * 1e-3)
     if jumps is None:
         return control
-    return diffrax.ClipStepSizeController(control, jump_ts=jax.lax.stop_gradient(jnp.sort(jumps)))
+    return diffrax.ClipStepSizeController(control, jump_ts=jax.lax.stop_gradient(jumps))
 
 
 def steady_by_diffrax(
@@ -139,30 +208,30 @@ def steady_by_diffrax(
 
     grid = make_grid(scene, nodes)
     here = node_values(scene, grid)
-    places = jnp.concatenate([grid.edges[:1], grid.nodes.ravel(), grid.edges[-1:]])
+    places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)
+    along = jnp.concatenate([jnp.zeros(1), places.ravel(), jnp.asarray([float(grid.half.size)])])
     adjoint = adjoint or diffrax.ForwardMode()
     inertia = reduce(scene, grid.edges[0], grid.middle[0]).inertia
+    pace = jax.lax.stop_gradient(scene.speed)
+    unit = jax.lax.stop_gradient(inertia) * pace**2
+    wanted = scene.cycle * pace / scene.speed
 
     def cycle(energy, drive):
-        speed = safe_sqrt(2 * energy / inertia, 1e-6)
-        states = _in_angle(scene, grid, places, speed, drive, tolerance, solver, adjoint).ys
-        assert states is not None
-        return states
+        speed = safe_sqrt(2 * energy / inertia, 1e-6 * pace)
+        return _in_angle(scene, grid, along, speed, drive, tolerance, solver, adjoint)[0]
 
-    guess = 0.5 * inertia * scene.speed**2
-    drive = -cycle(1e3 * guess, 0.0)[-1, 3] / scene.cycle  # so fast that it cannot stall: only the work is wanted
-    wanted = scene.cycle / scene.speed
+    drive = -cycle(1e3 * unit, 0.0)[-1, 3] * unit / scene.cycle  # too fast to stall: only the work is wanted
 
     def newton(energy):
         end = cycle(energy, drive)[-1]
-        return energy - jax.lax.stop_gradient(0.5 * end[1] / end[2]) * ((end[1] / wanted) ** 2 - 1)
+        return energy - unit * jax.lax.stop_gradient(0.5 * end[1] / end[2]) * ((end[1] / wanted) ** 2 - 1)
 
-    energy = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHOTS, lambda _, e: newton(e), guess))
+    energy = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHOTS, lambda _, e: newton(e), 0.5 * unit))
     energy = newton(energy)  # the last step carries the derivative
     states = cycle(energy, drive)
     squared, clock = (states[1:-1, i].reshape(grid.nodes.shape) for i in (0, 1))
-    work = _fitted(grid, 0.5 * here.inertia * squared - energy)
-    return conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock))
+    work = _fitted(grid, 0.5 * here.inertia * squared * pace**2 - energy)
+    return conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock / pace))
 
 
 def _fitted(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:

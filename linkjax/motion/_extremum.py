@@ -36,9 +36,8 @@ class Pieces(NamedTuple):
 
 def pieces(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Pieces:
     """Cubic pieces of a function, from values and slopes by x at the low end, the nodes and the high end of panels."""
-    points = np.concatenate([[-1.0], rule.x, [1.0]])
-    count = points.size - 1
-    low, width = (np.tile(part, value.shape[0]) for part in (points[:-1], np.diff(points)))
+    count = rule.points.size - 1
+    low, width = (np.tile(part, value.shape[0]) for part in (rule.points[:-1], np.diff(rule.points)))
     low, width = jnp.asarray(low), jnp.asarray(width)
     y0, y1, m0, m1 = (part.ravel() for part in (value[:, :-1], value[:, 1:], slope[:, :-1], slope[:, 1:]))
     m0, m1, rise = m0 * width, m1 * width, y1 - y0
@@ -56,9 +55,24 @@ def pieces(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array,
     return Pieces(*(part.reshape(shape) for part in (high, low_value, low + s * width, bend)))
 
 
+def best_piece(found: Pieces, height: Array) -> tuple[Array, Array, Array]:
+    """Panel, place and bend of the highest piece; by masked maxima, which vectorise where an argmax does not."""
+    best = highest(height)
+    number = jnp.broadcast_to(jnp.arange(height.shape[0], dtype=jnp.int32)[:, None], height.shape)
+    panel = jnp.max(jnp.where(best, number, 0))
+    best &= number == panel
+    x, bend = (jnp.max(jnp.where(best, part, -jnp.inf)) for part in (found.x, found.bend))
+    return panel, x, bend
+
+
+def newton(x: Array, tilt: Array, bend: Array) -> Array:
+    """Newton's step up a hill, inside the panel."""
+    return jnp.clip(tilt / bend, jnp.maximum(-1.0 - x, -0.5), jnp.minimum(1.0 - x, 0.5))
+
+
 def doubt(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Array:
     """How wrong each cubic piece may be: what the cubic over twice its width misses at the point left out, shrunk."""
-    points = jnp.asarray(np.concatenate([[-1.0], rule.x, [1.0]]))[None]
+    points = jnp.asarray(rule.points)[None]
     width = points[:, 2:] - points[:, :-2]
     s = (points[:, 1:-1] - points[:, :-2]) / width
     rise, m0, m1 = value[:, 2:] - value[:, :-2], slope[:, :-2] * width, slope[:, 2:] * width
@@ -99,31 +113,25 @@ def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
     return Summit(panel, start, high - low, jnp.where(bend < 0, bend, -1.0), rest)
 
 
-def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> tuple[Array, Array]:
+def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:
     """The place near a summit where the slope vanishes, or the end of the panel: secant steps, each one evaluation of
     the slope and none longer than the reach.
 
-    Also returns what the last step gained, a bound of what is left to gain. Differentiated implicitly, for second
-    derivatives; first derivatives of an extreme value do not need it.
+    Differentiated implicitly, for second derivatives; first derivatives of an extreme value do not need it.
     """
 
     def solve(function, x):
         def step(_, state):
-            x, rise, bend, before, _ = state
+            x, rise, bend, before = state
             rise_new = function(x)
             secant = safe_divide(rise_new - rise, x - before)
             bend = jnp.where((secant < 0) & (x != before), secant, bend)
-            move = -rise_new / bend
-            new = jnp.clip(x + jnp.clip(move, -summit.reach, summit.reach), -1.0, 1.0)
-            held = (new == jnp.sign(move)) & (jnp.abs(new) == 1)  # at the end of the panel, where it belongs
-            return new, rise_new, bend, x, jnp.where(held, 0.0, jnp.abs(rise_new * move))
+            move = jnp.clip(-rise_new / bend, -summit.reach, summit.reach)
+            return jnp.clip(x + move, -1.0, 1.0), rise_new, bend, x
 
-        none = jnp.zeros_like(x)
-        x, _, _, _, gained = jax.lax.fori_loop(0, steps, step, (x, none, summit.bend, x, none))
-        return x, gained
+        return jax.lax.fori_loop(0, steps, step, (x, jnp.zeros_like(x), summit.bend, x))[0]
 
-    x, gained = root(slope, summit.x, solve, has_aux=True)
-    return x, jax.lax.stop_gradient(gained)
+    return root(slope, summit.x, solve)
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:

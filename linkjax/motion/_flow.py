@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax._numerics import highest, once, root, safe_divide, wrapped
+from linkjax._numerics import highest, once, root, safe_divide
 from linkjax.machine import Scene
-from linkjax.motion._extremum import Pieces, phi_at, pieces
+from linkjax.motion._extremum import Pieces, best_piece, newton, phi_at, pieces
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
 from linkjax.reduction import Reduced, reduce
@@ -33,6 +33,18 @@ class Primitive(eqx.Module):
     def at(self, place: Place) -> Array:
         """The integral from the first edge to a place of the grid."""
         return self.at_edges[place.panel] + legendre_sum(self.series[place.panel], place.x)
+
+    def extreme(self, sign: int) -> tuple[Array, Array]:
+        """Largest (`sign` = 1) or smallest (-1) value over the continuous cycle, and its crank angle (rad)."""
+        rule = self.grid.rule
+        value = self.at_edges[:-1, None] + self.series @ jnp.asarray(rule.at_points.T)
+        found = pieces(rule, value, self.series @ jnp.asarray(rule.slope_at_points.T))
+        panel, x, bend = best_piece(found, found.high if sign > 0 else -found.low)
+        row = self.series[panel]
+        _, slope = jax.jvp(lambda x: legendre_sum(row, x), (x,), (jnp.ones_like(x),))
+        x = x + newton(x, sign * slope, bend)
+        place = Place(panel, x, phi_at(self.grid, panel, x))
+        return self.at(place), place.phi
 
 
 def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
@@ -163,12 +175,6 @@ class Flow(eqx.Module):
         torque = self.here.torque @ jnp.asarray(self.grid.rule.ends.T) + self.drive
         return jnp.stack([edges[:-1], edges[1:]], axis=1), torque
 
-    def work_pieces(self) -> Pieces:
-        """The work W as cubic pieces between the nodes."""
-        nodes, half = (self.at_nodes, self.here.torque + self.drive), self.grid.half[:, None]
-        value, slope = (_between(*part) for part in zip(self.at_ends(), nodes, strict=True))
-        return pieces(self.grid.rule, value, half * slope)
-
     def extremes(self, energy: Array) -> tuple[End, End]:
         """Largest and smallest speed over the continuous cycle: where (E₀ + W) / J is stationary."""
         found = jax.lax.stop_gradient(pieces(self.grid.rule, *self.profile(energy)))
@@ -193,12 +199,12 @@ class Flow(eqx.Module):
         """
         fixed = jax.lax.stop_gradient(self)
         tilt = fixed._at(panel, x, jax.lax.stop_gradient(energy))[-1]
-        move = _newton(x, sign * tilt, bend)
+        move = newton(x, sign * tilt, bend)
         second = self._at(panel, x + move, energy)
         secant = sign * safe_divide(tilt - jax.lax.stop_gradient(second[-1]), move)
         bend = jnp.where((secant > 0.3 * bend) & (secant < 3 * bend), secant, bend)
         place, height, here, tilt = second
-        move = jnp.clip(_newton(place.x, sign * tilt, bend), -jnp.abs(move), jnp.abs(move))
+        move = jnp.clip(newton(place.x, sign * tilt, bend), -jnp.abs(move), jnp.abs(move))
         gain = tilt * move - 0.5 * sign * bend * move**2
         place = place._replace(x=place.x + move, phi=place.phi + self.grid.half[panel] * move)
         return End(
@@ -216,22 +222,10 @@ class Flow(eqx.Module):
         """Derivative of `height` = (E₀ + W) / J by the crank angle."""
         return (here.torque + self.drive - height * here.slope) / here.inertia
 
-    def least_work(self) -> tuple[Array, Array]:
-        """Least W over the continuous cycle (J), and its angle (rad)."""
-        found = self.work_pieces()
-        panel, x, _ = _best(found, -found.low)
-        at = Place(panel, x, phi_at(self.grid, panel, x))
-        return jnp.minimum(self.work.at(at), jnp.min(self.work.at_edges)), wrapped(at.phi, self.scene.cycle)
-
 
 def _between(ends: Array, nodes: Array) -> Array:
     """Values at the low end, the nodes and the high end of every panel."""
     return jnp.concatenate([ends[:, :1], nodes, ends[:, 1:]], axis=1)
-
-
-def _newton(x: Array, tilt: Array, bend: Array) -> Array:
-    """Newton's step up a hill, inside the panel."""
-    return jnp.clip(tilt / bend, jnp.maximum(-1.0 - x, -0.5), jnp.minimum(1.0 - x, 0.5))
 
 
 def _two_best(found: Pieces, height: Array) -> list[tuple[Array, Array, Array]]:
@@ -242,14 +236,4 @@ def _two_best(found: Pieces, height: Array) -> list[tuple[Array, Array, Array]]:
     summit = (flat >= jnp.roll(flat, 1)) & (flat >= jnp.roll(flat, -1)) & (apart > 1) & (apart < flat.size - 1)
     rest = jnp.where(summit, flat, -jnp.inf)
     rest = jnp.where(jnp.any(summit), rest, flat).reshape(height.shape)
-    return [_best(found, height), _best(found, rest)]
-
-
-def _best(found: Pieces, height: Array) -> tuple[Array, Array, Array]:
-    """Panel, place and bend of the highest piece; by masked maxima, which vectorise where an argmax does not."""
-    best = highest(height)
-    number = jnp.broadcast_to(jnp.arange(height.shape[0], dtype=jnp.int32)[:, None], height.shape)
-    panel = jnp.max(jnp.where(best, number, 0))
-    best &= number == panel
-    x, bend = (jnp.max(jnp.where(best, part, -jnp.inf)) for part in (found.x, found.bend))
-    return panel, x, bend
+    return [best_piece(found, height), best_piece(found, rest)]

@@ -56,5 +56,5 @@ def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:
 
     ΔA is the largest excess work, max W - min W. Source: e.g. Norton, Design of Machinery, eq. 11.20.
     """
-    fine = steady.work.at_edges[:-1, None] + steady.work.series @ jnp.asarray(steady.grid.rule.at_fine.T)
-    return (jnp.max(fine) - jnp.min(fine)) / (delta * steady.mean_speed**2)
+    swing = steady.work.extreme(1)[0] - steady.work.extreme(-1)[0]
+    return swing / (delta * steady.mean_speed**2)

@@ -24,7 +24,9 @@ class Rule(NamedTuple):
     fine: np.ndarray  # points of the search grid, both ends included
     to_fine: np.ndarray  # interpolant at the search grid
     at_nodes: np.ndarray  # a series of degree n at the nodes
-    at_fine: np.ndarray  # a series of degree n at the search grid
+    points: np.ndarray  # low end, nodes, high end
+    at_points: np.ndarray  # a series of degree n there
+    slope_at_points: np.ndarray  # its derivative there
     ends: np.ndarray  # interpolant at the two ends
     hermite_ends: tuple[np.ndarray, np.ndarray]  # Hermite interpolant at the two ends, from values and slopes by x
     hermite_slopes: tuple[np.ndarray, np.ndarray]  # its slope by x there
@@ -42,10 +44,12 @@ def rule(n: int) -> Rule:
         raise_degree[max(j - 1, 0), j] -= 1 / (2 * j + 1) if j else -1.0
     primitive = raise_degree @ spectrum
     fine = np.cos(np.pi * np.arange(2 * n, -1, -1) / (2 * n))
-    at_fine = legendre.legvander(fine, n)
+    points = np.concatenate([[-1.0], x, [1.0]])
+    slopes = np.stack([legendre.legval(points, legendre.legder(one)) for one in np.eye(n + 1)], axis=1)
     return Rule(
-        x, w, spectrum, primitive, fine, at_fine[:, :n] @ spectrum, legendre.legvander(x, n), at_fine,
-        legendre.legvander(np.asarray([-1.0, 1.0]), n - 1) @ spectrum, *_hermite(x),
+        x, w, spectrum, primitive, fine, legendre.legvander(fine, n - 1) @ spectrum, legendre.legvander(x, n),
+        points, legendre.legvander(points, n), slopes,
+        legendre.legvander(points[[0, -1]], n - 1) @ spectrum, *_hermite(x),
     )  # fmt: skip
 
 

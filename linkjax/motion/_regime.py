@@ -79,7 +79,7 @@ def peaks(
             value, rate = jax.jvp(lambda x: legendre_sum(rows[:, summit.panel], x), (x,), (jnp.ones_like(x),))
             return 2 * jnp.sum(value * rate)
 
-        return summit.panel, climb(slope, summit, FOLLOW)[0]
+        return summit.panel, climb(slope, summit, FOLLOW)
 
     panel, x = jax.vmap(find)(heights, series)
     number = jnp.arange(panel.size)

@@ -13,11 +13,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._numerics import wrapped
+from linkjax.kinematics import Pose, pose
+from linkjax.loads import Instant
 from linkjax.machine import Scene
 from linkjax.motion._error import delta_error
 from linkjax.motion._flow import LEAST, Flow, Primitive, primitive
 from linkjax.motion._grid import Grid, Place, make_grid
-from linkjax.reduction import Reduced, reduce
+from linkjax.reduction import Reduced, reduce, reduce_pose
 
 
 class Steady(eqx.Module):
@@ -67,10 +69,19 @@ def steady(scene: Scene, nodes: int = 96) -> Steady:
     return steady_on(scene, grid, node_values(scene, grid))
 
 
-def node_values(scene: Scene, grid: Grid) -> Reduced:
-    """Reduced inertia, slope and torque at every node, shape (panels, n)."""
-    sides = jnp.broadcast_to(grid.middle[:, None], grid.nodes.shape)
-    flat = jax.vmap(lambda phi, side: reduce(scene, phi, side))(grid.nodes.ravel(), sides.ravel())
+def node_poses(scene: Scene, grid: Grid) -> Pose:
+    """The pose at every node, leaves of shape (panels * n,)."""
+    return jax.vmap(lambda phi: pose(scene.mechanism, phi))(grid.nodes.ravel())
+
+
+def node_values(scene: Scene, grid: Grid, poses: Pose | None = None) -> Reduced:
+    """Reduced inertia, slope and torque at every node, shape (panels, n); `poses` from `node_poses` where known."""
+    sides = jnp.broadcast_to(grid.middle[:, None], grid.nodes.shape).ravel()
+
+    def at(phi, side, here):
+        return reduce_pose(scene, Instant(phi, side, scene.cycle), here)
+
+    flat = jax.vmap(at)(grid.nodes.ravel(), sides, node_poses(scene, grid) if poses is None else poses)
     return jax.tree.map(lambda leaf: leaf.reshape(grid.nodes.shape), flat)
 
 
@@ -100,11 +111,12 @@ def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
     error = delta_error(flow, energy, ends)
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (fastest + slowest)
-    least, angle = flow.least_work()
+    least, angle = flow.work.extreme(-1)
     top, bottom = (wrapped(end.place.phi, scene.cycle) for end in ends)
     return Steady(
         flow.work, clock, energy, flow.drive, period, mean, (fastest - slowest) / scene.speed,
         jax.lax.stop_gradient(error), fastest, slowest, top, bottom,
-        (energy + least) / flow.scale - LEAST, angle, scene.cycle / flow.period(LEAST * flow.scale - least),
+        (energy + least) / flow.scale - LEAST, wrapped(angle, scene.cycle),
+        scene.cycle / flow.period(LEAST * flow.scale - least),
         grid.evaluations + grid.size + 8 * rounds + grid.half.size,
     )  # fmt: skip

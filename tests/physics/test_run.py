@@ -1,0 +1,172 @@
+"""The general road from any state: SciPy, energy, one road against the other, stalls, and derivatives."""
+
+from __future__ import annotations
+
+import math
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax.motion import run_in_angle, run_in_time, steady, steady_by_diffrax
+from tests.physics import oracle, shooting
+from tests.physics.machines import machine
+
+in_angle, in_time = compiled_soon(run_in_angle), compiled_soon(run_in_time)
+STATES = [("hay-press", 1.3, 80.0, 400.0), ("clockwise", -7.9, 43.0, -2.0), ("four-bar", 20.0, 15.0, 0.5)]
+
+
+def by_scipy(scene: lj.Scene, angles: np.ndarray, speed: float, drive: float) -> tuple[np.ndarray, np.ndarray]:
+    """Speeds and times at crank angles by DOP853, cut at every jump of the loads and at every angle asked for."""
+    jumps = np.mod(oracle.jumps(scene), scene.cycle)
+    turns = np.arange(math.floor(angles[0] / scene.cycle), math.ceil(angles[-1] / scene.cycle) + 1)
+    cuts = np.unique(np.concatenate([angles, (jumps[None] + scene.cycle * turns[:, None]).ravel()]))
+    cuts = cuts[(cuts >= angles[0]) & (cuts <= angles[-1])]
+
+    def rate(phi, state):
+        inertia, slope, torque = shooting.at(scene, phi)
+        return [(torque + drive - 0.5 * slope * state[0] ** 2) / (inertia * state[0]), 1 / state[0]]
+
+    states = [[speed, 0.0]]
+    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+        off = 1e-13 * (high - low)
+        states.append(solve_ivp(rate, (low + off, high - off), states[-1], "DOP853", rtol=1e-12, atol=1e-15).y[:, -1])
+    found = np.asarray(states)[np.searchsorted(cuts, angles)]
+    return found[:, 0], found[:, 1]
+
+
+@pytest.mark.parametrize(("name", "angle", "speed", "drive"), STATES)
+def test_both_roads_from_any_state(name, angle, speed, drive):
+    """More than a cycle from a state that is no steady one, with a torque that does not balance the cycle."""
+    scene = machine(name)
+    angles = angle + np.linspace(0.0, 9.0, 7)
+    speeds, times = by_scipy(scene, angles, speed, drive)
+    one = in_angle(scene, jnp.asarray(angles), jnp.asarray(speed), jnp.asarray(drive))
+    two = in_time(scene, jnp.asarray(times + 0.3), jnp.asarray(angle), jnp.asarray(speed), jnp.asarray(drive))
+    assert not bool(one.stalled)
+    assert not bool(two.stalled)
+    np.testing.assert_allclose(one.speed, speeds, rtol=1e-8)
+    np.testing.assert_allclose(one.time, times, rtol=1e-8)
+    np.testing.assert_allclose(two.angle, angles, rtol=0, atol=2e-8)
+    np.testing.assert_allclose(two.speed, speeds, rtol=1e-8)
+
+
+def test_the_steady_regime_repeats_itself():
+    """Started in the steady regime, the general road stays there: three cycles on, the same speed and three periods."""
+    scene = machine("hay-press-slider")
+    motion = compiled_soon(steady)(scene)
+    start = jnp.asarray(1.0)
+    speed, _ = compiled_soon(lambda motion, scene, phi: motion.at(scene, motion.grid.place(phi)))(motion, scene, start)
+    got = in_angle(scene, start + scene.cycle * jnp.arange(4.0), speed, motion.drive_torque)
+    np.testing.assert_allclose(got.speed, float(speed), rtol=1e-8)
+    np.testing.assert_allclose(got.time, float(motion.period) * np.arange(4.0), rtol=1e-8)
+
+
+@pytest.mark.parametrize("road", ["angle", "time"])
+def test_a_machine_that_stalls(road):
+    """It says so, is infinite from there on, and stops where its kinetic energy is used up."""
+    scene = machine("hay-press-slider")
+    start, drive = 1.7, 0.0
+    angles = start + np.linspace(0.0, 2.0, 401)
+    inertia = oracle.reduction(scene, angles[:1]).inertia[0]
+    gained = np.concatenate([[0.0], np.cumsum([shooting.work(scene, a, b) for a, b in zip(angles[:-1], angles[1:])])])
+    speed = 5.0
+    left = 0.5 * inertia * speed**2 + gained
+    assert left[0] > 0 > left[-1]
+    stop = np.interp(0.0, -left, angles)
+    if road == "angle":
+        got = in_angle(scene, jnp.asarray(angles), jnp.asarray(speed), jnp.asarray(drive))
+    else:
+        times = jnp.linspace(0.0, 1.0, 401)
+        got = in_time(scene, times, jnp.asarray(start), jnp.asarray(speed), jnp.asarray(drive))
+    assert bool(got.stalled)
+    done = np.isfinite(np.asarray(got.speed))
+    assert done[0]
+    assert not done[-1]
+    assert np.all(np.diff(done.astype(int)) <= 0)
+    assert not np.any(np.isnan(np.asarray([got.angle, got.speed, got.time])))
+    last = np.asarray(got.angle)[done][-1]
+    assert stop - 0.02 < last < stop + 1e-4
+
+
+def test_start_from_rest():
+    """A crank alone with a constant torque: φ = ½ (T / J) t²."""
+    scene = lj.Scene(_crank_alone(), speed=10.0)
+    times = jnp.linspace(0.0, 2.0, 5)
+    got = in_time(scene, times, jnp.asarray(0.4), jnp.asarray(0.0), jnp.asarray(3.0))
+    assert not bool(got.stalled)
+    np.testing.assert_allclose(got.angle, 0.4 + 0.5 * (3.0 / 0.6) * np.asarray(times) ** 2, rtol=1e-9)
+    back = in_time(scene, times, jnp.asarray(0.4), jnp.asarray(0.0), jnp.asarray(-3.0))
+    assert bool(back.stalled)
+    assert not np.any(np.isfinite(np.asarray(back.angle)[1:]))
+
+
+def _crank_alone() -> lj.Mechanism:
+    links = {"crank": lj.Link(length=0.1, inertia=0.6)}
+    return lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [lj.Crank("crank", "A", "B")], lj.Flywheel(0.0))
+
+
+def _sensitivity(function, adjoint, design):
+    """Gradient along the design: by reverse mode, or by forward mode, whichever the adjoint allows."""
+    if isinstance(adjoint, diffrax.ForwardMode):
+        return jax.jacfwd(lambda x: function(x, adjoint))(design)
+    return jax.grad(lambda x: function(x, adjoint))(design)
+
+
+@pytest.mark.parametrize("road", ["angle", "time"])
+def test_derivatives_from_any_state(road):
+    """By start, torque, a length, and the angles at which the load switches: both adjoints against differences."""
+    scene, tolerance = machine("hay-press-slider"), 1e-12
+    ends = scene.loads[0].window.on, scene.loads[0].window.off
+    origin = jnp.asarray([1.3, 80.0, 400.0, 1.0, *(float(a) for a in ends), 1.0])
+
+    def end(x, adjoint=None):
+        changed = eqx.tree_at(
+            lambda s: (s.mechanism.links["rod"].length, s.loads[0].window.on, s.loads[0].window.off),
+            scene, (scene.mechanism.links["rod"].length * x[3], x[4], x[5]),
+        )  # fmt: skip
+        if road == "angle":
+            angles = jnp.stack([x[0], x[0] + 2.9 * x[6], x[0] + 7.7 * x[6]])
+            got = run_in_angle(changed, angles, x[1], x[2], tolerance=tolerance, adjoint=adjoint)
+            return got.speed[1] + 1e3 * got.time[2]
+        times = jnp.asarray([0.0, 0.05, 0.1]) * x[6]
+        got = run_in_time(changed, times, x[0], x[1], x[2], tolerance=tolerance, adjoint=adjoint)
+        return got.speed[1] + 10.0 * got.angle[2]
+
+    value = jax.jit(end)
+    reverse, forward = (
+        np.asarray(jax.jit(lambda x, a=a: _sensitivity(end, a, x))(origin))
+        for a in (diffrax.RecursiveCheckpointAdjoint(), diffrax.ForwardMode())
+    )
+    size = np.linalg.norm(reverse)
+    np.testing.assert_allclose(forward, reverse, rtol=0, atol=1e-9 * size)
+    for i, one in enumerate(np.eye(origin.size)):
+        h = 1e-3 * max(1.0, float(origin[i])) if i in (1, 2) else 1e-3
+        near, far = (float(value(origin + k * h * one) - value(origin - k * h * one)) for k in (1, 2))
+        assert abs((8 * near - far) / (12 * h) - reverse[i]) <= 1e-6 * max(size, abs(reverse[i])), i
+
+
+@pytest.mark.parametrize(
+    "adjoint", [diffrax.ForwardMode(), pytest.param(diffrax.RecursiveCheckpointAdjoint(), marks=pytest.mark.slow)]
+)
+def test_derivatives_of_the_steady_regime_by_diffrax(adjoint):
+    """By a length and the angle at which the load sets in: the general road against the quadrature."""
+    scene = machine("hay-press-slider")
+
+    def delta(x, road, **options):
+        changed = eqx.tree_at(
+            lambda s: (s.mechanism.links["rod"].length, s.loads[0].window.on),
+            scene, (scene.mechanism.links["rod"].length * x[0], scene.loads[0].window.on * x[1]),
+        )  # fmt: skip
+        return road(changed, **options).delta
+
+    origin = jnp.ones(2)
+    known = jax.jit(jax.grad(lambda x: delta(x, steady, nodes=160)))(origin)
+    got = jax.jit(lambda x: _sensitivity(lambda x, adjoint: delta(x, steady_by_diffrax, adjoint=adjoint), adjoint, x))
+    np.testing.assert_allclose(got(origin), known, rtol=1e-6)
