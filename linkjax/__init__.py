@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from linkjax._config import enable_x64 as enable_x64
     from linkjax._config import use_cpu_devices as use_cpu_devices
     from linkjax._population import over_designs as over_designs
+    from linkjax._results import MachineError as MachineError
+    from linkjax._results import Result as Result
     from linkjax._vec import Vec as Vec
     from linkjax.analysis import Cycle as Cycle
     from linkjax.analysis import analyse as analyse
@@ -44,6 +46,7 @@ __version__ = "0.1.0"
 _ROOMS: dict[str, tuple[str, ...]] = {
     "_config": ("enable_x64", "use_cpu_devices"),
     "_population": ("over_designs",),
+    "_results": ("MachineError", "Result"),
     "_vec": ("Vec",),
     "groups": ("RRP", "RRR", "Crank"),
     "mechanism": ("Flywheel", "Link", "Mechanism", "StructureError"),

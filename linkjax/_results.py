@@ -14,7 +14,8 @@ class Result(enum.IntEnum):
     SUCCESS = 0
     TOO_MANY_REVERSALS = 1
     NO_PERIODIC_REGIME = 2
-    CANNOT_BE_ASSEMBLED = 3
+    NO_INERTIA = 3
+    CANNOT_BE_ASSEMBLED = 4
 
 
 MESSAGES = {
@@ -23,6 +24,8 @@ MESSAGES = {
     "the error estimates still hold. Give the load a window, or raise the number of nodes.",
     Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out "
     "within the cycle. Raise the mean speed, add a flywheel or lower the loads.",
+    Result.NO_INERTIA: "The reduced inertia vanishes within the cycle, so that the crank speed is not bounded there. "
+    "Give the crank or the flywheel an inertia.",
     Result.CANNOT_BE_ASSEMBLED: "The linkage cannot be assembled over the whole cycle. Change the lengths named until "
     "every margin is positive.",
 }

@@ -42,6 +42,10 @@ from linkjax.motion import (
 from linkjax.reduction import Reduced, reduce
 
 
+CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
+LIGHTEST = 1e-6  # least reduced inertia over its mean: the crank would turn a thousand times faster there
+
+
 class Checks(eqx.Module):
     """Relative residuals of the analysis's own checks; all should be near rounding.
 
@@ -157,6 +161,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
     code = merge(
         jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
         jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
+        jnp.where(motion.least_inertia > LIGHTEST, 0, Result.NO_INERTIA),
         jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
     )
     return Cycle(
@@ -273,7 +278,7 @@ def _checks(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Ever
     frame = jnp.max(jnp.hypot(forces.frame.fx, forces.frame.fy), axis=0)
     return Checks(
         jnp.max(safe_divide(power, size)),
-        closure / jnp.max(kinetic),
+        safe_divide(closure, jnp.max(kinetic)),
         jnp.max(safe_divide(jnp.max(jnp.hypot(*rest), axis=0), frame)),
     )
 
@@ -288,12 +293,17 @@ def explain(cycle: Cycle) -> None:
             key=lambda item: float(item[2].value),
         )
         group, side, at = worst
-        degrees = float(jnp.degrees(at.angle))
-        raise MachineError(
-            f"{title}group {group!r} cannot be assembled at {degrees:.2f} degrees of crank angle ({side}): it falls "
-            f"short by {-float(at.value):.3g} of its length. {MESSAGES[code]}",
-            code,
+        degrees, short = float(jnp.degrees(at.angle)), -float(at.value)
+        place = f"{degrees:.2f} degrees of crank angle ({side})"
+        what = (
+            f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
+            if short > CHANGE_POINT
+            else f"has a change point at {place}: its two ways of assembly meet there, and which it takes is not defined"
         )
+        raise MachineError(f"{title}group {group!r} {what}. {MESSAGES[code]}", code)
+    if code is Result.NO_INERTIA:
+        degrees = float(jnp.degrees(cycle.steady.angle_of_least_inertia))
+        raise MachineError(f"{title}no reduced inertia at {degrees:.2f} degrees of crank angle. {MESSAGES[code]}", code)
     if code is Result.NO_PERIODIC_REGIME:
         lowest = float(cycle.steady.lowest_mean_speed)
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_work))

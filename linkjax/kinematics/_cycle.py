@@ -15,6 +15,7 @@ from linkjax.groups import Margin
 from linkjax.kinematics._pose import margins, named_groups, pose
 from linkjax.mechanism import Mechanism
 
+DEAD_CENTRES = 8  # looked for per link and crank turn
 MARGIN_SCAN = 64  # scan points per turn for the least margins
 SHARPEN = 4  # Newton steps from the best scan point
 BEND = 30.0  # 1/rad: Newton's step squared times this bounds what is left of the distance to a reversal
@@ -115,7 +116,7 @@ def scan_angles(turns: int, points: int) -> Float[Array, " scan"]:
     return jnp.arange(points * turns, dtype=float) * (2 * math.pi / points)
 
 
-def dead_centres(mechanism: Mechanism, turns: int = 1, slots: int = 8) -> dict[str, Reversals]:
+def dead_centres(mechanism: Mechanism, turns: int = 1) -> dict[str, Reversals]:
     """Dead centres over the cycle: where a slider stops (by the name of its pin) or a link turning about a frame point
     stops (by its name). Angles in rad, sharpened to rounding."""
     ends = _stopping_ends(mechanism)
@@ -128,7 +129,7 @@ def dead_centres(mechanism: Mechanism, turns: int = 1, slots: int = 8) -> dict[s
         def motion(phi):
             return jax.tree.map(lambda leaf: leaf[number], _motions(mechanism, ends, phi))
 
-        return find_reversals(motion, jax.tree.map(lambda leaf: leaf[:, number], whole), scan, slots, 3)
+        return find_reversals(motion, jax.tree.map(lambda leaf: leaf[:, number], whole), scan, DEAD_CENTRES * turns, 3)
 
     found = jax.vmap(one)(jnp.arange(len(ends)))
     return {name: Reversals(*(leaf[i] for leaf in found)) for i, name in enumerate(ends)}

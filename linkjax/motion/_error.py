@@ -83,7 +83,7 @@ def _at_edges(flow: Flow) -> tuple[Array, Array, Array]:
     def at(phi, ahead, behind):
         here = pose(scene.mechanism, phi)
         after, before = (reduce_pose(scene, Instant(phi, side, scene.cycle), here) for side in (ahead, behind))
-        return after.inertia, after.torque, before.torque
+        return jnp.maximum(after.inertia, flow.floor), after.torque, before.torque
 
     return jax.vmap(at)(grid.edges[:-1], ahead, behind)
 

@@ -67,7 +67,7 @@ def best_piece(found: Pieces, height: Array) -> tuple[Array, Array, Array]:
 
 def newton(x: Array, tilt: Array, bend: Array) -> Array:
     """Newton's step up a hill, inside the panel."""
-    return jnp.clip(tilt / bend, jnp.maximum(-1.0 - x, -0.5), jnp.minimum(1.0 - x, 0.5))
+    return jnp.clip(safe_divide(tilt, bend), jnp.maximum(-1.0 - x, -0.5), jnp.minimum(1.0 - x, 0.5))
 
 
 def doubt(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Array:

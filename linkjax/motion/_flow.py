@@ -21,6 +21,7 @@ from linkjax.motion._panels import legendre_sum
 from linkjax.reduction import Reduced, reduce
 
 LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a regime that counts as running (ω_min / ω_m about 1e-3)
+NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as none
 
 
 class Primitive(eqx.Module):
@@ -81,12 +82,15 @@ class Flow(eqx.Module):
     weights: Array
     at_nodes: Array
     scale: Array
+    floor: Array
 
     def __init__(self, scene: Scene, grid: Grid, here: Reduced, work: Primitive, drive: Array):
         r = grid.rule
-        self.scene, self.grid, self.here, self.work, self.drive = scene, grid, here, work, drive
-        self.inertia = here.inertia
+        self.scene, self.grid, self.work, self.drive = scene, grid, work, drive
         self.weights = grid.half[:, None] * r.w[None]
+        self.floor = inertia_floor(jnp.sum(self.weights * here.inertia) / scene.cycle)
+        self.inertia = jnp.maximum(here.inertia, self.floor)
+        self.here = here._replace(inertia=self.inertia)
         self.at_nodes = work.at_edges[:-1, None] + work.series @ jnp.asarray(r.at_nodes.T)
         self.scale = 0.5 * scene.speed**2 * jnp.sum(self.weights * self.inertia) / scene.cycle
 
@@ -154,11 +158,9 @@ class Flow(eqx.Module):
 
     def profile(self, energy: Array) -> tuple[Array, Array]:
         """(E₀ + W) / J and its slope by x at the low end, the nodes and the high end of every panel."""
-        r, half = self.grid.rule, self.grid.half[:, None]
-        values, slopes = self.inertia, half * self.here.slope
-        inertia, slope = (
-            values @ jnp.asarray(m.T) + slopes @ jnp.asarray(k.T) for m, k in (r.hermite_ends, r.hermite_slopes)
-        )
+        half, values = self.grid.half[:, None], self.inertia
+        slopes = half * self.here.slope
+        inertia, slope = self._inertia_at_ends()
 
         def height_and_slope(work, torque, inertia, slope):
             height = once((energy + work) / inertia)
@@ -168,6 +170,28 @@ class Flow(eqx.Module):
         ends = height_and_slope(*self.at_ends(), inertia, slope)
         height, slope = (_between(*part) for part in zip(ends, nodes, strict=True))
         return height, slope
+
+    def _inertia_at_ends(self) -> tuple[Array, Array]:
+        """Reduced inertia and its slope by x at the two ends of every panel."""
+        r, slopes = self.grid.rule, self.grid.half[:, None] * self.here.slope
+        inertia, slope = (
+            self.inertia @ jnp.asarray(m.T) + slopes @ jnp.asarray(k.T) for m, k in (r.hermite_ends, r.hermite_slopes)
+        )
+        return jnp.maximum(inertia, self.floor), slope
+
+    def least_inertia(self) -> tuple[Array, Array]:
+        """Least reduced inertia over the continuous cycle, relative to its mean, and its angle (rad)."""
+        ends, slopes, half = *self._inertia_at_ends(), self.grid.half[:, None]
+        value, slope = _between(ends, self.inertia), _between(slopes, half * self.here.slope)
+        found = pieces(self.grid.rule, value, slope)
+        panel, x, bend = best_piece(found, -found.low)
+
+        def at(x):
+            phi = phi_at(self.grid, panel, x)
+            return phi, reduce(self.scene, phi, self.grid.middle[panel])
+
+        phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
+        return jnp.minimum(here.inertia, jnp.min(value)) * self.scene.speed**2 / (2 * self.scale), phi
 
     def at_ends(self) -> tuple[Array, Array]:
         """Work W (J) and its slope Q + T (N m) at the two ends of every panel."""
@@ -215,12 +239,18 @@ class Flow(eqx.Module):
         """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J by x."""
         place = Place(panel, x, phi_at(self.grid, panel, x))
         here = reduce(self.scene, place.phi, self.grid.middle[panel])
+        here = here._replace(inertia=jnp.maximum(here.inertia, self.floor))
         height = (energy + self.work.at(place)) / here.inertia
         return place, height, here, self.grid.half[panel] * self.rise(here, height)
 
     def rise(self, here: Reduced, height: Array) -> Array:
         """Derivative of `height` = (E₀ + W) / J by the crank angle."""
         return (here.torque + self.drive - height * here.slope) / here.inertia
+
+
+def inertia_floor(mean: Array) -> Array:
+    """The least reduced inertia (kg m²) that is divided by; any where there is none at all."""
+    return jax.lax.stop_gradient(jnp.where(mean > 0, NO_INERTIA * mean, 1.0))
 
 
 def _between(ends: Array, nodes: Array) -> Array:

@@ -21,7 +21,7 @@ from linkjax.machine import Scene
 from linkjax.motion._panels import Rule, rule
 
 SCAN = 32  # scan points per crank turn
-REVERSALS = 4  # reversals looked for per opposing load and cycle
+REVERSALS = 4  # reversals looked for per opposing load and crank turn
 POLISH = 2  # evaluations that sharpen each of them
 SAME = 1e-7  # rad: breakpoints nearer than this are one; a kink so misplaced costs (1e-7)^2
 KINK = 1e-6  # rad: a reversal with a singularity nearer than this is a true kink, smooth on either side
@@ -95,12 +95,13 @@ class Candidates(NamedTuple):
 
 
 def make_grid(scene: Scene, nodes: int) -> Grid:
-    """Lay the grid for a scene with about `nodes` nodes in all (at least 4 per panel)."""
+    """Lay the grid for a scene with about `nodes` nodes a crank turn (at least 4 per panel)."""
     windows = [end for load in scene.loads if load.window is not None for end in (load.window.on, load.window.off)]
     opposing = [load for load in scene.loads if load.opposing]
     groups = len(scene.mechanism.groups) - 1
-    count = max(6, len(windows) + REVERSALS * len(opposing) + groups)
-    scan = scan_angles(scene.cycle_turns, SCAN)
+    turns, slots = scene.cycle_turns, REVERSALS * scene.cycle_turns
+    count = max(6 * turns, len(windows) + slots * len(opposing) + groups)
+    scan = scan_angles(turns, SCAN)
     motions, closeness = jax.vmap(lambda phi: _scan_at(scene, opposing, phi))(scan)
     found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
     soft = [_closest(margins, scan) for margins in closeness]
@@ -108,8 +109,8 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     edges = _edges(scene, [wrapped(w, scene.cycle) for w in windows], kinks, count)
     overflow = jnp.any(jnp.stack([jnp.asarray(False), *(f[1] for f in found)]))
     doubt = sum((f[2] for f in found), jnp.zeros(()))
-    n = max(4, -(-nodes // count))
-    return Grid(edges, overflow, doubt, n, scan.size + POLISH * REVERSALS * len(opposing))
+    n = max(4, -(-nodes * turns // count))
+    return Grid(edges, overflow, doubt, n, scan.size + POLISH * slots * len(opposing))
 
 
 def _scan_at(scene, opposing, phi):
@@ -131,7 +132,7 @@ def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -
     def on(angle):
         return jnp.isfinite(angle) if load.window is None else load.window.active(angle, scene.cycle) > 0
 
-    found = find_reversals(motion, scanned, scan, REVERSALS, POLISH, on)
+    found = find_reversals(motion, scanned, scan, REVERSALS * scene.cycle_turns, POLISH, on)
     wrong = jnp.abs(load.strength()) * jnp.sum(jnp.where(found.present, found.rate * found.left**2, 0.0))
     kinks = Candidates(found.angle, jnp.where(found.present, found.distance, jnp.inf))
     return kinks, found.overflow, jax.lax.stop_gradient(wrong)

@@ -27,7 +27,8 @@ class Steady(eqx.Module):
 
     `delta_error` bounds the absolute error of `delta`; `regime_margin` is the least kinetic energy over ½ J̄ ω_m² less
     the least that counts as running: negative means that there is no periodic regime at this mean speed, and
-    `lowest_mean_speed` is the lowest that has one.
+    `lowest_mean_speed` is the lowest that has one. `least_inertia` is the least reduced inertia over its mean: where it
+    vanishes the speed has no bound, and values are those of a machine with `inertia_floor` (kg m²) there.
     """
 
     work: Primitive
@@ -45,6 +46,9 @@ class Steady(eqx.Module):
     regime_margin: Array
     angle_of_least_work: Array
     lowest_mean_speed: Array
+    least_inertia: Array
+    angle_of_least_inertia: Array
+    inertia_floor: Array
     evaluations: int = eqx.field(static=True)
 
     @property
@@ -55,6 +59,7 @@ class Steady(eqx.Module):
     def at(self, scene: Scene, place: Place) -> tuple[Array, Array]:
         """Crank speed (rad/s) and acceleration (rad/s²) at a place of the grid."""
         here = reduce(scene, place.phi, self.grid.middle[place.panel])
+        here = here._replace(inertia=jnp.maximum(here.inertia, self.inertia_floor))
         floor = LEAST * 0.5 * here.inertia * scene.speed**2
         speed = jnp.sqrt(2 * jnp.maximum(self.energy + self.work.at(place), floor) / here.inertia)
         return speed, (here.torque + self.drive_torque - 0.5 * here.slope * speed**2) / here.inertia
@@ -111,12 +116,13 @@ def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
     error = delta_error(flow, energy, ends)
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (fastest + slowest)
-    least, angle = flow.work.extreme(-1)
+    (least, angle), (light, lightest) = flow.work.extreme(-1), flow.least_inertia()
     top, bottom = (wrapped(end.place.phi, scene.cycle) for end in ends)
     return Steady(
         flow.work, clock, energy, flow.drive, period, mean, (fastest - slowest) / scene.speed,
         jax.lax.stop_gradient(error), fastest, slowest, top, bottom,
         (energy + least) / flow.scale - LEAST, wrapped(angle, scene.cycle),
         scene.cycle / flow.period(LEAST * flow.scale - least),
-        grid.evaluations + grid.size + 8 * rounds + grid.half.size,
+        light, wrapped(lightest, scene.cycle), flow.floor,
+        grid.evaluations + grid.size + 8 * rounds + grid.half.size + 2,
     )  # fmt: skip

@@ -1,0 +1,195 @@
+"""Machines at the limits: change points, no masses, no loads, a crank alone, several turns, windows that touch."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+import linkjax as lj
+from linkjax import RRP, RRR, Crank, Flywheel, Force, Link, Mechanism, OpposingTorque, Torque, Vec, Window
+from linkjax._compile import compiled_soon
+from linkjax.analysis import document, plain
+from linkjax.motion import steady
+from tests.physics import oracle, shooting
+from tests.physics.machines import machine
+
+slopes = compiled_soon(jax.grad(lambda m, scene: steady(scene.with_mechanism(m)).delta))
+
+
+def four_bar(crank: float, coupler: float, rocker: float, frame: float, mass: float = 1.0, wheel: float = 1.0):
+    links = {
+        name: Link(length=length, mass=mass, inertia=0.01 * mass, centre=Vec(0.5 * length, 0.02))
+        for name, length in (("crank", crank), ("coupler", coupler), ("rocker", rocker))
+    }
+    groups = [Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C", 1)]
+    return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(frame, 0.0)}, links, groups, Flywheel(wheel))
+
+
+def crank_slider(ram: float) -> Mechanism:
+    """Central, and nothing has a mass but the ram."""
+    links = {"crank": Link(length=0.1), "rod": Link(length=0.3), "ram": Link(mass=ram)}
+    groups = [Crank("crank", "A", "B"), RRP("rod", "ram", "B", "D", "A", 1)]
+    return Mechanism({"A": Vec(0.0, 0.0)}, links, groups, Flywheel(0.0))
+
+
+def crank_alone() -> Mechanism:
+    return Mechanism({"A": Vec(0.0, 0.0)}, {"crank": Link(length=0.1, inertia=0.6)}, [Crank("crank", "A", "B")])
+
+
+def window(on: float, off: float) -> Window:
+    return Window(math.radians(on), math.radians(off))
+
+
+def told(scene: lj.Scene) -> lj.analysis.Cycle:
+    """An analysis that does not raise: every number finite, and the document can be written."""
+    cycle = lj.analyse(scene, throw=False)
+    for path, leaf in jax.tree_util.tree_leaves_with_path(cycle):
+        if jnp.issubdtype(jnp.asarray(leaf).dtype, jnp.floating):
+            assert not np.any(np.isnan(np.asarray(leaf))), jax.tree_util.keystr(path)
+    json.dumps(plain(document(cycle, "hard", "0")), allow_nan=False)
+    return cycle
+
+
+def finite_gradient(scene: lj.Scene):
+    found = slopes(scene.mechanism, scene)
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(found))
+
+
+@pytest.mark.parametrize("lengths", [(0.1, 0.4, 0.1, 0.4), (0.1, 0.1, 0.4, 0.4)], ids=["parallelogram", "kite"])
+def test_change_points(lengths):
+    """The two ways of assembly meet: said so, with the place, and nothing is NaN."""
+    scene = lj.Scene(four_bar(*lengths), gravity=Vec(0.0, -9.81), speed=10.0)
+    cycle = told(scene)
+    assert lj.Result(int(cycle.result)) is lj.Result.CANNOT_BE_ASSEMBLED
+    with pytest.raises(lj.MachineError, match=r"'coupler-rocker' has a change point at 0\.00 degrees .*folded"):
+        lj.analyse(scene)
+    finite_gradient(scene)
+
+
+def test_a_parallelogram_keeps_to_its_branch():
+    """Away from its change points it is a parallelogram: the rocker turns as the crank does, the coupler not at all."""
+    phi = jnp.linspace(0.2, 2.9, 9)
+    at = jax.vmap(lambda phi: lj.pose(four_bar(0.1, 0.4, 0.1, 0.4), phi).links)(phi)
+    sides = [np.asarray(at[name].w) for name in ("coupler", "rocker")]
+    open_, crossed = np.abs(sides[0]) < 1e-12, np.abs(sides[1] - 1) > 1e-3
+    assert np.all(open_ ^ crossed)
+    np.testing.assert_allclose(sides[1][open_], 1.0, rtol=1e-12)
+
+
+def test_no_loads_at_all():
+    """The kinetic energy stays: ω = √(2 E / J), so δ follows from the extremes of J alone."""
+    scene = lj.Scene(four_bar(0.1, 0.4, 0.3, 0.4), speed=10.0)
+    got = told(scene)
+    assert int(got.result) == 0
+    assert abs(float(got.steady.drive_torque)) < 1e-12
+    phi = np.linspace(0.0, 2 * math.pi, 4000, endpoint=False)
+    inertia = oracle.reduction(scene, phi).inertia
+
+    def polished(sign):
+        at = phi[np.argmax(sign * inertia)]
+        best = minimize_scalar(
+            lambda p: -sign * shooting.at(scene, p)[0], bounds=(at - 2e-3, at + 2e-3), options={"xatol": 1e-10}
+        )
+        return -sign * best.fun
+
+    fast, slow = (1 / math.sqrt(polished(sign)) for sign in (-1, 1))
+    mean = 1 / np.mean(np.sqrt(inertia))  # time mean: the period is the mean of √J
+    assert float(got.delta) == pytest.approx((fast - slow) / mean, rel=1e-10)
+
+
+def test_a_crank_alone():
+    """It turns evenly, its torque balances the brake, and there is nothing that could not be assembled."""
+    scene = lj.Scene(crank_alone(), (Torque("brake", "crank", torque=-3.0),), speed=10.0)
+    got = told(scene)
+    assert int(got.result) == 0
+    assert float(got.delta) < 1e-14
+    assert float(got.steady.drive_torque) == pytest.approx(3.0, rel=1e-14)
+    finite_gradient(scene)
+
+
+def test_massless_links():
+    """Rods without mass carry forces like any: SciPy's motion, the checks, and finite gradients."""
+    scene = machine("hay-press-slider")
+    for name in ("rod", "link4"):
+        scene = eqx.tree_at(
+            lambda s, n=name: (s.mechanism.links[n].mass, s.mechanism.links[n].inertia), scene, (jnp.zeros(()),) * 2
+        )
+    got = told(scene)
+    assert int(got.result) == 0
+    assert float(got.delta) == pytest.approx(shooting.shoot(scene).delta, rel=1e-8)
+    assert max(float(check) for check in jax.tree.leaves(got.checks)) < 1e-10
+    finite_gradient(scene)
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "degrees"), [(four_bar(0.1, 0.4, 0.3, 0.4, 0.0, 0.0), None), (crank_slider(2.0), (0.0, 180.0))]
+)
+def test_nothing_to_set_in_motion(mechanism, degrees):
+    """No inertia anywhere, or none where the ram stops: the speed has no bound there, which is said with the place."""
+    scene = lj.Scene(mechanism, (Torque("brake", "crank", torque=-3.0),), speed=10.0)
+    cycle = told(scene)
+    assert lj.Result(int(cycle.result)) is lj.Result.NO_INERTIA
+    with pytest.raises(lj.MachineError, match=r"no reduced inertia at .* Give the crank or the flywheel an inertia"):
+        lj.analyse(scene)
+    if degrees is not None:
+        where = math.degrees(float(cycle.steady.angle_of_least_inertia))
+        assert min(abs(math.remainder(where - d, 360.0)) for d in degrees) < 1e-3
+    finite_gradient(scene)
+
+
+def test_two_turns_a_cycle():
+    """A load in every other turn, against SciPy; as accurate as one turn, since nodes count by the turn."""
+    scene = machine("hay-press-slider")
+    load = dataclasses.replace(scene.loads[0], window=window(90.0, 335.0 + 180.0))
+    scene = dataclasses.replace(scene, cycle_turns=2, loads=(load,))
+    got = lj.analyse(scene)
+    known = shooting.shoot(scene)
+    wrong = abs(float(got.delta) - known.delta)
+    assert wrong < 1e-8
+    assert wrong <= float(got.delta_error) + 1e-11
+    assert float(got.steady.period) == pytest.approx(4 * math.pi / float(scene.speed), rel=1e-12)
+    assert float(got.steady.drive_torque) == pytest.approx(known.drive, rel=1e-8)
+    assert math.remainder(float(got.steady.angle_of_min) - known.slowest[1], 4 * math.pi) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_windows_that_touch():
+    """Loads that switch at the same angles, one on where another goes off, are one load that changes its size."""
+    scene = machine("hay-press-slider")
+    press = scene.loads[0]
+
+    def torque(name, size, *ends):
+        return Torque(name, "crank", torque=size, window=window(*ends) if ends else None)
+
+    split = (press, torque("one", -20.0, 90.0, 335.0), torque("two", -10.0, 335.0, 90.0))
+    whole = (press, torque("more", -10.0, 90.0, 335.0), torque("always", -10.0))
+    one, two = (compiled_soon(steady)(dataclasses.replace(scene, loads=loads)) for loads in (split, whole))
+    assert abs(float(one.delta - two.delta)) <= float(one.delta_error + two.delta_error)
+    assert float(one.delta) == pytest.approx(float(two.delta), rel=1e-7)
+    assert float(one.drive_torque) == pytest.approx(float(two.drive_torque), rel=1e-9)
+
+
+def test_a_window_without_width():
+    """Never on: as if the load were not there."""
+    scene = machine("hay-press-slider")
+    closed = dataclasses.replace(scene.loads[0], window=window(90.0, 90.0))
+    one, two = (
+        compiled_soon(steady)(dataclasses.replace(scene, loads=loads))
+        for loads in ((closed,), (Force("none", "slider", "D", force=Vec(0.0, 0.0)),))
+    )
+    assert abs(float(one.delta - two.delta)) <= float(one.delta_error + two.delta_error)
+
+
+def test_a_load_on_what_never_moves():
+    """A brake on a coupler that only translates has nothing to oppose."""
+    scene = lj.Scene(
+        four_bar(0.1, 0.4, 0.1 + 1e-9, 0.4), (OpposingTorque("brake", "coupler", magnitude=5.0),), speed=10.0
+    )
+    told(scene)
