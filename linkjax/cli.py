@@ -286,29 +286,45 @@ def _print_limits(data: dict[str, Any]) -> None:
 def _print_at(data: dict[str, Any], degrees: float) -> None:
     console.print(f"\nat {degrees:g}° of crank angle", style="bold", highlight=False)
     table = Table("point", "x [m]", "y [m]", "x'", "y'", "x''", "y''", box=None, pad_edge=False)
-    for name, point in data["points"].items():
-        table.add_row(name, *(_number(part[0]) for part in point.values()))
+    for name, point in _without_noise(data["points"]).items():
+        table.add_row(name, *map(_number, point.values()))
     console.print(table, highlight=False)
     table = Table("link", "angle [°]", "ω'", "ε'", box=None, pad_edge=False)
-    for name, link in data["links"].items():
-        table.add_row(name, f"{math.degrees(link['angle'][0]):.6g}", f"{link['d'][0]:.6g}", f"{link['dd'][0]:.6g}")
+    for name, link in _without_noise(data["links"]).items():
+        table.add_row(name, _number(math.degrees(link["angle"])), _number(link["d"]), _number(link["dd"]))
     console.print(table, highlight=False)
     table = Table("joint", "on", "by", "fx [N]", "fy [N]", "moment [N m]", box=None, pad_edge=False)
-    for joint, sides in data["forces"]["reactions"].items():
-        for link, force in sides.items():
-            table.add_row(joint, link, force["by"], *(_number(force[key][0]) for key in ("fx", "fy", "moment")))
+    joints = data["forces"]["reactions"].items()
+    sides = {(joint, link): side for joint, links in joints for link, side in links.items()}
+    forces = {key: {k: side[k] for k in ("fx", "fy", "moment")} for key, side in sides.items()}
+    for (joint, link), force in _without_noise(forces).items():
+        table.add_row(joint, link, sides[joint, link]["by"], *map(_number, force.values()))
     console.print(table, highlight=False)
     reduced, run = data["reduced"], data["motion"]
+    speed = run["mean_speed"] if data["model"]["constant_speed"] else run["speed"][0]
     console.print(
         f"J {reduced['inertia'][0]:.7g} kg m², J' {reduced['inertia_slope'][0]:.7g} kg m², "
-        f"Q {reduced['torque'][0]:.7g} N m, ω {run['speed'][0]:.7g} rad/s, "
+        f"Q {reduced['torque'][0]:.7g} N m, ω {speed:.7g} rad/s, "
         f"drive torque {data['forces']['drive_torque'][0]:.7g} N m",
         highlight=False,
     )
 
 
-def _number(value: Any) -> str:
-    return f"{float(value) + 0.0:.6g}"  # adding zero drops the sign of a negative zero
+def _without_noise(rows: dict[Any, dict[str, Any]]) -> dict[Any, dict[str, float]]:
+    """First value of every cell, with zero for what is only rounding beside the largest of its kind (x and y: one)."""
+    largest: dict[str, float] = {}
+    for row in rows.values():
+        for key, value in row.items():
+            largest[key.rstrip("xy")] = max(largest.get(key.rstrip("xy"), 0.0), abs(float(value[0])))
+
+    def clean(key: str, value: Any) -> float:
+        return float(value[0]) if abs(float(value[0])) > 1e-14 * largest[key.rstrip("xy")] else 0.0
+
+    return {name: {key: clean(key, value) for key, value in row.items()} for name, row in rows.items()}
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.6g}"  # adding zero drops the sign of a negative zero
 
 
 def _write_csv(data: dict[str, Any], folder: Path) -> None:

@@ -101,6 +101,36 @@ def test_tables_hold_the_same_numbers(analysed):
     assert [float(row["G.ddx"]) for row in rows] == data["points"]["G"]["ddx"]
 
 
+def analyse_to_json(call, tmp_path, *words):
+    code, out, err = call("analyse", "slider-crank", "--angles", 36, "--json", tmp_path / "it.json", *words)
+    assert (code, err) == (0, "")
+    return json.loads((tmp_path / "it.json").read_text()), out
+
+
+def test_the_roads_to_the_motion_agree(call, tmp_path):
+    one, _ = analyse_to_json(call, tmp_path, "--nodes", 128)
+    two, _ = analyse_to_json(call, tmp_path, "--nodes", 128, "--motion", "diffrax")
+    assert one["model"]["nodes"] == two["model"]["nodes"] == 132  # whole panels of at least 128 nodes in all
+    assert "diffrax" in two["model"]["motion"]
+    assert "diffrax" not in one["model"]["motion"]
+    assert math.isclose(one["motion"]["delta"], two["motion"]["delta"], rel_tol=1e-9)
+    np.testing.assert_allclose(two["motion"]["speed"], one["motion"]["speed"], rtol=1e-9)
+
+
+def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path):
+    """`--at`, `--constant-speed` and `--set` in one call, against the document and a hand calculation."""
+    data, out = analyse_to_json(call, tmp_path, "--at", 90, "--constant-speed", "--set", "speed=600 rpm")
+    assert math.isclose(data["motion"]["mean_speed"], 600 * math.pi / 30, rel_tol=1e-12)
+    assert data["forces"] == data["forces_constant_speed"]
+    assert "at 90° of crank angle" in out
+    crank_pin = next(line.split() for line in out.splitlines() if line.startswith("C "))
+    assert crank_pin[:5] == ["C", "0", "0.04", "-0.04", "0"]  # straight up, r' to the left
+    reduced = next(line for line in out.splitlines() if line.startswith("J "))
+    assert f"J {data['reduced']['inertia'][9]:.7g} kg m²" in reduced
+    assert f"ω {600 * math.pi / 30:.7g} rad/s" in reduced
+    assert f"drive torque {data['forces']['drive_torque'][9]:.7g} N m" in reduced
+
+
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [

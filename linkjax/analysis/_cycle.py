@@ -41,7 +41,6 @@ from linkjax.motion import (
 )
 from linkjax.reduction import Reduced, reduce
 
-
 CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
 LIGHTEST = 1e-6  # least reduced inertia over its mean: the crank would turn a thousand times faster there
 
@@ -298,7 +297,7 @@ def explain(cycle: Cycle) -> None:
         what = (
             f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
             if short > CHANGE_POINT
-            else f"has a change point at {place}: its two ways of assembly meet there, and which it takes is not defined"
+            else f"has a change point at {place}: its two ways of assembly meet there, so it has none of its own"
         )
         raise MachineError(f"{title}group {group!r} {what}. {MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:

@@ -131,9 +131,9 @@ def run_in_time(
 ) -> Run:
     """Motion over increasing `times` (s) from `start_angle` (rad) and `start_speed` (rad/s, or rest) at the first.
 
-    `drive_torque` (N m) is constant; `solver` and `adjoint` as in `run_in_angle`. Where a load switches at an angle, the
-    time of the switch moves with the design, which no step in time can see: first derivatives are those of a run in
-    angle through the same states.
+    `drive_torque` (N m) is constant; `solver` and `adjoint` as in `run_in_angle`. Where a load switches at an angle,
+    the time of the switch moves with the design, which no step in time can see: first derivatives are those of a run
+    in angle through the same states.
     """
     found = _in_time(*jax.lax.stop_gradient((scene, times, start_angle, start_speed, drive_torque)), tolerance, solver)
     least = jax.lax.stop_gradient(REST * scene.speed)

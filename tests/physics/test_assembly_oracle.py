@@ -35,10 +35,11 @@ def sized(mechanism: Mechanism, lengths) -> Mechanism:
 
 
 def sample(name: str, count: int) -> np.ndarray:
-    """Random link lengths, each within 30 % of its own."""
+    """Random link lengths, each within 30 % of its own; 80 % for a slider-crank, which is never lost within 30 %."""
     lengths = np.asarray([float(link.length) for link in machine(name).mechanism.links.values()])
     rng = np.random.default_rng(zlib.crc32(f"{name} {count}".encode()))
-    return lengths * rng.uniform(0.7, 1.3, (count, lengths.size))
+    spread = 0.8 if name == "slider-crank" else 0.3
+    return lengths * rng.uniform(1 - spread, 1 + spread, (count, lengths.size))
 
 
 def margins_at(mechanism: Mechanism, phi: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
@@ -124,12 +125,7 @@ def test_assembles_or_not(name, count):
         angle = got[group][side].angle
         assert np.all((angle >= 0) & (angle < 2 * np.pi + 1e-12))
 
-
-@pytest.mark.parametrize("count", MANY)
-def test_both_kinds_are_in_the_sample(count):
-    """Else the test above would show nothing."""
-    runs = np.concatenate([overall(known(name, count)) > 0 for name in BUILT_IN])
-    assert 0.05 <= np.mean(runs) <= 0.95
+    assert 0.05 <= np.mean(flags > 0) <= 0.95  # both kinds are there, else this would show nothing
 
 
 THREE = (delta, peak_shaking_force_constant_speed, smallest_margin)
@@ -193,8 +189,6 @@ def led_back(scene, lengths: jax.Array):
 def test_the_gradient_leads_back(name):
     """At least 95 % of the lost designs can be assembled in the end, says the oracle."""
     lost = sample(name, 2000)[overall(known(name, 2000)) < -BAND][:300]
-    if not lost.size:
-        pytest.skip("no design of this scene is lost")
     after = np.asarray(led_back(machine(name), jnp.asarray(lost)))
     assert np.all(np.isfinite(after)) and np.all(after >= 0)
     assert np.mean(overall(truth(name, after)) > 0) >= 0.95

@@ -204,18 +204,19 @@ def test_limits_at_a_jump(name, kind):
         at, jump = float(load.window.on), float(load.magnitude)
     else:
         at, jump = reversal(name)
-    near = 1e-5
-    both = forces(scene, [at - near, at + near], w, 0.0)
+    near = 1e-4 * np.asarray([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+    both = forces(scene, at + near, w, 0.0)
     here = forces(scene, [at, at], w, 0.0, side=[at - 0.01, at + 0.01])
     plain = forces(scene, [at, at], w, 0.0)
-    known = newton_euler.solve(scene, np.asarray([at - near, at + near]), np.asarray([w, w]), np.zeros(2))
+    known = newton_euler.solve(scene, at + near, np.full(6, w), np.zeros(6))
     size = largest(name)
+    to_jump = np.asarray([[1.0, -3.0, 3.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0, -3.0, 1.0]])  # extrapolates each side
     gap = 0.0
     for (joint, link), (force, _) in known.reactions.items():
-        limits = plane(both.reactions[joint][link])
-        np.testing.assert_allclose(limits, force, rtol=0, atol=1e-10 * size)
-        np.testing.assert_allclose(plane(here.reactions[joint][link]), limits, rtol=0, atol=1e-3 * size)
-        np.testing.assert_allclose(plane(plain.reactions[joint][link]), limits[[1, 1]], rtol=0, atol=1e-3 * size)
+        np.testing.assert_allclose(plane(both.reactions[joint][link]), force, rtol=0, atol=1e-10 * size)
+        limits = to_jump @ force
+        np.testing.assert_allclose(plane(here.reactions[joint][link]), limits, rtol=0, atol=1e-8 * size)
+        np.testing.assert_allclose(plane(plain.reactions[joint][link]), limits[[1, 1]], rtol=0, atol=1e-8 * size)
         gap = max(gap, abs(limits[1] - limits[0]))
     assert gap > 0.1 * jump
 

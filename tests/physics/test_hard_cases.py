@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import root_scalar
 
 import linkjax as lj
 from linkjax import RRP, RRR, Crank, Flywheel, Force, Link, Mechanism, OpposingTorque, Torque, Vec, Window
@@ -95,10 +95,9 @@ def test_no_loads_at_all():
 
     def polished(sign):
         at = phi[np.argmax(sign * inertia)]
-        best = minimize_scalar(
-            lambda p: -sign * shooting.at(scene, p)[0], bounds=(at - 2e-3, at + 2e-3), options={"xatol": 1e-10}
-        )
-        return -sign * best.fun
+        return shooting.at(scene, root_scalar(lambda p: shooting.at(scene, p)[1], bracket=(at - 2e-3, at + 2e-3)).root)[
+            0
+        ]
 
     fast, slow = (1 / math.sqrt(polished(sign)) for sign in (-1, 1))
     mean = 1 / np.mean(np.sqrt(inertia))  # time mean: the period is the mean of √J
@@ -157,7 +156,7 @@ def test_two_turns_a_cycle():
     assert wrong <= float(got.delta_error) + 1e-11
     assert float(got.steady.period) == pytest.approx(4 * math.pi / float(scene.speed), rel=1e-12)
     assert float(got.steady.drive_torque) == pytest.approx(known.drive, rel=1e-8)
-    assert math.remainder(float(got.steady.angle_of_min) - known.slowest[1], 4 * math.pi) == pytest.approx(0.0, abs=1e-6)
+    assert abs(math.remainder(float(got.steady.angle_of_min) - known.slowest[1], 4 * math.pi)) < 1e-6
 
 
 def test_windows_that_touch():

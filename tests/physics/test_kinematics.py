@@ -216,7 +216,7 @@ def test_errors_near_a_dead_position_are_those_of_the_problem(case):
         mechanism = near_dead(case, distance, phi)
         here, nearness = jax.device_get(values(mechanism, jnp.asarray(phi)))
         if case != "one to a million":
-            assert list(nearness.values())[-1][case.split()[0]].value == pytest.approx(distance, rel=1e-3)
+            assert list(nearness.values())[-1][case.split()[0]].value == pytest.approx(distance, rel=1e-9, abs=2e-15)
         points = {name: complex(p.r.x, p.r.y) for name, p in here.points.items()}
         got = parts(mechanism, points, {name: complex(link.u.x, link.u.y) for name, link in here.links.items()})
         with mpmath.workdps(50):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import diffrax
@@ -34,7 +35,7 @@ def by_scipy(scene: lj.Scene, angles: np.ndarray, speed: float, drive: float) ->
         return [(torque + drive - 0.5 * slope * state[0] ** 2) / (inertia * state[0]), 1 / state[0]]
 
     states = [[speed, 0.0]]
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in itertools.pairwise(cuts):
         off = 1e-13 * (high - low)
         states.append(solve_ivp(rate, (low + off, high - off), states[-1], "DOP853", rtol=1e-12, atol=1e-15).y[:, -1])
     found = np.asarray(states)[np.searchsorted(cuts, angles)]
@@ -75,7 +76,7 @@ def test_a_machine_that_stalls(road):
     start, drive = 1.7, 0.0
     angles = start + np.linspace(0.0, 2.0, 401)
     inertia = oracle.reduction(scene, angles[:1]).inertia[0]
-    gained = np.concatenate([[0.0], np.cumsum([shooting.work(scene, a, b) for a, b in zip(angles[:-1], angles[1:])])])
+    gained = np.concatenate([[0.0], np.cumsum([shooting.work(scene, a, b) for a, b in itertools.pairwise(angles)])])
     speed = 5.0
     left = 0.5 * inertia * speed**2 + gained
     assert left[0] > 0 > left[-1]
@@ -107,6 +108,13 @@ def test_start_from_rest():
     assert not np.any(np.isfinite(np.asarray(back.angle)[1:]))
 
 
+def window(scene: lj.Scene) -> lj.Window:
+    """When the load of the press is on."""
+    found = scene.loads[0].window
+    assert found is not None
+    return found
+
+
 def _crank_alone() -> lj.Mechanism:
     links = {"crank": lj.Link(length=0.1, inertia=0.6)}
     return lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [lj.Crank("crank", "A", "B")], lj.Flywheel(0.0))
@@ -123,12 +131,12 @@ def _sensitivity(function, adjoint, design):
 def test_derivatives_from_any_state(road):
     """By start, torque, a length, and the angles at which the load switches: both adjoints against differences."""
     scene, tolerance = machine("hay-press-slider"), 1e-12
-    ends = scene.loads[0].window.on, scene.loads[0].window.off
+    ends = window(scene).on, window(scene).off
     origin = jnp.asarray([1.3, 80.0, 400.0, 1.0, *(float(a) for a in ends), 1.0])
 
     def end(x, adjoint=None):
         changed = eqx.tree_at(
-            lambda s: (s.mechanism.links["rod"].length, s.loads[0].window.on, s.loads[0].window.off),
+            lambda s: (s.mechanism.links["rod"].length, window(s).on, window(s).off),
             scene, (scene.mechanism.links["rod"].length * x[3], x[4], x[5]),
         )  # fmt: skip
         if road == "angle":
@@ -144,7 +152,7 @@ def test_derivatives_from_any_state(road):
         np.asarray(jax.jit(lambda x, a=a: _sensitivity(end, a, x))(origin))
         for a in (diffrax.RecursiveCheckpointAdjoint(), diffrax.ForwardMode())
     )
-    size = np.linalg.norm(reverse)
+    size = float(np.linalg.norm(reverse))
     np.testing.assert_allclose(forward, reverse, rtol=0, atol=1e-9 * size)
     for i, one in enumerate(np.eye(origin.size)):
         h = 1e-3 * max(1.0, float(origin[i])) if i in (1, 2) else 1e-3
@@ -161,8 +169,8 @@ def test_derivatives_of_the_steady_regime_by_diffrax(adjoint):
 
     def delta(x, road, **options):
         changed = eqx.tree_at(
-            lambda s: (s.mechanism.links["rod"].length, s.loads[0].window.on),
-            scene, (scene.mechanism.links["rod"].length * x[0], scene.loads[0].window.on * x[1]),
+            lambda s: (s.mechanism.links["rod"].length, window(s).on),
+            scene, (scene.mechanism.links["rod"].length * x[0], window(scene).on * x[1]),
         )  # fmt: skip
         return road(changed, **options).delta
 
