@@ -14,6 +14,7 @@ import tempfile
 from pathlib import Path
 
 os.environ.setdefault("NUMBA_THREADING_LAYER", "omp")
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # else idle threads of one peer spin on the cores of the other
 
 import jax
 import jax.numpy as jnp

@@ -6,6 +6,7 @@ the benchmarks, which own their process, and never by the library.
 
 from __future__ import annotations
 
+import ctypes
 import os
 from pathlib import Path
 
@@ -47,9 +48,12 @@ def use_compilation_cache(folder: Path | None = None) -> Path | None:
 def use_cpu_devices(count: int | None = None) -> int:
     """Show the CPU to JAX as `count` devices (default: one per core this process may use), and return the count.
 
+    Also lets the C library keep memory that was freed: the results of a large population otherwise cost fresh pages
+    from the system every time (measured: a fifth of the time of a kinematic sweep).
     A count already chosen (`JAX_NUM_CPU_DEVICES`, or by the program) stays. Raises `RuntimeError`, from JAX, when
     something has been computed already: the number is fixed when the backend starts.
     """
+    _keep_memory()
     chosen = jax.config.values["jax_num_cpu_devices"]
     if chosen > 0:
         return chosen
@@ -57,3 +61,16 @@ def use_cpu_devices(count: int | None = None) -> int:
         count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     jax.config.update("jax_num_cpu_devices", count)
     return count
+
+
+def _keep_memory() -> None:
+    """Settings of glibc's malloc; other C libraries have no such function."""
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):
+        return
+    for name, value in ((M_MMAP_THRESHOLD, 2**25), (M_TRIM_THRESHOLD, 2**31 - 1), (M_TOP_PAD, 2**26)):
+        mallopt(name, value)
+
+
+M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3

@@ -142,7 +142,7 @@ def analyse_command(
     at: Annotated[float | None, typer.Option(metavar="DEG", help="Also print everything at this crank angle.")] = None,
     constant_speed: Annotated[bool, typer.Option("--constant-speed", help="Forces at constant nominal speed.")] = False,
     motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
-    nodes: Annotated[int, typer.Option(min=8, help="Nodes of the cycle grid.")] = 96,
+    nodes: Annotated[int, typer.Option(min=8, help="Nodes of the cycle grid per crank turn.")] = 96,
     set_: Set = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:

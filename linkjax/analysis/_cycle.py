@@ -122,9 +122,10 @@ def analyse(
 ) -> Cycle:
     """Analyse a working cycle: kinematics, reduction, true motion, forces, peaks, flywheel, checks.
 
-    `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` the size of
-    the cycle grid; `constant_speed` reports `forces` at constant nominal speed instead of the true motion; `motion` is
-    the road to the true motion: quadrature of the energy equation, or the equation of motion solved by diffrax.
+    `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` is the number
+    of nodes of the cycle grid per crank turn; `constant_speed` reports `forces` at constant nominal speed instead of
+    the true motion; `motion` is the road to the true motion: quadrature of the energy equation, or the equation of
+    motion solved by diffrax.
     Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled
     or has no periodic regime; with `throw=False`, and under jax transformations, `result` tells instead.
     """

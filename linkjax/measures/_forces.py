@@ -19,7 +19,7 @@ def shaking(regime: Regime, place: Place) -> Float[Array, "1 2"]:
     names = {name: link.centre_name for name, link in regime.scene.mechanism.links.items()}
     first, second = mass_sums(here, names)
     speed, acceleration = regime.crank(place)
-    force = -(second * speed**2 + first * acceleration)
+    force = -(second * speed**2 + first * acceleration).once()
     return jnp.stack([force.x, force.y])[None]
 
 

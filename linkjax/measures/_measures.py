@@ -20,7 +20,7 @@ from linkjax.motion import Place, Regime, flywheel_for, peaks
 
 @dataclasses.dataclass(frozen=True)
 class Measure:
-    """A number of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable."""
+    """A number of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable; nodes per crank turn."""
 
     name: str
     unit: str

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from linkjax._numerics import envelope, highest, once, root, safe_divide, safe_sqrt
+from linkjax._numerics import envelope, highest, once, safe_divide, safe_sqrt
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import Rule
 
@@ -115,23 +115,17 @@ def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
 
 def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:
     """The place near a summit where the slope vanishes, or the end of the panel: secant steps, each one evaluation of
-    the slope and none longer than the reach.
-
-    Differentiated implicitly, for second derivatives; first derivatives of an extreme value do not need it.
+    the slope and none longer than the reach. Not differentiated: an extreme value does not depend on its place.
     """
-
-    def solve(function, x):
-        def step(_, state):
-            x, rise, bend, before = state
-            rise_new = function(x)
+    x, bend, rise, before = summit.x, summit.bend, None, summit.x
+    for _ in range(steps):
+        rise_new = slope(x)
+        if rise is not None:
             secant = safe_divide(rise_new - rise, x - before)
-            bend = jnp.where((secant < 0) & (x != before), secant, bend)
-            move = jnp.clip(-rise_new / bend, -summit.reach, summit.reach)
-            return jnp.clip(x + move, -1.0, 1.0), rise_new, bend, x
-
-        return jax.lax.fori_loop(0, steps, step, (x, jnp.zeros_like(x), summit.bend, x))[0]
-
-    return root(slope, summit.x, solve)
+            bend = jnp.where(secant < 0, secant, bend)
+        move = jnp.clip(-rise_new / bend, -summit.reach, summit.reach)
+        before, x, rise = x, jnp.clip(x + move, -1.0, 1.0), rise_new
+    return jax.lax.stop_gradient(x)
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:

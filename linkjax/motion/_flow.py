@@ -11,6 +11,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from linkjax._numerics import highest, once, root, safe_divide
@@ -22,6 +23,7 @@ from linkjax.reduction import Reduced, reduce
 
 LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a regime that counts as running (ω_min / ω_m about 1e-3)
 NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as none
+ENOUGH = 1e-9  # relative: a Newton step as small as this leaves its square
 
 
 class Primitive(eqx.Module):
@@ -51,8 +53,8 @@ class Primitive(eqx.Module):
 def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
     """Integral of a function known at the nodes."""
     scaled = grid.half[:, None] * values
-    gained = jnp.cumsum(jnp.sum(grid.rule.w[None] * scaled, axis=1))
-    edges = jnp.concatenate([jnp.zeros_like(gained[:1]), gained])
+    gained = jnp.sum(grid.rule.w[None] * scaled, axis=1)
+    edges = jnp.asarray(np.tri(gained.size + 1, gained.size, -1)) @ gained
     return Primitive(grid, edges, scaled @ jnp.asarray(grid.rule.primitive.T))
 
 
@@ -130,7 +132,7 @@ class Flow(eqx.Module):
                 move = -0.5 * period * jnp.where(energy > lowest, late**2 - 1, 1 - late**-2) / slope
                 inside = (energy + move >= low) & (energy + move <= high)
                 move = jnp.where(inside, move, 0.5 * (low + high) - energy)
-                return count + 1, energy + move, low, high, jnp.abs(move) > 4e-16 * jnp.abs(self.scale + energy)
+                return count + 1, energy + move, low, high, jnp.abs(move) > ENOUGH * (self.scale + jnp.abs(energy))
 
             state = (0, jnp.clip(start, low, high), low, high, jnp.asarray(True))
             return jax.lax.while_loop(lambda s: s[4] & (s[0] < 60), step, state)[1]
@@ -150,7 +152,7 @@ class Flow(eqx.Module):
                 count, energy, _ = state
                 value, slope = jax.jvp(excess, (energy,), (jnp.ones_like(energy),))
                 move = -0.5 * ((1 + value) - 1 / (1 + value)) / slope  # Newton on the square, nearly linear
-                return count + 1, energy + move, jnp.abs(move) > 4e-16 * jnp.abs(self.scale + energy)
+                return count + 1, energy + move, jnp.abs(move) > ENOUGH * (self.scale + jnp.abs(energy))
 
             return jax.lax.while_loop(lambda s: s[2] & (s[0] < 40), step, (0, start, jnp.asarray(True)))[1]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -17,8 +18,9 @@ from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
 from linkjax.motion._steady import Steady
 
-FOLLOW = 4  # steps on the interpolants
-SHARPEN = 2  # parabolic steps on the quantities themselves
+FOLLOW = 3  # steps on the interpolants
+NEAR = 3e-3  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself
+FAR = 10.0  # the most it may move, in these
 
 
 class Regime(eqx.Module):
@@ -58,7 +60,7 @@ def peaks(
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
     `components(regime, place)` gives the vectors at one place. Suprema over both one-sided limits at every jump; found
-    on the search grid, followed on the interpolants, and sharpened by parabolic steps on the quantities themselves.
+    on the search grid, followed on the interpolants, and sharpened by a parabola through the quantities themselves.
     Values known at the nodes may be handed in.
     """
     grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
@@ -69,7 +71,8 @@ def peaks(
         at_nodes = flat.reshape((*flat.shape[:2], *grid.nodes.shape))
     at_nodes = jax.lax.stop_gradient(at_nodes)
     rule = grid.rule
-    heights = jnp.sum((at_nodes @ jnp.asarray(rule.to_fine.T)) ** 2, axis=1)
+    fine = at_nodes @ jnp.asarray(rule.to_fine.T)
+    heights = functools.reduce(jnp.add, [fine[:, i] * fine[:, i] for i in range(fine.shape[1])])  # faster than a sum
     series = at_nodes @ jnp.asarray(rule.spectrum.T)
 
     def find(height, rows):
@@ -88,22 +91,15 @@ def peaks(
         vector = components(regime, Place(panel, x, phi_at(grid, panel, x)))[which]
         return jnp.sum(vector * vector)
 
-    reach = jnp.asarray([-1.0, 0.0, 1.0])
-
-    def probe(i, state):
-        """One parabolic step on the quantity itself; the reach shrinks from round to round."""
-        x, _ = state
-        h = 3e-2 * 3e-2 ** jnp.asarray(i, dtype=x.dtype)
-        centre = jnp.clip(x, -1.0 + h, 1.0 - h)
-        y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + h * reach))(
-            number, panel, centre
-        )
-        bend, tilt = y[:, 2] - 2 * y[:, 1] + y[:, 0], 0.5 * (y[:, 2] - y[:, 0])
-        step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt))
-        new = jnp.clip(centre + h * jnp.clip(step, -3.0, 3.0), -1.0, 1.0)
-        return new, jnp.abs(tilt * (new - centre) / h)
-
-    x, gained = jax.lax.stop_gradient(jax.lax.fori_loop(0, SHARPEN, probe, (x, jnp.zeros_like(x))))
+    centre = jnp.clip(x, -1.0 + NEAR, 1.0 - NEAR)
+    beside = NEAR * jnp.asarray([-1.0, 0.0, 1.0])
+    y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + beside))(
+        number, panel, centre
+    )
+    bend, tilt = y[:, 2] - 2 * y[:, 1] + y[:, 0], 0.5 * (y[:, 2] - y[:, 0])
+    step = jnp.clip(jnp.where(bend < 0, -safe_divide(tilt, bend), FAR * jnp.sign(tilt)), -FAR, FAR)
+    x = jax.lax.stop_gradient(jnp.clip(centre + NEAR * step, -1.0, 1.0))
+    gained = jnp.abs(tilt * (x - centre)) / NEAR
 
     def value(which, panel, x):
         place = settle(grid, panel, x)

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import wrapped
+from linkjax._numerics import once, wrapped
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Instant
 from linkjax.machine import Scene
@@ -66,7 +66,7 @@ class Steady(eqx.Module):
 
 
 def steady(scene: Scene, nodes: int = 96) -> Steady:
-    """Steady periodic motion of a scene, with about `nodes` nodes on the cycle grid.
+    """Steady periodic motion of a scene, with about `nodes` nodes a crank turn on the cycle grid.
 
     Never raises: where there is no regime, `regime_margin` is negative and every value finite.
     """
@@ -87,6 +87,7 @@ def node_values(scene: Scene, grid: Grid, poses: Pose | None = None) -> Reduced:
         return reduce_pose(scene, Instant(phi, side, scene.cycle), here)
 
     flat = jax.vmap(at)(grid.nodes.ravel(), sides, node_poses(scene, grid) if poses is None else poses)
+    flat = flat._replace(inertia=once(flat.inertia), slope=once(flat.slope), torque=once(flat.torque))
     return jax.tree.map(lambda leaf: leaf.reshape(grid.nodes.shape), flat)
 
 
