@@ -9,6 +9,7 @@ own home, are written and read only where such a folder is set, and may be delet
 from __future__ import annotations
 
 import functools
+import gc
 import hashlib
 import inspect
 import os
@@ -30,18 +31,23 @@ from jax.experimental import serialize_executable
 SOONER: dict[str, bool | str] = {"xla_backend_optimization_level": "0", "xla_cpu_use_fusion_emitters": False}
 
 
+_MADE: list[dict] = []  # the programs of every function compiled here
+
+
 def compiled_soon(function: Callable | None = None, *, static: tuple[str, ...] = ()) -> Callable:
     """Jit a function for one use. Inside other jax transformations it is a plain `jax.jit`."""
     if function is None:
         return functools.partial(compiled_soon, static=static)
     plain, signature = jax.jit(function, static_argnames=static), inspect.signature(function)
     programs: dict[Any, tuple[Callable, Any]] = {}
+    _MADE.append(programs)
 
     @functools.wraps(function)
     def call(*args, **kwargs):
         given = dict(signature.bind(*args, **kwargs).arguments)
         fixed = {name: given.pop(name) for name in static if name in given}
         leaves, tree = jax.tree.flatten(given)
+        leaves = [jnp.asarray(leaf, dtype=float) if isinstance(leaf, int | float) else leaf for leaf in leaves]
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return plain(*args, **kwargs)
         key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), tuple(fixed.items())
@@ -51,6 +57,15 @@ def compiled_soon(function: Callable | None = None, *, static: tuple[str, ...] =
         return jax.tree.unflatten(result, run(*leaves))
 
     return call
+
+
+def forget() -> None:
+    """Drop every compiled program of this process, JAX's own too. A program takes some hundred memory maps, of which
+    a process may have 65 530 on Linux; beyond that XLA crashes."""
+    for programs in _MADE:
+        programs.clear()
+    jax.clear_caches()
+    gc.collect()
 
 
 def aside(function: Callable, *args: Any) -> Callable[[], Any]:

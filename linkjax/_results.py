@@ -21,7 +21,7 @@ class Result(enum.IntEnum):
 MESSAGES = {
     Result.SUCCESS: "The machine runs.",
     Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid has room for; "
-    "the error estimates still hold. Give the load a window, or raise the number of nodes.",
+    "the error estimates still hold. Give the load a window that holds fewer reversals.",
     Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out "
     "within the cycle. Raise the mean speed, add a flywheel or lower the loads.",
     Result.NO_INERTIA: "The reduced inertia vanishes within the cycle, so that the crank speed is not bounded there. "

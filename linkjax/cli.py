@@ -1,6 +1,6 @@
 """The command line: the only place that prints.
 
-Exit codes: 0 done, 1 the machine cannot do it (cannot be assembled, no periodic regime), 2 bad input.
+Exit codes: 0 done, 1 the machine cannot do it (cannot be assembled, no periodic regime, no inertia), 2 bad input.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 import linkjax
 from linkjax import __version__
@@ -39,6 +40,8 @@ class Road(StrEnum):
     diffrax = "diffrax"
 
 
+CHECKED = 1e-8  # relative residual that a check of the analysis may have
+
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene or the path of a scene file.")]
 Set = Annotated[
     list[str] | None,
@@ -55,6 +58,10 @@ def main() -> None:
         app(standalone_mode=True)
     except SceneError as error:
         complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
+        sys.exit(2)
+    except OSError as error:
+        complaints.print(f"{error.filename or ''}: {error.strerror or error}; choose another place", markup=False,
+                         highlight=False, soft_wrap=True)  # fmt: skip
         sys.exit(2)
     except MachineError as error:
         complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
@@ -82,7 +89,7 @@ def scenes() -> None:
     table = Table("scene", "title", "structure", box=None, pad_edge=False)
     for name in scene_names():
         scene = build(load_document(name))
-        table.add_row(name, scene.title, scene.mechanism.formula())
+        table.add_row(name, Text(scene.title), scene.mechanism.formula())
     console.print(table)
 
 
@@ -103,15 +110,18 @@ def show(scene: SceneName, set_: Set = None) -> None:
     """Show a scene: structure, links, loads."""
     machine = _load(scene, set_)
     mechanism = machine.mechanism
-    console.print(f"{machine.title or scene}", highlight=False, style="bold")
+    console.print(Text(machine.title or scene, style="bold"))
     console.print(f"structure  {mechanism.formula()}", highlight=False)
-    console.print(
-        f"speed      {float(machine.speed):.6g} rad/s ({float(machine.speed) * 30 / math.pi:.6g} rpm), "
-        f"{machine.mean} mean",
-        highlight=False,
-    )
-    flywheel = float(mechanism.flywheel.inertia)
-    console.print(f"flywheel   {flywheel:.6g} kg m²", highlight=False)
+    target = "" if machine.target_delta is None else f", wanted δ {float(machine.target_delta):g}"
+    fixed = ", ".join(f"{name} ({float(at.x):.6g}, {float(at.y):.6g})" for name, at in mechanism.fixed.items())
+    speed = float(machine.speed)
+    for key, value in {
+        "speed": f"{speed:.6g} rad/s ({speed * 30 / math.pi:.6g} rpm), {machine.mean} mean",
+        "gravity": f"({float(machine.gravity.x):.6g}, {float(machine.gravity.y):.6g}) m/s²",
+        "flywheel": f"{float(mechanism.flywheel.inertia):.6g} kg m²{target}",
+        "frame": f"{fixed} m",
+    }.items():
+        console.print(f"{key:10s} {value}", highlight=False, markup=False)
     table = Table(
         "link", "length [m]", "mass [kg]", "centre [m]", "inertia [kg m²]", "points", box=None, pad_edge=False
     )
@@ -129,7 +139,17 @@ def show(scene: SceneName, set_: Set = None) -> None:
             on, off = (math.degrees(float(angle)) for angle in (entry.window.on, entry.window.off))
             window = f"from {on:.6g} to {off:.6g} degrees"
         against = " against its motion" if entry.opposing else ""
-        console.print(f"load       {entry.name}: on {entry.link} {entry.point}{against}, {window}", highlight=False)
+        size = _size(entry)
+        where = f"{entry.link} {entry.point}".strip()
+        console.print(f"load       {entry.name}: {size} on {where}{against}, {window}", highlight=False, markup=False)
+
+
+def _size(load: Any) -> str:
+    """How large a load is, with its unit."""
+    if isinstance(load, linkjax.Force):
+        return f"({float(load.force.x):.6g}, {float(load.force.y):.6g}) N"
+    size = load.torque if isinstance(load, linkjax.Torque) else load.magnitude
+    return f"{float(size):.6g} {'N' if load.point else 'N m'}"
 
 
 @app.command(name="analyse")
@@ -149,6 +169,11 @@ def analyse_command(
     """Analyse a working cycle: kinematics, motion, forces, flywheel."""
     console.quiet = quiet
     machine = _load(scene, set_)
+    if at is not None and not math.isfinite(at):
+        raise SceneError("--at", "", at, "is no angle", "give degrees of crank angle, e.g. --at 90")
+    for folder in (out, csv_folder, json_file and json_file.parent):
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
     uniform = [machine.cycle * i / angles for i in range(angles)]
     extra = [] if at is None else [math.radians(at)]
     with _elapsed("analysing"):
@@ -157,7 +182,6 @@ def analyse_command(
         cycle = pick(whole, slice(0, angles))
         data = document(cycle, scene, __version__)
     if json_file:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
         json_file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
     if csv_folder:
         _write_csv(data, csv_folder)
@@ -225,7 +249,7 @@ def _elapsed(what: str) -> Iterator[None]:
 def _print_summary(data: dict[str, Any], machine: Scene) -> None:
     run, wheel, checks = data["motion"], data["flywheel"], data["checks"]
     rpm = 30 / math.pi
-    console.print(machine.title or data["scene"], style="bold", highlight=False)
+    console.print(Text(machine.title or data["scene"], style="bold"))
     console.print(f"{machine.mechanism.formula()}\n", highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     rows = [
@@ -248,6 +272,10 @@ def _print_summary(data: dict[str, Any], machine: Scene) -> None:
     _print_limits(data)
     residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks.items())
     console.print(f"\nchecks     {residuals}", highlight=False)
+    if max(checks.values()) > CHECKED:
+        console.print(f"WARNING: a check is above {CHECKED:g}; do not trust these figures", style="bold red")
+    if data["result"]["code"]:
+        console.print(f"WARNING: {data['result']['message']}", style="bold", markup=False)
     model = data["model"]
     console.print(f"model      {model['motion']}, {model['nodes']} nodes: {model['why']}", highlight=False)
 
@@ -318,7 +346,7 @@ def _without_noise(rows: dict[Any, dict[str, Any]]) -> dict[Any, dict[str, float
             largest[key.rstrip("xy")] = max(largest.get(key.rstrip("xy"), 0.0), abs(float(value[0])))
 
     def clean(key: str, value: Any) -> float:
-        return float(value[0]) if abs(float(value[0])) > 1e-14 * largest[key.rstrip("xy")] else 0.0
+        return 0.0 if abs(float(value[0])) <= 1e-14 * largest[key.rstrip("xy")] else float(value[0])
 
     return {name: {key: clean(key, value) for key, value in row.items()} for name, row in rows.items()}
 

@@ -4,10 +4,12 @@ linkjax itself must not be imported here: its annotations are checked by a hook 
 """
 
 import os
+import sys
 import zlib
 from pathlib import Path
 
 CACHE = Path(__file__).parents[1] / ".cache"
+MOST_MAPS = 25_000  # of the 65 530 that Linux allows
 os.environ["XDG_CACHE_HOME"] = str(CACHE)  # also for programs that tests start: nothing is written outside
 os.environ["MPLBACKEND"] = "agg"
 
@@ -21,6 +23,16 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_compilation_cache_dir", str(CACHE / "jax"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+@pytest.fixture(autouse=True)
+def few_programs():
+    """Compiled programs are dropped before the memory maps of the process run out."""
+    yield
+    maps = Path("/proc/self/maps")
+    compiler = sys.modules.get("linkjax._compile")
+    if compiler is not None and maps.exists() and maps.read_bytes().count(b"\n") > MOST_MAPS:
+        compiler.forget()
 
 
 @pytest.fixture

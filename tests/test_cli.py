@@ -42,7 +42,7 @@ def test_show_tells_what_the_scene_holds(call):
     assert code == 0
     assert "700 rpm" in out
     assert "1.1" in out
-    assert "hay: on rocker S5 against its motion, from 90 to 335 degrees" in out
+    assert "hay: 30000 N on rocker S5 against its motion, from 90 to 335 degrees" in out
 
 
 def test_new_writes_a_scene_that_loads_and_never_overwrites(call, tmp_path):

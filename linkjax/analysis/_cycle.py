@@ -49,8 +49,8 @@ class Checks(eqx.Module):
     """Relative residuals of the analysis's own checks; all should be near rounding.
 
     `virtual_power`: drive torque by kinetostatics against the reduced model. `energy_closure`: kinetic energy of the
-    links against the work of each load, integrated separately. `force_balance`: frame force against shaking force,
-    weight and loads.
+    links against the work of each load, integrated separately. `force_balance`: force and moment on the frame against
+    shaking force, weight, loads and drive torque.
     """
 
     virtual_power: Array
@@ -274,13 +274,14 @@ def _checks(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Ever
         series = primitive(motion.grid, share)
         work = work + jax.vmap(lambda phi, series=series: series.at(motion.grid.place(phi)))(angles)
     closure = jnp.max(jnp.abs((kinetic - kinetic[0]) - (work - work[0])))
-    rest = [forces.frame[i] - forces.shaking[i] - forces.weight[i] - forces.loads[i] for i in (0, 1)]
+    sources = forces.shaking, forces.weight, forces.loads
+    rest = [forces.frame[i] - sum(source[i] for source in sources) for i in (0, 1)]
     frame = jnp.max(jnp.hypot(forces.frame.fx, forces.frame.fy), axis=0)
-    return Checks(
-        jnp.max(safe_divide(power, size)),
-        safe_divide(closure, jnp.max(kinetic)),
-        jnp.max(safe_divide(jnp.max(jnp.hypot(*rest), axis=0), frame)),
-    )
+    moments = forces.drive_torque, *(source.moment for source in sources)
+    largest = jnp.max(sum(jnp.abs(moment) for moment in moments), axis=0)
+    twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)), axis=0)
+    balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest), axis=0), frame), safe_divide(twist, largest))
+    return Checks(jnp.max(safe_divide(power, size)), safe_divide(closure, jnp.max(kinetic)), jnp.max(balance))
 
 
 def explain(cycle: Cycle) -> None:

@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
-from linkjax.groups import Reaction, Wrench
+from linkjax.groups import Joint, Wrench
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Instant
 from linkjax.machine import Scene
@@ -33,12 +33,22 @@ class JointForce(NamedTuple):
         return jnp.sqrt(self.fx**2 + self.fy**2)
 
 
+class Reaction(NamedTuple):
+    """What `by` exerts on `link` at a joint: force, and moment about the joint's point (zero at a pin)."""
+
+    joint: Joint
+    link: str
+    by: str
+    force: Vec
+    moment: Array
+
+
 class Forces(NamedTuple):
     """Forces at one crank angle. `reactions[joint][link]` acts on the link; `by[joint][link]` names the other side.
 
     `shaking` is -Σ m a with its moment -dH/dt about the crank pivot; `frame` is what the mechanism exerts on the frame
-    through its joints (moment about the crank pivot, drive torque not counted); `net_frame` adds loads that react on
-    the frame.
+    through its joints (moment about the crank pivot; the motor's own reaction, minus the drive torque, not counted);
+    `net_frame` adds loads that react on the frame.
     """
 
     reactions: dict[str, dict[str, JointForce]]
@@ -106,22 +116,24 @@ def _solve_groups(scene: Scene, here: Pose, acting: dict[str, Wrench], origins: 
     found: list[Reaction] = []
     drive = jnp.zeros(())
     for group in reversed(scene.mechanism.groups):
-        reactions, torque = group.react(acting, here.links, here.points, owners)
+        wrenches, torque = group.react(acting, here.links, here.points)
         drive = drive if torque is None else torque
-        for r in reactions:
-            found.append(r)
-            if r.by != "frame" and r.by not in group.link_names():
-                arm = here.points[r.joint].r - here.points[origins[r.by]].r
-                moment = acting[r.by].moment - r.moment - arm.cross(r.force)
-                acting[r.by] = Wrench(acting[r.by].force - r.force, moment)
-                found.append(Reaction(r.joint, r.by, r.link, -r.force, -r.moment))
+        for joint, (force, moment) in zip(group.joints(), wrenches, strict=True):
+            by = joint.by or owners[joint.point]
+            found.append(Reaction(joint, joint.link, by, force, moment))
+            if by == "frame":
+                continue
+            found.append(Reaction(joint, by, joint.link, -force, -moment))
+            if by not in group.link_names():
+                arm = here.points[joint.point].r - here.points[origins[by]].r
+                acting[by] = Wrench(acting[by].force - force, acting[by].moment - moment - arm.cross(force))
     return found, drive
 
 
 def _by_joint(found: list[Reaction]) -> dict[str, dict[str, JointForce]]:
     table: dict[str, dict[str, JointForce]] = {}
     for r in found:
-        at = table.setdefault(r.joint, {})
+        at = table.setdefault(r.joint.name, {})
         old = at.get(r.link)
         new = JointForce(r.force.x, r.force.y, r.moment)
         at[r.link] = new if old is None else JointForce(*(a + b for a, b in zip(old, new, strict=True)))
@@ -132,20 +144,12 @@ def other_sides(scene: Scene) -> dict[str, dict[str, str]]:
     """Which link (or "frame") exerts each reaction: {joint: {link: by}}; several at one pin are joined with "+"."""
     owners, by = scene.mechanism.owners(), {}
     for group in scene.mechanism.groups:
-        for link, (first, far) in group.pins().items():
-            mates = [m for m, (_, f) in group.pins().items() if m != link and f == far and far is not None]
-            if far is not None and mates:
-                by.setdefault(far, {})[link] = mates[0]
-            if link in group.translating():
-                by.setdefault(f"{link}.guide", {})[link] = "frame"
-                rod = next(name for name, (_, f) in group.pins().items() if f == first)
-                by.setdefault(first, {}).update({link: rod, rod: link})
-                continue
-            owner = owners[first]
-            by.setdefault(first, {})[link] = owner
-            if owner != "frame":
-                known = by[first].get(owner)
-                by[first][owner] = f"{known}+{link}" if known else link
+        for joint in group.joints():
+            other = joint.by or owners[joint.point]
+            at = by.setdefault(joint.name, {})
+            at[joint.link] = other
+            if other != "frame":
+                at[other] = f"{at[other]}+{joint.link}" if other in at else joint.link
     return by
 
 
@@ -162,12 +166,6 @@ def _on_frame(here: Pose, found: list[Reaction], about: Vec) -> JointForce:
     total, moment = zero(), jnp.zeros(())
     for r in found:
         if r.by == "frame":
-            at = here.points[r.joint].r if r.joint in here.points else _guide_point(here, found, r)
-            total, moment = total - r.force, moment - r.moment - (at - about).cross(r.force)
+            arm = here.points[r.joint.point].r - about
+            total, moment = total - r.force, moment - r.moment - arm.cross(r.force)
     return JointForce(total.x, total.y, moment)
-
-
-def _guide_point(here: Pose, found: list[Reaction], guide: Reaction) -> Vec:
-    """Guide couples are referred to the pin of the block."""
-    pin = next(r.joint for r in found if r.link == guide.link and r.joint != guide.joint)
-    return here.points[pin].r

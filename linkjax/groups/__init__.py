@@ -1,10 +1,10 @@
 """Structural groups: the driver and the Assur groups, one file each."""
 
 from linkjax.groups._base import AbstractGroup as AbstractGroup
+from linkjax.groups._base import Joint as Joint
 from linkjax.groups._base import LinkState as LinkState
 from linkjax.groups._base import Margin as Margin
 from linkjax.groups._base import PointState as PointState
-from linkjax.groups._base import Reaction as Reaction
 from linkjax.groups._base import Wrench as Wrench
 from linkjax.groups._crank import Crank as Crank
 from linkjax.groups._crank import at_rest as at_rest

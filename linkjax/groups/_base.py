@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 from jaxtyping import Array
@@ -47,22 +47,14 @@ class Margin(NamedTuple):
     dd: Array
 
 
-class Reaction(NamedTuple):
-    """What `by` exerts on `link` at `joint`: force, and moment about the joint (zero at a pin)."""
+class Joint(NamedTuple):
+    """A joint that a group brings in: its name, the point its moments are referred to, and the two links it joins;
+    `by` is "frame", a link, or None for the link that the point belongs to."""
 
-    joint: str
+    name: str
+    point: str
     link: str
-    by: str
-    force: Vec
-    moment: Array
-
-
-@runtime_checkable
-class LinkLike(Protocol):
-    """What a group needs to know of a link."""
-
-    @property
-    def actual_length(self) -> Array: ...
+    by: str | None = None
 
 
 class AbstractGroup(eqx.Module):
@@ -93,18 +85,22 @@ class AbstractGroup(eqx.Module):
         return ()
 
     @abc.abstractmethod
-    def solve(
-        self, links: Mapping[str, LinkLike], points: dict[str, PointState], phi: Array
-    ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
-        """States of the links brought in and of the pins that the group creates."""
+    def joints(self) -> tuple[Joint, ...]:
+        """The joints that attach the group and those inside it, in the order of `react`."""
 
     @abc.abstractmethod
-    def margins(self, links: Mapping[str, LinkLike], points: dict[str, PointState]) -> dict[str, Margin]:
+    def solve(
+        self, links: Mapping[str, Any], points: dict[str, PointState], phi: Array
+    ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
+        """States of the links brought in and of the pins that the group creates; of `links` only `length` is used."""
+
+    @abc.abstractmethod
+    def margins(self, links: Mapping[str, Any], points: dict[str, PointState]) -> dict[str, Margin]:
         """Signed margins by the name of the dead position."""
 
     @abc.abstractmethod
     def transmission(self, states: dict[str, LinkState]) -> Array | None:
-        """Transmission angle (rad, 0 to π/2 folded to the acute side is left to the caller), None for a driver."""
+        """Transmission angle (rad, 0 to π), None for a driver."""
 
     @abc.abstractmethod
     def react(
@@ -112,10 +108,10 @@ class AbstractGroup(eqx.Module):
         loads: dict[str, Wrench],
         states: dict[str, LinkState],
         points: dict[str, PointState],
-        owners: dict[str, str],
-    ) -> tuple[list[Reaction], Array | None]:
-        """Joint reactions from the loads on each link of the group (moments about the link's origin).
+    ) -> tuple[tuple[Wrench, ...], Array | None]:
+        """What is exerted on `link` of each of the `joints`, from the loads on the group's links (moments about the
+        link's origin).
 
         Loads hold everything but the group's own reactions: weight, working loads, inertia, and what groups solved
-        earlier exert. Returns the reactions on the group's links, and the drive torque for a driver.
+        earlier exert. Returns forces with moments about the joint's point, and the drive torque for a driver.
         """

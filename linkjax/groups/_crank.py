@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from linkjax._types import as_float
 from linkjax._vec import Vec, unit, zero
-from linkjax.groups._base import AbstractGroup, LinkState, PointState, Reaction
+from linkjax.groups._base import AbstractGroup, Joint, LinkState, PointState, Wrench
 
 
 class Crank(AbstractGroup):
@@ -45,7 +45,7 @@ class Crank(AbstractGroup):
         u = unit(self.phase + self.turns * phi)
         w = jnp.full_like(phi, self.turns)
         state = LinkState(u, w, jnp.zeros_like(phi))
-        arm = u * links[self.link].actual_length
+        arm = u * links[self.link].length
         return {self.link: state}, {self.end: PointState(points[self.pivot].r + arm, arm.perp() * w, -arm)}
 
     def margins(self, links, points):
@@ -54,10 +54,12 @@ class Crank(AbstractGroup):
     def transmission(self, states):
         return None
 
-    def react(self, loads, states, points, owners):
+    def joints(self):
+        return (Joint(self.pivot, self.pivot, self.link),)
+
+    def react(self, loads, states, points):
         load = loads[self.link]
-        pin = Reaction(self.pivot, self.link, owners[self.pivot], -load.force, jnp.zeros_like(load.moment))
-        return [pin], -self.turns * load.moment
+        return (Wrench(-load.force, jnp.zeros_like(load.moment)),), -self.turns * load.moment
 
 
 def at_rest(r: Vec) -> PointState:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from linkjax._numerics import once, safe_sqrt
 from linkjax._types import as_float
 from linkjax._vec import unit
-from linkjax.groups._base import AbstractGroup, LinkState, Margin, PointState, Reaction
+from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
 
 
 class RRP(AbstractGroup):
@@ -55,7 +55,7 @@ class RRP(AbstractGroup):
         return (b.r - points[self.through].r).dot(n) - self.offset, b.dr.dot(n), b.ddr.dot(n)
 
     def solve(self, links, points, phi):
-        length = links[self.link].actual_length
+        length = links[self.link].length
         t = unit(self.along)
         n = t.perp()
         b = points[self.from_]
@@ -72,7 +72,7 @@ class RRP(AbstractGroup):
         return {self.link: LinkState(rod / length, w, e), self.block: LinkState(t, still, still)}, {self.end: end}
 
     def margins(self, links, points):
-        length = links[self.link].actual_length
+        length = links[self.link].length
         q, dq, ddq = self._height(points)
         return {
             "left": Margin((length - q) / length, -dq / length, -ddq / length),
@@ -83,7 +83,14 @@ class RRP(AbstractGroup):
         u, t = states[self.link].u, unit(self.along)
         return jnp.atan2(jnp.abs(u.dot(t)), t.cross(u))
 
-    def react(self, loads, states, points, owners):
+    def joints(self):
+        return (
+            Joint(self.from_, self.from_, self.link),
+            Joint(self.end, self.end, self.link, self.block),
+            Joint(f"{self.block}.guide", self.end, self.block, "frame"),
+        )
+
+    def react(self, loads, states, points):
         t = unit(self.along)
         n = t.perp()
         rod = points[self.end].r - points[self.from_].r
@@ -93,9 +100,5 @@ class RRP(AbstractGroup):
         pin = t * push + n * lift  # force on the rod by the block
         normal = lift - on_block.force.dot(n)
         none = jnp.zeros_like(normal)
-        return [
-            Reaction(self.from_, self.link, owners[self.from_], -(on_rod.force + pin), none),
-            Reaction(self.end, self.link, self.block, pin, none),
-            Reaction(self.end, self.block, self.link, -pin, none),
-            Reaction(f"{self.block}.guide", self.block, "frame", n * normal, -on_block.moment),
-        ], None
+        guide = Wrench(n * normal, -on_block.moment)
+        return (Wrench(-(on_rod.force + pin), none), Wrench(pin, none), guide), None

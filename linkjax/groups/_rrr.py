@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax._numerics import safe_divide, safe_sqrt
-from linkjax.groups._base import AbstractGroup, LinkState, Margin, PointState, Reaction
+from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
 
 
 class RRR(AbstractGroup):
@@ -41,7 +41,7 @@ class RRR(AbstractGroup):
         return {self.links[0]: (self.from_, self.meet), self.links[1]: (self.to, self.meet)}
 
     def solve(self, links, points, phi):
-        l1, l2 = links[self.links[0]].actual_length, links[self.links[1]].actual_length
+        l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
         span = b.r - a.r
         r = safe_sqrt(span.squared(), 1.0)
@@ -63,7 +63,7 @@ class RRR(AbstractGroup):
         return {self.links[0]: first, self.links[1]: second}, {self.meet: meet}
 
     def margins(self, links, points):
-        l1, l2 = links[self.links[0]].actual_length, links[self.links[1]].actual_length
+        l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
         s, ds, dds = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
         r = safe_sqrt(s.squared())
@@ -79,16 +79,16 @@ class RRR(AbstractGroup):
         u, v = states[self.links[0]].u, states[self.links[1]].u
         return jnp.atan2(jnp.abs(u.cross(v)), u.dot(v))
 
-    def react(self, loads, states, points, owners):
+    def joints(self):
+        one, two = self.links
+        return Joint(self.from_, self.from_, one), Joint(self.to, self.to, two), Joint(self.meet, self.meet, one, two)
+
+    def react(self, loads, states, points):
         one, two = self.links
         p, q = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
         det = p.cross(q)
         m1, m2 = loads[one].moment, loads[two].moment
         inner = -(p * m2 + q * m1) / det  # force at the inner pin on link one by link two
         none = jnp.zeros_like(det)
-        return [
-            Reaction(self.from_, one, owners[self.from_], -(loads[one].force + inner), none),
-            Reaction(self.to, two, owners[self.to], -(loads[two].force - inner), none),
-            Reaction(self.meet, one, two, inner, none),
-            Reaction(self.meet, two, one, -inner, none),
-        ], None
+        forces = -(loads[one].force + inner), -(loads[two].force - inner), inner
+        return tuple(Wrench(force, none) for force in forces), None

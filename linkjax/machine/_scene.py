@@ -7,6 +7,7 @@ import math
 from typing import Literal
 
 import equinox as eqx
+import jax
 from jaxtyping import Array
 
 from linkjax._types import as_float
@@ -33,6 +34,10 @@ class Scene(eqx.Module):
     title: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
+        if self.mean not in ("time", "midrange"):
+            raise StructureError("mean", f"is {self.mean!r}", 'write "time" or "midrange"')
+        if not isinstance(self.cycle_turns, int) or self.cycle_turns < 1:
+            raise StructureError("cycle_turns", f"is {self.cycle_turns!r}", "write a whole number of crank turns")
         owners, seen = self.mechanism.owners(), {"gravity"}
         for number, load in enumerate(self.loads):
             element = f"loads[{number}] ({load.name})"
@@ -42,10 +47,18 @@ class Scene(eqx.Module):
             if load.link not in self.mechanism.links:
                 remedy = nearest(load.link, self.mechanism.links)
                 raise StructureError(element, f"link {load.link!r} is not defined", remedy)
+            if load.opposing and self._never_moves(load):
+                what = f"point {load.point!r}" if load.point else f"link {load.link!r}"
+                problem = f"{what} never {'moves' if load.point else 'turns'}, so the load has nothing to oppose"
+                raise StructureError(element, problem, "name another point, or leave the load out")
             on_link = {p for p, owner in owners.items() if owner == load.link} | self._pins(load.link)
             if load.point and load.point not in on_link:
                 problem = f"point {load.point!r} is not on link {load.link!r}"
                 raise StructureError(element, problem, nearest(load.point, on_link))
+
+    def _never_moves(self, load: AbstractLoad) -> bool:
+        translating = {link for group in self.mechanism.groups for link in group.translating()}
+        return load.point in self.mechanism.fixed if load.point else load.link in translating
 
     def _pins(self, link: str) -> set[str]:
         ends = next(g.pins()[link] for g in self.mechanism.groups if link in g.pins())
@@ -58,4 +71,4 @@ class Scene(eqx.Module):
 
     def with_mechanism(self, mechanism: Mechanism) -> Scene:
         """The same scene around another design of the same mechanism."""
-        return dataclasses.replace(self, mechanism=mechanism)
+        return dataclasses.replace(self, mechanism=jax.tree.map(as_float, mechanism))

@@ -100,6 +100,9 @@ def smallest_margin(of: Parts) -> Array:
 def largest_transmission_cosine(of: Parts) -> Array:
     """Largest size of cos μ over the cycle, μ every transmission angle: 0 at 90 degrees, 1 at a dead position."""
 
+    if len(of.scene.mechanism.groups) == 1:
+        return jnp.zeros(())
+
     def cosines(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)
         return jnp.cos(jnp.stack(list(angles.values())))[:, None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import equinox as eqx
 import jax
@@ -36,15 +36,17 @@ class Link(eqx.Module):
     centre_name: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
+        if self.mass_properties not in get_args(MassProperties):
+            raise ValueError(
+                f"mass_properties must be one of {get_args(MassProperties)}, but is {self.mass_properties!r}"
+            )
+        for where, at in {"centre": self.centre, **self.points}.items():
+            if not isinstance(at, Vec) and isinstance(at, str | int | float | tuple | list):
+                raise TypeError(f"{where} of a link must be a Vec, but is {at!r}; write Vec(x, y)")
         if self.mass_properties == "section" and (self.area is None or self.density is None):
             raise ValueError('a link with mass_properties = "section" needs area and density; give both')
         if self.mass_properties == "scaled" and self.reference_length is None:
             raise ValueError('a link with mass_properties = "scaled" needs reference_length; give its length as drawn')
-
-    @property
-    def actual_length(self) -> Array:
-        """Distance between the two pins (m)."""
-        return self.length
 
     def actual(self) -> Body:
         """Mass, mass centre, inertia about it and marked points at the present length."""

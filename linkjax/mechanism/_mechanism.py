@@ -34,7 +34,9 @@ class Mechanism(eqx.Module):
     flywheel: Flywheel = eqx.field(default_factory=Flywheel)
     link_names: tuple[str, ...] = eqx.field(static=True, default=())
 
-    def __init__(self, fixed, links, groups, flywheel=None):
+    def __init__(self, fixed, links, groups, flywheel=None, link_names=()):
+        if link_names:  # as `dataclasses.replace` hands them back: the order in which the links were given
+            links = {name: links[name] for name in [*(n for n in link_names if n in links), *links]}
         self.fixed, self.groups = dict(sorted(fixed.items())), tuple(groups)  # sorted, as jax sorts the keys of dicts
         self.flywheel = Flywheel() if flywheel is None else flywheel
         named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
@@ -105,9 +107,27 @@ def check_structure(mechanism: Mechanism) -> None:
                 problem = f"point {point!r} moves, but must be a point of the frame"
                 raise StructureError(element, problem, nearest(point, mechanism.fixed))
         _add_points(mechanism, group, element, known)
+    _check_names(mechanism, everywhere)
     idle = [name for name in mechanism.links if name not in placed]
     if idle:
         raise StructureError(f"links.{idle[0]}", "belongs to no group", "add a group that uses it, or delete it")
+
+
+def _check_names(mechanism, points):
+    """Names that results are filed under must differ: those of groups, and those of links and points."""
+    seen = {}
+    for number, group in enumerate(mechanism.groups):
+        name = "-".join(group.link_names())
+        if name in seen:
+            problem = f"the group is called {name!r}, as groups[{seen[name]}] is"
+            raise StructureError(f"groups[{number}] ({group.kind})", problem, "rename one of its links")
+        seen[name] = number
+    for name in mechanism.links:
+        if name in points:
+            raise StructureError(f"links.{name}", f"there is a point {name!r} too", "give the link another name")
+    for name, at in mechanism.fixed.items():
+        if isinstance(at, str | int | float | tuple | list):
+            raise StructureError(f"fixed.{name}", f"must be a Vec, but is {at!r}", "write Vec(x, y)")
 
 
 def _all_points(mechanism):

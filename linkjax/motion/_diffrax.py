@@ -11,6 +11,7 @@ Source: Kidger, On Neural Differential Equations, 2021 (diffrax); equation of mo
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax
@@ -22,7 +23,7 @@ from linkjax._types import Scalar
 from linkjax.machine import Scene
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, make_grid
-from linkjax.motion._steady import Steady, conclude, node_values
+from linkjax.motion._steady import Steady, conclude, node_values, steady_on
 from linkjax.reduction import reduce
 
 MOST_CYCLES = 8  # steps end at the switches of this many cycles from the start; beyond, step control alone finds them
@@ -201,8 +202,10 @@ def steady_by_diffrax(
     """The steady periodic regime by the general road: one cycle, integrated from the start that gives the wanted mean.
 
     The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady`
-    within the tolerance. `solver` (default `Dopri8`) and `adjoint` are diffrax's; the latter decides the direction of
-    differentiation: `ForwardMode()` (default) for `jvp`, `RecursiveCheckpointAdjoint()` for `grad`.
+    within the tolerance, and where there is no regime the same altogether. `delta_error` is that of the quadrature and
+    the difference between the two; evaluations are not counted. `solver` (default `Dopri8`) and `adjoint` are
+    diffrax's; the latter decides the direction of differentiation: `ForwardMode()` (default) for `jvp`,
+    `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 
@@ -231,7 +234,13 @@ def steady_by_diffrax(
     states = cycle(energy, drive)
     squared, clock = (states[1:-1, i].reshape(grid.nodes.shape) for i in (0, 1))
     work = _fitted(grid, 0.5 * here.inertia * squared * pace**2 - energy)
-    return conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock / pace))
+    found = conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock / pace))
+    # what the integration missed only another road can tell; where there is no regime there is nothing to integrate
+    other = steady_on(scene, grid, here)
+    error = other.delta_error + jax.lax.stop_gradient(jnp.abs(found.delta - other.delta))
+    found = dataclasses.replace(found, delta_error=error, evaluations=None)
+    runs = (other.regime_margin > 0) & jnp.all(jnp.isfinite(states))
+    return jax.tree.map(lambda a, b: jnp.where(runs, a, b), found, dataclasses.replace(other, evaluations=None))
 
 
 def _fitted(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:

@@ -82,14 +82,13 @@ def doubt(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, 
 
 
 class Summit(NamedTuple):
-    """The highest point of a search grid: panel, place by the parabola through it, distance of its neighbours, its bend
-    (second derivative by x, negative), and the search grid without it and what touches it."""
+    """The highest point of a search grid: panel, place by the parabola through it, distance of its neighbours, and its
+    bend (second derivative by x, negative)."""
 
     panel: Int[Array, ""]
     x: Array
     reach: Array
     bend: Array
-    rest: Float[Array, "panels fine"]
 
 
 def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
@@ -107,10 +106,7 @@ def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
     vertex = 0.5 * (x[0] + x[2]) - safe_divide((y[2] - y[0]) / (x[2] - x[0]), bend)
     low, high = fine[jnp.maximum(i - 1, 0)], fine[jnp.minimum(i + 1, points - 1)]
     start = jnp.clip(jnp.where(bend < 0, vertex, fine[i]), low, high)
-    twin = jnp.where(i == 0, panel - 1, jnp.where(i == points - 1, panel + 1, panel)) % height.shape[0]
-    number = jnp.arange(height.shape[0])[:, None]
-    rest = jnp.where((number == panel) | (number == twin), -jnp.inf, height)
-    return Summit(panel, start, high - low, jnp.where(bend < 0, bend, -1.0), rest)
+    return Summit(panel, start, high - low, jnp.where(bend < 0, bend, -1.0))
 
 
 def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:

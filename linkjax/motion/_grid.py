@@ -100,11 +100,16 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     opposing = [load for load in scene.loads if load.opposing]
     groups = len(scene.mechanism.groups) - 1
     turns, slots = scene.cycle_turns, REVERSALS * scene.cycle_turns
-    count = max(6 * turns, len(windows) + slots * len(opposing) + groups)
+    count = max(6 * turns, len(windows) + slots * len(opposing) + groups * turns)
     scan = scan_angles(turns, SCAN)
     motions, closeness = jax.vmap(lambda phi: _scan_at(scene, opposing, phi))(scan)
     found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
-    soft = [_closest(margins, scan) for margins in closeness]
+    by_turn = jax.tree.map(lambda leaf: leaf.reshape(turns, SCAN), (closeness, scan))
+    soft = [
+        _closest(*jax.tree.map(lambda leaf, turn=turn: leaf[turn], (margins, by_turn[1])))
+        for margins in by_turn[0]
+        for turn in range(turns)
+    ]
     kinks = _collect(scene, [*(f[0] for f in found), *jax.lax.stop_gradient(soft)])
     edges = _edges(scene, [wrapped(w, scene.cycle) for w in windows], kinks, count)
     overflow = jnp.any(jnp.stack([jnp.asarray(False), *(f[1] for f in found)]))

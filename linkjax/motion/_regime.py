@@ -21,6 +21,8 @@ from linkjax.motion._steady import Steady
 FOLLOW = 3  # steps on the interpolants
 NEAR = 3e-3  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself
 FAR = 10.0  # the most it may move, in these
+HIDDEN = 2.0  # times the last two terms of the series: what an interpolant may miss
+MOTION = 100.0  # times the error of δ: the relative error of a force in the true motion
 
 
 class Regime(eqx.Module):
@@ -107,5 +109,10 @@ def peaks(
         return safe_sqrt(jnp.sum(vector * vector)), place.phi
 
     top, phi = jax.vmap(value)(number, panel, x)
-    error = jax.lax.stop_gradient(safe_divide(gained, 2 * top) + 1e-12 * top)
-    return Peak(top, wrapped(phi, regime.scene.cycle), error)
+    # what the interpolants may hide: another summit as much higher as their last two terms are large
+    hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(series[..., -2:]), axis=-1) ** 2, axis=1))
+    rival = jnp.max(jnp.sqrt(jnp.max(heights, axis=-1)) + HIDDEN * hidden, axis=-1) - top
+    doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + 1e-12 * top
+    if regime.steady is not None:  # forces follow the square of the speed and its slope
+        doubt = doubt + MOTION * regime.steady.delta_error * top
+    return Peak(top, wrapped(phi, regime.scene.cycle), jax.lax.stop_gradient(doubt))

@@ -49,7 +49,7 @@ class Steady(eqx.Module):
     least_inertia: Array
     angle_of_least_inertia: Array
     inertia_floor: Array
-    evaluations: int = eqx.field(static=True)
+    evaluations: int | None = eqx.field(static=True)
 
     @property
     def grid(self) -> Grid:
@@ -118,12 +118,17 @@ def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (fastest + slowest)
     (least, angle), (light, lightest) = flow.work.extreme(-1), flow.least_inertia()
+    bare = LEAST * flow.scale - least  # the energy with which the crank only just gets round
+    lowest = scene.cycle / flow.period(bare)
+    if scene.mean == "midrange":
+        high, low = (flow.speed(e.height * e.inertia, e.inertia) for e in flow.extremes(bare))
+        lowest, rounds = 0.5 * (high + low), rounds + 1
     top, bottom = (wrapped(end.place.phi, scene.cycle) for end in ends)
     return Steady(
         flow.work, clock, energy, flow.drive, period, mean, (fastest - slowest) / scene.speed,
         jax.lax.stop_gradient(error), fastest, slowest, top, bottom,
         (energy + least) / flow.scale - LEAST, wrapped(angle, scene.cycle),
-        scene.cycle / flow.period(LEAST * flow.scale - least),
+        lowest,
         light, wrapped(lightest, scene.cycle), flow.floor,
         grid.evaluations + grid.size + 8 * rounds + grid.half.size + 2,
     )  # fmt: skip
