@@ -258,7 +258,7 @@ def _print_summary(data: dict[str, Any], machine: Scene) -> None:
         ("largest speed", f"{run['speed_max'] * rpm:.6g} rpm at {math.degrees(run['angle_of_max']):.3f}°"),
         ("smallest speed", f"{run['speed_min'] * rpm:.6g} rpm at {math.degrees(run['angle_of_min']):.3f}°"),
         ("constant drive torque", f"{run['drive_torque_mean']:.6g} N m"),
-        ("mean power", f"{run['drive_torque_mean'] * run['mean_speed'] / 1e3:.6g} kW"),
+        ("mean power", f"{run['mean_power'] / 1e3:.6g} kW"),
         ("flywheel given", f"{wheel['given']:.6g} kg m²"),
     ]
     if wheel["for_target_delta"] is not None:

@@ -54,6 +54,12 @@ def test_new_writes_a_scene_that_loads_and_never_overwrites(call, tmp_path):
     assert "exists already" in err
 
 
+def test_titles_are_shown_as_they_are(call):
+    code, out, _ = call("show", "hay-press", "--set", "title=Press [/v2] [bold]")
+    assert code == 0
+    assert "Press [/v2] [bold]" in out
+
+
 @pytest.fixture(scope="module")
 def analysed(tmp_path_factory):
     """One run of `analyse` with everything that it can write but the pictures."""
@@ -139,6 +145,9 @@ def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path
         (["analyse", "hay-press", "--set", "links.rod.length"], 2, "KEY=VALUE"),
         (["analyse", "hay-press", "--set", "links.rod.length=-1 m"], 2, "links.rod.length"),
         (["analyse", "hay-press", "--motion", "magic"], 2, "magic"),
+        (["analyse", "hay-press", "--at", "nan"], 2, "is no angle"),
+        (["new", "no-such-folder/mine"], 2, "choose another place"),
+        (["analyse", "hay-press", "--out", "pyproject.toml/here"], 2, "choose another place"),
         (["analyse", "hay-press", "--angles", "72", "--set", "links.rocker.length=0.1 m"], 1, "link4-rocker"),
         (["analyse", "hay-press", "--angles", "72", "--set", "speed=20 rpm"], 1, "lowest mean speed"),
     ],

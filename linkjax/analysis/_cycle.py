@@ -70,7 +70,8 @@ class Cycle(eqx.Module):
     """A working cycle, computed. Arrays run over `angles` (rad); SI units throughout.
 
     `forces` belong to the motion asked for, `forces_constant_speed` to constant nominal speed; `peaks` and
-    `peaks_constant_speed` hold the continuous cycle's peaks in the order of `peak_names`.
+    `peaks_constant_speed` hold the continuous cycle's peaks in the order of `peak_names`; `work` is what drive, weight
+    and each load do in a cycle (J).
     """
 
     scene: Scene
@@ -89,6 +90,7 @@ class Cycle(eqx.Module):
     peaks: Peak
     peaks_constant_speed: Peak
     flywheel: Flywheels
+    work: dict[str, Array]
     checks: Checks
     assembled: Bool[Array, " angles"]
     result: Int[Array, ""]
@@ -104,6 +106,16 @@ class Cycle(eqx.Module):
     def delta_error(self) -> Array:
         """Bound of the absolute error of `delta`."""
         return self.steady.delta_error
+
+    @property
+    def power(self):
+        """Power of the constant drive torque in the true motion at `angles` (W)."""
+        return self.steady.drive_torque * self.speed
+
+    @property
+    def mean_power(self):
+        """Work of the drive in a cycle over its duration (W)."""
+        return self.work["drive"] / self.steady.period
 
     @property
     def reactions(self):
@@ -127,7 +139,8 @@ def analyse(
     the true motion; `motion` is the road to the true motion: quadrature of the energy equation, or the equation of
     motion solved by diffrax.
     Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled
-    or has no periodic regime; with `throw=False`, and under jax transformations, `result` tells instead.
+    has no periodic regime or no inertia; with `throw=False`, and under jax transformations, `result` tells instead. By
+    diffrax, derivatives are forward only (`jax.jvp`); `motion.steady_by_diffrax` takes another adjoint.
     """
     if nodes < 8:
         raise ValueError(f"nodes must be at least 8, but is {nodes}; 96 gives about ten digits")
@@ -152,7 +165,7 @@ def analyse(
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile."""
     ends = aside(_limits, scene)
-    motion, here = _motion(scene, nodes, road)
+    motion, here, work = _motion(scene, nodes, road)
     wheels = aside(_flywheels, scene, motion, here)
     at_nodes, at = _everywhere(scene, motion, angles)
     tops = _peaks(scene, motion, at_nodes)
@@ -168,7 +181,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
         scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, margins=limits, dead_centres=dead,
         reduced=at.reduced, steady=motion, speed=at.speed[:, 0], acceleration=at.acceleration[:, 0], time=at.time,
         forces=_row(at.forces, 1 if constant_speed else 0), forces_constant_speed=_row(at.forces, 1), peaks=tops[0],
-        peaks_constant_speed=tops[1], flywheel=wheels(),
+        peaks_constant_speed=tops[1], flywheel=wheels(), work=work,
         checks=_checks(scene, motion, here, angles, at), assembled=at.assembled, result=code,
         constant_speed=constant_speed, road=road,
     )  # fmt: skip
@@ -188,13 +201,13 @@ class Everywhere(NamedTuple):
 
 
 @compiled_soon(static=("nodes", "road"))
-def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced]:
-    if road == "diffrax":
-        motion = steady_by_diffrax(scene, nodes)
-        return motion, node_values(scene, motion.grid)
+def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced, dict[str, Array]]:
     grid = make_grid(scene, nodes)
     here = node_values(scene, grid)
-    return steady_on(scene, grid, here), here
+    motion = steady_on(scene, grid, here) if road == "quadrature" else steady_by_diffrax(scene, nodes)
+    weights = grid.half[:, None] * grid.rule.w[None]
+    work = {name: jnp.sum(weights * share) for name, share in here.by_load.items()}
+    return motion, here, {"drive": motion.drive_torque * scene.cycle, **work}
 
 
 @compiled_soon

@@ -56,12 +56,14 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
             "speed_max": float(motion.speed_max), "speed_min": float(motion.speed_min),
             "angle_of_max": float(motion.angle_of_max), "angle_of_min": float(motion.angle_of_min),
             "drive_torque_mean": float(motion.drive_torque), "regime_margin": float(motion.regime_margin),
+            "power": cycle.power, "mean_power": float(cycle.mean_power),
             "lowest_mean_speed": float(motion.lowest_mean_speed), "period": float(motion.period),
         },
         "flywheel": {
             "given": float(cycle.flywheel.given), "for_target_delta": _maybe(cycle.flywheel.for_target_delta),
             "textbook": _maybe(cycle.flywheel.textbook), "target_delta": _maybe(scene.target_delta),
         },
+        "work": {name: float(value) for name, value in cycle.work.items()},
         "forces": _forces(cycle, cycle.forces),
         "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
         "peaks": {

@@ -38,7 +38,7 @@ class Scene(eqx.Module):
             raise StructureError("mean", f"is {self.mean!r}", 'write "time" or "midrange"')
         if not isinstance(self.cycle_turns, int) or self.cycle_turns < 1:
             raise StructureError("cycle_turns", f"is {self.cycle_turns!r}", "write a whole number of crank turns")
-        owners, seen = self.mechanism.owners(), {"gravity"}
+        owners, seen = self.mechanism.owners(), {"gravity", "drive"}
         for number, load in enumerate(self.loads):
             element = f"loads[{number}] ({load.name})"
             if load.name in seen:

@@ -17,7 +17,7 @@ NODES = 96  # nodes on the cycle grid unless asked otherwise
 
 
 class Parts:
-    """A scene on a cycle grid of about `nodes` nodes; attributes are computed on first use and kept."""
+    """A scene on a cycle grid of about `nodes` nodes a crank turn; attributes are computed on first use and kept."""
 
     def __init__(self, scene: Scene, nodes: int = NODES):
         self.scene, self.nodes = scene, nodes

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from linkjax._numerics import safe_sqrt
+from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
 from linkjax.machine import Scene
 from linkjax.motion._flow import LEAST, Flow, Primitive
@@ -35,13 +35,16 @@ REST = 1e-6  # times the scene's speed: derivatives of a motion that starts slow
 class Run(NamedTuple):
     """A motion from a given state: crank angle (rad), speed (rad/s) and time (s) at the points asked for.
 
-    `stalled` tells whether the speed came to zero on the way; from there on the values are infinite.
+    `stalled` tells whether the speed came to zero on the way, `stall_angle` (rad) and `stall_time` (s) where and when
+    (infinite when it did not); from there on the values are infinite.
     """
 
     angle: Float[Array, " points"]
     speed: Float[Array, " points"]
     time: Float[Array, " points"]
     stalled: Bool[Array, ""]
+    stall_angle: Float[Array, ""]
+    stall_time: Float[Array, ""]
 
 
 def run_in_angle(
@@ -63,13 +66,26 @@ def run_in_angle(
     place = jax.vmap(grid.place)(angles)
     cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
     along = cycles * grid.half.size + place.panel.astype(angles.dtype) + 0.5 * (place.x + 1)
-    states, stalled = _in_angle(scene, grid, along, start_speed, drive_torque, tolerance, solver, adjoint)
+    states, stall = _in_angle(scene, grid, along, start_speed, drive_torque, tolerance, solver, adjoint)
     unit = jax.lax.stop_gradient(scene.speed)
-    return Run(angles, unit * safe_sqrt(states[:, 0]), states[:, 1] / unit, stalled)
+    turns, panel = jnp.floor(stall.along / grid.half.size), jnp.mod(stall.along, grid.half.size)
+    number = jnp.clip(jnp.floor(panel), 0, grid.half.size - 1).astype(jnp.int32)
+    stall_angle = turns * scene.cycle + grid.edges[number] + (panel - jnp.floor(panel)) * 2 * grid.half[number]
+    where, when = (jnp.where(stall.happened, x, jnp.inf) for x in (stall_angle, stall.time / unit))
+    return Run(angles, unit * safe_sqrt(states[:, 0]), states[:, 1] / unit, stall.happened, where, when)
+
+
+class Stall(NamedTuple):
+    """Whether the speed came to zero, where along the panels, and when (times the scene's speed)."""
+
+    happened: Bool[Array, ""]
+    along: Array
+    time: Array
 
 
 def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolerance, solver=None, adjoint=None):
-    """States at places `along` the panels (panel k of the first cycle is from k to k + 1), and whether it stalled.
+    """States at places `along` the panels (panel k of the first cycle is from k to k + 1), and whether it stalled
+    (where the speed is a thousandth of the smaller of start and nominal speed; from there on at an even rate).
 
     With Ω the scene's speed and the energy J Ω² of the first place as unit, a state is: ω² / Ω², Ω t, the derivative of
     Ω t by the energy at the start, and the work of the loads. diffrax sees places that do not move; that they move with
@@ -86,11 +102,12 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
         width = 2 * grid.half[panel]
         return width, reduce(scene, grid.edges[panel] + (s - jnp.floor(s)) * width, grid.middle[panel])
 
+    least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
     first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)
 
     def rate(s, state, _):
         width, here = at(s)
-        speed = safe_sqrt(state[0], 1e-100)
+        speed = safe_sqrt(jnp.maximum(state[0], least), 1e-100)
         gain = (2 * (here.torque + drive_torque) / unit**2 - here.slope * state[0]) / here.inertia
         slower = -first / (here.inertia * speed**3)
         return width * jnp.stack([gain, 1 / speed, slower, here.torque / (first * unit**2)])
@@ -98,20 +115,27 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     start = jnp.stack([(start_speed / unit) ** 2, *[jnp.zeros_like(start_speed)] * 3])
     moved = along - fixed
     start = start - jax.lax.stop_gradient(rate(fixed[0], start, None)) * moved[0]
-    least = jax.lax.stop_gradient(LEAST * start[0])
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate), solver or diffrax.Dopri8(), fixed[0], fixed[-1], None, start,
-        saveat=diffrax.SaveAt(ts=fixed), stepsize_controller=_controller(tolerance, jumps),
+        saveat=diffrax.SaveAt(ts=fixed, t1=True), stepsize_controller=_controller(tolerance, jumps),
         adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
         event=diffrax.Event(lambda t, y, args, **_: y[0] <= least), max_steps=MOST_STEPS, throw=False,
     )  # fmt: skip
     assert solution.ys is not None
-    running = _running(solution.ys[:, 0])
-    states = jax.lax.stop_gradient(jnp.where(running, solution.ys, 1.0))
+    assert solution.ts is not None
+    end = jnp.sum(jnp.isfinite(solution.ts)) - 1  # where the state at the end was put, behind what was asked for
+    found, last = solution.ys[:-1], jax.lax.stop_gradient((solution.ts[end], solution.ys[end]))
+    running = _running(jnp.where(jnp.arange(along.size) < end, found[:, 0] - least, 0.0))
+    states = jax.lax.stop_gradient(jnp.where(running, found, 1.0))
     rates = jax.vmap(lambda s, state: rate(s, state, None))(fixed, states)
     shift = jax.lax.stop_gradient(rates) * moved[:, None]
-    states = jnp.where(running, solution.ys + shift, jnp.inf)
-    return states, solution.result == diffrax.RESULTS.event_occurred
+    place, low = last[0], last[1][0]
+    fall = -rate(place, last[1], None)[0]
+    # since the speed was down to the least, the clock went on at that speed; in truth the square falls evenly to zero
+    late = 2 * jnp.sqrt(least) - safe_divide(least - low, jnp.sqrt(least))
+    time = last[1][1] + at(place)[0] * safe_divide(late, fall)
+    stall = Stall(solution.result == diffrax.RESULTS.event_occurred, place + safe_divide(low, fall), time)
+    return jnp.where(running, found + shift, jnp.inf), jax.lax.stop_gradient(stall)
 
 
 def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
@@ -146,7 +170,7 @@ def _in_time(scene: Scene, times, start_angle, start_speed, drive_torque, tolera
     import diffrax
 
     unit = scene.speed
-    least = 1e-3 * start_speed / unit
+    least = 1e-3 * jnp.minimum(start_speed / unit, 1.0)
 
     def rate(_, state, __):
         phi, speed = state
@@ -160,13 +184,15 @@ def _in_time(scene: Scene, times, start_angle, start_speed, drive_torque, tolera
     )  # fmt: skip
     assert solution.ys is not None
     states = jnp.where(_running(solution.ys[:, 1]), solution.ys, jnp.inf)
-    return Run(states[:, 0], states[:, 1] * unit, times, solution.result == diffrax.RESULTS.event_occurred)
+    none = jnp.asarray(jnp.inf)
+    return Run(states[:, 0], states[:, 1] * unit, times, solution.result == diffrax.RESULTS.event_occurred, none, none)
 
 
 def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, tolerance, solver, adjoint) -> Run:
     """The same motion with the derivatives of a run in angle: where φ(t) is late by dt, it is short of ω dt."""
     there = jnp.isfinite(found.angle)
-    beyond = jnp.max(jnp.where(there, found.angle, -jnp.inf)) + 1e-3 * jnp.arange(times.size, dtype=float)
+    further = MOST_CYCLES * scene.cycle / times.size * jnp.arange(times.size, dtype=float)
+    beyond = jnp.max(jnp.where(there, found.angle, -jnp.inf)) + further
     angles = jnp.concatenate([jnp.atleast_1d(angle), jnp.where(there, found.angle, beyond)[1:]])
     run = run_in_angle(scene, angles, speed, drive_torque, tolerance=tolerance, solver=solver, adjoint=adjoint)
     there &= jnp.isfinite(jax.lax.stop_gradient(run.speed))
@@ -178,7 +204,8 @@ def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, 
         same = by_angle + jax.lax.stop_gradient(rate) * late
         return jnp.where(there, value + (same - jax.lax.stop_gradient(same)), value)
 
-    return Run(carry(found.angle, angles, pace), carry(found.speed, run.speed, gain), times, found.stalled)
+    where, when = (jnp.where(found.stalled, x, jnp.inf) for x in (run.stall_angle, times[0] + run.stall_time))
+    return Run(carry(found.angle, angles, pace), carry(found.speed, run.speed, gain), times, found.stalled, where, when)
 
 
 def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar) -> Scalar:

@@ -34,7 +34,7 @@ def results(data: Data, scene: Scene) -> str:
         [words("drive torque, constant"), amount(motion["drive_torque_mean"], "N·m"), words("balances the cycle")],
     ]
     if "period" in motion:
-        power = float(motion["drive_torque_mean"]) * scene.cycle / float(motion["period"])
+        power = float(motion["mean_power"])
         rows.append([words("drive power, mean"), amount(power, "W"), words("over the cycle")])
         rows.append([words("duration of the cycle"), amount(motion["period"], "s"), words("")])
     rows.append([words("flywheel, given"), amount(wheel.get("given"), "kg·m²"), words("on the crank shaft")])

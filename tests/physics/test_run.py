@@ -11,7 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import root_scalar
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
@@ -94,6 +95,19 @@ def test_a_machine_that_stalls(road):
     assert not np.any(np.isnan(np.asarray([got.angle, got.speed, got.time])))
     last = np.asarray(got.angle)[done][-1]
     assert stop - 0.02 < last < stop + 1e-4
+    # exactly: where the kinetic energy is used up, and the time to there with the end's singularity taken out
+    place = root_scalar(
+        lambda phi: 0.5 * inertia * speed**2 + shooting.work(scene, start, phi), bracket=(stop - 0.05, stop + 0.05)
+    ).root
+
+    def slowness(x):
+        phi = place - x**2
+        kinetic = -shooting.work(scene, phi, place)
+        return 2 * x * math.sqrt(oracle.reduction(scene, np.asarray([phi])).inertia[0] / (2 * kinetic))
+
+    duration = quad(slowness, 1e-9, math.sqrt(place - start), epsabs=0, epsrel=1e-9)[0]
+    assert float(got.stall_angle) == pytest.approx(place, abs=1e-7)
+    assert float(got.stall_time) == pytest.approx(duration, rel=1e-6)
 
 
 def test_start_from_rest():
