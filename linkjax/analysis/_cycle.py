@@ -30,7 +30,7 @@ from linkjax.motion import (
     Peak,
     Regime,
     Steady,
-    flywheel_for,
+    flywheel_on,
     make_grid,
     node_values,
     peaks,
@@ -265,7 +265,7 @@ def _flywheels(scene: Scene, motion: Steady, here: Reduced) -> Flywheels:
     given, target = scene.mechanism.flywheel.inertia, scene.target_delta
     if target is None:
         return Flywheels(given, None, None)
-    return Flywheels(given, flywheel_for(scene, target, motion.grid, here), textbook_flywheel(motion, target))
+    return Flywheels(given, flywheel_on(scene, target, motion.grid, here), textbook_flywheel(motion, target))
 
 
 @compiled_soon

@@ -15,7 +15,7 @@ from linkjax.kinematics import assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
-from linkjax.motion import Place, Regime, flywheel_for, peaks
+from linkjax.motion import Place, Regime, flywheel_on, peaks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +85,7 @@ def mean_drive_torque(of: Parts) -> Array:
 def flywheel_for_target_delta(of: Parts) -> Array:
     """Flywheel inertia that gives the scene's target δ (0.05 where it names none)."""
     target = jnp.asarray(0.05) if of.scene.target_delta is None else of.scene.target_delta
-    return flywheel_for(of.scene, target, of.grid, of.reduced)
+    return flywheel_on(of.scene, target, of.grid, of.reduced)
 
 
 @measure("1")

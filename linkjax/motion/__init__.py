@@ -7,6 +7,7 @@ from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax
 from linkjax.motion._flow import Primitive as Primitive
 from linkjax.motion._flow import primitive as primitive
 from linkjax.motion._flywheel import flywheel_for as flywheel_for
+from linkjax.motion._flywheel import flywheel_on as flywheel_on
 from linkjax.motion._flywheel import textbook_flywheel as textbook_flywheel
 from linkjax.motion._flywheel import with_flywheel as with_flywheel
 from linkjax.motion._grid import Grid as Grid

@@ -11,8 +11,8 @@ from linkjax._numerics import root, safe_divide
 from linkjax._types import Scalar
 from linkjax.machine import Scene
 from linkjax.mechanism import Flywheel
-from linkjax.motion._grid import Grid
-from linkjax.motion._steady import Steady, steady_on
+from linkjax.motion._grid import Grid, make_grid
+from linkjax.motion._steady import Steady, node_values, steady_on
 from linkjax.reduction import Reduced
 
 
@@ -21,8 +21,15 @@ def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
     return scene.with_mechanism(eqx.tree_at(lambda m: m.flywheel, scene.mechanism, Flywheel(inertia)))
 
 
-def flywheel_for(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array:
-    """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged.
+def flywheel_for(scene: Scene, delta: Scalar, nodes: int = 96) -> Array:
+    """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged; `nodes` a crank
+    turn. Negative when the machine is steadier than asked for without any flywheel."""
+    grid = make_grid(scene, nodes)
+    return flywheel_on(scene, jnp.asarray(delta, dtype=scene.speed.dtype), grid, node_values(scene, grid))
+
+
+def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array:
+    """The same from the node values; see `flywheel_for`.
 
     Root of δ(J) in 1/δ, which is nearly linear in J; differentiated implicitly. The work over the cycle does not
     depend on the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the least

@@ -166,7 +166,7 @@ def regime():
     def turn(scene, target):
         grid = make_grid(scene, 192)
         here = node_values(scene, grid)
-        return steady(scene, 192), here, flywheel_for(scene, target, grid, here)
+        return steady(scene, 192), here, flywheel_for(scene, target, 192)
 
     return turn(machine("hay-press"), jnp.asarray(0.15))
 

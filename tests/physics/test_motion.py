@@ -19,7 +19,7 @@ from scipy.optimize import brentq, minimize_scalar
 import linkjax as lj
 from linkjax import Crank, Mechanism
 from linkjax._compile import compiled_soon
-from linkjax.motion import Steady, flywheel_for, make_grid, node_values, steady, steady_by_diffrax, textbook_flywheel
+from linkjax.motion import Steady, flywheel_for, steady, steady_by_diffrax, textbook_flywheel
 from linkjax.motion import with_flywheel as refitted
 from tests.physics import oracle, shooting
 from tests.physics.machines import BUILT_IN, COMPOSED, machine
@@ -223,11 +223,7 @@ def test_flywheel_for_a_wanted_fluctuation(name):
     scene = machine(name)
     target = float(scene.target_delta)
 
-    @compiled_soon
-    def fit(scene, target):
-        grid = make_grid(scene, 96)
-        return flywheel_for(scene, target, grid, node_values(scene, grid))
-
+    fit = compiled_soon(flywheel_for)
     inertia = fit(scene, jnp.asarray(target))
     fitted = refitted(scene, inertia)
     assert float(quadrature(fitted, nodes=96).delta) == pytest.approx(target, rel=1e-10)
