@@ -59,7 +59,7 @@ def test_moment_on_the_frame():
     np.testing.assert_allclose(got, moment, rtol=0, atol=1e-10 * np.max(np.abs(moment)))
 
 
-@pytest.mark.parametrize("name", ["hay-press", "hay-press-slider"])
+@pytest.mark.parametrize("name", ["hay-press", pytest.param("hay-press-slider", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("nodes", [32, pytest.param(48, marks=pytest.mark.slow), 96])
 def test_peaks_lie_within_their_bounds(name, nodes):
     scene = machine(name)

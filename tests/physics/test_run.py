@@ -174,9 +174,8 @@ def test_derivatives_from_any_state(road):
         assert abs((8 * near - far) / (12 * h) - reverse[i]) <= 1e-6 * max(size, abs(reverse[i])), i
 
 
-@pytest.mark.parametrize(
-    "adjoint", [diffrax.ForwardMode(), pytest.param(diffrax.RecursiveCheckpointAdjoint(), marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("adjoint", [diffrax.ForwardMode(), diffrax.RecursiveCheckpointAdjoint()])
 def test_derivatives_of_the_steady_regime_by_diffrax(adjoint):
     """By a length and the angle at which the load sets in: the general road against the quadrature."""
     scene = machine("hay-press-slider")
