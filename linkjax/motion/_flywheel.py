@@ -44,16 +44,16 @@ def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array
 
     def solve(function, start):
         def step(state):
-            count, x, value, before, value_before, _ = state
+            count, x, before, value_before, _ = state
+            value = function(x)
             slope = safe_divide(value - value_before, x - before)
             rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, jnp.mean(bare) + x))
             new = jnp.maximum(x - value / rising, least)
-            tiny = jnp.abs(new - x) <= 4e-16 * (jnp.abs(new) + jnp.mean(bare))
-            return count + 1, new, function(new), x, value, ~tiny
+            moved = jnp.abs(new - x) > 4e-16 * (jnp.abs(new) + jnp.mean(bare))
+            return count + 1, new, x, value, moved
 
-        first = function(start)
-        state = (0, start, first, start, first, first == first)
-        return jax.lax.while_loop(lambda s: s[5] & (s[0] < 30), step, state)[1]
+        state = (0, start, start, jnp.zeros_like(start), jnp.asarray(True))
+        return jax.lax.while_loop(lambda s: s[4] & (s[0] < 30), step, state)[1]
 
     return root(excess, jax.lax.stop_gradient(jnp.maximum(scene.mechanism.flywheel.inertia, 0.0)), solve)
 
