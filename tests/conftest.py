@@ -25,6 +25,12 @@ jax.config.update("jax_compilation_cache_dir", str(CACHE / "jax"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first, so that no worker is left alone with one at the end."""
+    longest = ("test_measures.py", "test_delta_error.py", "test_motion.py", "test_hard_cases.py")
+    items.sort(key=lambda item: longest.index(item.path.name) if item.path.name in longest else len(longest))
+
+
 @pytest.fixture(autouse=True)
 def few_programs():
     """Compiled programs are dropped before the memory maps of the process run out."""
