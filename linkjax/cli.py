@@ -25,7 +25,7 @@ import linkjax
 from linkjax import __version__
 from linkjax._config import enable_x64, use_compilation_cache
 from linkjax._results import MachineError
-from linkjax.analysis import analyse, document, explain, pick, plain
+from linkjax.analysis import analyse, check_limit, document, explain, pick, plain
 from linkjax.machine import Scene
 from linkjax.scenes import SceneError, build, load_document, override, scene_names, setting, starter
 
@@ -39,8 +39,6 @@ class Road(StrEnum):
     quadrature = "quadrature"
     diffrax = "diffrax"
 
-
-CHECKED = 1e-8  # relative residual that a check of the analysis may have
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene or the path of a scene file.")]
 Set = Annotated[
@@ -272,8 +270,9 @@ def _print_summary(data: dict[str, Any], machine: Scene) -> None:
     _print_limits(data)
     residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks.items())
     console.print(f"\nchecks     {residuals}", highlight=False)
-    if max(checks.values()) > CHECKED:
-        console.print(f"WARNING: a check is above {CHECKED:g}; do not trust these figures", style="bold red")
+    limit = check_limit(data)
+    if not max(checks.values()) <= limit:
+        console.print(f"WARNING: a check is above {limit:g}; do not trust these figures", style="bold red")
     if data["result"]["code"]:
         console.print(f"WARNING: {data['result']['message']}", style="bold", markup=False)
     model = data["model"]

@@ -42,6 +42,7 @@ from linkjax.motion import (
 from linkjax.reduction import Reduced, reduce
 
 CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
+MOTION = 10.0  # times the error of δ: the relative error of a force in the true motion
 LIGHTEST = 1e-6  # least reduced inertia over its mean: the crank would turn a thousand times faster there
 
 
@@ -202,10 +203,14 @@ class Everywhere(NamedTuple):
 
 @compiled_soon(static=("nodes", "road"))
 def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced, dict[str, Array]]:
-    grid = make_grid(scene, nodes)
-    here = node_values(scene, grid)
-    motion = steady_on(scene, grid, here) if road == "quadrature" else steady_by_diffrax(scene, nodes)
-    weights = grid.half[:, None] * grid.rule.w[None]
+    if road == "diffrax":
+        motion = steady_by_diffrax(scene, nodes)
+        here = node_values(scene, motion.grid)
+    else:
+        grid = make_grid(scene, nodes)
+        here = node_values(scene, grid)
+        motion = steady_on(scene, grid, here)
+    weights = motion.grid.half[:, None] * motion.grid.rule.w[None]
     work = {name: jnp.sum(weights * share) for name, share in here.by_load.items()}
     return motion, here, {"drive": motion.drive_torque * scene.cycle, **work}
 
@@ -247,6 +252,9 @@ def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak]:
 
     found = peaks(Regime(scene, motion.grid, motion), rows, at_nodes)
     half = found.value.size // 2
+    # in the true motion forces follow the square of the speed and its slope
+    inexact = jnp.where(jnp.arange(2 * half) < half, MOTION * motion.delta_error * found.value, 0.0)
+    found = found._replace(error=found.error + inexact)
     return Peak(*(part[:half] for part in found)), Peak(*(part[half:] for part in found))
 
 
@@ -312,7 +320,7 @@ def explain(cycle: Cycle) -> None:
         what = (
             f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
             if short > CHANGE_POINT
-            else f"has a change point at {place}: its two ways of assembly meet there, so it has none of its own"
+            else f"has a change point at {place}: its two ways of assembly meet there, and which of them it takes is chance"
         )
         raise MachineError(f"{title}group {group!r} {what}. {MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:

@@ -80,6 +80,11 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
     }  # fmt: skip
 
 
+def check_limit(data: dict[str, Any]) -> float:
+    """The relative residual that a check of a sound analysis stays below, in the precision of the document."""
+    return 1e-10 if data["precision"] == "float64" else 1e-3
+
+
 def plain(value: Any) -> Any:
     """The document with lists instead of arrays, ready for `json.dump`."""
     if isinstance(value, dict):

@@ -36,7 +36,7 @@ class Run(NamedTuple):
     """A motion from a given state: crank angle (rad), speed (rad/s) and time (s) at the points asked for.
 
     `stalled` tells whether the speed came to zero on the way, `stall_angle` (rad) and `stall_time` (s) where and when
-    (infinite when it did not); from there on the values are infinite.
+    (infinite when it did not); from there on the values are infinite, as they are where the solver ran out of steps.
     """
 
     angle: Float[Array, " points"]

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax._numerics import safe_divide, safe_sqrt, wrapped
+from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, wrapped
 from linkjax.machine import Scene
 from linkjax.motion._extremum import climb, phi_at, search, settle
 from linkjax.motion._grid import Grid, Place
@@ -21,8 +21,6 @@ from linkjax.motion._steady import Steady
 FOLLOW = 3  # steps on the interpolants
 NEAR = 3e-3  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself
 FAR = 10.0  # the most it may move, in these
-HIDDEN = 2.0  # times the last two terms of the series: what an interpolant may miss
-MOTION = 100.0  # times the error of δ: the relative error of a force in the true motion
 
 
 class Regime(eqx.Module):
@@ -44,7 +42,7 @@ class Regime(eqx.Module):
 
 
 class Peak(NamedTuple):
-    """Largest magnitude over the continuous cycle, its crank angle (rad), and a bound of its error."""
+    """Largest magnitude over the continuous cycle, its crank angle (rad), and a bound of its error in a given motion."""
 
     value: Array
     angle: Array
@@ -86,22 +84,22 @@ def peaks(
 
         return summit.panel, climb(slope, summit, FOLLOW)
 
-    panel, x = jax.vmap(find)(heights, series)
+    panel, followed = jax.vmap(find)(heights, series)
     number = jnp.arange(panel.size)
 
     def squared(which, panel, x):
         vector = components(regime, Place(panel, x, phi_at(grid, panel, x)))[which]
         return jnp.sum(vector * vector)
 
-    centre = jnp.clip(x, -1.0 + NEAR, 1.0 - NEAR)
+    centre = jnp.clip(followed, -1.0 + NEAR, 1.0 - NEAR)
     beside = NEAR * jnp.asarray([-1.0, 0.0, 1.0])
     y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + beside))(
         number, panel, centre
     )
     bend, tilt = y[:, 2] - 2 * y[:, 1] + y[:, 0], 0.5 * (y[:, 2] - y[:, 0])
-    step = jnp.clip(jnp.where(bend < 0, -safe_divide(tilt, bend), FAR * jnp.sign(tilt)), -FAR, FAR)
-    x = jax.lax.stop_gradient(jnp.clip(centre + NEAR * step, -1.0, 1.0))
-    gained = jnp.abs(tilt * (x - centre)) / NEAR
+    step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt) / NEAR)
+    x = jax.lax.stop_gradient(jnp.clip(centre + NEAR * jnp.clip(step, -FAR, FAR), -1.0, 1.0))
+    gained = jnp.abs(tilt * (jnp.clip(centre + NEAR * step, -1.0, 1.0) - followed)) / NEAR
 
     def value(which, panel, x):
         place = settle(grid, panel, x)
@@ -109,10 +107,12 @@ def peaks(
         return safe_sqrt(jnp.sum(vector * vector)), place.phi
 
     top, phi = jax.vmap(value)(number, panel, x)
-    # what the interpolants may hide: another summit as much higher as their last two terms are large
+    # what the interpolants may hide away from the summit found: another, as much higher as their last terms are large
     hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(series[..., -2:]), axis=-1) ** 2, axis=1))
-    rival = jnp.max(jnp.sqrt(jnp.max(heights, axis=-1)) + HIDDEN * hidden, axis=-1) - top
+    places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(rule.fine)[None]
+    away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], regime.scene.cycle))
+    near = away < (3 / grid.n) * (grid.half[None, :] + grid.half[panel][:, None])[..., None]
+    near &= (jnp.abs(x) < 1)[:, None, None]  # at the end of a panel it may go on in the next
+    rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[..., None]), axis=(1, 2)) - top
     doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + 1e-12 * top
-    if regime.steady is not None:  # forces follow the square of the speed and its slope
-        doubt = doubt + MOTION * regime.steady.delta_error * top
     return Peak(top, wrapped(phi, regime.scene.cycle), jax.lax.stop_gradient(doubt))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from linkjax.analysis import check_limit
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.report._cells import NONE, Cell, amount, angle, given, measured, quantity, shown, table, words
@@ -18,7 +19,6 @@ CHECKS = {
     "energy_closure": "energy: kinetic energy of the links against the work of every load",
     "force_balance": "force balance: frame force against inertia, weight and loads",
 }
-LIMITS = {"float64": 1e-10, "float32": 1e-3}
 
 
 def results(data: Data, scene: Scene) -> str:
@@ -174,7 +174,7 @@ def loads(scene: Scene) -> str:
 
 def checks(data: Data) -> str:
     """The analysis's own checks, passed or failed."""
-    limit = LIMITS.get(str(data.get("precision", "float64")), LIMITS["float64"])
+    limit = check_limit(data)
     rows = []
     for name, value in data.get("checks", {}).items():
         passed = float(value) <= limit
