@@ -2,8 +2,9 @@
 
 JAX's own compilation cache spares compiling, but a program must be traced again to be found in it, which takes as long.
 Here the finished program itself is kept, under everything it depends on: the package's sources, the versions of JAX,
-the processor, the structure and shapes of the arguments. The files lie in JAX's compilation cache folder, in the user's
-own home, are written and read only where such a folder is set, and may be deleted at any time.
+the processor, the structure and shapes of the arguments. The files lie in the folder of `keep_in` (the command line's:
+in the user's own home), else in JAX's compilation cache folder; without either nothing is kept. They may be deleted at
+any time.
 """
 
 from __future__ import annotations
@@ -17,46 +18,87 @@ import pickle
 import platform
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 from jax.core import Tracer as Tracer
 from jax.experimental import serialize_executable
+
+from linkjax._types import as_float
 
 # A single analysis runs for milliseconds and compiles for seconds: no LLVM optimisation, no MLIR fusion emitters
 # (measured: 6.2 s of compilation become 1.7 s, and 1.2 ms of running 1.6 ms).
 SOONER: dict[str, bool | str] = {"xla_backend_optimization_level": "0", "xla_cpu_use_fusion_emitters": False}
 
-
 _MADE: list[dict] = []  # the programs of every function compiled here
+_KEPT: list[Path] = []  # the folder they are kept in, if one was named
 
 
-def compiled_soon(function: Callable | None = None, *, static: tuple[str, ...] = ()) -> Callable:
-    """Jit a function for one use. Inside other jax transformations it is a plain `jax.jit`."""
-    if function is None:
-        return functools.partial(compiled_soon, static=static)
-    plain, signature = jax.jit(function, static_argnames=static), inspect.signature(function)
-    programs: dict[Any, tuple[Callable, Any]] = {}
-    _MADE.append(programs)
+def keep_in(folder: Path | None) -> None:
+    """Keep compiled programs in this folder, which must exist."""
+    _KEPT[:] = [folder] if folder else []
 
-    @functools.wraps(function)
-    def call(*args, **kwargs):
-        given = dict(signature.bind(*args, **kwargs).arguments)
-        fixed = {name: given.pop(name) for name in static if name in given}
-        leaves, tree = jax.tree.flatten(given)
-        leaves = [jnp.asarray(leaf, dtype=float) if isinstance(leaf, int | float) else leaf for leaf in leaves]
+
+class CompiledSoon:
+    """A function jitted for one use. Inside other jax transformations it is a plain `jax.jit`.
+
+    `ahead` starts compiling from shapes alone, so that a chain of programs, each of which needs the values of the one
+    before, compiles on all cores.
+    """
+
+    def __init__(self, function: Callable, static: tuple[str, ...]):
+        functools.update_wrapper(self, function)
+        self.function, self.static = function, static
+        self.plain, self.signature = jax.jit(function, static_argnames=static), inspect.signature(function)
+        self.programs: dict[Any, Program] = {}
+        _MADE.append(self.programs)
+
+    def __call__(self, *args, **kwargs):
+        fixed, leaves, tree = self._flat(args, kwargs)
         if any(isinstance(leaf, Tracer) for leaf in leaves):
-            return plain(*args, **kwargs)
-        key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), tuple(fixed.items())
-        if key not in programs:
-            programs[key] = _program(function, fixed, leaves, tree)
-        run, result = programs[key]
-        return jax.tree.unflatten(result, run(*leaves))
+            return self.plain(*args, **kwargs)
+        key, program = self._program(fixed, leaves, tree)
+        try:
+            found = program.run.result()(*leaves)
+        except Exception:
+            if program.kept is None:
+                raise
+            program.kept.unlink(missing_ok=True)  # damaged, or not of this machine after all: make it anew
+            del self.programs[key]
+            return self(*args, **kwargs)
+        return jax.tree.unflatten(jax.tree.structure(program.result), found)
 
-    return call
+    def ahead(self, *args, **kwargs) -> Any:
+        """Start compiling for arguments of these shapes; the shapes of the result."""
+        return self._program(*self._flat(args, kwargs))[1].result
+
+    def _flat(self, args, kwargs) -> tuple[dict[str, Any], list, Any]:
+        """Static arguments, leaves of the others, and their structure."""
+        given = dict(self.signature.bind(*args, **kwargs).arguments)
+        fixed = {name: given.pop(name) for name in self.static if name in given}
+        leaves, tree = jax.tree.flatten(given)
+        return fixed, [as_float(leaf) if isinstance(leaf, int | float) else leaf for leaf in leaves], tree
+
+    def _program(self, fixed: dict[str, Any], leaves: list, tree: Any) -> tuple[Any, Program]:
+        key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), tuple(fixed.items())
+        if key not in self.programs:
+            self.programs[key] = _program(self.function, fixed, leaves, tree)
+        return key, self.programs[key]
+
+
+class Program(NamedTuple):
+    """A program, compiled or on its way to be: its function of flat arguments, the shapes of its result, its file."""
+
+    run: Future[Callable]
+    result: Any
+    kept: Path | None
+
+
+def compiled_soon(function: Callable | None = None, *, static: tuple[str, ...] = ()) -> Any:
+    """Jit a function for one use."""
+    return CompiledSoon(function, static) if function else functools.partial(compiled_soon, static=static)
 
 
 def forget() -> None:
@@ -68,34 +110,14 @@ def forget() -> None:
     gc.collect()
 
 
-def aside(function: Callable, *args: Any) -> Callable[[], Any]:
-    """Start `function(*args)` beside what follows; the function returned waits for the result.
-
-    Two programs compile at once where there are two cores. Under jax transformations, and where the precision is set
-    for the present thread only, it is simply called.
-    """
-    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(args))
-    if traced or jax.config.values["jax_enable_x64"] != (jnp.zeros(()).dtype == jnp.float64):
-        result = function(*args)
-        return lambda: result
-    pool = ThreadPoolExecutor(1)
-    started = pool.submit(function, *args)
-    pool.shutdown(wait=False)
-    return started.result
-
-
-def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> tuple[Callable, Any]:
-    """The compiled function of flat arguments, with the structure of its result: read if it was kept, else made."""
+def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Program:
+    """The program for arguments of these shapes: read if it was kept, else traced here and compiled on another core."""
     file = _kept_in(function, fixed, leaves, tree)
     if file is not None and file.exists():
         try:
-            payload, arguments, results, shape = pickle.loads(file.read_bytes())
-            run = serialize_executable.deserialize_and_load(
-                payload, arguments, results, execution_devices=jax.devices()[:1]
-            )
-            jax.block_until_ready(run(*leaves))  # what came out of JAX's own cache may not run once it is kept here
-            return run, jax.tree.structure(shape)
-        except Exception:  # damaged, or not of this machine after all: make it anew
+            content, shapes = pickle.loads(file.read_bytes())
+            return Program(_aside(_load, content), shapes, file)
+        except Exception:  # damaged: make it anew
             file.unlink(missing_ok=True)
     signature, structures = inspect.signature(function), []
 
@@ -107,15 +129,48 @@ def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
 
     if file is not None:
         flat.__name__ = file.name.replace("-", "_")  # never found in JAX's own cache under other sources
-    made = jax.jit(flat).lower(*leaves).compile(compiler_options=_accepted())
+    traced = jax.jit(flat).trace(*leaves)
+    shapes = jax.tree.unflatten(
+        structures[-1], [jax.ShapeDtypeStruct(out.shape, out.dtype) for out in jax.tree.leaves(traced.out_info)]
+    )
+    return Program(_aside(_compile, traced.lower(), file, shapes), shapes, None)
+
+
+def _aside(function: Callable, *args: Any) -> Future:
+    """The result to be of a function that runs on another core."""
+    return _pool().submit(function, *args)
+
+
+@functools.cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count(), "linkjax-compile")
+
+
+def _load(content: tuple) -> Callable:
+    return serialize_executable.deserialize_and_load(*content, execution_devices=jax.devices()[:1])
+
+
+def _compile(lowered: Any, file: Path | None, shapes: Any) -> Callable:
+    """Compile, and keep what was compiled."""
+    made = _compiled_sooner(lowered, SOONER)
     if file is not None:
-        shape = jax.tree.unflatten(structures[-1], range(structures[-1].num_leaves))
         try:
-            content = pickle.dumps((*serialize_executable.serialize(made), shape))
+            content = pickle.dumps((serialize_executable.serialize(made), shapes))
         except (AttributeError, TypeError, ValueError, pickle.PicklingError):
-            return made, structures[-1]  # a program that calls back into Python cannot be kept
+            return made  # a program that calls back into Python cannot be kept
         _write(file, content)
-    return made, structures[-1]
+    return made
+
+
+def _compiled_sooner(lowered: Any, options: dict[str, bool | str]) -> Any:
+    """Compiled with those of the options that the installed XLA knows."""
+    try:
+        return lowered.compile(compiler_options=options)
+    except Exception as error:
+        known = {name: value for name, value in options.items() if name not in str(error)}
+        if known == options:
+            raise
+        return _compiled_sooner(lowered, known)
 
 
 def _write(file: Path, content: bytes) -> None:
@@ -130,13 +185,13 @@ def _write(file: Path, content: bytes) -> None:
 
 def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Path | None:
     """The file of a program, None where nothing is kept."""
-    folder = jax.config.values["jax_compilation_cache_dir"]
-    if not folder or not Path(folder).is_dir():
+    folder = Path(_KEPT[0] if _KEPT else jax.config.values["jax_compilation_cache_dir"] or "")
+    if folder == Path() or not folder.is_dir():
         return None
     arguments = [(leaf.shape, str(leaf.dtype)) for leaf in leaves]
     name = f"{function.__module__}.{function.__qualname__}"
     everything = repr((name, fixed, str(tree), arguments, jax.device_count(), SOONER, _machine()))
-    return Path(folder) / f"linkjax-{hashlib.sha256(everything.encode()).hexdigest()[:32]}"
+    return folder / f"linkjax-{hashlib.sha256(everything.encode()).hexdigest()[:32]}"
 
 
 @functools.cache
@@ -150,18 +205,3 @@ def _machine() -> tuple[str, ...]:
     flags = [line for line in lines if line.startswith(("flags", "Features"))][:1]
     backend = jax.devices()[0].client.platform_version
     return sources.hexdigest(), jax.__version__, backend, os.environ.get("XLA_FLAGS", ""), platform.machine(), *flags
-
-
-@functools.cache
-def _accepted() -> dict[str, bool | str]:
-    """Those of the options that the installed XLA knows."""
-    known: dict[str, bool | str] = {}
-    for name, value in SOONER.items():
-        try:
-            jax.jit(lambda x: x + 1, compiler_options={name: value}).lower(0).compile()
-        except Exception as error:
-            if name not in str(error):
-                raise
-        else:
-            known[name] = value
-    return known

@@ -1,6 +1,6 @@
 """Settings of JAX that belong to a whole program: precision, compilation cache, number of CPU devices.
 
-Nothing here happens on import. `enable_x64` is for users; the other two are called by the command line, the tests and
+Nothing here happens on import. `enable_x64` is for users; the others are called by the command line, the tests and
 the benchmarks, which own their process, and never by the library.
 """
 
@@ -24,25 +24,24 @@ def cache_home() -> Path:
     return (named if named.is_absolute() else Path.home() / ".cache") / "linkjax"
 
 
-def use_compilation_cache(folder: Path | None = None) -> Path | None:
-    """Keep compiled programs in `folder` (default: `cache_home()`), so that the next process need not compile them.
-
-    A folder already chosen (`JAX_COMPILATION_CACHE_DIR`, or by the program) stays. Returns the folder in use, None
-    when it cannot be written; then everything works, only slower.
-    """
+def cache_folder() -> Path | None:
+    """Folder for compiled programs: the one chosen (`JAX_COMPILATION_CACHE_DIR`, or by the program), else
+    `cache_home()`; None when it cannot be written, and then everything works, only slower."""
     chosen = jax.config.values["jax_compilation_cache_dir"]
-    if chosen:
-        return Path(chosen)
-    folder = cache_home() if folder is None else folder
+    folder = Path(chosen) if chosen else cache_home()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return None
-    if not os.access(folder, os.W_OK):
-        return None
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)  # a cold start is a hundred small programs
-    return folder
+    return folder if os.access(folder, os.W_OK) else None
+
+
+def use_compilation_cache() -> None:
+    """Let JAX keep compiled programs in `cache_folder()`, so that the next process need not compile them."""
+    folder = cache_folder()
+    if folder is not None:
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 def use_cpu_devices(count: int | None = None) -> int:

@@ -282,14 +282,14 @@ def test_settings():
     out = run(
         "import jax, linkjax._config as c, os",
         "c.enable_x64()",
-        f"print(c.use_compilation_cache() == c.cache_home(), str(c.cache_home()) == {cache!r} + '/linkjax')",
+        f"print(c.cache_folder() == c.cache_home(), str(c.cache_home()) == {cache!r} + '/linkjax')",
         "print(c.use_cpu_devices(3), c.use_cpu_devices(5), len(jax.devices()), jax.numpy.ones(()).dtype)",
         XDG_CACHE_HOME=cache,
     )
     assert out.splitlines() == ["True True", "3 3 3 float64"]
     out = run(
         "import linkjax._config as c, pathlib",
-        "print(c.use_compilation_cache().name, c.use_cpu_devices())",
+        "print(c.cache_folder().name, c.use_cpu_devices())",
         "print(c.cache_home() == pathlib.Path.home() / '.cache' / 'linkjax')",
         JAX_COMPILATION_CACHE_DIR=f"{cache}/chosen",
         JAX_NUM_CPU_DEVICES="4",
@@ -298,10 +298,7 @@ def test_settings():
     assert out.splitlines() == ["chosen 4", "True"]
     (ROOT / ".cache").mkdir(exist_ok=True)
     (ROOT / ".cache" / "file").touch()
-    assert (
-        run("import linkjax._config as c; print(c.use_compilation_cache())", XDG_CACHE_HOME=f"{cache}/../file")
-        == "None"
-    )
+    assert run("import linkjax._config as c; print(c.cache_folder())", XDG_CACHE_HOME=f"{cache}/../file") == "None"
 
 
 def test_the_wheel_holds_the_package_alone(tmp_path):

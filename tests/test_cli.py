@@ -1,12 +1,15 @@
 """The command line: what it writes, says and returns."""
 
 import csv
+import io
 import json
 import math
+import time
 
 import jax
 import numpy as np
 import pytest
+from rich.console import Console
 
 import linkjax as lj
 from linkjax import cli
@@ -95,6 +98,43 @@ def test_the_document_agrees_with_python(analysed):
     # dead centres of the slider are those of a crank in line with its guide
     slider = sorted(entry["angle"] for entry in data["dead_centres"] if entry.get("point") == "D")
     assert np.allclose(slider, [0.0, math.pi], atol=1e-9)
+
+
+def test_quiet_prints_nothing_but_errors(call, tmp_path):
+    code, out, err = call("analyse", "slider-crank", "--quiet", "--json", tmp_path / "cycle.json")
+    assert (code, out, err) == (0, "", "")
+    assert json.loads((tmp_path / "cycle.json").read_text())["motion"]["delta"] > 0
+    code, out, err = call("analyse", "slider-crank", "--quiet", "--set", 'links.rod.length="1 mm"')
+    assert (code, out) == (1, "")
+    assert "rod" in err
+
+
+def test_figures_not_to_be_trusted_are_announced(analysed, capsys, monkeypatch):
+    """A check above its limit, or none at all, and a result that is only a warning."""
+    data = json.loads((analysed[1] / "all.json").read_text())
+    machine = lj.load("hay-press")
+    monkeypatch.setattr(cli.console, "quiet", False)
+    cli._print_summary(data, machine)
+    assert "WARNING" not in capsys.readouterr().out
+    for wrong in (1e-9, math.nan):
+        cli._print_summary({**data, "checks": {**data["checks"], "energy_closure": wrong}}, machine)
+        assert "WARNING: a check is above 1e-10; do not trust these figures" in capsys.readouterr().out
+    told = {"code": 1, "name": "TOO_MANY_REVERSALS", "message": "Too many."}
+    cli._print_summary({**data, "result": told}, machine)
+    assert "WARNING: Too many." in capsys.readouterr().out
+
+
+def test_long_work_shows_a_spinner_on_a_terminal(monkeypatch):
+    """Nothing within the first second, then what is done and for how long; on a file or pipe nothing at all."""
+    for terminal in (True, False):
+        screen = io.StringIO()
+        monkeypatch.setattr(cli, "console", Console(file=screen, force_terminal=terminal, width=80))
+        with cli._elapsed("drawing"):
+            time.sleep(0.1)
+        assert "drawing" not in screen.getvalue()
+        with cli._elapsed("drawing"):
+            time.sleep(1.6)
+        assert ("drawing … 1 s" in screen.getvalue()) == terminal
 
 
 def test_tables_hold_the_same_numbers(analysed):

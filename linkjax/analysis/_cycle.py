@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
 from typing import Literal, NamedTuple
 
@@ -10,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._compile import Tracer, aside, compiled_soon
+from linkjax._compile import Tracer, compiled_soon
 from linkjax._numerics import safe_divide, wrapped
 from linkjax._results import MESSAGES, MachineError, Result, merge
 from linkjax.forces import Forces
@@ -46,6 +47,9 @@ MOTION = 10.0  # times the error of δ: the relative error of a force in the tru
 LIGHTEST = 1e-6  # least reduced inertia over its mean: the crank would turn a thousand times faster there
 
 
+Margins = dict[str, dict[str, Least]]
+
+
 class Checks(eqx.Module):
     """Relative residuals of the analysis's own checks; all should be near rounding.
 
@@ -79,7 +83,7 @@ class Cycle(eqx.Module):
     angles: Float[Array, " angles"]
     pose: Pose
     transmission: dict[str, Array]
-    margins: dict[str, dict[str, Least]]
+    margins: Margins
     dead_centres: dict[str, Reversals]
     reduced: Reduced
     steady: Steady
@@ -165,38 +169,42 @@ def analyse(
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile."""
-    ends = aside(_limits, scene)
+    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
+        _compile_ahead(scene, angles, nodes, road)
     motion, here, work = _motion(scene, nodes, road)
-    wheels = aside(_flywheels, scene, motion, here)
     at_nodes, at = _everywhere(scene, motion, angles)
     tops = _peaks(scene, motion, at_nodes)
-    limits, dead = ends()
-    least = jnp.min(jnp.stack([jnp.ones(()), *(m.value for sides in limits.values() for m in sides.values())]))
-    code = merge(
-        jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
-        jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
-        jnp.where(motion.least_inertia > LIGHTEST, 0, Result.NO_INERTIA),
-        jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
-    )
+    limits, dead = _limits(scene)
+    checks, code = _checks(scene, motion, here, angles, at, limits)
     return Cycle(
         scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, margins=limits, dead_centres=dead,
-        reduced=at.reduced, steady=motion, speed=at.speed[:, 0], acceleration=at.acceleration[:, 0], time=at.time,
-        forces=_row(at.forces, 1 if constant_speed else 0), forces_constant_speed=_row(at.forces, 1), peaks=tops[0],
-        peaks_constant_speed=tops[1], flywheel=wheels(), work=work,
-        checks=_checks(scene, motion, here, angles, at), assembled=at.assembled, result=code,
+        reduced=at.reduced, steady=motion, speed=at.speed[0], acceleration=at.acceleration[0], time=at.time,
+        forces=at.forces[1 if constant_speed else 0], forces_constant_speed=at.forces[1], peaks=tops[0],
+        peaks_constant_speed=tops[1], flywheel=_flywheels(scene, motion, here), work=work,
+        checks=checks, assembled=at.assembled, result=code,
         constant_speed=constant_speed, road=road,
     )  # fmt: skip
 
 
+def _compile_ahead(scene: Scene, angles: Array, nodes: int, road: str) -> None:
+    """Start compiling all parts at once, each from the shapes that the ones before will give it; the longest first."""
+    motion, here, _ = _motion.ahead(scene, nodes, road)
+    at_nodes, at = _everywhere.ahead(scene, motion, angles)
+    _peaks.ahead(scene, motion, at_nodes)
+    _flywheels.ahead(scene, motion, here)
+    limits, _ = _limits.ahead(scene)
+    _checks.ahead(scene, motion, here, angles, at, limits)
+
+
 class Everywhere(NamedTuple):
-    """Everything at many places; `forces`, `speed` and `acceleration` for both motions along the second axis."""
+    """Everything at many places; `forces`, `speed` and `acceleration` in the true motion and at constant speed."""
 
     pose: Pose
     transmission: dict[str, Array]
     reduced: Reduced
-    forces: Forces
-    speed: Array
-    acceleration: Array
+    forces: tuple[Forces, Forces]
+    speed: tuple[Array, Array]
+    acceleration: tuple[Array, Array]
     time: Array
     assembled: Array
 
@@ -229,17 +237,18 @@ def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Eve
         least = [m.value for sides in margins(scene.mechanism, place.phi).values() for m in sides.values()]
         return Everywhere(
             pose(scene.mechanism, place.phi), transmission_angles(scene.mechanism, place.phi),
-            reduce(scene, place.phi, regime.side(place)), forces, speed, acceleration, motion.clock.at(place),
+            reduce(scene, place.phi, regime.side(place)), _pair(forces), _pair(speed), _pair(acceleration),
+            motion.clock.at(place),
             jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0),
         )  # fmt: skip
 
     every = jax.vmap(at)(places)
     count = grid.size
-    rows = table(scene, jax.tree.map(lambda leaf: leaf[:count], every.forces))
+    both = [table(scene, jax.tree.map(lambda leaf: leaf[:count], forces)) for forces in every.forces]
     begin = motion.clock.at(grid.place(jnp.zeros(())))
     at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
     time = wrapped(at_angles.time - begin, motion.period)
-    at_nodes = jnp.moveaxis(rows.reshape((count, -1, 2)), 0, -1)
+    at_nodes = jnp.moveaxis(jnp.concatenate(both, axis=1), 0, -1)
     at_nodes = at_nodes.reshape((*at_nodes.shape[:2], *grid.nodes.shape))
     return at_nodes, at_angles._replace(time=time)
 
@@ -259,13 +268,14 @@ def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak]:
 
 
 @compiled_soon
-def _limits(scene: Scene):
+def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals]]:
     mechanism, turns = scene.mechanism, scene.cycle_turns
     return assembly_margins(mechanism, turns), dead_centres(mechanism, turns)
 
 
-def _row(tree, i: int):
-    return jax.tree.map(lambda leaf: leaf[:, i], tree)
+def _pair(tree) -> tuple:
+    """The true motion and constant speed, which `both_motions` computes along an axis."""
+    return tuple(jax.tree.map(lambda leaf, i=i: leaf[i], tree) for i in (0, 1))
 
 
 @compiled_soon
@@ -277,32 +287,53 @@ def _flywheels(scene: Scene, motion: Steady, here: Reduced) -> Flywheels:
 
 
 @compiled_soon
-def _checks(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Checks:
-    forces, found = at.forces, at.pose
-    inertia, slope, torque = (part[:, None] for part in at.reduced[:3])
-    parts = inertia * at.acceleration, 0.5 * slope * at.speed**2, -torque * jnp.ones_like(at.speed)
-    size = jnp.max(sum(jnp.abs(part) for part in parts), axis=0)
-    power = jnp.max(jnp.abs(forces.drive_torque - sum(parts)), axis=0)
-    speed = at.speed[:, 0]
-    # energy: every link's kinetic energy from its own velocities, every load's work integrated by itself
+def _checks(
+    scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere, limits: Margins
+) -> tuple[Checks, Array]:
+    """The analysis's own checks, and how it went."""
+    found = [_residuals(at, i) for i in (0, 1)]
+    power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
+    least = jnp.min(jnp.stack([jnp.ones(()), *(m.value for sides in limits.values() for m in sides.values())]))
+    code = merge(
+        jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
+        jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
+        jnp.where(motion.least_inertia > LIGHTEST, 0, Result.NO_INERTIA),
+        jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
+    )
+    return Checks(power, _energy_closure(scene, motion, here, angles, at), balance), code
+
+
+def _residuals(at: Everywhere, i: int) -> tuple[Array, Array]:
+    """Virtual power and force balance in one of the two motions."""
+    forces = at.forces[i]
+    inertia, slope, torque = at.reduced[:3]
+    parts = inertia * at.acceleration[i], 0.5 * slope * at.speed[i] ** 2, -torque
+    power = jnp.max(jnp.abs(forces.drive_torque - sum(parts)))
+    size = jnp.max(sum(jnp.abs(part) for part in parts))
+    sources = forces.shaking, forces.weight, forces.loads
+    rest = [forces.frame[k] - sum(source[k] for source in sources) for k in (0, 1)]
+    frame = jnp.max(jnp.hypot(forces.frame.fx, forces.frame.fy))
+    moments = forces.drive_torque, *(source.moment for source in sources)
+    largest = jnp.max(sum(jnp.abs(moment) for moment in moments))
+    twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)))
+    balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), frame), safe_divide(twist, largest))
+    return safe_divide(power, size), balance
+
+
+def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Array:
+    """Every link's kinetic energy from its own velocities against every load's work, integrated by itself."""
+    speed = at.speed[0]
     kinetic = 0.5 * scene.mechanism.flywheel.inertia * speed**2
     for name, link in scene.mechanism.links.items():
         body = link.actual()
-        v, w = found.points[link.centre_name].dr * speed, found.links[name].w * speed
+        v, w = at.pose.points[link.centre_name].dr * speed, at.pose.links[name].w * speed
         kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
     work = motion.drive_torque * jax.vmap(lambda phi: motion.grid.place(phi).phi)(angles)
     for share in here.by_load.values():
         series = primitive(motion.grid, share)
         work = work + jax.vmap(lambda phi, series=series: series.at(motion.grid.place(phi)))(angles)
     closure = jnp.max(jnp.abs((kinetic - kinetic[0]) - (work - work[0])))
-    sources = forces.shaking, forces.weight, forces.loads
-    rest = [forces.frame[i] - sum(source[i] for source in sources) for i in (0, 1)]
-    frame = jnp.max(jnp.hypot(forces.frame.fx, forces.frame.fy), axis=0)
-    moments = forces.drive_torque, *(source.moment for source in sources)
-    largest = jnp.max(sum(jnp.abs(moment) for moment in moments), axis=0)
-    twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)), axis=0)
-    balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest), axis=0), frame), safe_divide(twist, largest))
-    return Checks(jnp.max(safe_divide(power, size)), safe_divide(closure, jnp.max(kinetic)), jnp.max(balance))
+    return safe_divide(closure, jnp.max(kinetic))
 
 
 def explain(cycle: Cycle) -> None:
@@ -320,7 +351,7 @@ def explain(cycle: Cycle) -> None:
         what = (
             f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
             if short > CHANGE_POINT
-            else f"has a change point at {place}: its two ways of assembly meet there, and which of them it takes is chance"
+            else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"
         )
         raise MachineError(f"{title}group {group!r} {what}. {MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:

@@ -42,7 +42,7 @@ class Regime(eqx.Module):
 
 
 class Peak(NamedTuple):
-    """Largest magnitude over the continuous cycle, its crank angle (rad), and a bound of its error in a given motion."""
+    """Largest magnitude over the continuous cycle, its crank angle (rad), and a bound of its error (motion given)."""
 
     value: Array
     angle: Array

@@ -1,0 +1,168 @@
+"""A structural group that linkjax does not have, written here: nothing else has to change for it.
+
+The slotted lever of a shaper: a block on the crank pin slides along a lever that swings about the frame, and the lever
+drives the ram.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import RRP, Crank, Flywheel, Link, Mechanism, OpposingForce, Vec, Window
+from linkjax._compile import compiled_soon
+from linkjax._numerics import safe_sqrt
+from linkjax.groups import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
+from linkjax.kinematics import pose, transmission_angles
+
+
+class RPR(AbstractGroup):
+    """II3: a `block` pinned at `from_` slides along a `lever` pinned at `about`, the origin of the lever."""
+
+    kind: ClassVar[str] = "RPR"
+    formula: ClassVar[str] = "II3"
+    dead_positions: ClassVar[tuple[str, ...]] = ("pivot",)
+
+    block: str = eqx.field(static=True)
+    lever: str = eqx.field(static=True)
+    from_: str = eqx.field(static=True)
+    about: str = eqx.field(static=True)
+    end: str = eqx.field(static=True)
+
+    def link_names(self):
+        return (self.block, self.lever)
+
+    def needs(self):
+        return (self.from_, self.about)
+
+    def pins(self):
+        return {self.block: (self.from_, None), self.lever: (self.about, self.end)}
+
+    def _reach(self, points):
+        """Distance of the block from the lever's pivot, its derivatives, and the lever's state."""
+        b, a = points[self.from_], points[self.about]
+        d, v, c = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
+        r = safe_sqrt(d.squared())
+        u = d / r
+        dr, w = v.dot(u), u.cross(v) / r
+        return r, dr, c.dot(u) + r * w * w, LinkState(u, w, (u.cross(c) - 2 * dr * w) / r)
+
+    def solve(self, links, points, phi):
+        state, at, length = self._reach(points)[-1], points[self.about], links[self.lever].length
+        arm = state.u * length
+        turned = arm.perp()
+        end = PointState(at.r + arm, at.dr + turned * state.w, at.ddr + turned * state.e - arm * (state.w * state.w))
+        return {self.block: state, self.lever: state}, {self.end: end}
+
+    def margins(self, links, points):
+        r, dr, ddr, _ = self._reach(points)
+        length = links[self.lever].length
+        return {"pivot": Margin(r / length, dr / length, ddr / length)}
+
+    def transmission(self, states):
+        return jnp.full_like(states[self.lever].w, math.pi / 2)
+
+    def joints(self):
+        return (
+            Joint(self.from_, self.from_, self.block),
+            Joint(f"{self.block}.guide", self.from_, self.block, self.lever),
+            Joint(self.about, self.about, self.lever),
+        )
+
+    def react(self, loads, states, points):
+        r, _, _, state = self._reach(points)
+        on_block, on_lever = loads[self.block], loads[self.lever]
+        normal = state.u.perp() * ((on_lever.moment + on_block.moment) / r)
+        guide = Wrench(normal, -on_block.moment)
+        none = jnp.zeros_like(r)
+        return (Wrench(-(on_block.force + normal), none), guide, Wrench(normal - on_lever.force, none)), None
+
+
+@pytest.fixture(scope="module")
+def shaper() -> lj.Scene:
+    links = {
+        "crank": Link(length=0.12, mass=3.0, inertia=0.01, centre=Vec(0.03, 0.01)),
+        "block": Link(mass=1.2, inertia=0.004, centre=Vec(0.02, -0.01)),
+        "lever": Link(length=0.75, mass=6.0, inertia=0.3, centre=Vec(0.35, 0.02), points={"K": Vec(0.5, 0.1)}),
+        "rod": Link(length=0.3, mass=1.5, inertia=0.01, centre=Vec(0.15, 0.0)),
+        "ram": Link(mass=20.0, centre=Vec(0.05, 0.02)),
+    }
+    groups = [
+        Crank("crank", "O", "B"),
+        RPR("block", "lever", "B", "P", "E"),
+        RRP("rod", "ram", "E", "R", "T", -1),
+    ]
+    fixed = {"O": Vec(0.0, 0.0), "P": Vec(0.0, -0.35), "T": Vec(0.0, 0.38)}
+    cut = OpposingForce("cut", "ram", "R", magnitude=2000.0, window=Window(math.radians(20.0), math.radians(160.0)))
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(2.0)), (cut,), Vec(0.0, -9.81), 12.0, title="Shaper")
+
+
+def test_the_whole_analysis_holds(shaper):
+    cycle = lj.analyse(shaper, angles=72)
+    assert shaper.mechanism.formula() == "I1(crank) → II3(block, lever) → II2(rod, ram)"
+    assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-10
+    assert cycle.forces.reactions["block.guide"].keys() == {"block", "lever"}
+    assert 0 < float(cycle.delta_error) < 1e-6 * float(cycle.delta)
+    # the lever is nearest to its pivot's dead position when crank and lever are in line
+    assert float(cycle.margins["block-lever"]["pivot"].value) == pytest.approx((0.35 - 0.12) / 0.75, rel=1e-12)
+    assert float(cycle.work["drive"]) == pytest.approx(-float(cycle.work["cut"]), rel=1e-12)
+
+
+def test_positions_and_rates(shaper):
+    """The lever's angle in closed form, every rate by nested differentiation."""
+    phi = jnp.linspace(0.1, 6.2, 17)
+
+    @compiled_soon
+    def sheet(mechanism, phi):
+        def place(phi):
+            here = pose(mechanism, phi)
+            return {name: at.r for name, at in here.points.items()}, {name: at.u for name, at in here.links.items()}
+
+        def slope(phi):
+            return jax.jvp(place, (phi,), (jnp.ones_like(phi),))[1]
+
+        def at(phi):
+            return (
+                pose(mechanism, phi),
+                transmission_angles(mechanism, phi),
+                *jax.jvp(slope, (phi,), (jnp.ones_like(phi),)),
+            )
+
+        return jax.vmap(at)(phi)
+
+    here, transmission, (first, turning), (second, _) = sheet(shaper.mechanism, phi)
+    lever = here.links["lever"]
+    expected = np.arctan2(0.35 + 0.12 * np.sin(phi), 0.12 * np.cos(phi))
+    np.testing.assert_allclose(np.arctan2(lever.u.y, lever.u.x), expected, rtol=1e-13)
+    for name, at in here.points.items():
+        for got, wanted in ((at.dr, first[name]), (at.ddr, second[name])):
+            np.testing.assert_allclose(got.x, wanted.x, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(got.y, wanted.y, rtol=0, atol=1e-12)
+    for name, at in here.links.items():
+        np.testing.assert_allclose(at.u.cross(turning[name]), at.w, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(transmission["block-lever"], math.pi / 2)
+
+
+def test_gradients_flow_through_it(shaper):
+    """δ by the lever's length and the pivot's height, against central differences."""
+
+    def delta(x):
+        mechanism = shaper.mechanism
+        links = {**mechanism.links, "lever": eqx.tree_at(lambda link: link.length, mechanism.links["lever"], x[0])}
+        fixed = {**mechanism.fixed, "P": Vec(jnp.zeros(()), x[1])}
+        changed = eqx.tree_at(lambda m: (m.links, m.fixed), mechanism, (links, fixed))
+        return lj.measures.delta(eqx.tree_at(lambda scene: scene.mechanism, shaper, changed))
+
+    x, h = jnp.asarray([0.75, -0.35]), 1e-5
+    slope = jax.jit(jax.grad(delta))(x)
+    value = jax.jit(jax.vmap(delta))
+    steps = h * jnp.eye(2)
+    differences = (value(x[None] + steps) - value(x[None] - steps)) / (2 * h)
+    np.testing.assert_allclose(slope, differences, rtol=1e-6)
