@@ -36,12 +36,11 @@ def scene_of(design: jax.Array) -> lj.Scene:
 def eight(design: jax.Array) -> tuple[jax.Array, ...]:
     """The baseline's eight outputs at `NODES` uniform crank angles, each of shape (angles,)."""
     scene = scene_of(design)
-    names = {name: link.centre_name for name, link in scene.mechanism.links.items()}
 
     def at(phi):
         here = pose(scene.mechanism, phi)
         reduced = reduce_pose(scene, Instant(phi, phi, scene.cycle), here)
-        first, second = mass_sums(here, names)
+        first, second = mass_sums(here)
         inertia = reduced.inertia - scene.mechanism.flywheel.inertia
         slider = here.points["D"].dr.x
         weight = reduced.by_load["gravity"]

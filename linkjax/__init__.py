@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from linkjax.loads import Torque as Torque
     from linkjax.loads import Window as Window
     from linkjax.machine import Scene as Scene
+    from linkjax.mechanism import Counterweight as Counterweight
     from linkjax.mechanism import Flywheel as Flywheel
     from linkjax.mechanism import Link as Link
     from linkjax.mechanism import Mechanism as Mechanism
@@ -49,7 +50,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "_results": ("MachineError", "Result"),
     "_vec": ("Vec",),
     "groups": ("RRP", "RRR", "Crank"),
-    "mechanism": ("Flywheel", "Link", "Mechanism", "StructureError"),
+    "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError"),
     "kinematics": ("dead_centres", "margins", "pose", "transmission_angles"),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),

@@ -9,6 +9,7 @@ any time.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import gc
 import hashlib
@@ -16,23 +17,22 @@ import inspect
 import os
 import pickle
 import platform
-import tempfile
+import weakref
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
-from jax.core import Tracer as Tracer
 from jax.experimental import serialize_executable
 
-from linkjax._types import as_float
+from linkjax._types import Tracer, as_float
 
 # A single analysis runs for milliseconds and compiles for seconds: no LLVM optimisation, no MLIR fusion emitters
 # (measured: 6.2 s of compilation become 1.7 s, and 1.2 ms of running 1.6 ms).
 SOONER: dict[str, bool | str] = {"xla_backend_optimization_level": "0", "xla_cpu_use_fusion_emitters": False}
 
-_MADE: list[dict] = []  # the programs of every function compiled here
+_MADE: weakref.WeakSet[CompiledSoon] = weakref.WeakSet()  # every function compiled here
 _KEPT: list[Path] = []  # the folder they are kept in, if one was named
 
 
@@ -53,7 +53,7 @@ class CompiledSoon:
         self.function, self.static = function, static
         self.plain, self.signature = jax.jit(function, static_argnames=static), inspect.signature(function)
         self.programs: dict[Any, Program] = {}
-        _MADE.append(self.programs)
+        _MADE.add(self)
 
     def __call__(self, *args, **kwargs):
         fixed, leaves, tree = self._flat(args, kwargs)
@@ -61,12 +61,20 @@ class CompiledSoon:
             return self.plain(*args, **kwargs)
         key, program = self._program(fixed, leaves, tree)
         try:
-            found = program.run.result()(*leaves)
+            run = program.run.result()
+        except Exception:
+            self.programs.pop(key, None)  # it may have been a matter of the moment
+            if program.kept is None:
+                raise
+            _delete(program.kept)  # damaged: make it anew
+            return self(*args, **kwargs)
+        try:
+            found = run(*leaves)
         except Exception:
             if program.kept is None:
                 raise
-            program.kept.unlink(missing_ok=True)  # damaged, or not of this machine after all: make it anew
-            del self.programs[key]
+            self.programs.pop(key, None)
+            _delete(program.kept)  # not of this machine after all
             return self(*args, **kwargs)
         return jax.tree.unflatten(jax.tree.structure(program.result), found)
 
@@ -79,13 +87,22 @@ class CompiledSoon:
         given = dict(self.signature.bind(*args, **kwargs).arguments)
         fixed = {name: given.pop(name) for name in self.static if name in given}
         leaves, tree = jax.tree.flatten(given)
-        return fixed, [as_float(leaf) if isinstance(leaf, int | float) else leaf for leaf in leaves], tree
+        return fixed, [_here(leaf) for leaf in leaves], tree
 
     def _program(self, fixed: dict[str, Any], leaves: list, tree: Any) -> tuple[Any, Program]:
         key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), tuple(fixed.items())
         if key not in self.programs:
             self.programs[key] = _program(self.function, fixed, leaves, tree)
         return key, self.programs[key]
+
+
+def _here(leaf: Any) -> Any:
+    """A leaf as the program takes it: numbers as arrays, arrays on the first device (those of a population are not)."""
+    if isinstance(leaf, int | float):
+        return as_float(leaf)
+    if isinstance(leaf, jax.Array) and not isinstance(leaf, Tracer) and leaf.devices() != {jax.devices()[0]}:
+        return jax.device_put(leaf, jax.devices()[0])
+    return leaf
 
 
 class Program(NamedTuple):
@@ -101,11 +118,17 @@ def compiled_soon(function: Callable | None = None, *, static: tuple[str, ...] =
     return CompiledSoon(function, static) if function else functools.partial(compiled_soon, static=static)
 
 
+def stop() -> None:
+    """Give up what has not begun to compile."""
+    _pool().shutdown(wait=False, cancel_futures=True)
+    _pool.cache_clear()
+
+
 def forget() -> None:
     """Drop every compiled program of this process, JAX's own too. A program takes some hundred memory maps, of which
     a process may have 65 530 on Linux; beyond that XLA crashes."""
-    for programs in _MADE:
-        programs.clear()
+    for function in _MADE:
+        function.programs.clear()
     jax.clear_caches()
     gc.collect()
 
@@ -118,7 +141,7 @@ def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
             content, shapes = pickle.loads(file.read_bytes())
             return Program(_aside(_load, content), shapes, file)
         except Exception:  # damaged: make it anew
-            file.unlink(missing_ok=True)
+            _delete(file)
     signature, structures = inspect.signature(function), []
 
     def flat(*leaves):
@@ -175,16 +198,25 @@ def _compiled_sooner(lowered: Any, options: dict[str, bool | str]) -> Any:
 
 def _write(file: Path, content: bytes) -> None:
     """Write a file whole or not at all; a full or read-only disk is no reason to fail."""
+    part = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
-        with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as part:
-            part.write(content)
-        os.replace(part.name, file)
+        part.write_bytes(content)
+        os.replace(part, file)
     except OSError:
-        pass
+        _delete(part)
+
+
+def _delete(file: Path) -> None:
+    """Delete a file if that is possible; in a folder that several people share it may not be."""
+    with contextlib.suppress(OSError):
+        file.unlink()
 
 
 def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Path | None:
-    """The file of a program, None where nothing is kept."""
+    """The file of a program, None where nothing is kept: that needs a folder, and a program that its name and the
+    package's sources tell apart. What a user's own function, load or group does they do not tell."""
+    if not _ours(function, tree):
+        return None
     folder = Path(_KEPT[0] if _KEPT else jax.config.values["jax_compilation_cache_dir"] or "")
     if folder == Path() or not folder.is_dir():
         return None
@@ -192,6 +224,21 @@ def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
     name = f"{function.__module__}.{function.__qualname__}"
     everything = repr((name, fixed, str(tree), arguments, jax.device_count(), SOONER, _machine()))
     return folder / f"linkjax-{hashlib.sha256(everything.encode()).hexdigest()[:32]}"
+
+
+def _ours(function: Callable, tree: Any) -> bool:
+    """Whether a function belongs to the package, and all that the tree of its arguments is made of."""
+    plain = inspect.unwrap(function)
+    if not inspect.isfunction(plain) or plain.__closure__ or not function.__module__.startswith("linkjax."):
+        return False
+    nodes = [tree]
+    while nodes:
+        node = nodes.pop()
+        kind = node.node_data()
+        if kind is not None and kind[0].__module__.split(".")[0] not in ("linkjax", "builtins"):
+            return False
+        nodes += node.children()
+    return True
 
 
 @functools.cache

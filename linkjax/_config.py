@@ -1,7 +1,7 @@
 """Settings of JAX that belong to a whole program: precision, compilation cache, number of CPU devices.
 
-Nothing here happens on import. `enable_x64` is for users; the others are called by the command line, the tests and
-the benchmarks, which own their process, and never by the library.
+Nothing here happens on import, and the library never calls it. `enable_x64` and `use_cpu_devices` are for programs that
+own their process, the command line among them; the other two are for the command line and the benchmarks.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def highest(values: Array) -> Array:
     Not `values == max(values)`: XLA may compute the two sides in two places and round them differently.
     """
     top = jnp.max(values)
-    return values >= top - 1e-14 * jnp.abs(top)
+    return values >= top - 50 * jnp.finfo(values.dtype).eps * jnp.abs(top)
 
 
 def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> Array:

@@ -13,15 +13,18 @@ class Result(enum.IntEnum):
 
     SUCCESS = 0
     TOO_MANY_REVERSALS = 1
-    NO_PERIODIC_REGIME = 2
-    NO_INERTIA = 3
-    CANNOT_BE_ASSEMBLED = 4
+    INTEGRATION_FAILED = 2
+    NO_PERIODIC_REGIME = 3
+    NO_INERTIA = 4
+    CANNOT_BE_ASSEMBLED = 5
 
 
 MESSAGES = {
     Result.SUCCESS: "The machine runs.",
     Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid has room for; "
     "the error estimates still hold. Give the load a window that holds fewer reversals.",
+    Result.INTEGRATION_FAILED: "The differential equation could not be integrated: the solver ran out of steps. Take "
+    "the quadrature, or ask for a looser tolerance.",
     Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out "
     "within the cycle. Raise the mean speed, add a flywheel or lower the loads.",
     Result.NO_INERTIA: "The reduced inertia vanishes within the cycle, so that the crank speed is not bounded there. "

@@ -5,6 +5,8 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer as Tracer
 from jaxtyping import Array, Float
 
 Scalar = Float[Array, ""]
@@ -14,11 +16,20 @@ Panels = Float[Array, "panels nodes"]
 ScalarFunction = Callable[[Scalar], Scalar]
 
 
+def known(value: Any) -> np.ndarray | None:
+    """The numbers of an array, None while it is traced or a placeholder: what a check on input may look at."""
+    if isinstance(value, Tracer) or not isinstance(value, jax.Array | np.ndarray):
+        return None
+    return np.asarray(value)
+
+
 def as_float(value: Any) -> Any:
     """Return `value` as a floating array of the precision in force (float64 after `linkjax.enable_x64()`).
 
     Tracers, arrays and the placeholders that JAX puts into trees pass through unchanged.
     """
+    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.integer):
+        return value.astype(float)
     if isinstance(value, jax.Array) or hasattr(value, "aval") or type(value) is object or value is None:
         return value
     return jnp.asarray(value, dtype=float)

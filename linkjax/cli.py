@@ -23,7 +23,7 @@ from rich.text import Text
 
 import linkjax
 from linkjax import __version__
-from linkjax._compile import keep_in
+from linkjax._compile import keep_in, stop
 from linkjax._config import cache_folder, enable_x64
 from linkjax._results import MachineError
 from linkjax._types import as_float
@@ -66,6 +66,8 @@ def main() -> None:
     except MachineError as error:
         complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
         sys.exit(1)
+    finally:
+        stop()  # interrupted: what waits to be compiled is not waited for
 
 
 def _version(wanted: bool | None) -> None:
@@ -133,6 +135,11 @@ def show(scene: SceneName, set_: Set = None) -> None:
             name, f"{float(link.length):.6g}", f"{float(body.mass):.6g}", centre, f"{float(body.inertia):.6g}", points
         )
     console.print(table)
+    for name in mechanism.link_names:
+        for piece, weight in mechanism.links[name].counterweights.items():
+            kind = "ideal" if weight.ideal else f"own inertia {float(weight.own_inertia()):.6g} kg m²"
+            at = f"({float(weight.at.x):.6g}, {float(weight.at.y):.6g}) m"
+            console.print(f"weight     {piece}: {float(weight.mass):.6g} kg on {name} at {at}, {kind}", highlight=False)
     for entry in machine.loads:
         window = "all the time"
         if entry.window is not None:
@@ -174,7 +181,7 @@ def analyse_command(
     for folder in (out, csv_folder, json_file and json_file.parent):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-    uniform = [machine.cycle * i / angles for i in range(angles)]
+    uniform = [i * (machine.cycle / angles) for i in range(angles)]
     extra = [] if at is None else [math.radians(at)]
     with _elapsed("analysing"):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed,

@@ -1,12 +1,29 @@
 """Programs compiled for one use: kept on disk, found again, made anew when damaged."""
 
+import dataclasses
+import gc
 import pickle
+import weakref
 
 import jax
 import jax.numpy as jnp
 import pytest
 
+import linkjax as lj
 from linkjax import _compile
+from linkjax.reduction import reduce
+
+
+@pytest.fixture(autouse=True)
+def nothing_chosen(monkeypatch):
+    """Command line calls in the same process name a folder of their own."""
+    monkeypatch.setattr(_compile, "_KEPT", [])
+
+
+@pytest.fixture
+def ours(monkeypatch):
+    """Only what belongs to the package is kept: let the functions of these tests pass for it."""
+    monkeypatch.setattr(_compile, "_ours", lambda function, tree: True)
 
 
 @pytest.fixture
@@ -26,7 +43,7 @@ def make(traced):
     return raised
 
 
-def test_kept_and_found_again(folder):
+def test_kept_and_found_again(folder, ours):
     tree, traced = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, []
     for _ in range(2):  # a new wrapper each time, as a new process would have
         assert float(make(traced)(tree, power=2)["sum"]) == 10.0
@@ -36,7 +53,7 @@ def test_kept_and_found_again(folder):
     assert len(list(folder.glob("linkjax-*"))) == 2
 
 
-def test_damaged_files_are_replaced(folder):
+def test_damaged_files_are_replaced(folder, ours):
     tree, traced = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, []
     make(traced)(tree, power=2)
     (file,) = folder.glob("linkjax-*")
@@ -67,7 +84,7 @@ def test_callbacks_into_python_are_not_kept(folder):
     assert list(folder.glob("linkjax-*")) == []
 
 
-def test_a_kept_program_that_does_not_run_is_made_anew(folder):
+def test_a_kept_program_that_does_not_run_is_made_anew(folder, ours):
     """Whole by its file, but the executable inside is another one."""
     tree, traced = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, []
     make(traced)(tree, power=2)
@@ -80,21 +97,18 @@ def test_a_kept_program_that_does_not_run_is_made_anew(folder):
     assert traced == [2, 2]
 
 
-def test_compiled_ahead_from_shapes(tmp_path):
+def test_compiled_ahead_from_shapes(tmp_path, ours):
     """A chain of two: the second compiles before the first has run, neither is traced again, and both are kept."""
     traced, x = [], {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}
     _compile.keep_in(tmp_path)
-    try:
-        for _ in range(2):  # the second time as a new process would find it
-            one, two = make(traced), make(traced)
-            shapes = one.ahead(x, 2)
-            assert shapes == {"sum": jax.ShapeDtypeStruct((), jnp.float64), "none": None}
-            two.ahead({"a": shapes["sum"], "b": x["b"]}, power=3)
-            assert traced == [2, 3]
-            assert float(two({"a": one(x, 2)["sum"], "b": x["b"]}, 3)["sum"]) == 1001.0
-            assert traced == [2, 3]
-    finally:
-        _compile.keep_in(None)
+    for _ in range(2):  # the second time as a new process would find it
+        one, two = make(traced), make(traced)
+        shapes = one.ahead(x, 2)
+        assert shapes == {"sum": jax.ShapeDtypeStruct((), jnp.float64), "none": None}
+        two.ahead({"a": shapes["sum"], "b": x["b"]}, power=3)
+        assert traced == [2, 3]
+        assert float(two({"a": one(x, 2)["sum"], "b": x["b"]}, 3)["sum"]) == 1001.0
+        assert traced == [2, 3]
 
 
 def test_what_fails_to_compile_says_so():
@@ -109,3 +123,57 @@ def test_what_fails_to_compile_says_so():
 def test_options_that_xla_no_longer_knows(monkeypatch):
     monkeypatch.setattr(_compile, "SOONER", {"xla_of_tomorrow": True, **_compile.SOONER})
     assert float(_compile.compiled_soon(lambda x: 2 * x)(jnp.asarray(4.0))) == 8.0
+
+
+def test_what_users_write_is_never_kept(folder):
+    """Neither a function, whose closure and sources the name of a file cannot tell, nor a tree of a class of theirs."""
+    assert [float(_compile.compiled_soon(lambda x, k=k: k * x)(jnp.asarray(1.0))) for k in (2, 3, 4)] == [2, 3, 4]
+    assert list(folder.glob("*")) == []
+
+    class Drag(lj.OpposingForce):
+        pass
+
+    scene = lj.load("slider-crank")
+    own = dataclasses.replace(scene, loads=(Drag("drag", "piston", "P", magnitude=1.0),))
+    kept = [_compile._ours(reduce, jax.tree.structure({"scene": s})) for s in (scene, own)]
+    assert kept == [True, False]
+
+
+def test_arrays_on_another_device():
+    """As they come out of a population: put on the first device."""
+    doubled = _compile.compiled_soon(lambda x: 2 * x)
+    for device in jax.devices():
+        assert float(doubled(jax.device_put(jnp.asarray(4.0), device))) == 8.0
+
+
+def test_what_failed_once_may_work_later(monkeypatch):
+    """Compiling may fail for want of memory."""
+    doubled = _compile.compiled_soon(lambda x: 2 * x)
+
+    def fail(*_):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_compile, "_compiled_sooner", fail)
+        with pytest.raises(MemoryError):
+            doubled(jnp.asarray(4.0))
+    assert float(doubled(jnp.asarray(4.0))) == 8.0
+
+
+def test_programs_go_with_their_function():
+    kept = _compile.compiled_soon(lambda x: 2 * x)
+    assert kept in _compile._MADE
+    gone = weakref.ref(kept)
+    del kept
+    gc.collect()
+    assert gone() is None
+
+
+def test_a_folder_that_cannot_be_written(tmp_path, ours):
+    """Nothing is left behind, and nothing fails."""
+    _compile.keep_in(tmp_path)
+    (tmp_path / "taken").mkdir()
+    _compile._write(tmp_path / "taken", b"content")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+    _compile._delete(tmp_path / "taken")
+    assert float(make([])({"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, 2)["sum"]) == 10.0

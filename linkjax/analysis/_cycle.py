@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import functools
 import warnings
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._compile import Tracer, compiled_soon
+from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, wrapped
 from linkjax._results import MESSAGES, MachineError, Result, merge
+from linkjax._types import Tracer, as_float
+from linkjax._vec import Vec
 from linkjax.forces import Forces
 from linkjax.kinematics import (
     Least,
@@ -131,7 +134,7 @@ class Cycle(eqx.Module):
 def analyse(
     scene: Scene,
     *,
-    angles: int | Float[Array, " angles"] = 360,
+    angles: Any = 360,
     nodes: int = 96,
     constant_speed: bool = False,
     motion: Literal["quadrature", "diffrax"] = "quadrature",
@@ -149,10 +152,7 @@ def analyse(
     """
     if nodes < 8:
         raise ValueError(f"nodes must be at least 8, but is {nodes}; 96 gives about ten digits")
-    if isinstance(angles, int):
-        if angles < 1:
-            raise ValueError(f"angles must be at least 1, but is {angles}")
-        angles = jnp.arange(angles, dtype=float) * (scene.cycle / angles)
+    scene, angles = jax.tree.map(as_float, scene), _angles(scene, angles)
     if scene.speed.dtype == jnp.float32:
         warnings.warn(
             "linkjax computes in float32: about six digits of δ at best, fewer near dead positions, and checks near "
@@ -161,10 +161,25 @@ def analyse(
         )
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
-    cycle = _analyse(scene, jnp.asarray(angles), nodes, constant_speed, motion)
-    if throw and not isinstance(cycle.result, Tracer):
+    cycle = _analyse(scene, angles, nodes, constant_speed, motion)
+    if throw and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         explain(cycle)
     return cycle
+
+
+def _angles(scene: Scene, angles: Any) -> Array:
+    """The crank angles asked for: uniform ones by their number, or those of an array."""
+    if isinstance(angles, int | np.integer) and not isinstance(angles, bool):
+        if angles < 1:
+            raise ValueError(f"angles must be at least 1, but is {angles}; 360 gives whole degrees")
+        return jnp.arange(int(angles), dtype=float) * (scene.cycle / int(angles))
+    found = jnp.asarray(angles, dtype=float)
+    if found.ndim != 1 or found.size == 0:
+        raise ValueError(
+            f"angles must be a whole number or a list of crank angles in rad, but has the shape {found.shape}; "
+            "write e.g. angles=360 or angles=jnp.linspace(0, 1, 50)"
+        )
+    return found
 
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
@@ -291,11 +306,12 @@ def _checks(
     scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere, limits: Margins
 ) -> tuple[Checks, Array]:
     """The analysis's own checks, and how it went."""
-    found = [_residuals(at, i) for i in (0, 1)]
+    found = [_residuals(scene, at, i) for i in (0, 1)]
     power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
     least = jnp.min(jnp.stack([jnp.ones(()), *(m.value for sides in limits.values() for m in sides.values())]))
     code = merge(
         jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
+        jnp.where(jnp.isinf(motion.delta_error), Result.INTEGRATION_FAILED, 0),
         jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
         jnp.where(motion.least_inertia > LIGHTEST, 0, Result.NO_INERTIA),
         jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
@@ -303,30 +319,44 @@ def _checks(
     return Checks(power, _energy_closure(scene, motion, here, angles, at), balance), code
 
 
-def _residuals(at: Everywhere, i: int) -> tuple[Array, Array]:
-    """Virtual power and force balance in one of the two motions."""
-    forces = at.forces[i]
+def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
+    """Virtual power and force balance in one of the two motions, relative to the largest of what is summed: where
+    everything is balanced the sums themselves are no measure."""
+    forces, speed, acceleration = at.forces[i], at.speed[i], at.acceleration[i]
+    crank = at.pose.links[scene.mechanism.crank].w
     inertia, slope, torque = at.reduced[:3]
-    parts = inertia * at.acceleration[i], 0.5 * slope * at.speed[i] ** 2, -torque
-    power = jnp.max(jnp.abs(forces.drive_torque - sum(parts)))
-    size = jnp.max(sum(jnp.abs(part) for part in parts))
+    parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
+    power, reach = jnp.abs(forces.drive_torque - sum(parts)), jnp.zeros_like(speed)
+    about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
+    heavy, size = jnp.zeros_like(speed), sum(jnp.abs(share) for share in at.reduced.by_load.values())
+    size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration)
+    for link, place, body in at.pose.heavy():
+        point, turn = at.pose.points[place], at.pose.links[link]
+        pull = body.mass * _length(point.ddr * speed**2 + point.dr * acceleration)
+        spin = jnp.abs(body.inertia * (turn.e * speed**2 + turn.w * acceleration) * turn.w)
+        heavy, size = heavy + jnp.abs(pull), size + jnp.abs(pull) * _length(point.dr) + spin
+        reach = jnp.maximum(reach, _length(point.r - about))
+    joints = [side for sides in forces.reactions.values() for side in sides.values()]
+    heavy = jnp.max(functools.reduce(jnp.maximum, [side.magnitude for side in joints], heavy))
     sources = forces.shaking, forces.weight, forces.loads
     rest = [forces.frame[k] - sum(source[k] for source in sources) for k in (0, 1)]
-    frame = jnp.max(jnp.hypot(forces.frame.fx, forces.frame.fy))
-    moments = forces.drive_torque, *(source.moment for source in sources)
-    largest = jnp.max(sum(jnp.abs(moment) for moment in moments))
+    moments = crank * forces.drive_torque, *(source.moment for source in sources)
+    turning = jnp.max(sum(jnp.abs(moment) for moment in moments) + reach * heavy)
     twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)))
-    balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), frame), safe_divide(twist, largest))
-    return safe_divide(power, size), balance
+    balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), heavy), safe_divide(twist, turning))
+    return safe_divide(jnp.max(power), jnp.max(size)), balance
+
+
+def _length(v: Vec) -> Array:
+    return jnp.sqrt(v.squared())
 
 
 def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Array:
     """Every link's kinetic energy from its own velocities against every load's work, integrated by itself."""
     speed = at.speed[0]
     kinetic = 0.5 * scene.mechanism.flywheel.inertia * speed**2
-    for name, link in scene.mechanism.links.items():
-        body = link.actual()
-        v, w = at.pose.points[link.centre_name].dr * speed, at.pose.links[name].w * speed
+    for name, place, body in at.pose.heavy():
+        v, w = at.pose.points[place].dr * speed, at.pose.links[name].w * speed
         kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
     work = motion.drive_torque * jax.vmap(lambda phi: motion.grid.place(phi).phi)(angles)
     for share in here.by_load.values():
@@ -354,6 +384,8 @@ def explain(cycle: Cycle) -> None:
             else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"
         )
         raise MachineError(f"{title}group {group!r} {what}. {MESSAGES[code]}", code)
+    if code is Result.INTEGRATION_FAILED:
+        raise MachineError(f"{title}{MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_inertia))
         raise MachineError(f"{title}no reduced inertia at {degrees:.2f} degrees of crank angle. {MESSAGES[code]}", code)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import jax
@@ -86,14 +87,14 @@ def check_limit(data: dict[str, Any]) -> float:
 
 
 def plain(value: Any) -> Any:
-    """The document with lists instead of arrays, ready for `json.dump`."""
+    """The document with lists instead of arrays and None for what is no number, ready for `json.dump`."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return value
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _maybe(value) -> float | None:

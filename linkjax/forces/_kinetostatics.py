@@ -44,7 +44,7 @@ class Reaction(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Forces at one crank angle. `reactions[joint][link]` acts on the link; `by[joint][link]` names the other side.
+    """Forces at one crank angle. `reactions[joint][link]` acts on the link; `other_sides` names what exerts it.
 
     `shaking` is -Σ m a with its moment -dH/dt about the crank pivot; `frame` is what the mechanism exerts on the frame
     through its joints (moment about the crank pivot; the motor's own reaction, minus the drive torque, not counted);
@@ -94,15 +94,15 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
 def _applied(scene: Scene, here: Pose, at: Instant, speed, acceleration):
     """Inertia, weight and working loads as (link, point, force, couple), and the loads that react on the frame."""
     inertia, weight, working, own = [], [], [], []
-    for name, link in scene.mechanism.links.items():
-        body, centre, turn = here.bodies[name], here.points[link.centre_name], here.links[name]
+    for name, place, body in here.heavy():
+        centre, turn = here.points[place], here.links[name]
         a = centre.ddr * speed**2 + centre.dr * acceleration
         spin = turn.e * speed**2 + turn.w * acceleration
-        moment = body.inertia
-        if name == scene.mechanism.crank:
-            moment = moment + scene.mechanism.flywheel.inertia
-        inertia.append((name, link.centre_name, a * (-body.mass), -moment * spin))
-        weight.append((name, link.centre_name, scene.gravity * body.mass, jnp.zeros_like(spin)))
+        inertia.append((name, place, a * (-body.mass), -body.inertia * spin))
+        weight.append((name, place, scene.gravity * body.mass, jnp.zeros_like(spin)))
+    crank = scene.mechanism.crank
+    spin = here.links[crank].e * speed**2 + here.links[crank].w * acceleration
+    inertia.append((crank, None, zero(), -scene.mechanism.flywheel.inertia * spin))
     for load in scene.loads:
         force, couple = load.wrench(here, at)
         working.append((load.link, load.point, force, couple))

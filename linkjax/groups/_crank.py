@@ -29,6 +29,10 @@ class Crank(AbstractGroup):
     turns: int = eqx.field(static=True, default=1)
     phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
 
+    def __check_init__(self):
+        if self.turns not in (1, -1):
+            raise ValueError(f"turns of a crank must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
+
     def link_names(self):
         return (self.link,)
 

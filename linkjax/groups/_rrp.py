@@ -33,6 +33,10 @@ class RRP(AbstractGroup):
     along: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
     offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
 
+    def __check_init__(self):
+        if self.side not in (1, -1):
+            raise ValueError(f"side of an {self.kind} must be 1 or -1, but is {self.side!r}")
+
     def link_names(self):
         return (self.link, self.block)
 

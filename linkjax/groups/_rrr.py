@@ -31,6 +31,10 @@ class RRR(AbstractGroup):
     meet: str = eqx.field(static=True)
     side: int = eqx.field(static=True, default=1)
 
+    def __check_init__(self):
+        if self.side not in (1, -1):
+            raise ValueError(f"side of an {self.kind} must be 1 or -1, but is {self.side!r}")
+
     def link_names(self):
         return self.links
 

@@ -11,15 +11,20 @@ from jaxtyping import Array
 from linkjax._types import Scalar
 from linkjax._vec import Vec
 from linkjax.groups import LinkState, Margin, PointState, at_rest
-from linkjax.mechanism import Body, Mechanism
+from linkjax.mechanism import Lump, Mechanism, lumps
 
 
 class Pose(NamedTuple):
-    """Points and links of a mechanism at one crank angle; points include the mass centres (`S1`, `S2`, …)."""
+    """Points and links of a mechanism at one crank angle; points include the mass centres (`S1`, `S2`, …) and the
+    counterweights. `bodies[link][point]` is what is heavy on a link, and where."""
 
     points: dict[str, PointState]
     links: dict[str, LinkState]
-    bodies: dict[str, Body]
+    bodies: dict[str, dict[str, Lump]]
+
+    def heavy(self) -> list[tuple[str, str, Lump]]:
+        """All that is heavy, as (link, point, mass and inertia)."""
+        return [(link, point, lump) for link, held in self.bodies.items() for point, lump in held.items()]
 
 
 def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
@@ -36,14 +41,17 @@ def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
 def _pose(mechanism: Mechanism, phi: Scalar) -> Pose:
     points = {name: at_rest(at) for name, at in mechanism.fixed.items()}
     links: dict[str, LinkState] = {}
-    bodies = {name: link.actual() for name, link in mechanism.links.items()}
+    bodies = {}
     for group in mechanism.groups:
         states, pins = group.solve(mechanism.links, points, phi)
         links |= states
         points |= pins
         for name, (origin, _) in group.pins().items():
-            body, link = bodies[name], mechanism.links[name]
-            for point, at in {link.centre_name: body.centre, **body.points}.items():
+            link = mechanism.links[name]
+            body = link.actual()
+            bodies[name] = lumps(link, body, origin)
+            weights = {piece: weight.at for piece, weight in link.counterweights.items()}
+            for point, at in {link.centre_name: body.centre, **body.points, **weights}.items():
                 points[point] = carried(points[origin], states[name], at, name in group.translating())
     return Pose(points, links, bodies)
 

@@ -8,11 +8,12 @@ from typing import Literal
 
 import equinox as eqx
 import jax
+import numpy as np
 from jaxtyping import Array
 
-from linkjax._types import as_float
+from linkjax._types import as_float, known
 from linkjax._vec import Vec
-from linkjax.loads import AbstractLoad
+from linkjax.loads import AbstractLoad, Window
 from linkjax.mechanism import Mechanism, StructureError, nearest
 
 
@@ -38,12 +39,19 @@ class Scene(eqx.Module):
             raise StructureError("mean", f"is {self.mean!r}", 'write "time" or "midrange"')
         if not isinstance(self.cycle_turns, int) or self.cycle_turns < 1:
             raise StructureError("cycle_turns", f"is {self.cycle_turns!r}", "write a whole number of crank turns")
+        for name in ("speed", "target_delta"):
+            value = known(getattr(self, name))
+            if value is not None and not np.all(value > 0):
+                raise StructureError(name, f"is {value}", "write a number above zero; Crank(turns=-1) turns clockwise")
         owners, seen = self.mechanism.owners(), {"gravity", "drive"}
         for number, load in enumerate(self.loads):
             element = f"loads[{number}] ({load.name})"
             if load.name in seen:
                 raise StructureError(element, f"the name {load.name!r} is used already", "give every load its own name")
             seen.add(load.name)
+            if load.window is not None and self._whole(load.window):
+                remedy = "leave the window out for a load that always acts"
+                raise StructureError(element, "the window is a whole cycle long, so its ends coincide", remedy)
             if load.link not in self.mechanism.links:
                 remedy = nearest(load.link, self.mechanism.links)
                 raise StructureError(element, f"link {load.link!r} is not defined", remedy)
@@ -55,6 +63,13 @@ class Scene(eqx.Module):
             if load.point and load.point not in on_link:
                 problem = f"point {load.point!r} is not on link {load.link!r}"
                 raise StructureError(element, problem, nearest(load.point, on_link))
+
+    def _whole(self, window: Window) -> bool:
+        on, off = known(window.on), known(window.off)
+        if on is None or off is None:
+            return False
+        turns = np.round((off - on) / self.cycle)
+        return bool(np.any((turns != 0) & (np.abs(off - on - turns * self.cycle) < 1e-9 * self.cycle)))
 
     def _never_moves(self, load: AbstractLoad) -> bool:
         translating = {link for group in self.mechanism.groups for link in group.translating()}

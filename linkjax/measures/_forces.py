@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax.forces import Forces, kinetostatics, other_sides
+from linkjax.forces import Forces, kinetostatics
 from linkjax.kinematics import pose
 from linkjax.machine import Scene
 from linkjax.motion import Place, Regime
@@ -16,8 +16,7 @@ from linkjax.reduction import mass_sums
 def shaking(regime: Regime, place: Place) -> Float[Array, "1 2"]:
     """Shaking force (N): what inertia does to the frame."""
     here = pose(regime.scene.mechanism, place.phi)
-    names = {name: link.centre_name for name, link in regime.scene.mechanism.links.items()}
-    first, second = mass_sums(here, names)
+    first, second = mass_sums(here)
     speed, acceleration = regime.crank(place)
     force = -(second * speed**2 + first * acceleration).once()
     return jnp.stack([force.x, force.y])[None]
@@ -60,10 +59,8 @@ def peak_names(scene: Scene) -> list[str]:
 
 def reaction_names(scene: Scene) -> list[tuple[str, str]]:
     """One (joint, link) for every joint: the link that joins, the other side being equal and opposite."""
-    names, owners = [], scene.mechanism.owners()
-    for joint, sides in other_sides(scene).items():
-        names += [(joint, link) for link in sides if owners.get(joint) != link]
-    return names
+    joints = [joint for group in scene.mechanism.groups for joint in group.joints()]
+    return list(dict.fromkeys((joint.name, joint.link) for joint in joints))
 
 
 def _forces(regime: Regime, place: Place) -> Forces:

@@ -11,27 +11,33 @@ from collections.abc import Callable, Iterable
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax.kinematics import assembly_margins, transmission_angles
+from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
-from linkjax.motion import Place, Regime, flywheel_on, peaks
+from linkjax.motion import Components, Place, Regime, Rows, flywheel_on, peaks, rows
 
 
 @dataclasses.dataclass(frozen=True)
 class Measure:
-    """A number of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable; nodes per crank turn."""
+    """A number of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable; nodes per crank turn.
+
+    A peak also has `rows`, all that may be the largest: where two peaks tie, the number alone has no gradient.
+    """
 
     name: str
     unit: str
     meaning: str
     function: Callable[[Parts], Array]
+    rows: Callable[[Parts], Rows] | None = None  # everything that may be the largest, or the smallest
+    smallest: bool = False
 
     def __call__(self, scene: Scene, nodes: int = NODES) -> Array:
         return self.function(Parts(scene, nodes))
 
 
 MEASURES: dict[str, Measure] = {}
+Peaked = tuple[Regime, Components, Array | None]
 
 
 def measure(unit: str) -> Callable[[Callable[[Parts], Array]], Measure]:
@@ -39,6 +45,38 @@ def measure(unit: str) -> Callable[[Callable[[Parts], Array]], Measure]:
 
     def register(function: Callable[[Parts], Array]) -> Measure:
         made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), function)
+        MEASURES[made.name] = made
+        return made
+
+    return register
+
+
+def peak(unit: str) -> Callable[[Callable[[Parts], Peaked]], Measure]:
+    """Make a measure of what has a peak: the regime, its components, and their values at the nodes if known."""
+
+    def register(function: Callable[[Parts], Peaked]) -> Measure:
+        def largest(of: Parts) -> Array:
+            return jnp.max(peaks(*function(of)).value)
+
+        def every(of: Parts) -> Rows:
+            return rows(*function(of))
+
+        made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), largest, every)
+        MEASURES[made.name] = made
+        return made
+
+    return register
+
+
+def smallest(unit: str) -> Callable[[Callable[[Parts], Rows]], Measure]:
+    """Make a measure of which the smallest of several numbers counts."""
+
+    def register(function: Callable[[Parts], Rows]) -> Measure:
+        def least(of: Parts) -> Array:
+            return jnp.min(function(of).size())
+
+        meaning = (function.__doc__ or "").strip()
+        made = Measure(function.__name__, unit, meaning, least, function, smallest=True)
         MEASURES[made.name] = made
         return made
 
@@ -88,32 +126,30 @@ def flywheel_for_target_delta(of: Parts) -> Array:
     return flywheel_on(of.scene, target, of.grid, of.reduced)
 
 
-@measure("1")
-def smallest_margin(of: Parts) -> Array:
+@smallest("1")
+def smallest_margin(of: Parts) -> Rows:
     """Smallest signed assembly margin of all groups over the continuous cycle; negative: it cannot be assembled."""
     limits = assembly_margins(of.scene.mechanism, of.scene.cycle_turns)
-    every = [least.value for sides in limits.values() for least in sides.values()]
-    return jnp.min(jnp.stack(every)) if every else jnp.ones(())
+    found = [least for sides in limits.values() for least in sides.values()]
+    found = found or [Least(jnp.ones(()), jnp.zeros(()))]
+    return Rows(jnp.stack([each.value for each in found])[:, None], jnp.stack([each.angle for each in found]), True)
 
 
-@measure("1")
-def largest_transmission_cosine(of: Parts) -> Array:
+@peak("1")
+def largest_transmission_cosine(of: Parts) -> Peaked:
     """Largest size of cos μ over the cycle, μ every transmission angle: 0 at 90 degrees, 1 at a dead position."""
-
-    if len(of.scene.mechanism.groups) == 1:
-        return jnp.zeros(())
 
     def cosines(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)
-        return jnp.cos(jnp.stack(list(angles.values())))[:, None]
+        return jnp.cos(jnp.stack([*angles.values(), *([] if angles else [jnp.asarray(jnp.pi / 2)])]))[:, None]
 
-    return _largest(of.constant_speed, cosines)
+    return of.constant_speed, cosines, None
 
 
-@measure("N")
-def peak_shaking_force_constant_speed(of: Parts) -> Array:
+@peak("N")
+def peak_shaking_force_constant_speed(of: Parts) -> Peaked:
     """Largest shaking force at constant nominal speed."""
-    return _largest(of.constant_speed, _forces.shaking, of.shaking(of.constant_speed))
+    return of.constant_speed, _forces.shaking, of.shaking(of.constant_speed)
 
 
 @measure("N")
@@ -124,29 +160,25 @@ def rms_shaking_force_constant_speed(of: Parts) -> Array:
     return jnp.sqrt(jnp.sum(weights * jnp.sum(force * force, axis=0)) / of.scene.cycle)
 
 
-@measure("N")
-def peak_shaking_force(of: Parts) -> Array:
+@peak("N")
+def peak_shaking_force(of: Parts) -> Peaked:
     """Largest shaking force in the true motion."""
-    return _largest(of.true_motion, _forces.shaking, of.shaking(of.true_motion))
+    return of.true_motion, _forces.shaking, of.shaking(of.true_motion)
 
 
-@measure("N m")
-def peak_drive_torque_constant_speed(of: Parts) -> Array:
+@peak("N m")
+def peak_drive_torque_constant_speed(of: Parts) -> Peaked:
     """Largest magnitude of the drive torque at constant nominal speed."""
-    return _largest(of.constant_speed, _forces.drive)
+    return of.constant_speed, _forces.drive, None
 
 
-@measure("N")
-def peak_reaction_constant_speed(of: Parts) -> Array:
+@peak("N")
+def peak_reaction_constant_speed(of: Parts) -> Peaked:
     """Largest joint or guide force at constant nominal speed."""
-    return _largest(of.constant_speed, _forces.reactions)
+    return of.constant_speed, _forces.reactions, None
 
 
-@measure("N")
-def peak_reaction(of: Parts) -> Array:
+@peak("N")
+def peak_reaction(of: Parts) -> Peaked:
     """Largest joint or guide force in the true motion."""
-    return _largest(of.true_motion, _forces.reactions)
-
-
-def _largest(regime: Regime, components, at_nodes: Array | None = None) -> Array:
-    return jnp.max(peaks(regime, components, at_nodes).value)
+    return of.true_motion, _forces.reactions, None

@@ -54,11 +54,10 @@ class Parts:
 
     def shaking(self, regime: Regime) -> Float[Array, "1 2 panels n"]:
         """Shaking force at every node (N), as one quantity of two parts."""
-        names = {name: link.centre_name for name, link in self.scene.mechanism.links.items()}
         places = jax.tree.map(jnp.ravel, self.grid.node_places())
 
         def at(here, place):
-            first, second = mass_sums(here, names)
+            first, second = mass_sums(here)
             speed, acceleration = regime.crank(place)
             force = -(second * speed**2 + first * acceleration)
             return force.x, force.y

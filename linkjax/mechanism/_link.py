@@ -2,26 +2,69 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from linkjax._types import as_float
+from linkjax._types import as_float, known
 from linkjax._vec import Vec
 
 MassProperties = Literal["fixed", "scaled", "section"]
+
+
+class Counterweight(eqx.Module):
+    """A heavy piece fastened to a link: mass (kg) and the place of its centre in the link's frame (m).
+
+    Its own inertia (kg m²) is given as `inertia`, or is that of a disc of `thickness` (m) and `density` (kg/m³),
+    m² / (2π thickness density); with neither it is a point. An `ideal` one adds the product mass · place alone: no
+    mass, no inertia; it must sit on a link that turns about a point of the frame. Its place does not follow the
+    length of the link. Raises `ValueError` when the inertia is given twice or half.
+    """
+
+    mass: Array = eqx.field(converter=as_float, default=0.0)
+    at: Vec = eqx.field(default_factory=lambda: Vec(0.0, 0.0))
+    inertia: Array | None = eqx.field(converter=as_float, default=None)
+    thickness: Array | None = eqx.field(converter=as_float, default=None)
+    density: Array | None = eqx.field(converter=as_float, default=None)
+    ideal: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        if not isinstance(self.at, Vec) and isinstance(self.at, str | int | float | tuple | list):
+            raise TypeError(f"the place of a counterweight must be a Vec, but is {self.at!r}; write Vec(x, y)")
+        if (self.thickness is None) != (self.density is None):
+            raise ValueError("a counterweight that is a disc needs thickness and density; give both")
+        given = [name for name in ("inertia", "thickness") if getattr(self, name) is not None]
+        if len(given) > 1 or (given and self.ideal):
+            remedy = "an ideal one has none" if self.ideal else "give either inertia, or thickness and density"
+            raise ValueError(f"the inertia of a counterweight is fixed by {' and '.join(given)} already; {remedy}")
+
+    def own_inertia(self) -> Array:
+        """Inertia about its own centre (kg m²)."""
+        if self.inertia is not None:
+            return self.inertia
+        if self.thickness is None or self.density is None:
+            return jnp.zeros_like(self.mass)
+        return self.mass**2 / (2 * jnp.pi * self.thickness * self.density)
+
+    def radius(self) -> Array | None:
+        """Radius of the disc (m), None for any other form."""
+        if self.thickness is None or self.density is None:
+            return None
+        return jnp.sqrt(self.mass / (jnp.pi * self.thickness * self.density))
 
 
 class Link(eqx.Module):
     """What the designer chose for one link (SI units; every number is an array leaf).
 
     `length` is the distance between its two pins (zero for a sliding block). `centre` and `points` are given in the
-    link's frame. `mass_properties` says what happens when the length changes: "fixed" keeps mass, centre, inertia
-    and points as given; "scaled" lets centre and points follow l / l_ref, mass l / l_ref and inertia (l / l_ref)^3
-    from `reference_length`; "section" computes a slender uniform bar from `area` and `density`.
+    link's frame; `mass`, `centre` and `inertia` are those without the `counterweights`. `mass_properties` says what
+    happens when the length changes: "fixed" keeps mass, centre, inertia and points as given; "scaled" lets centre and
+    points follow l / l_ref, mass l / l_ref and inertia (l / l_ref)^3 from `reference_length`; "section" computes a
+    slender uniform bar from `area` and `density`.
     """
 
     length: Array = eqx.field(converter=as_float, default=0.0)
@@ -29,6 +72,9 @@ class Link(eqx.Module):
     inertia: Array = eqx.field(converter=as_float, default=0.0)
     centre: Vec = eqx.field(default_factory=lambda: Vec(0.0, 0.0))
     points: dict[str, Vec] = eqx.field(converter=lambda points: dict(sorted(points.items())), default_factory=dict)
+    counterweights: dict[str, Counterweight] = eqx.field(
+        converter=lambda pieces: dict(sorted(pieces.items())), default_factory=dict
+    )
     reference_length: Array | None = eqx.field(converter=as_float, default=None)
     area: Array | None = eqx.field(converter=as_float, default=None)
     density: Array | None = eqx.field(converter=as_float, default=None)
@@ -40,6 +86,10 @@ class Link(eqx.Module):
             raise ValueError(
                 f"mass_properties must be one of {get_args(MassProperties)}, but is {self.mass_properties!r}"
             )
+        for name in ("length", "mass", "inertia", "reference_length", "area", "density"):
+            value = known(getattr(self, name))
+            if value is not None and np.any(value < 0):
+                raise ValueError(f"{name} of a link must not be negative, but is {value}; write zero or more")
         for where, at in {"centre": self.centre, **self.points}.items():
             if not isinstance(at, Vec) and isinstance(at, str | int | float | tuple | list):
                 raise TypeError(f"{where} of a link must be a Vec, but is {at!r}; write Vec(x, y)")
@@ -60,6 +110,26 @@ class Link(eqx.Module):
             points = {name: at * k for name, at in self.points.items()}
             return Body(self.mass * k, self.centre * k, self.inertia * k**3, points)
         return Body(self.mass, self.centre, self.inertia, self.points)
+
+
+class Lump(NamedTuple):
+    """Mass (kg) at a point and inertia about it (kg m²)."""
+
+    mass: Array
+    inertia: Array
+
+
+def lumps(link: Link, body: Body, origin: str) -> dict[str, Lump]:
+    """All that is heavy on a link, by point: the link itself at its mass centre, and its counterweights."""
+    found = {link.centre_name: Lump(body.mass, body.inertia)}
+    for name, piece in link.counterweights.items():
+        if piece.ideal:  # a mass at its place and as much less at the fixed pivot, without any inertia about it
+            mass, inertia = found.get(origin, Lump(jnp.zeros_like(piece.mass), jnp.zeros_like(piece.mass)))
+            found[origin] = Lump(mass - piece.mass, inertia)
+            found[name] = Lump(piece.mass, -piece.mass * piece.at.squared())
+        else:
+            found[name] = Lump(piece.mass, piece.own_inertia())
+    return found
 
 
 class Body(eqx.Module):

@@ -56,7 +56,7 @@ class Mechanism(eqx.Module):
                 if far is not None:
                     owner.setdefault(far, link)
             for link in group.link_names():
-                for point in self.links[link].points:
+                for point in (*self.links[link].points, *self.links[link].counterweights):
                     owner.setdefault(point, link)
                 owner.setdefault(self.links[link].centre_name, link)
         return owner
@@ -106,6 +106,12 @@ def check_structure(mechanism: Mechanism) -> None:
             if point not in mechanism.fixed:
                 problem = f"point {point!r} moves, but must be a point of the frame"
                 raise StructureError(element, problem, nearest(point, mechanism.fixed))
+        for link, (origin, _) in group.pins().items():
+            for name, piece in mechanism.links[link].counterweights.items():
+                if piece.ideal and (origin not in mechanism.fixed or link in group.translating()):
+                    problem = f"an ideal counterweight cannot sit on link {link!r}: it has no fixed pivot"
+                    where = f"links.{link}.counterweights.{name}"
+                    raise StructureError(where, problem, "leave `ideal` out, or choose a link with a fixed pivot")
         _add_points(mechanism, group, element, known)
     _check_names(mechanism, everywhere)
     idle = [name for name in mechanism.links if name not in placed]
@@ -123,6 +129,8 @@ def _check_names(mechanism, points):
             raise StructureError(f"groups[{number}] ({group.kind})", problem, "rename one of its links")
         seen[name] = number
     for name in mechanism.links:
+        if name == "frame":
+            raise StructureError("links.frame", "the name is taken by the frame itself", "give the link another name")
         if name in points:
             raise StructureError(f"links.{name}", f"there is a point {name!r} too", "give the link another name")
     for name, at in mechanism.fixed.items():
@@ -132,7 +140,8 @@ def _check_names(mechanism, points):
 
 def _all_points(mechanism):
     pins = {far for g in mechanism.groups for _, far in g.pins().values() if far}
-    return pins | set(mechanism.fixed) | {p for link in mechanism.links.values() for p in link.points}
+    on_links = {p for link in mechanism.links.values() for p in (*link.points, *link.counterweights)}
+    return pins | set(mechanism.fixed) | on_links
 
 
 def _add_points(mechanism, group, element, known):
@@ -140,10 +149,11 @@ def _add_points(mechanism, group, element, known):
     for link, (_, far) in group.pins().items():
         new += [(far, element)] if far else []
         new += [(p, f"links.{link}.points.{p}") for p in mechanism.links[link].points]
+        new += [(p, f"links.{link}.counterweights.{p}") for p in mechanism.links[link].counterweights]
         new.append((mechanism.links[link].centre_name, f"links.{link}"))
     shared = set()
     for point, where in new:
-        if point in known and point not in shared:
+        if point in known and not (point in shared and where == element):
             raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
         known.add(point)
         if where == element:

@@ -13,9 +13,12 @@ from linkjax.motion._flywheel import with_flywheel as with_flywheel
 from linkjax.motion._grid import Grid as Grid
 from linkjax.motion._grid import Place as Place
 from linkjax.motion._grid import make_grid as make_grid
+from linkjax.motion._regime import Components as Components
 from linkjax.motion._regime import Peak as Peak
 from linkjax.motion._regime import Regime as Regime
+from linkjax.motion._regime import Rows as Rows
 from linkjax.motion._regime import peaks as peaks
+from linkjax.motion._regime import rows as rows
 from linkjax.motion._steady import Steady as Steady
 from linkjax.motion._steady import node_poses as node_poses
 from linkjax.motion._steady import node_values as node_values

@@ -230,12 +230,14 @@ def steady_by_diffrax(
 
     The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady`
     within the tolerance, and where there is no regime the same altogether. `delta_error` is that of the quadrature and
-    the difference between the two; evaluations are not counted. `solver` (default `Dopri8`) and `adjoint` are
+    the difference between the two, infinite where the integration failed; evaluations are not counted. The tolerance is
+    held above thirty roundings of the precision in force. `solver` (default `Dopri8`) and `adjoint` are
     diffrax's; the latter decides the direction of differentiation: `ForwardMode()` (default) for `jvp`,
     `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 
+    tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
     grid = make_grid(scene, nodes)
     here = node_values(scene, grid)
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)
@@ -266,8 +268,10 @@ def steady_by_diffrax(
     other = steady_on(scene, grid, here)
     error = other.delta_error + jax.lax.stop_gradient(jnp.abs(found.delta - other.delta))
     found = dataclasses.replace(found, delta_error=error, evaluations=None)
-    runs = (other.regime_margin > 0) & jnp.all(jnp.isfinite(states))
-    return jax.tree.map(lambda a, b: jnp.where(runs, a, b), found, dataclasses.replace(other, evaluations=None))
+    runs, whole = other.regime_margin > 0, jnp.all(jnp.isfinite(states))
+    lost = jnp.where(runs & ~whole, jnp.inf, other.delta_error)
+    other = dataclasses.replace(other, delta_error=lost, evaluations=None)
+    return jax.tree.map(lambda a, b: jnp.where(runs & whole, a, b), found, other)
 
 
 def _fitted(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:

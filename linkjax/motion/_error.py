@@ -24,7 +24,7 @@ from linkjax.motion._extremum import doubt, pieces
 from linkjax.motion._flow import End, Flow
 from linkjax.reduction import Reduced, reduce_pose
 
-FLOOR = 2e-11
+FLOOR, ROUNDINGS = 2e-11, 60.0  # the least error stated: an absolute one, and roundings of the largest speed
 
 
 def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
@@ -71,7 +71,8 @@ def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
         rival = jnp.max(jnp.where(near, -jnp.inf, height + doubtful)) - sign * end.height
         missed = 4 * end.left + jnp.maximum(beyond, 0.0) + jnp.maximum(rival, 0.0)
         total = total + (1.3 * across + inside) / (end.inertia * speed) + missed / speed
-    return total / scene.speed + FLOOR
+    fastest = flow.speed(extremes[0].height * extremes[0].inertia, extremes[0].inertia)
+    return (total + ROUNDINGS * jnp.finfo(total.dtype).eps * fastest) / scene.speed + FLOOR
 
 
 def _at_edges(flow: Flow) -> tuple[Array, Array, Array]:

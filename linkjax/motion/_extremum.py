@@ -94,12 +94,23 @@ class Summit(NamedTuple):
 def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
     """The summit of a function given on the search grid of every panel."""
     height = jax.lax.stop_gradient(height)
-    points = height.shape[1]
     best = highest(jnp.max(height, axis=1))
     panel = jnp.max(jnp.where(best, jnp.arange(best.size), 0))
     panel, i = _right_panel(fine, height, panel, jnp.argmax(height[panel]))
+    return _summit(fine, height[panel], panel, i)
+
+
+def highest_in(fine: Array, height: Float[Array, " fine"], panel: Int[Array, ""]) -> Summit:
+    """The summit within one panel, where it may lie at an end."""
+    height = jax.lax.stop_gradient(height)
+    return _summit(fine, height, panel, jnp.argmax(height))
+
+
+def _summit(fine: Array, height: Array, panel: Array, i: Array) -> Summit:
+    """By the parabola through the highest point and its neighbours."""
+    points = height.shape[0]
     j = jnp.clip(i, 1, points - 2)
-    x, y = fine[j + jnp.arange(-1, 2)], height[panel, j + jnp.arange(-1, 2)]
+    x, y = fine[j + jnp.arange(-1, 2)], height[j + jnp.arange(-1, 2)]
     left = (y[1] - y[0]) / (x[1] - x[0])
     right = (y[2] - y[1]) / (x[2] - x[1])
     bend = (right - left) / (0.5 * (x[2] - x[0]))

@@ -84,13 +84,15 @@ class Flow(eqx.Module):
     weights: Array
     at_nodes: Array
     scale: Array
+    mean: Array
     floor: Array
 
     def __init__(self, scene: Scene, grid: Grid, here: Reduced, work: Primitive, drive: Array):
         r = grid.rule
         self.scene, self.grid, self.work, self.drive = scene, grid, work, drive
         self.weights = grid.half[:, None] * r.w[None]
-        self.floor = inertia_floor(jnp.sum(self.weights * here.inertia) / scene.cycle)
+        self.mean = jnp.sum(self.weights * here.inertia) / scene.cycle
+        self.floor = inertia_floor(self.mean)
         self.inertia = jnp.maximum(here.inertia, self.floor)
         self.here = here._replace(inertia=self.inertia)
         self.at_nodes = work.at_edges[:-1, None] + work.series @ jnp.asarray(r.at_nodes.T)
@@ -193,7 +195,8 @@ class Flow(eqx.Module):
             return phi, reduce(self.scene, phi, self.grid.middle[panel])
 
         phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
-        return jnp.minimum(here.inertia, jnp.min(value)) * self.scene.speed**2 / (2 * self.scale), phi
+        least = jnp.minimum(here.inertia, jnp.min(value)) * self.scene.speed**2 / (2 * self.scale)
+        return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
 
     def at_ends(self) -> tuple[Array, Array]:
         """Work W (J) and its slope Q + T (N m) at the two ends of every panel."""

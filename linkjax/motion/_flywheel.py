@@ -40,7 +40,8 @@ def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array
 
     def excess(inertia):
         at = with_flywheel(scene, inertia)
-        return delta / steady_on(at, grid, here._replace(inertia=bare + inertia)).delta - 1
+        got = steady_on(at, grid, here._replace(inertia=bare + inertia)).delta
+        return delta / jnp.maximum(got, 1e-9 * delta) - 1  # steady by itself: as steady as makes no difference
 
     def solve(function, start):
         def step(state):

@@ -69,7 +69,8 @@ class Grid(eqx.Module):
         """Where a crank angle lies; on an edge, in the panel that begins there (the limit from increasing φ)."""
         start, cycle = self.edges[0], self.edges[-1] - self.edges[0]
         phi = start + wrapped(phi - start, cycle)
-        panel = jnp.clip(jnp.searchsorted(self.edges, phi, side="right") - 1, 0, self.edges.size - 2)
+        nearly = phi + 8 * jnp.finfo(phi.dtype).eps * cycle  # an edge that rounding has moved is still an edge
+        panel = jnp.clip(jnp.searchsorted(self.edges, nearly, side="right") - 1, 0, self.edges.size - 2)
         panel = panel.astype(jnp.int32)
         return Place(panel, jnp.clip(safe_divide(phi - self.middle[panel], self.half[panel]), -1.0, 1.0), phi)
 

@@ -13,13 +13,14 @@ from jaxtyping import Array, Float
 
 from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, wrapped
 from linkjax.machine import Scene
-from linkjax.motion._extremum import climb, phi_at, search, settle
+from linkjax.motion._extremum import climb, highest_in, phi_at, search, settle
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
 from linkjax.motion._steady import Steady
 
 FOLLOW = 3  # steps on the interpolants
 NEAR = 3e-3  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself
+ROUNDINGS = 4000.0  # of a peak: the least error stated
 FAR = 10.0  # the most it may move, in these
 
 
@@ -65,10 +66,7 @@ def peaks(
     """
     grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
     if at_nodes is None:
-        flat = jax.vmap(lambda place: components(fixed, place), out_axes=-1)(
-            jax.tree.map(jnp.ravel, grid.node_places())
-        )
-        at_nodes = flat.reshape((*flat.shape[:2], *grid.nodes.shape))
+        at_nodes = _node_values(fixed, components)
     at_nodes = jax.lax.stop_gradient(at_nodes)
     rule = grid.rule
     fine = at_nodes @ jnp.asarray(rule.to_fine.T)
@@ -114,5 +112,70 @@ def peaks(
     near = away < (3 / grid.n) * (grid.half[None, :] + grid.half[panel][:, None])[..., None]
     near &= (jnp.abs(x) < 1)[:, None, None]  # at the end of a panel it may go on in the next
     rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[..., None]), axis=(1, 2)) - top
-    doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + 1e-12 * top
+    doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + ROUNDINGS * jnp.finfo(top.dtype).eps * top
     return Peak(top, wrapped(phi, regime.scene.cycle), jax.lax.stop_gradient(doubt))
+
+
+class Rows(eqx.Module):
+    """Vectors of which the longest is a peak (rows of one part and a sign: of which the largest is), with the crank
+    angle (rad) of each. What an optimiser that treats peaks exactly has to keep below a bound."""
+
+    vectors: Float[Array, "rows parts"]
+    angle: Float[Array, " rows"]
+    signed: bool = eqx.field(static=True, default=False)
+
+    def size(self) -> Float[Array, " rows"]:
+        """What counts of every row: its length, or its signed value."""
+        return self.vectors[:, 0] if self.signed else safe_sqrt(jnp.sum(self.vectors**2, axis=1))
+
+
+def rows(regime: Regime, components: Components, at_nodes: Array | None = None) -> Rows:
+    """Vectors over the continuous cycle, differentiable: at every node, at both ends of every panel (both limits at
+    every jump), and at the two highest summits of every panel. Interpolants only tell where summits are."""
+    grid, rule = regime.grid, regime.grid.rule
+    if at_nodes is None:
+        at_nodes = _node_values(regime, components)
+    quantities, parts, panels, n = at_nodes.shape
+    fine, still = jnp.asarray(rule.fine), jax.lax.stop_gradient(at_nodes)
+    heights = jnp.sum((still @ jnp.asarray(rule.to_fine.T)) ** 2, axis=1)
+    series = still @ jnp.asarray(rule.spectrum.T)
+
+    def summit(height, coefficients, panel):
+        def slope(x):
+            value, rate = jax.jvp(lambda x: legendre_sum(coefficients, x), (x,), (jnp.ones_like(x),))
+            return 2 * jnp.sum(value * rate)
+
+        return climb(slope, highest_in(fine, height, panel), FOLLOW)
+
+    def two(height, coefficients, panel):
+        first = summit(height, coefficients, panel)
+        turns = jnp.concatenate([height[:1] > height[1:2], (height[1:-1] >= height[:-2]) & (height[1:-1] >= height[2:]),
+                                 height[-1:] > height[-2:-1]])  # fmt: skip
+        other = turns & (jnp.abs(fine - first) > 2.5 / n)
+        second = summit(jnp.where(other, height, 0.0), coefficients, panel)
+        return jnp.stack([first, second])
+
+    number = jnp.arange(panels, dtype=jnp.int32)
+    x = jax.vmap(jax.vmap(two, in_axes=(0, 1, 0)), in_axes=(0, 0, None))(heights, series, number)
+
+    def at(which, panel, x):
+        place = settle(grid, panel, x)
+        vectors = components(regime, place)
+        return (vectors if which is None else vectors[which]), place.phi
+
+    ends, edges = jax.vmap(lambda panel: jax.vmap(lambda x: at(None, panel, x))(jnp.asarray([-1.0, 1.0])))(number)
+    tops, angles = jax.vmap(
+        lambda which, x: jax.vmap(lambda panel, x: jax.vmap(lambda x: at(which, panel, x))(x))(number, x)
+    )(jnp.arange(quantities), x)
+    every = [jnp.moveaxis(at_nodes, 1, -1), jnp.moveaxis(ends, 2, 0), tops]
+    where = [jnp.broadcast_to(phi, (quantities, *phi.shape)) for phi in (grid.nodes, edges)] + [angles]
+    vectors, angle = jnp.concatenate(every, axis=2), jnp.concatenate(where, axis=2)
+    angle = wrapped(jax.lax.stop_gradient(angle), regime.scene.cycle)
+    return Rows(vectors.reshape((-1, parts)), angle.ravel())
+
+
+def _node_values(regime: Regime, components: Components) -> Array:
+    """The vectors at every node, shape (quantities, parts, panels, n)."""
+    places = jax.tree.map(jnp.ravel, regime.grid.node_places())
+    flat = jax.vmap(lambda place: components(regime, place), out_axes=-1)(places)
+    return flat.reshape((*flat.shape[:2], *regime.grid.nodes.shape))

@@ -31,8 +31,8 @@ class Reduced(NamedTuple):
 def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
     """Reduce a pose that is known already; see `reduce`."""
     inertia, half_slope, weight = scene.mechanism.flywheel.inertia, jnp.zeros_like(at.phi), jnp.zeros_like(at.phi)
-    for name, link in scene.mechanism.links.items():
-        body, point, turn = here.bodies[name], here.points[link.centre_name], here.links[name]
+    for name, place, body in here.heavy():
+        point, turn = here.points[place], here.links[name]
         inertia = inertia + body.mass * point.dr.squared() + body.inertia * (turn.w * turn.w)
         half_slope = half_slope + body.mass * point.dr.dot(point.ddr) + body.inertia * (turn.w * turn.e)
         weight = weight + body.mass * scene.gravity.dot(point.dr)
@@ -54,10 +54,10 @@ def _reduce(scene: Scene, phi: Scalar, side: Scalar) -> Reduced:
     return reduce_pose(scene, Instant(phi, side, scene.cycle), pose(scene.mechanism, phi))
 
 
-def mass_sums(here: Pose, centre_names: dict[str, str]) -> tuple[Vec, Vec]:
+def mass_sums(here: Pose) -> tuple[Vec, Vec]:
     """First and second kinematic coefficients of Σ m r (kg m): the shaking force at constant speed is -ω² Σ m r''."""
     first, second = Vec(0.0, 0.0), Vec(0.0, 0.0)
-    for name, body in here.bodies.items():
-        point = here.points[centre_names[name]]
+    for _, place, body in here.heavy():
+        point = here.points[place]
         first, second = first + point.dr * body.mass, second + point.ddr * body.mass
     return first, second

@@ -108,6 +108,12 @@ def links(scene: Scene) -> str:
             words(name), given(length, "m") if length > 0 else Cell(NONE, True), given(body.mass, "kg"), words(centre),
             given(body.inertia, "kg·m²"), words(kinds[link.mass_properties]),
         ])  # fmt: skip
+        for piece, weight in link.counterweights.items():
+            place = f"{piece}: {shown(weight.at.x, 'm')}, {shown(weight.at.y, 'm')} across"
+            rows.append([
+                words(f"counterweight {piece} of {name}"), Cell(NONE, True), given(weight.mass, "kg"), words(place),
+                given(weight.own_inertia(), "kg·m²"), words("ideal" if weight.ideal else "as given"),
+            ])  # fmt: skip
     return table(["link", "length", "mass", "mass centre, along the link", "inertia about it", "mass properties"], rows)
 
 

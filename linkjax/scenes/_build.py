@@ -10,7 +10,7 @@ from typing import Any
 from linkjax._vec import Vec
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
-from linkjax.mechanism import Flywheel, Link, Mechanism, StructureError
+from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError
 from linkjax.scenes import _models as file
 from linkjax.scenes._check import check
 from linkjax.scenes._document import STARTER, Document, load_document, override, read_document
@@ -79,12 +79,17 @@ def _link(link: file.Link) -> Link:
         inertia=link.inertia,
         centre=_place(link.centre),
         points={name: _place(at) for name, at in link.points.items()},
+        counterweights={name: _counterweight(piece) for name, piece in link.counterweights.items()},
         reference_length=reference if link.mass_properties == "scaled" else None,
         area=link.area,
         density=link.density,
         mass_properties=link.mass_properties,
         centre_name=link.centre_name,
     )
+
+
+def _counterweight(piece: file.Counterweight) -> Counterweight:
+    return Counterweight(piece.mass, _place(piece.at), piece.inertia, piece.thickness, piece.density, ideal=piece.ideal)
 
 
 def _place(place: float | file.Polar | file.Cartesian) -> Vec:

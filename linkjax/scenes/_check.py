@@ -8,7 +8,7 @@ from typing import Any
 
 from linkjax.scenes._explain import fault
 from linkjax.scenes._groups import CrankTable, Fault, GroupTable
-from linkjax.scenes._models import Link, Load, SceneFile
+from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
 
 
 def check(model: SceneFile, source: str, table: Any) -> None:
@@ -31,6 +31,8 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
 
 def _link(name: str, link: Link) -> Iterator[Fault]:
     path = ("links", name)
+    for piece, weight in link.counterweights.items():
+        yield from _counterweight((*path, "counterweights", piece), weight)
     if name == "frame":
         yield path, 'the name "frame" is taken by the frame itself', "give the link another name"
     if link.mass_properties == "section":
@@ -56,10 +58,23 @@ def _link(name: str, link: Link) -> Iterator[Fault]:
         yield (*path, "reference_length"), "must be greater than zero", "write the length that the masses belong to"
 
 
+def _counterweight(path: tuple[str, ...], weight: Counterweight) -> Iterator[Fault]:
+    for key, other in (("thickness", "density"), ("density", "thickness")):
+        if getattr(weight, key) is None and getattr(weight, other) is not None:
+            example = '"60 mm"' if key == "thickness" else '"7850 kg/m^3"'
+            yield (*path, key), "missing (a disc has thickness and density)", f"add {key} = {example}"
+    if weight.inertia is not None and weight.thickness is not None:
+        problem = "given twice: a disc's inertia follows from its thickness and density"
+        yield (*path, "inertia"), problem, "delete inertia, or thickness and density"
+    for key in ("inertia", "thickness", "density"):
+        if weight.ideal and getattr(weight, key) is not None:
+            yield (*path, key), "has no effect: an ideal counterweight has no inertia", f"delete {key}, or ideal"
+
+
 def _centre_names(model: SceneFile) -> Iterator[Fault]:
     """Mass centres that nobody named, where their S1, S2, … is the name of another point."""
     taken = {*model.fixed, *(pin for group in model.groups for pin in group.pins())}
-    taken |= {point for link in model.links.values() for point in link.points}
+    taken |= {point for link in model.links.values() for point in (*link.points, *link.counterweights)}
     for number, (name, link) in enumerate(model.links.items(), 1):
         if not link.centre_name and f"S{number}" in taken:
             problem = f"the mass centre of this link is called S{number} unless named, and so is another point"

@@ -27,6 +27,7 @@ from linkjax.scenes._fields import (
     Ratio,
     Speed,
     Table,
+    Thickness,
     Torque,
     Turns,
     Weight,
@@ -64,6 +65,17 @@ def _vector(value: Any) -> str:
     return "#vector" if isinstance(value, list | tuple) else "#scalar"
 
 
+class Counterweight(Table):
+    """A heavy piece fastened to a link."""
+
+    mass: Mass = Field(description="mass", examples=["12 kg"])
+    at: Place = Field(description="its centre, from the first pin of the link", examples=["-150 mm"])
+    inertia: Inertia | None = Field(None, description="moment of inertia about its own centre", examples=["0.1 kg m^2"])
+    thickness: Thickness | None = Field(None, description="thickness, if it is a disc", examples=["60 mm"])
+    density: Density | None = Field(None, description="density, if it is a disc", examples=["7850 kg/m^3"])
+    ideal: StrictBool = Field(False, description="adds the product of mass and place alone", examples=[True])
+
+
 class Link(Table):
     """One link: a bar between two pins, or a sliding block without length."""
 
@@ -74,6 +86,9 @@ class Link(Table):
     centre_name: Name = Field("", description="name of the mass centre; S1, S2, … in file order", examples=["S2"])
     points: dict[Name, Place] = Field(
         {}, description="further points of the link", examples=[{"E": {"at": "450 mm", "turned": "30 deg"}}]
+    )
+    counterweights: dict[Name, Counterweight] = Field(
+        {}, description="counterweights by name", examples=[{"W1": {"mass": "12 kg", "at": "-150 mm"}}]
     )
     mass_properties: Literal["fixed", "scaled", "section"] = Field(
         "fixed", description="what happens to the mass when the length changes", examples=["scaled"]

@@ -157,6 +157,7 @@ def draw_links(stage: Stage, look: Skeleton, at: Places, working: list[Arrow]) -
     """What moves: links, blocks, joints, mass centres and loads; the artists, in order of drawing."""
     artists: list[Artist] = []
     for i, shape in enumerate(look.shapes):
+        artists += _counterweights(stage, shape, at, i)
         artists += _block(stage, look, shape, at, i) if shape.block else _bar(stage, shape, at, i)
     dots = {p for shape in look.shapes for p in shape.marked} - set(look.joints)
     marks = [(p, JOINT) for p in look.joints] + [(p, 2.0) for p in sorted(dots)]
@@ -181,6 +182,9 @@ def _place(at: np.ndarray) -> Place:
 def _bar(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
     """A bar, or a plate through all its points, with a rounded outline."""
     corners = np.stack([at[p] for p in (*shape.pins, *shape.marked)])
+    if len(corners) == 1:  # a block that turns
+        return [Circle(_place(corners[0]), BLOCK[1] * stage.unit, facecolor=tint(colour(index)), linewidth=1.3,
+                       edgecolor=colour(index), zorder=2.5)]  # fmt: skip
     axis = corners[1] - corners[0]
     axis = axis / (math.hypot(*axis) or 1.0)
     off, on = (corners - corners[0]) @ np.array([-axis[1], axis[0]]), (corners - corners[0]) @ axis
@@ -200,6 +204,18 @@ def _bar(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
         {"edgecolor": fill, "facecolor": fill, "linewidth": 8.3, "zorder": order + 0.01},
     ]
     return [Polygon(corners, closed=True, joinstyle="round", **each) for each in looks]
+
+
+def _counterweights(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
+    """Discs to scale (a symbol where the size is not known), on arms from the first pin."""
+    artists: list[Artist] = []
+    for point, radius in shape.weights.items():
+        line = np.stack([at[shape.pins[0]], at[point]])
+        artists.append(Line2D(*line.T, color=tint(colour(index), 0.6), linewidth=4.5, zorder=2.2))
+        size = 7 * stage.unit if radius is None else radius
+        artists.append(Circle(_place(at[point]), size, facecolor=tint(colour(index), 0.45), edgecolor=colour(index),
+                              linewidth=1.1, zorder=2.3))  # fmt: skip
+    return artists
 
 
 def _block(stage: Stage, look: Skeleton, shape: Shape, at: Places, index: int) -> list[Artist]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
+from linkjax.mechanism import Link
 from linkjax.viz._style import Data, closed, lost, prefixed
 
 Place = tuple[float, float]
@@ -16,13 +17,15 @@ Places = dict[str, np.ndarray]
 
 
 class Shape(NamedTuple):
-    """A link to draw: its pins, its further marked points, its mass centre (None without mass), block or bar."""
+    """A link to draw: its pins, its further marked points, its mass centre (None without mass), block or bar, and its
+    counterweights with their radii (m; None where they are no discs)."""
 
     link: str
     pins: tuple[str, ...]
     marked: tuple[str, ...]
     centre: str | None
     block: bool
+    weights: dict[str, float | None]
 
 
 class Guide(NamedTuple):
@@ -69,11 +72,13 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
             pins = tuple(p for p in ends if p is not None)
             heavy = float(link.actual().mass) > 0
             shapes.append(Shape(name, pins, tuple(link.points), link.centre_name if heavy else None,
-                                name in group.translating()))  # fmt: skip
+                                name in group.translating(), _weights(link)))  # fmt: skip
             joints += [p for p in pins if p not in joints]
-    drawn = {p for shape in shapes for p in (*shape.pins, *shape.marked, *([shape.centre] if shape.centre else []))}
+    drawn = {p for s in shapes for p in (*s.pins, *s.marked, *s.weights, *([s.centre] if s.centre else []))}
     paths = {p: path(data, p) for p in data["points"] if p in drawn}
-    sound = np.concatenate(list(paths.values()), axis=1)
+    discs = [(p, r) for s in shapes for p, r in s.weights.items() if r]
+    rims = [paths[p] + side * r for p, r in discs for side in (-1, 1)]
+    sound = np.concatenate([*paths.values(), *rims], axis=1)
     sound = sound[:, np.all(np.isfinite(sound), axis=0)]
     if not sound.size:
         sound = np.zeros((2, 1))
@@ -84,6 +89,11 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block) if g)
     low, high = sound.min(axis=1), sound.max(axis=1)
     return Skeleton(tuple(shapes), pivots, tuple(joints), guides, tuple(dict.fromkeys(traced)), low, high)
+
+
+def _weights(link: Link) -> dict[str, float | None]:
+    radii = {name: piece.radius() for name, piece in link.counterweights.items() if float(piece.mass) > 0}
+    return {name: None if radius is None else float(radius) for name, radius in radii.items()}
 
 
 def path(data: Data, point: str) -> np.ndarray:

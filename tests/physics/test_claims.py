@@ -18,7 +18,7 @@ import linkjax as lj
 from linkjax import RRP, RRR, Crank, Flywheel, Link, Mechanism, OpposingForce, OpposingTorque, Vec
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document, plain
-from linkjax.motion import steady, steady_by_diffrax
+from linkjax.motion import _diffrax, steady, steady_by_diffrax
 from tests.physics import newton_euler, oracle, shooting
 from tests.physics.machines import machine
 
@@ -176,3 +176,100 @@ def test_work_and_power(name):
     assert abs(work["gravity"]) <= 1e-9 * work["drive"]
     assert float(cycle.mean_power) == pytest.approx(-total / float(cycle.steady.period), rel=1e-9)
     np.testing.assert_allclose(cycle.power, float(cycle.steady.drive_torque) * np.asarray(cycle.speed), rtol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["slider-crank", pytest.param("hay-press", marks=pytest.mark.slow)])
+def test_checks_of_a_clockwise_machine(name):
+    """The drive torque is positive along the rotation; on the frame it turns the other way round."""
+    cycle = lj.analyse(lj.load(name, {"rotation": "cw"}), angles=12)
+    assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-10
+
+
+def rotor() -> lj.Scene:
+    """An eccentric crank alone, without gravity: it runs steadily by itself."""
+    link = Link(length=0.1, mass=2.0, inertia=0.01, centre=Vec(0.03, 0.01))
+    mechanism = Mechanism({"O": Vec(0.0, 0.0)}, {"crank": link}, [Crank("crank", "O", "A")], Flywheel(1.0))
+    return lj.Scene(mechanism, speed=10.0, target_delta=0.05)
+
+
+def balanced() -> lj.Scene:
+    """A four-bar whose mass centre rests (Berkof and Lowen, 1969), without gravity."""
+    a, b, c, m = 0.1, 0.3, 0.25, 1.5
+    links = {
+        "crank": Link(length=a, mass=2.0, inertia=0.01, centre=Vec(-m * 0.5 * a / 2.0, 0.0)),
+        "coupler": Link(length=b, mass=m, inertia=0.02, centre=Vec(0.5 * b, 0.0)),
+        "rocker": Link(length=c, mass=2.5, inertia=0.03, centre=Vec(-m * 0.5 * c / 2.5, 0.0)),
+    }
+    groups = [Crank("crank", "O", "A"), RRR(("coupler", "rocker"), "A", "C", "B", 1)]
+    return lj.Scene(Mechanism({"O": Vec(0.0, 0.0), "C": Vec(0.3, 0.0)}, links, groups, Flywheel(1.0)), speed=10.0)
+
+
+@pytest.mark.parametrize("scene", [rotor(), balanced()], ids=["rotor", "balanced"])
+def test_checks_where_everything_is_balanced(scene):
+    """Residuals are measured by what is summed: nothing may be divided by a sum that is zero but for rounding."""
+    cycle = lj.analyse(scene, angles=12)
+    assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-12
+    assert float(jnp.max(cycle.forces.frame.magnitude)) < 1e3
+    json.dumps(plain(document(cycle)), allow_nan=False)
+
+
+def test_a_flywheel_for_what_runs_steadily_by_itself():
+    """None is needed: the most that may be taken away, half the inertia there is, and a finite derivative."""
+    value, slope = jax.value_and_grad(lambda d: lj.flywheel_for(rotor(), d))(jnp.asarray(0.05))
+    assert float(value) == pytest.approx(-0.5 * (0.01 + 2.0 * (0.03**2 + 0.01**2)), rel=1e-9)
+    assert np.isfinite(slope)
+
+
+def test_an_integration_that_fails_is_told(monkeypatch):
+    monkeypatch.setattr(_diffrax, "MOST_STEPS", 16)
+    cycle = lj.analyse(machine("four-bar"), motion="diffrax", throw=False, angles=8)
+    assert int(cycle.result) == lj.Result.INTEGRATION_FAILED
+    assert float(cycle.delta_error) == np.inf
+    with pytest.raises(lj.MachineError, match="looser tolerance"):
+        lj.analyse(machine("four-bar"), motion="diffrax", angles=8)
+
+
+def test_a_lost_machine_under_grad():
+    """No error there, whatever the machine: the result is data."""
+
+    def delta(length):
+        scene = machine("four-bar")
+        links = {**scene.mechanism.links, "rocker": Link(length=length, mass=1.0)}
+        return lj.analyse(scene.with_mechanism(dataclasses.replace(scene.mechanism, links=links)), angles=4).delta
+
+    assert np.isfinite(jax.grad(delta)(jnp.asarray(0.02)))
+
+
+def test_a_jump_at_a_whole_degree():
+    """41 degrees, as a uniform angle gives it, is an ulp below the end of the window: the load is off there."""
+    scene = lj.load("slider-crank", {"loads[0].window": ["10 deg", "41 deg"]})
+    angles = jnp.asarray([2 * np.pi * i / 360 for i in range(360)])
+    share = np.asarray(lj.analyse(scene, angles=angles).reduced.by_load[scene.loads[0].name])
+    assert np.flatnonzero(share).tolist() == list(range(10, 41))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (lambda: RRR(("a", "b"), "A", "C", "B", 2), "side of an RRR must be 1 or -1"),
+        (lambda: Crank("crank", "O", "A", 2), "turns of a crank must be 1"),
+        (lambda: Link(length=-0.1), "length of a link must not be negative"),
+        (lambda: dataclasses.replace(rotor(), speed=-3.0), "speed: is -3.0"),
+        (lambda: dataclasses.replace(rotor(), target_delta=0.0), "target_delta: is 0.0"),
+        (
+            lambda: dataclasses.replace(
+                rotor(), loads=(lj.Torque("t", "crank", torque=1.0, window=lj.Window(0.0, 2 * np.pi)),)
+            ),
+            "leave the window out for a load that always acts",
+        ),
+        (
+            lambda: Mechanism({"O": Vec(0.0, 0.0)}, {"frame": Link(length=0.1)}, [Crank("frame", "O", "A")]),
+            "the name is taken by the frame itself",
+        ),
+        (lambda: lj.analyse(rotor(), angles=[]), "angles must be a whole number or a list"),
+        (lambda: lj.analyse(rotor(), angles=36.0), "angles must be a whole number or a list"),
+    ],
+)
+def test_what_cannot_be_is_refused(wrong, says):
+    with pytest.raises(ValueError, match=says):
+        wrong()

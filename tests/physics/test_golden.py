@@ -154,7 +154,7 @@ def test_inertia_of_each_link(at45):
         mass = {"1": 5.0, "2": 15.0, "3": 40.0, "4": 3.2, "5": 10.0}[number]
         golden = GOLDEN["press.inertia45_per_w1sq"][number]
         a = poses.points[f"S{number}"].ddr
-        body = poses.bodies[link]
+        body = poses.bodies[link][f"S{number}"]
         assert (body.mass[0], poses.links[link].w[0]) == (mass, pytest.approx(GOLDEN["press.kin45"]["w"][number]))
         got = [-mass * a.x[0], -mass * a.y[0], -body.inertia[0] * poses.links[link].e[0]]
         np.testing.assert_allclose(got, [golden[k] for k in ("Fx", "Fy", "M")], rtol=1e-9, atol=1e-12)

@@ -19,8 +19,10 @@ import linkjax as lj
 from linkjax import RRP, Crank, Flywheel, Link, Mechanism, OpposingForce, Vec, Window
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_sqrt
+from linkjax.analysis import document
 from linkjax.groups import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
 from linkjax.kinematics import pose, transmission_angles
+from linkjax.measures import peak_names
 
 
 class RPR(AbstractGroup):
@@ -113,6 +115,15 @@ def test_the_whole_analysis_holds(shaper):
     # the lever is nearest to its pivot's dead position when crank and lever are in line
     assert float(cycle.margins["block-lever"]["pivot"].value) == pytest.approx((0.35 - 0.12) / 0.75, rel=1e-12)
     assert float(cycle.work["drive"]) == pytest.approx(-float(cycle.work["cut"]), rel=1e-12)
+
+
+def test_it_can_be_drawn(shaper, tmp_path):
+    cycle = lj.analyse(shaper, angles=24)
+    assert {p.name for p in lj.viz.write_figures(document(cycle), shaper, tmp_path)} >= {"machine.svg"}
+    assert [name for name in peak_names(shaper) if "block" in name] == [
+        "reaction.B.block",
+        "reaction.block.guide.block",
+    ]
 
 
 def test_positions_and_rates(shaper):

@@ -1,0 +1,14 @@
+"""Optimisation of a machine: free numbers by name, an objective, limits, exact peaks."""
+
+from linkjax.design._names import DesignError as DesignError
+from linkjax.design._names import changed as changed
+from linkjax.design._names import number as number
+from linkjax.design._names import numbers as numbers
+from linkjax.design._problem import Case as Case
+from linkjax.design._problem import Problem as Problem
+from linkjax.design._problem import Variable as Variable
+from linkjax.design._terms import Limit as Limit
+from linkjax.design._terms import Term as Term
+from linkjax.design._terms import as_term as as_term
+from linkjax.design._terms import at_least as at_least
+from linkjax.design._terms import at_most as at_most

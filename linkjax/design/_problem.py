@@ -1,0 +1,190 @@
+"""An optimisation problem, compiled once: a design in, all rows of all terms in all cases out, with derivatives."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from linkjax._compile import compiled_soon
+from linkjax.design._names import DesignError, Number, changed, number
+from linkjax.design._terms import TODAY, Limit, Term, at_least
+from linkjax.machine import Scene
+from linkjax.measures import NODES, Parts, regime_margin, smallest_margin
+from linkjax.motion import Rows
+
+ASSEMBLED = 1e-3  # the least assembly margin of a design that counts as assembled
+RUNNING = 1e-3  # the least regime margin of one that counts as running
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """A free number: its name, its bounds (SI), and names of others that keep their ratio to it."""
+
+    name: str
+    lower: float
+    upper: float
+    tied: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A case of load: numbers of the scene that differ (SI), by name."""
+
+    name: str = ""
+    changes: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+
+class Block(NamedTuple):
+    """One term in one case at one design: its rows, their slope by the variables, their angles (rad), its value."""
+
+    vectors: Float[np.ndarray, "rows parts"]
+    slope: Float[np.ndarray, "rows parts n"]
+    angle: Float[np.ndarray, " rows"]
+    value: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """What is known of a block beforehand. Its rows times `sign` are to be small: below `bound` times `sign` for a
+    limit and for what makes a design sound; `signed` rows count by value, others by length. SI."""
+
+    name: str
+    case: str
+    unit: str
+    role: Literal["objective", "limit", "sound"]
+    signed: bool
+    sign: float
+    bound: float
+    scale: float
+
+    @property
+    def label(self) -> str:
+        """Name, with the case where there are several."""
+        return f"{self.name} ({self.case})" if self.case else self.name
+
+
+class Problem:
+    """Variables, objective, limits and cases of a scene; `at(x)` evaluates a design, one compiled call.
+
+    `maximise` asks for a large objective. Raises `DesignError` where a name or a bound cannot be.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        variables: Sequence[Variable],
+        objective: Term,
+        limits: Sequence[Limit] = (),
+        cases: Sequence[Case] = (Case(),),
+        maximise: bool = False,
+        nodes: int = NODES,
+    ):
+        self.scene, self.variables, self.cases, self.nodes = scene, tuple(variables), tuple(cases), nodes
+        _check(self.variables)
+        self.numbers = [number(scene, v.name) for v in self.variables]
+        self.lower = np.asarray([v.lower for v in self.variables], float)
+        self.upper = np.asarray([v.upper for v in self.variables], float)
+        self.start = np.asarray([float(at.read(scene)) for at in self.numbers])
+        self._ties = [_tied(scene, v, at) for v, at in zip(self.variables, self.numbers, strict=True)]
+        goal = Limit(objective, "at least" if maximise else "at most", 0.0, objective.name)
+        self.asked: list[Limit] = [goal, *limits]
+        self._true_motion = False
+        jax.eval_shape(self._rows, scene, jnp.asarray(self.start))  # learns whether the true motion is needed
+        self.asked.append(at_least(smallest_margin, ASSEMBLED))
+        if self._true_motion:
+            self.asked.append(at_least(regime_margin, RUNNING))
+        self._run = compiled_soon(self._outputs)
+        self.evaluations = 0
+        self.kinds = self._kinds(len(limits))
+
+    def design(self, x: Array | np.ndarray) -> Scene:
+        """The scene with the variables at `x` (SI); differentiable."""
+        return self._place(self.scene, jnp.asarray(x))
+
+    def at(self, x: np.ndarray) -> list[Block]:
+        """Everything at one design, in the order of `kinds`: one evaluation."""
+        self.evaluations += 1
+        found = jax.device_get(self._run(self.scene, jnp.asarray(x)))
+        return [
+            Block(np.asarray(vectors), np.asarray(slope), np.asarray(angle), float(value))
+            for vectors, slope, angle, value in zip(*found, strict=True)
+        ]
+
+    def _place(self, scene: Scene, x: Array) -> Scene:
+        pairs: list[tuple[Number, Any]] = []
+        for i, (at, ties) in enumerate(zip(self.numbers, self._ties, strict=True)):
+            pairs += [(at, x[i]), *((other, ratio * x[i]) for other, ratio in ties)]
+        return changed(scene, pairs)
+
+    def _rows(self, scene: Scene, x: Array) -> list[tuple[Rows, Array]]:
+        """Rows and exact value of everything asked, case by case."""
+        found = []
+        for case in self.cases:
+            parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
+            found += [_rows_for(limit, parts) for limit in self.asked]
+            self._true_motion |= "steady" in vars(parts)
+        return found
+
+    def _outputs(self, scene: Scene, x: Array):
+        """Rows, slopes, angles and values of everything asked, case by case."""
+
+        def vectors(x):
+            found = self._rows(scene, x)
+            every = [rows.vectors for rows, _ in found]
+            return every, (every, [rows.angle for rows, _ in found], [value for _, value in found])
+
+        slopes, (every, angles, values) = jax.jacfwd(vectors, has_aux=True)(x)
+        return every, slopes, angles, values
+
+    def _kinds(self, limits: int) -> list[Kind]:
+        """Bounds and scales, from the values at the start."""
+        shapes = jax.eval_shape(self._rows, self.scene, jnp.asarray(self.start))
+        found = []
+        for i, (block, (rows, _)) in enumerate(zip(self.at(self.start), shapes, strict=True)):
+            j = i % len(self.asked)
+            limit, case = self.asked[j], self.cases[i // len(self.asked)].name
+            role = "objective" if j == 0 else "limit" if j <= limits else "sound"
+            bound = block.value if limit.bound == TODAY else float(limit.bound)
+            sign = 1.0 if limit.sense == "at most" else -1.0
+            scale = abs(bound) or abs(block.value) or 1.0
+            found.append(Kind(limit.name, case, limit.term.unit, role, rows.signed, sign, bound, scale))
+        return found
+
+
+def _rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
+    """The rows of a term, where its sense is one for every row, and its value."""
+    term = limit.term
+    value = term.value(parts)
+    if term.rows is not None and term.smallest == (limit.sense == "at least"):
+        return term.rows(parts), value
+    return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
+
+
+def _tied(scene: Scene, variable: Variable, at: Number) -> list[tuple[Number, float]]:
+    found, value = [], float(at.read(scene))
+    for name in variable.tied:
+        if value == 0:
+            raise DesignError(variable.name, f"is zero, so {name} has no ratio to it", "start from another value")
+        other = number(scene, name)
+        found.append((other, float(other.read(scene)) / value))
+    return found
+
+
+def _check(variables: Sequence[Variable]) -> None:
+    if not variables:
+        raise DesignError("free", "nothing is free", 'name a number, e.g. {"flywheel.inertia": (0, 40)}')
+    seen: set[str] = set()
+    for v in variables:
+        for name in (v.name, *v.tied):
+            if name in seen:
+                raise DesignError(name, "is freed twice", "name every number once, or tie it to one other")
+            seen.add(name)
+        if not np.isfinite([v.lower, v.upper]).all() or not v.lower < v.upper:
+            problem = f"its bounds are {v.lower:g} and {v.upper:g}"
+            raise DesignError(v.name, problem, "give two finite bounds, the lower first")

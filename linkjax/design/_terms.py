@@ -1,0 +1,77 @@
+"""What is asked of a design: a number to make small, and limits. A measure, or any function of the scene, will do."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Literal
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax.machine import Scene
+from linkjax.measures import Measure, Parts
+from linkjax.motion import Rows
+
+Asked = Measure | Callable[[Scene], Array]
+Sense = Literal["at most", "at least"]
+TODAY = "today"
+
+
+@dataclasses.dataclass(frozen=True)
+class Term:
+    """A number of a design in SI `unit`, and everything that may be the largest in it."""
+
+    name: str
+    unit: str
+    value: Callable[[Parts], Array]
+    rows: Callable[[Parts], Rows] | None = None
+    smallest: bool = False  # the number is the smallest of its rows
+
+
+@dataclasses.dataclass(frozen=True)
+class Limit:
+    """A bound on a term in every case: a number (SI), or "today", what the unchanged scene has."""
+
+    term: Term
+    sense: Sense
+    bound: float | Literal["today"]
+    name: str
+
+
+def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
+    """The term of a measure or of a user's function of the scene.
+
+    The function returns one number, or an array, which stands for its largest entry, or an array of shape
+    (rows, parts), which stands for its longest row; either way every row is treated for itself, so that ties of peaks
+    are no trouble.
+    """
+    if isinstance(asked, Term):
+        return asked
+    if isinstance(asked, Measure):
+        return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest)
+    name = name or getattr(asked, "__name__", "").strip("<>") or "own function"
+
+    def found(of: Parts) -> Rows:
+        at = jnp.asarray(asked(of.scene))
+        if at.ndim > 2:
+            raise TypeError(f"{name} must return a number, or an array of one or two axes, but its shape is {at.shape}")
+        vectors = at if at.ndim == 2 else at.reshape((-1, 1))
+        return Rows(vectors, jnp.full(vectors.shape[0], jnp.nan), signed=at.ndim < 2)
+
+    return Term(name, unit, lambda of: jnp.max(found(of).size()), found)
+
+
+def at_most(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:
+    """The limit `asked <= bound` (SI, or "today")."""
+    return _limit(asked, "at most", bound, unit, name)
+
+
+def at_least(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:
+    """The limit `asked >= bound` (SI, or "today")."""
+    return _limit(asked, "at least", bound, unit, name)
+
+
+def _limit(asked: Asked, sense: Sense, bound: Any, unit: str, name: str) -> Limit:
+    term = as_term(asked, unit, name)
+    return Limit(term, sense, bound if bound == TODAY else float(bound), name or term.name)
