@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from linkjax._vec import Vec as Vec
     from linkjax.analysis import Cycle as Cycle
     from linkjax.analysis import analyse as analyse
+    from linkjax.design import Case as Case
+    from linkjax.design import DesignError as DesignError
+    from linkjax.design import Variable as Variable
+    from linkjax.design import at_least as at_least
+    from linkjax.design import at_most as at_most
+    from linkjax.design import optimise as optimise
     from linkjax.groups import RRP as RRP
     from linkjax.groups import RRR as RRR
     from linkjax.groups import Crank as Crank
@@ -59,6 +65,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "forces": (),
     "analysis": ("Cycle", "analyse"),
     "measures": (),
+    "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
     "scenes": ("SceneError", "load", "scene_names"),
     "viz": (),
     "report": (),

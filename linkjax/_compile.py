@@ -229,7 +229,12 @@ def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
 def _ours(function: Callable, tree: Any) -> bool:
     """Whether a function belongs to the package, and all that the tree of its arguments is made of."""
     plain = inspect.unwrap(function)
-    if not inspect.isfunction(plain) or plain.__closure__ or not function.__module__.startswith("linkjax."):
+    if (
+        hasattr(function, "__self__")
+        or not inspect.isfunction(plain)
+        or plain.__closure__
+        or not function.__module__.startswith("linkjax.")
+    ):
         return False
     nodes = [tree]
     while nodes:

@@ -137,6 +137,7 @@ def test_what_users_write_is_never_kept(folder):
     own = dataclasses.replace(scene, loads=(Drag("drag", "piston", "P", magnitude=1.0),))
     kept = [_compile._ours(reduce, jax.tree.structure({"scene": s})) for s in (scene, own)]
     assert kept == [True, False]
+    assert not _compile._ours(scene.with_mechanism, jax.tree.structure(scene))  # a method knows more than its name says
 
 
 def test_arrays_on_another_device():

@@ -1,9 +1,12 @@
 """Optimisation of a machine: free numbers by name, an objective, limits, exact peaks."""
 
+from linkjax.design._cone import descend as descend
 from linkjax.design._names import DesignError as DesignError
 from linkjax.design._names import changed as changed
 from linkjax.design._names import number as number
 from linkjax.design._names import numbers as numbers
+from linkjax.design._optimise import Optimum as Optimum
+from linkjax.design._optimise import optimise as optimise
 from linkjax.design._problem import Case as Case
 from linkjax.design._problem import Problem as Problem
 from linkjax.design._problem import Variable as Variable

@@ -1,8 +1,8 @@
 """Sequential cone programming: linearise every row, solve with exact lengths, trust the step as far as it proves true.
 
-An exact penalty is the merit; the curvature that is left, that of the vectors themselves, is gathered by damped BFGS
-(Powell 1978); a step that fails through the curvature of limits gets a second-order correction. Source: Nocedal and
-Wright, Numerical Optimization, 2006, ch. 18.
+An exact penalty is the merit; the curvature that is left, that of the vectors and of where their peaks are, is gathered
+by symmetric rank-one updates, from steps that fail too.
+Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 6 and 18.
 """
 
 from __future__ import annotations
@@ -12,114 +12,82 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linkjax.design._problem import Block, Problem
-from linkjax.design._subproblem import Scaled, Step, scaled, solve
+from linkjax.design._point import Certificate, Point, certify, look
+from linkjax.design._problem import Problem
+from linkjax.design._subproblem import Step, solve
 
 RADIUS, LEAST = 0.2, 1e-11  # first and least half width of the box, in units of the variables' ranges
 PENALTY, MOST = 10.0, 1e7
-
-
-@dataclasses.dataclass
-class Point:
-    """A design with everything known of it."""
-
-    z: np.ndarray
-    blocks: list[Block]
-    goals: list[Scaled]
-    limits: list[Scaled]
-    sound: list[Scaled]
-
-    @property
-    def value(self) -> float:
-        """The objective, scaled."""
-        return max(goal.excess() for goal in self.goals)
-
-    @property
-    def violation(self) -> float:
-        """Sum of the excess of all limits, scaled."""
-        return sum(max(limit.excess(), 0.0) for limit in [*self.limits, *self.sound])
-
-    @property
-    def unsound(self) -> float:
-        """What is missing to a machine that can be assembled and runs, scaled; zero when nothing is."""
-        return sum(max(limit.excess(), 0.0) for limit in self.sound)
+SAME = 1e-10  # relative difference of two merits that may be rounding
 
 
 @dataclasses.dataclass
 class Path:
-    """Where a solver went: its last point, multipliers of every block there, the residual of the optimality conditions
-    in the solver's scale, the number of steps, and the objective and violation along the way."""
+    """Where a solver went: its last point, what certifies it, the objective and violation along the way, both scaled,
+    and whether the certificate is as good as was asked for."""
 
     point: Point
-    multipliers: list[np.ndarray]
-    weights: list[np.ndarray]
-    residual: float
+    certificate: Certificate
     history: list[tuple[float, float]]
     converged: bool
 
 
-def look(problem: Problem, z: np.ndarray) -> Point:
-    """Evaluate a design given in units of the variables' ranges."""
-    span = problem.upper - problem.lower
-    blocks = problem.at(problem.lower + z * span)
-    every = [(kind.role, scaled(kind, block, span)) for kind, block in zip(problem.kinds, blocks, strict=True)]
-    goals, limits, sound = ([b for role, b in every if role == wanted] for wanted in ("objective", "limit", "sound"))
-    return Point(z, blocks, goals, limits, sound)
-
-
-def minimise(
-    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-8, steps: int = 200, told: Callable | None = None
+def descend(
+    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, told: Callable | None = None
 ) -> Path:
-    """Go from a design to a local optimum."""
+    """Go from a design, in units of the variables' ranges, to a local optimum.
+
+    A design that cannot be assembled, or does not run, is first made sound. `told(point, certificate)` hears of every
+    step. Ends with a certificate of residual `tolerance`, after so many steps, or where no step improves any more.
+    """
     point = look(problem, z)
-    n, radius, penalty = z.size, RADIUS, PENALTY
-    bend = np.zeros((n, n))
-    history = [(point.value, point.violation)]
-    path = Path(point, [], [], np.inf, history, converged=False)
+    radius, penalty, bend = RADIUS, PENALTY, np.zeros((z.size, z.size))
+    path, step = Path(point, certify(point), [(point.value, point.violation)], converged=False), None
     for _ in range(steps):
         if point.unsound > 0:
-            better = _restore(problem, point, radius)
+            better = _restored(problem, point, radius)
             if better is None:
                 return path
-            point, path.point = better, better
-            history.append((point.value, point.violation))
+            point = _arrived(path, better)
             continue
-        step = _step(point, radius, bend, penalty)
+        if told is not None:
+            told(point, path.certificate)
+        if path.certificate.residual <= tolerance:
+            path.converged = True
+            return path
+        step = solve(point.goals, [*point.limits, *point.sound], point.z, radius, _convex(bend), penalty, step)
         if step is None:
             return path
         penalty = _raised(step, penalty, len(point.goals))
-        path.multipliers, path.weights = step.multipliers, step.weights
-        path.residual = residual(point, step)
-        if told is not None:
-            told(point, path.residual)
-        if path.residual <= tolerance:
-            path.converged = True
-            return path
         merit = point.value + penalty * point.violation
         expected = merit - step.model
-        trial, got = _try(problem, point, step, penalty)
-        if merit - got < 0.1 * expected:
-            again = _corrected(problem, point, trial, step, radius, bend, penalty)
-            if again is not None and merit - again[1] >= 0.1 * expected:
-                trial, got = again
-        if merit - got < 1e-4 * expected:
-            size = float(np.max(np.abs(step.d)))
+        trial, got = _tried(problem, point, step, penalty)
+        moved = trial.z - point.z
+        size = float(np.max(np.abs(moved)))
+        if np.isfinite(got):  # a step that fails tells as much of the curvature as one that does not
+            bend = _sr1(bend, moved, _pull(trial, step) - _pull(point, step) - _turning(point, step, moved))
+        better = merit - got >= 1e-4 * expected > 0
+        if not better and got <= merit + SAME * abs(merit):  # where rounding hides what is gained
+            better = certify(trial).residual < 0.5 * path.certificate.residual
+        if not better:
             radius = (0.5 if np.isfinite(got) else 0.25) * min(radius, size)
             if radius < LEAST or expected <= 1e-15 * max(1.0, abs(merit)):
                 return path
             continue
-        share = (merit - got) / expected if expected > 0 else 1.0
-        bend = _bfgs(bend, trial.z - point.z, _pull(trial, step) - _pull(point, step))
-        size = float(np.max(np.abs(trial.z - point.z)))
-        radius = min(2 * radius, 1.0) if share > 0.75 and size > 0.9 * radius else radius
-        radius = 0.5 * radius if share < 0.25 else radius
-        point = path.point = trial
-        history.append((point.value, point.violation))
+        share = (merit - got) / expected if expected > SAME * abs(merit) else 0.5
+        if share > 0.75 and size > 0.9 * radius:
+            radius = min(2 * radius, 1.0)
+        elif share < 0.25:
+            radius *= 0.5
+        point = _arrived(path, trial)
     return path
 
 
-def _step(point: Point, radius: float, bend: np.ndarray, penalty: float) -> Step | None:
-    return solve(point.goals, [*point.limits, *point.sound], point.z, radius, bend, penalty)
+def _arrived(path: Path, point: Point) -> Point:
+    """The next point of a path."""
+    path.point, path.certificate = point, certify(point)
+    path.history.append((point.value, point.violation))
+    return point
 
 
 def _raised(step: Step, penalty: float, goals: int) -> float:
@@ -128,30 +96,14 @@ def _raised(step: Step, penalty: float, goals: int) -> float:
     return min(max(penalty, 2 * max(limits, default=0.0)), MOST)
 
 
-def _try(problem: Problem, point: Point, step: Step, penalty: float) -> tuple[Point, float]:
+def _tried(problem: Problem, point: Point, step: Step, penalty: float) -> tuple[Point, float]:
     """The design after a step, and its merit: infinite where the machine is not sound."""
     trial = look(problem, np.clip(point.z + step.d, 0.0, 1.0))
     got = trial.value + penalty * trial.violation
     return trial, np.inf if trial.unsound > 0 or not np.isfinite(got) else got
 
 
-def _corrected(problem: Problem, point, trial: Point, step: Step, radius, bend, penalty):
-    """Second-order correction: the same slopes with the values found at the trial point."""
-
-    def moved(here: Scaled, there: Scaled) -> Scaled:
-        if here.rows.shape != there.rows.shape:
-            return here
-        return here._replace(rows=there.rows - here.slope @ step.d, shift=there.shift)
-
-    if not all(np.isfinite(b.rows).all() for b in [*trial.goals, *trial.limits, *trial.sound]):
-        return None
-    goals = [moved(a, b) for a, b in zip(point.goals, trial.goals, strict=True)]
-    limits = [moved(a, b) for a, b in zip([*point.limits, *point.sound], [*trial.limits, *trial.sound], strict=True)]
-    second = solve(goals, limits, point.z, radius, bend, penalty)
-    return None if second is None else _try(problem, point, second, penalty)
-
-
-def _restore(problem: Problem, point: Point, radius: float) -> Point | None:
+def _restored(problem: Problem, point: Point, radius: float) -> Point | None:
     """Towards a machine that can be assembled and runs; nothing else has a meaning before."""
     for _ in range(12):
         step = solve([], point.sound, point.z, radius, np.zeros((point.z.size,) * 2), PENALTY)
@@ -165,37 +117,38 @@ def _restore(problem: Problem, point: Point, radius: float) -> Point | None:
 
 
 def _pull(point: Point, step: Step) -> np.ndarray:
-    """Gradient of the Lagrangian for the multipliers of a step."""
+    """Gradient of the Lagrangian, sizes of rows weighted by the multipliers of a step."""
     total = np.zeros(point.z.size)
-    for block, y in zip([*point.goals, *point.limits, *point.sound], step.multipliers, strict=True):
-        if block.rows.shape == y.shape:
-            total = total + np.einsum("rp,rpn->n", y, block.slope)
+    for block, weights in zip(point.every, step.weights, strict=True):
+        if block.rows.shape[0] == weights.size and np.any(weights):
+            total = total + weights @ block.gradients()
     return total
 
 
-def residual(point: Point, step: Step) -> float:
-    """The largest violation of the optimality conditions (Karush-Kuhn-Tucker) in the solver's scale."""
-    pull = _pull(point, step)
-    still = float(np.max(np.abs(point.z - np.clip(point.z - pull, 0.0, 1.0))))
-    loose, top = 0.0, point.value
-    every = [*point.goals, *point.limits, *point.sound]
-    for i, (block, y, weights) in enumerate(zip(every, step.multipliers, step.weights, strict=True)):
-        level = top if i < len(point.goals) else block.level
-        along = np.sum(y * block.rows, axis=1)
-        loose += float(np.sum(np.abs(weights * (level - block.shift) - along)))
-    return max(still, loose, point.violation)
+def _turning(point: Point, step: Step, d: np.ndarray) -> np.ndarray:
+    """What the subproblem knows of the curvature already: lengths of linearised vectors, |F + J d|."""
+    total = np.zeros(d.size)
+    for block, weights in zip(point.every, step.weights, strict=True):
+        for k in np.flatnonzero(weights) if not block.signed else ():
+            before, after = block.rows[k], block.rows[k] + block.slope[k] @ d
+            if np.any(before) and np.any(after):
+                turned = after / np.linalg.norm(after) - before / np.linalg.norm(before)
+                total = total + weights[k] * turned @ block.slope[k]
+    return total
 
 
-def _bfgs(bend: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Damped BFGS update of the curvature of the Lagrangian."""
-    if not np.any(s):
+def _sr1(bend: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Symmetric rank-one update of the curvature that is left."""
+    miss = y - bend @ s
+    if not np.isfinite(miss).all():
         return bend
-    if not np.any(bend):
-        bend = max(float(y @ s) / float(s @ s), 1e-6) * np.eye(s.size)
-    bs = bend @ s
-    curve = float(s @ bs)
-    if curve <= 1e-300:
+    below = float(miss @ s)
+    if abs(below) < 1e-8 * float(np.linalg.norm(s) * np.linalg.norm(miss)) or not np.any(miss):
         return bend
-    theta = 1.0 if y @ s >= 0.2 * curve else 0.8 * curve / (curve - float(y @ s))
-    r = theta * y + (1 - theta) * bs
-    return bend - np.outer(bs, bs) / curve + np.outer(r, r) / float(s @ r)
+    return bend + np.outer(miss, miss) / below
+
+
+def _convex(bend: np.ndarray) -> np.ndarray:
+    """The nearest curvature that bends upwards."""
+    values, vectors = np.linalg.eigh(bend)
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T

@@ -95,10 +95,15 @@ class Problem:
         goal = Limit(objective, "at least" if maximise else "at most", 0.0, objective.name)
         self.asked: list[Limit] = [goal, *limits]
         self._true_motion = False
-        jax.eval_shape(self._rows, scene, jnp.asarray(self.start))  # learns whether the true motion is needed
+        self._shapes()  # learns whether the true motion is needed
         self.asked.append(at_least(smallest_margin, ASSEMBLED))
         if self._true_motion:
             self.asked.append(at_least(regime_margin, RUNNING))
+        self._kept = self._shapes()
+        sizes = [
+            (v.size, v.size * self.start.size, a.size, 1) for v, a in ((r.vectors, r.angle) for r, _ in self._kept)
+        ]
+        self._ends = np.cumsum([size for block in sizes for size in block])[:-1]
         self._run = compiled_soon(self._outputs)
         self.evaluations = 0
         self.kinds = self._kinds(len(limits))
@@ -110,11 +115,13 @@ class Problem:
     def at(self, x: np.ndarray) -> list[Block]:
         """Everything at one design, in the order of `kinds`: one evaluation."""
         self.evaluations += 1
-        found = jax.device_get(self._run(self.scene, jnp.asarray(x)))
+        found = np.split(np.asarray(self._run(self.scene, jnp.asarray(x))), self._ends)
+        shapes = [rows.vectors.shape for rows, _ in self._kept]
         return [
-            Block(np.asarray(vectors), np.asarray(slope), np.asarray(angle), float(value))
-            for vectors, slope, angle, value in zip(*found, strict=True)
-        ]
+            Block(found[4 * i].reshape(shape), found[4 * i + 1].reshape((*shape, -1)), found[4 * i + 2],
+                  float(found[4 * i + 3][0]))
+            for i, shape in enumerate(shapes)
+        ]  # fmt: skip
 
     def _place(self, scene: Scene, x: Array) -> Scene:
         pairs: list[tuple[Number, Any]] = []
@@ -131,8 +138,12 @@ class Problem:
             self._true_motion |= "steady" in vars(parts)
         return found
 
-    def _outputs(self, scene: Scene, x: Array):
-        """Rows, slopes, angles and values of everything asked, case by case."""
+    def _shapes(self) -> list[tuple[Rows, Any]]:
+        """The shapes of `_rows`; traced anew, for what is asked may have grown."""
+        return jax.eval_shape(lambda scene, x: self._rows(scene, x), self.scene, jnp.asarray(self.start))
+
+    def _outputs(self, scene: Scene, x: Array) -> Array:
+        """Rows, slopes, angles and values of everything asked, case by case, in one array: one transfer."""
 
         def vectors(x):
             found = self._rows(scene, x)
@@ -140,13 +151,13 @@ class Problem:
             return every, (every, [rows.angle for rows, _ in found], [value for _, value in found])
 
         slopes, (every, angles, values) = jax.jacfwd(vectors, has_aux=True)(x)
-        return every, slopes, angles, values
+        parts = [part.ravel() for each in zip(every, slopes, angles, values, strict=True) for part in each]
+        return jnp.concatenate(parts)
 
     def _kinds(self, limits: int) -> list[Kind]:
         """Bounds and scales, from the values at the start."""
-        shapes = jax.eval_shape(self._rows, self.scene, jnp.asarray(self.start))
         found = []
-        for i, (block, (rows, _)) in enumerate(zip(self.at(self.start), shapes, strict=True)):
+        for i, (block, (rows, _)) in enumerate(zip(self.at(self.start), self._kept, strict=True)):
             j = i % len(self.asked)
             limit, case = self.asked[j], self.cases[i // len(self.asked)].name
             role = "objective" if j == 0 else "limit" if j <= limits else "sound"
@@ -154,15 +165,17 @@ class Problem:
             sign = 1.0 if limit.sense == "at most" else -1.0
             scale = abs(bound) or abs(block.value) or 1.0
             found.append(Kind(limit.name, case, limit.term.unit, role, rows.signed, sign, bound, scale))
-        return found
+        common = max(kind.scale for kind in found if kind.role == "objective")  # the worst case counts, by one measure
+        return [dataclasses.replace(kind, scale=common) if kind.role == "objective" else kind for kind in found]
 
 
 def _rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
     """The rows of a term, where its sense is one for every row, and its value."""
     term = limit.term
-    value = term.value(parts)
     if term.rows is not None and term.smallest == (limit.sense == "at least"):
-        return term.rows(parts), value
+        rows = term.rows(parts)
+        return rows, jnp.min(rows.size()) if term.smallest else jnp.max(rows.size())
+    value = term.value(parts)
     return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
 
 

@@ -12,63 +12,44 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from linkjax.design._problem import Block, Kind
+from linkjax.design._point import Scaled
 
-TOLERANCE = 1e-10
+TOLERANCE = 1e-13  # more than it reaches: it stops where rounding stops it
 FEW = 12  # rows of a block put in at once
 MISSED = 1e-10  # a row so far above the others, in the solver's scale, is put in
 ROUNDS = 30
 
 
-class Scaled(NamedTuple):
-    """A block in the solver's own scale: its rows are to stay below `level`; `shift` is what the interpolants miss."""
-
-    rows: Float[np.ndarray, "rows parts"]
-    slope: Float[np.ndarray, "rows parts n"]
-    signed: bool
-    level: float
-    shift: float
-
-    def sizes(self) -> Float[np.ndarray, " rows"]:
-        """Value or length of every row."""
-        return (self.rows[:, 0] if self.signed else np.linalg.norm(self.rows, axis=1)) + self.shift
-
-    def excess(self) -> float:
-        """How far the largest row lies above the level."""
-        return float(np.max(self.sizes())) - self.level
-
-
 class Step(NamedTuple):
-    """A step, the multipliers of every row of every block as vectors, the sum of elastic slacks, the model's value."""
+    """A step, the multipliers of every row of every block, the model's value, and the rows that were put in."""
 
     d: Float[np.ndarray, " n"]
-    multipliers: list[Float[np.ndarray, "rows parts"]]
     weights: list[Float[np.ndarray, " rows"]]
-    slack: float
     model: float
-
-
-def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
-    """A block by its kind's scale, with slopes by variables that run from 0 to 1."""
-    factor = (kind.sign if kind.signed else 1.0) / kind.scale
-    rows, slope = block.vectors * factor, block.slope * (factor * span)
-    value = block.value * (kind.sign if kind.signed else 1.0) / kind.scale
-    sizes = rows[:, 0] if kind.signed else np.linalg.norm(rows, axis=1)
-    level = 0.0 if kind.role == "objective" else kind.bound * factor
-    return Scaled(rows, slope, kind.signed, level, value - float(np.max(sizes)))
+    chosen: list[np.ndarray]
 
 
 def solve(
-    goals: list[Scaled], limits: list[Scaled], z: np.ndarray, radius: float, bend: np.ndarray, penalty: float
+    goals: list[Scaled],
+    limits: list[Scaled],
+    z: np.ndarray,
+    radius: float,
+    bend: np.ndarray,
+    penalty: float,
+    like: Step | None = None,
 ) -> Step | None:
     """The best step within `radius` and the unit box: the largest row of the goals, plus half d' bend d, plus the
     penalised excess of every limit. None where the solver finds no answer.
 
-    Few rows ever matter: those that lead are put in first, and others when the step found would let them lead.
+    Few rows ever matter: those that lead are put in first, with those of a step before, `like`, and others when the
+    step found would let them lead.
     """
     blocks = [*goals, *limits]
     low, high = np.maximum(-z, -radius), np.minimum(1 - z, radius)
     chosen = [_leading(block.sizes(), np.full(len(block.rows), -np.inf)) for block in blocks]
+    for block, rows, before in zip(blocks, chosen, like.chosen if like else (), strict=False):
+        if before.shape == rows.shape:
+            rows |= before & (block.sizes() > np.max(block.sizes()) - 0.1 * abs(np.max(block.sizes())))
     step = None
     for _ in range(ROUNDS):
         found = _solve(blocks, len(goals), chosen, low, high, bend, penalty)
@@ -145,20 +126,15 @@ def _solve(blocks, goals: int, chosen, low, high, bend, penalty) -> tuple[Step, 
         return None
     d, slacks = np.clip(x[:n], low, high), np.maximum(x[n + 1 :], 0.0)
     top = float(x[n]) if goals else 0.0
-    every = [_multipliers(*home, dual) for home in zip(blocks, chosen, homes, strict=True)]
+    weights = [_multipliers(*home, dual) for home in zip(blocks, chosen, homes, strict=True)]
     model = top + 0.5 * float(d @ bend @ d) + penalty * float(np.sum(slacks))
     tops = [top] * goals + [block.level + slack for block, slack in zip(blocks[goals:], slacks, strict=True)]
-    return Step(d, [v for v, _ in every], [w for _, w in every], float(np.sum(slacks)), model), tops
+    return Step(d, weights, model, chosen), tops
 
 
-def _multipliers(block: Scaled, rows: np.ndarray, at: int, dual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vector multipliers of every row, and their weights."""
-    count, parts = int(np.sum(rows)), block.rows.shape[1]
-    vectors, weights = np.zeros(block.rows.shape), np.zeros(len(rows))
-    if block.signed:
-        weights[rows] = dual[at : at + count]
-        vectors[rows, 0] = weights[rows]
-    else:
-        part = dual[at : at + count * (parts + 1)].reshape((count, parts + 1))
-        weights[rows], vectors[rows] = part[:, 0], -part[:, 1:]
-    return vectors, weights
+def _multipliers(block: Scaled, rows: np.ndarray, at: int, dual: np.ndarray) -> np.ndarray:
+    """Multipliers of every row; that of a cone is the first part of its dual."""
+    count, size = int(np.sum(rows)), 1 if block.signed else block.rows.shape[1] + 1
+    weights = np.zeros(len(rows))
+    weights[rows] = dual[at : at + count * size : size]
+    return weights

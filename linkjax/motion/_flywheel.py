@@ -21,7 +21,7 @@ def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
     return scene.with_mechanism(eqx.tree_at(lambda m: m.flywheel, scene.mechanism, Flywheel(inertia)))
 
 
-def flywheel_for(scene: Scene, delta: Scalar, nodes: int = 96) -> Array:
+def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
     """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged; `nodes` a crank
     turn. Negative when the machine is steadier than asked for without any flywheel."""
     grid = make_grid(scene, nodes)

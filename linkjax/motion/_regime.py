@@ -13,12 +13,13 @@ from jaxtyping import Array, Float
 
 from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, wrapped
 from linkjax.machine import Scene
-from linkjax.motion._extremum import climb, highest_in, phi_at, search, settle
+from linkjax.motion._extremum import Summit, climb, highest_in, phi_at, search, settle
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
 from linkjax.motion._steady import Steady
 
 FOLLOW = 3  # steps on the interpolants
+RIVALS = 3  # panels whose summits are compared on the quantity itself
 NEAR = 3e-3  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself
 ROUNDINGS = 4000.0  # of a peak: the least error stated
 FAR = 10.0  # the most it may move, in these
@@ -60,44 +61,33 @@ def peaks(
 ) -> Peak:
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
-    `components(regime, place)` gives the vectors at one place. Suprema over both one-sided limits at every jump; found
-    on the search grid, followed on the interpolants, and sharpened by a parabola through the quantities themselves.
-    Values known at the nodes may be handed in.
+    `components(regime, place)` gives the vectors at one place. Suprema over both one-sided limits at every jump. The
+    highest summits of the interpolants are compared on the quantities themselves, and the best is sharpened by a
+    parabola through them. Values known at the nodes may be handed in.
     """
     grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
-    if at_nodes is None:
-        at_nodes = _node_values(fixed, components)
-    at_nodes = jax.lax.stop_gradient(at_nodes)
-    rule = grid.rule
-    fine = at_nodes @ jnp.asarray(rule.to_fine.T)
-    heights = functools.reduce(jnp.add, [fine[:, i] * fine[:, i] for i in range(fine.shape[1])])  # faster than a sum
-    series = at_nodes @ jnp.asarray(rule.spectrum.T)
-
-    def find(height, rows):
-        summit = search(jnp.asarray(rule.fine), height)
-
-        def slope(x):
-            value, rate = jax.jvp(lambda x: legendre_sum(rows[:, summit.panel], x), (x,), (jnp.ones_like(x),))
-            return 2 * jnp.sum(value * rate)
-
-        return summit.panel, climb(slope, summit, FOLLOW)
-
-    panel, followed = jax.vmap(find)(heights, series)
-    number = jnp.arange(panel.size)
+    at_nodes = _node_values(fixed, components) if at_nodes is None else jax.lax.stop_gradient(at_nodes)
+    heights, series = _interpolated(grid, at_nodes)
+    number = jnp.arange(at_nodes.shape[0])
 
     def squared(which, panel, x):
-        vector = components(regime, Place(panel, x, phi_at(grid, panel, x)))[which]
+        vector = components(fixed, Place(panel, x, phi_at(grid, panel, x)))[which]
         return jnp.sum(vector * vector)
 
-    centre = jnp.clip(followed, -1.0 + NEAR, 1.0 - NEAR)
-    beside = NEAR * jnp.asarray([-1.0, 0.0, 1.0])
-    y = jax.vmap(lambda which, panel, at: jax.vmap(lambda x: squared(which, panel, x))(at + beside))(
-        number, panel, centre
+    def best(which, height, rows):
+        spots = []
+        for _ in range(RIVALS):
+            summit = search(jnp.asarray(grid.rule.fine), height)
+            spots.append((summit.panel, _follow(rows[:, summit.panel], summit)))
+            height = height.at[summit.panel].set(-jnp.inf)
+        panel, x = (jnp.stack(part) for part in zip(*spots, strict=True))
+        first = jnp.argmax(jax.vmap(lambda panel, x: squared(which, panel, x))(panel, x))
+        return panel[first], x[first]
+
+    panel, followed = jax.vmap(best)(number, heights, series)
+    x, gained = jax.vmap(lambda which, panel, x: _sharpened(lambda x: squared(which, panel, x), x))(
+        number, panel, followed
     )
-    bend, tilt = y[:, 2] - 2 * y[:, 1] + y[:, 0], 0.5 * (y[:, 2] - y[:, 0])
-    step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt) / NEAR)
-    x = jax.lax.stop_gradient(jnp.clip(centre + NEAR * jnp.clip(step, -FAR, FAR), -1.0, 1.0))
-    gained = jnp.abs(tilt * (jnp.clip(centre + NEAR * step, -1.0, 1.0) - followed)) / NEAR
 
     def value(which, panel, x):
         place = settle(grid, panel, x)
@@ -107,13 +97,41 @@ def peaks(
     top, phi = jax.vmap(value)(number, panel, x)
     # what the interpolants may hide away from the summit found: another, as much higher as their last terms are large
     hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(series[..., -2:]), axis=-1) ** 2, axis=1))
-    places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(rule.fine)[None]
+    places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(grid.rule.fine)[None]
     away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], regime.scene.cycle))
     near = away < (3 / grid.n) * (grid.half[None, :] + grid.half[panel][:, None])[..., None]
     near &= (jnp.abs(x) < 1)[:, None, None]  # at the end of a panel it may go on in the next
     rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[..., None]), axis=(1, 2)) - top
     doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + ROUNDINGS * jnp.finfo(top.dtype).eps * top
     return Peak(top, wrapped(phi, regime.scene.cycle), jax.lax.stop_gradient(doubt))
+
+
+def _interpolated(grid: Grid, at_nodes: Array) -> tuple[Array, Array]:
+    """Squared lengths on the search grid of every panel, and the series of the parts."""
+    fine = at_nodes @ jnp.asarray(grid.rule.to_fine.T)
+    heights = functools.reduce(jnp.add, [fine[:, i] * fine[:, i] for i in range(fine.shape[1])])  # faster than a sum
+    return heights, at_nodes @ jnp.asarray(grid.rule.spectrum.T)
+
+
+def _follow(rows: Array, summit: Summit) -> Array:
+    """From a summit of the search grid to that of the interpolant, whose series are `rows`."""
+
+    def slope(x):
+        value, rate = jax.jvp(lambda x: legendre_sum(rows, x), (x,), (jnp.ones_like(x),))
+        return 2 * jnp.sum(value * rate)
+
+    return climb(slope, summit, FOLLOW)
+
+
+def _sharpened(squared: Callable[[Array], Array], followed: Array) -> tuple[Array, Array]:
+    """The place of a summit by the parabola through the quantity itself, and by how much that raises its square."""
+    centre = jnp.clip(followed, -1.0 + NEAR, 1.0 - NEAR)
+    y = jax.vmap(squared)(centre + NEAR * jnp.asarray([-1.0, 0.0, 1.0]))
+    bend, tilt = y[2] - 2 * y[1] + y[0], 0.5 * (y[2] - y[0])
+    step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt) / NEAR)
+    x = jnp.clip(centre + NEAR * jnp.clip(step, -FAR, FAR), -1.0, 1.0)
+    gained = jnp.abs(tilt * (jnp.clip(centre + NEAR * step, -1.0, 1.0) - followed)) / NEAR
+    return jax.lax.stop_gradient(x), gained
 
 
 class Rows(eqx.Module):
@@ -131,45 +149,40 @@ class Rows(eqx.Module):
 
 def rows(regime: Regime, components: Components, at_nodes: Array | None = None) -> Rows:
     """Vectors over the continuous cycle, differentiable: at every node, at both ends of every panel (both limits at
-    every jump), and at the two highest summits of every panel. Interpolants only tell where summits are."""
-    grid, rule = regime.grid, regime.grid.rule
+    every jump), and at the two highest summits of every panel, each found and sharpened as `peaks` does."""
+    grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
     if at_nodes is None:
         at_nodes = _node_values(regime, components)
     quantities, parts, panels, n = at_nodes.shape
-    fine, still = jnp.asarray(rule.fine), jax.lax.stop_gradient(at_nodes)
-    heights = jnp.sum((still @ jnp.asarray(rule.to_fine.T)) ** 2, axis=1)
-    series = still @ jnp.asarray(rule.spectrum.T)
+    heights, series = _interpolated(grid, jax.lax.stop_gradient(at_nodes))
+    fine, number = jnp.asarray(grid.rule.fine), jnp.arange(panels, dtype=jnp.int32)
 
-    def summit(height, coefficients, panel):
-        def slope(x):
-            value, rate = jax.jvp(lambda x: legendre_sum(coefficients, x), (x,), (jnp.ones_like(x),))
-            return 2 * jnp.sum(value * rate)
+    def two(which, height, coefficients, panel):
+        def squared(x):
+            vector = components(fixed, Place(panel, x, phi_at(fixed.grid, panel, x)))[which]
+            return jnp.sum(vector * vector)
 
-        return climb(slope, highest_in(fine, height, panel), FOLLOW)
-
-    def two(height, coefficients, panel):
-        first = summit(height, coefficients, panel)
-        turns = jnp.concatenate([height[:1] > height[1:2], (height[1:-1] >= height[:-2]) & (height[1:-1] >= height[2:]),
-                                 height[-1:] > height[-2:-1]])  # fmt: skip
-        other = turns & (jnp.abs(fine - first) > 2.5 / n)
-        second = summit(jnp.where(other, height, 0.0), coefficients, panel)
-        return jnp.stack([first, second])
-
-    number = jnp.arange(panels, dtype=jnp.int32)
-    x = jax.vmap(jax.vmap(two, in_axes=(0, 1, 0)), in_axes=(0, 0, None))(heights, series, number)
+        first = _follow(coefficients, highest_in(fine, height, panel))
+        rises = jnp.concatenate([jnp.ones(1, bool), height[1:] >= height[:-1]])
+        falls = jnp.concatenate([height[:-1] >= height[1:], jnp.ones(1, bool)])
+        other = jnp.where(rises & falls & (jnp.abs(fine - first) > 2.5 / n), height, 0.0)
+        both = jnp.stack([first, _follow(coefficients, highest_in(fine, other, panel))])
+        return jax.vmap(lambda x: _sharpened(squared, _sharpened(squared, x)[0])[0])(
+            both
+        )  # to rounding: an optimiser sees it
 
     def at(which, panel, x):
         place = settle(grid, panel, x)
-        vectors = components(regime, place)
-        return (vectors if which is None else vectors[which]), place.phi
+        return components(regime, place)[which], place.phi
 
-    ends, edges = jax.vmap(lambda panel: jax.vmap(lambda x: at(None, panel, x))(jnp.asarray([-1.0, 1.0])))(number)
-    tops, angles = jax.vmap(
-        lambda which, x: jax.vmap(lambda panel, x: jax.vmap(lambda x: at(which, panel, x))(x))(number, x)
-    )(jnp.arange(quantities), x)
-    every = [jnp.moveaxis(at_nodes, 1, -1), jnp.moveaxis(ends, 2, 0), tops]
-    where = [jnp.broadcast_to(phi, (quantities, *phi.shape)) for phi in (grid.nodes, edges)] + [angles]
-    vectors, angle = jnp.concatenate(every, axis=2), jnp.concatenate(where, axis=2)
+    def in_panels(which, heights, series):
+        x = jax.vmap(lambda h, c, p: two(which, h, c, p), in_axes=(0, 1, 0))(heights, series, number)
+        x = jnp.concatenate([jnp.broadcast_to(jnp.asarray([-1.0, 1.0]), (panels, 2)), x], axis=1)
+        return jax.vmap(lambda panel, x: jax.vmap(lambda x: at(which, panel, x))(x))(number, x)
+
+    tops, angles = jax.vmap(in_panels)(jnp.arange(quantities), heights, series)
+    vectors = jnp.concatenate([jnp.moveaxis(at_nodes, 1, -1), tops], axis=2)
+    angle = jnp.concatenate([jnp.broadcast_to(grid.nodes, (quantities, panels, n)), angles], axis=2)
     angle = wrapped(jax.lax.stop_gradient(angle), regime.scene.cycle)
     return Rows(vectors.reshape((-1, parts)), angle.ravel())
 

@@ -1,0 +1,122 @@
+"""The baseline's two balancing problems posed to linkjax, on the baseline's own 360 angles and ideal counterweights."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import linkjax as lj
+from linkjax.design import Limit, Problem, Variable, as_term, at_most
+from linkjax.reduction import mass_sums
+
+MEAN_SPEED = 73.27
+REACH = {"crank": 30.0, "rocker": 10.0}  # largest mass-radius products (kg m)
+LENGTHS = {"rod": (0.9, 1.2), "link4": (0.45, 0.56), "rocker": (0.28, 0.36)}
+
+
+def press() -> lj.Scene:
+    """The hay press with an ideal counterweight of 1 kg on crank and rocker: its place (m) is the product (kg m)."""
+    scene = lj.load("hay-press-slider")
+    links = dict(scene.mechanism.links)
+    for name in REACH:
+        piece = lj.Counterweight(1.0, lj.Vec(0.0, 0.0), ideal=True)
+        links[name] = dataclasses.replace(links[name], counterweights={f"W{name}": piece})
+    return scene.with_mechanism(dataclasses.replace(scene.mechanism, links=links))
+
+
+def shaking(scene: lj.Scene) -> jax.Array:
+    """Shaking force (N) at 360 angles."""
+
+    def at(phi):
+        _, second = mass_sums(lj.pose(scene.mechanism, phi))
+        return jnp.stack([second.x, second.y]) * MEAN_SPEED**2
+
+    return jax.vmap(at)(jnp.arange(360.0) * (math.pi / 180))
+
+
+def cosine(scene: lj.Scene) -> jax.Array:
+    """Cosine of the dyad's transmission angle at 360 angles."""
+    angles = jax.vmap(lambda phi: lj.transmission_angles(scene.mechanism, phi)["link4-rocker"])
+    return jnp.cos(angles(jnp.arange(360.0) * (math.pi / 180)))[:, None]
+
+
+def product(link: str) -> Limit:
+    """The limit on a counterweight's product."""
+
+    def size(scene: lj.Scene) -> jax.Array:
+        at = scene.mechanism.links[link].counterweights[f"W{link}"].at
+        return jnp.stack([at.x, at.y])[None]
+
+    return at_most(size, REACH[link], unit="kg m", name=f"product of {link}")
+
+
+def problem(number: int) -> Problem:
+    """Problem 1 or 2 of `baselines/optimise_slsqp.py`."""
+    free = [
+        Variable(f"links.{link}.counterweights.W{link}.at.{part}", -reach, reach)
+        for link, reach in REACH.items()
+        for part in ("along", "across")
+    ]
+    limits = [product(link) for link in REACH]
+    if number == 2:
+        free += [Variable(f"links.{link}.length", *ends) for link, ends in LENGTHS.items()]
+        limits.append(at_most(cosine, 0.99, name="transmission"))
+    return Problem(press(), free, as_term(shaking, "N"), limits)
+
+
+def starts(posed: Problem, admissible) -> list[np.ndarray]:
+    """The baseline's ten starts, in its order of random numbers; `admissible(x)` is its own test of a start."""
+    rng, found = np.random.default_rng(0), []
+    while len(found) < 10:
+        polar = rng.random(4) * [30, 2 * np.pi, 10, 2 * np.pi]
+        geometry = np.array([0.9, 0.45, 0.28]) + rng.random(3) * [0.3, 0.11, 0.08]
+        x = [polar[0] * np.cos(polar[1]), polar[0] * np.sin(polar[1]), polar[2] * np.cos(polar[3])]
+        x = np.asarray([*x, polar[2] * np.sin(polar[3]), *geometry])[: len(posed.variables)]
+        if admissible(x):
+            found.append(x)
+    return found
+
+
+def main() -> None:
+    """Both problems by both roads, one line a figure."""
+    from benchmarks.baselines import optimise_slsqp as baseline
+    from linkjax.design import descend
+
+    lj.enable_x64()
+    for number, count in ((1, 4), (2, 7)):
+        posed = problem(number)
+
+        def admissible(x):
+            with np.errstate(invalid="ignore"):
+                force, cos = baseline.shaking(x)
+            return bool(np.isfinite(force).all() and np.abs(cos).max() < 0.99)
+
+        begin = starts(posed, admissible)
+        span = posed.upper - posed.lower
+        descend(posed, (begin[0] - posed.lower) / span)  # warm
+        posed.evaluations, baseline.calls, theirs = 0, 0, []
+        clock = time.perf_counter()
+        ours = [1e-3 * descend(posed, (x - posed.lower) / span).point.blocks[0].value for x in begin]
+        middle = time.perf_counter()
+        with np.errstate(invalid="ignore"):
+            theirs = [baseline.solve(count, x) for x in begin]
+        end = time.perf_counter()
+        best = min(*ours, *theirs)
+        for name, found, calls, seconds in (
+            ("cone", ours, posed.evaluations, middle - clock),
+            ("slsqp_differences", theirs, baseline.calls, end - middle),
+        ):
+            reached = sum(value <= best * (1 + 1e-6) for value in found)
+            print(f"balance.problem{number}.{name}.best {min(found):.8g} kN")
+            print(f"balance.problem{number}.{name}.reached {reached} of_10")
+            print(f"balance.problem{number}.{name}.evaluations {calls} calls")
+            print(f"balance.problem{number}.{name}.wall {seconds:.3g} s")
+
+
+if __name__ == "__main__":
+    main()

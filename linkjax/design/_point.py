@@ -1,0 +1,135 @@
+"""A design with everything known of it, in the solvers' own scale, and what certifies that it is an optimum."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from linkjax.design._problem import Block, Kind, Problem
+
+TIED = 1e-5  # rows this close to the largest may carry a multiplier
+AT_BOUND = 1e-6  # of its range: a variable so close to a bound may carry its multiplier
+
+
+class Scaled(NamedTuple):
+    """A block in the solver's own scale: its rows are to stay below `level`; `shift` is what the interpolants miss."""
+
+    rows: Float[np.ndarray, "rows parts"]
+    slope: Float[np.ndarray, "rows parts n"]
+    signed: bool
+    level: float
+    shift: float
+
+    def sizes(self) -> Float[np.ndarray, " rows"]:
+        """Value or length of every row."""
+        return (self.rows[:, 0] if self.signed else np.linalg.norm(self.rows, axis=1)) + self.shift
+
+    def gradients(self) -> Float[np.ndarray, "rows n"]:
+        """Gradient of every row's value or length."""
+        if self.signed:
+            return self.slope[:, 0]
+        sizes = np.linalg.norm(self.rows, axis=1, keepdims=True)
+        return np.einsum("rp,rpn->rn", self.rows / np.where(sizes > 0, sizes, 1.0), self.slope)
+
+    def excess(self) -> float:
+        """How far the largest row lies above the level."""
+        return float(np.max(self.sizes())) - self.level
+
+
+def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
+    """A block by its kind's scale, with slopes by variables that run from 0 to 1."""
+    factor = (kind.sign if kind.signed else 1.0) / kind.scale
+    rows, slope = block.vectors * factor, block.slope * (factor * span)
+    value = block.value * (kind.sign if kind.signed else 1.0) / kind.scale
+    sizes = rows[:, 0] if kind.signed else np.linalg.norm(rows, axis=1)
+    level = 0.0 if kind.role == "objective" else kind.bound * factor
+    return Scaled(rows, slope, kind.signed, level, value - float(np.max(sizes)))
+
+
+@dataclasses.dataclass
+class Point:
+    """A design, its variables from 0 to 1, with everything known of it."""
+
+    z: np.ndarray
+    blocks: list[Block]
+    goals: list[Scaled]
+    limits: list[Scaled]
+    sound: list[Scaled]
+
+    @property
+    def every(self) -> list[Scaled]:
+        """Goals, limits, and what makes a machine sound."""
+        return [*self.goals, *self.limits, *self.sound]
+
+    @property
+    def value(self) -> float:
+        """The objective, scaled."""
+        return max(goal.excess() for goal in self.goals)
+
+    @property
+    def violation(self) -> float:
+        """Sum of the excess of all limits, scaled."""
+        return sum(max(limit.excess(), 0.0) for limit in [*self.limits, *self.sound])
+
+    @property
+    def unsound(self) -> float:
+        """What is missing to a machine that can be assembled and runs, scaled; zero when nothing is."""
+        return sum(max(limit.excess(), 0.0) for limit in self.sound)
+
+
+def look(problem: Problem, z: np.ndarray) -> Point:
+    """Evaluate a design given in units of the variables' ranges."""
+    span = problem.upper - problem.lower
+    blocks = problem.at(problem.lower + z * span)
+    every = [(kind.role, scaled(kind, block, span)) for kind, block in zip(problem.kinds, blocks, strict=True)]
+    goals, limits, sound = ([b for role, b in every if role == wanted] for wanted in ("objective", "limit", "sound"))
+    return Point(z, blocks, goals, limits, sound)
+
+
+class Certificate(NamedTuple):
+    """Multipliers of every row of every block and of the bounds, and the residual of the optimality conditions (Karush,
+    Kuhn, Tucker) with them: gradient of the Lagrangian, slack times multiplier, violation; all scaled."""
+
+    residual: float
+    weights: list[np.ndarray]
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+def certify(point: Point) -> Certificate:
+    """The multipliers that come nearest to the conditions, by non-negative least squares over what is tied."""
+    from scipy.optimize import nnls
+
+    n, top = point.z.size, point.value
+    columns, slacks, goal, homes = [], [], [], []
+    for i, block in enumerate(point.every):
+        level = top if i < len(point.goals) else block.level
+        sizes = block.sizes()
+        tied = np.flatnonzero(sizes >= level - TIED)
+        gradients = block.gradients()
+        columns += [gradients[k] for k in tied]
+        slacks += [max(level - sizes[k], 0.0) for k in tied]
+        goal += [float(i < len(point.goals))] * len(tied)
+        homes.append(tied)
+    low, high = np.flatnonzero(point.z <= AT_BOUND), np.flatnonzero(point.z >= 1 - AT_BOUND)
+    columns += [*-np.eye(n)[low], *np.eye(n)[high]]
+    rows = np.asarray(columns).T
+    room = np.concatenate([point.z[low], 1 - point.z[high]])
+    slack, goals = np.concatenate([slacks, room]), np.concatenate([goal, np.zeros(len(room))])
+    scale = 1e3 * max(1.0, float(np.max(np.abs(rows))))  # the objective's multipliers add up to one
+    matrix = np.concatenate([rows, scale * goals[None], slack[None]])
+    found, _ = nnls(matrix, np.concatenate([np.zeros(n), [scale, 0.0]]))
+    left = max(
+        float(np.max(np.abs(rows @ found))), abs(float(goals @ found) - 1), float(slack @ found), point.violation
+    )
+    weights, at = [], 0
+    for block, tied in zip(point.every, homes, strict=True):
+        weights.append(np.zeros(len(block.rows)))
+        weights[-1][tied] = found[at : at + len(tied)]
+        at += len(tied)
+    lower, upper = np.zeros(n), np.zeros(n)
+    lower[low], upper[high] = found[at : at + len(low)], found[at + len(low) :]
+    return Certificate(left, weights, lower, upper)

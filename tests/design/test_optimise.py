@@ -1,0 +1,198 @@
+"""Optimisation against optima that are known otherwise: closed forms, the SciPy baseline, a fine scan."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from benchmarks import balance
+from benchmarks.baselines import optimise_slsqp as baseline
+from linkjax import Case, Counterweight, DesignError, Variable, Vec, at_least, at_most
+from linkjax.design import Problem, as_term, descend
+from linkjax.measures import (
+    delta,
+    largest_transmission_cosine,
+    peak_shaking_force_constant_speed,
+    smallest_margin,
+)
+
+
+def rotor(speed: float = 20.0) -> lj.Scene:
+    """An eccentric crank with a place for a counterweight: 2 kg at 30 mm and 10 mm."""
+    link = lj.Link(length=0.1, mass=2.0, inertia=0.01, centre=Vec(0.03, 0.01),
+                   counterweights={"W": Counterweight(1.0, Vec(0.0, 0.0), inertia=0.0)})  # fmt: skip
+    mechanism = lj.Mechanism({"O": Vec(0.0, 0.0)}, {"crank": link}, [lj.Crank("crank", "O", "A")], lj.Flywheel(1.0))
+    return lj.Scene(mechanism, speed=speed)
+
+
+AT = "links.crank.counterweights.W.at"
+
+
+def test_a_rotor_is_balanced():
+    """1 kg opposite twice as far; with less room, what is left is m r ω² of what cannot be reached."""
+    free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
+    found = lj.optimise(rotor(), free, peak_shaking_force_constant_speed, starts=3)
+    assert found.feasible
+    assert found.reached == 3
+    assert found.objective_before == pytest.approx(2 * np.hypot(0.03, 0.01) * 400, rel=1e-9)
+    assert found.objective < 1e-6 * found.objective_before
+    np.testing.assert_allclose(found.x, [-0.06, -0.02], rtol=0, atol=1e-8)
+    short = lj.optimise(rotor(), {f"{AT}.along": (-0.05, 0.1), f"{AT}.across": (-0.1, 0.1)},
+                        peak_shaking_force_constant_speed)  # fmt: skip
+    assert short.objective == pytest.approx(0.01 * 400, rel=1e-7)
+    np.testing.assert_allclose(short.x, [-0.05, -0.02], rtol=0, atol=1e-6)
+    assert short.kkt_residual < 1e-6
+    assert short.pull[f"{AT}.along"] == pytest.approx(400.0, rel=1e-4)  # N per m of the bound: m ω²
+
+
+def test_multipliers_are_prices():
+    """Smallest flywheel for a limit on δ: known exactly, and the price of the limit by differences."""
+
+    def wheel(scene):
+        return scene.mechanism.flywheel.inertia
+
+    scene = lj.load("slider-crank")
+    bound = 0.02
+    found = lj.optimise(scene, {"flywheel.inertia": (0.0, 50.0)}, wheel, limits=[at_most(delta, bound)])
+    assert found.feasible
+    assert found.objective == pytest.approx(float(lj.flywheel_for(scene, bound)), rel=1e-7)
+    low, high = (float(lj.flywheel_for(scene, bound + h)) for h in (-1e-6, 1e-6))
+    assert found.limits["delta"].multiplier == pytest.approx((low - high) / 2e-6, rel=1e-4)
+    assert float(delta(found.after)) == pytest.approx(bound, rel=1e-8)
+
+
+def test_worst_of_several_cases():
+    """Two speeds: the faster decides, and both are listed."""
+    free = {f"{AT}.along": (-0.05, 0.1), f"{AT}.across": (-0.1, 0.1)}
+    cases = [Case("slow", {"speed": 10.0}), Case("fast", {"speed": 30.0})]
+    found = lj.optimise(rotor(), free, peak_shaking_force_constant_speed, cases=cases)
+    assert found.objective == pytest.approx(0.01 * 900, rel=1e-7)
+    assert {"smallest_margin (slow)", "smallest_margin (fast)"} <= found.limits.keys()
+
+
+def test_maximise_and_tie():
+    """The largest assembly margin of a four-bar, coupler and rocker kept in proportion; against a scan."""
+    scene = lj.load("four-bar")
+    base = float(scene.mechanism.links["coupler"].length)
+    free = [Variable("links.coupler.length", 0.8 * base, 1.2 * base, tied=("links.rocker.length",))]
+    found = lj.optimise(scene, free, maximise=smallest_margin, starts=2)
+    problem = found.problem
+    values = jax.jit(jax.vmap(lambda x: smallest_margin(problem.design(x[None]))))
+    scanned = values(jnp.linspace(0.8 * base, 1.2 * base, 2001))
+    assert found.objective == pytest.approx(float(jnp.max(scanned)), rel=1e-3)
+    assert found.objective >= float(jnp.max(scanned)) - 1e-12
+    lengths = [found.after.mechanism.links[n].length / scene.mechanism.links[n].length for n in ("coupler", "rocker")]
+    assert float(lengths[0]) == pytest.approx(float(lengths[1]), rel=1e-14)
+
+
+@pytest.mark.parametrize(("number", "count", "best", "calls"), [(1, 4, 52.786870, 319), (2, 7, 47.623038, 414)])
+def test_the_baselines_problems(number, count, best, calls):
+    """The optimum of SciPy's SLSQP from ten of ten of its starts, with a quarter of its evaluations (1277 and 1658)."""
+    posed = balance.problem(number)
+
+    def admissible(x):
+        with np.errstate(invalid="ignore"):
+            force, cosine = baseline.shaking(x)
+        return bool(np.isfinite(force).all() and np.abs(cosine).max() < 0.99)
+
+    posed.evaluations = 0
+    for x in balance.starts(posed, admissible):
+        path = descend(posed, (x - posed.lower) / (posed.upper - posed.lower))
+        assert 1e-3 * path.point.blocks[0].value == pytest.approx(best, rel=1e-6)
+        assert path.point.violation <= 1e-8
+        assert path.certificate.residual < 1e-6
+        mine, _ = baseline.shaking(posed.lower + path.point.z * (posed.upper - posed.lower))
+        assert float(np.abs(mine).max()) == pytest.approx(1e-3 * path.point.blocks[0].value, rel=1e-9)
+    assert posed.evaluations <= calls
+    assert count == len(posed.variables)
+
+
+def test_no_feasible_design():
+    """δ and the flywheel clash, by name; what is found violates least."""
+
+    def wheel(scene):
+        return scene.mechanism.flywheel.inertia
+
+    found = lj.optimise(lj.load("slider-crank"), {"flywheel.inertia": (0.0, 50.0)}, wheel,
+                        limits=[at_most(delta, 1e-4), at_most(wheel, 0.01, name="flywheel")])  # fmt: skip
+    assert not found.feasible
+    assert set(found.clash) == {"delta", "flywheel"}
+
+
+def test_lost_machines_are_led_back():
+    """Half of the starts cannot be assembled; all end assembled, nothing throws."""
+    scene = lj.load("four-bar")
+    free = {f"links.{n}.length": (0.02, 0.6) for n in ("coupler", "rocker")}
+    found = lj.optimise(scene, free, largest_transmission_cosine, starts=6, seed=3)
+    assert all(start.feasible for start in found.starts)
+    assert found.limits["smallest_margin"].value >= 1e-3 * (1 - 1e-6)
+    assert np.isfinite([start.objective for start in found.starts]).all()
+
+
+def test_compiled_once():
+    """However many starts, and another scene of the topology is no other problem."""
+    free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
+    found = lj.optimise(rotor(), free, peak_shaking_force_constant_speed, starts=4)
+    assert len(found.problem._run.programs) == 1
+    assert found.evaluations > 4
+
+
+def test_today_and_own_functions():
+    """A limit by what the unchanged scene has; an own function of several rows is kept below row by row."""
+    scene = rotor()
+
+    def places(scene):
+        at = scene.mechanism.links["crank"].counterweights["W"].at
+        return jnp.stack([at.x, at.y, -at.x - at.y])
+
+    free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
+    today = at_most(peak_shaking_force_constant_speed, "today")
+    found = lj.optimise(scene, free, places, limits=[today])
+    # the largest of x, y and -x - y is least, zero, only where all vanish
+    assert found.objective == pytest.approx(0.0, abs=1e-7)
+    assert found.limits["peak_shaking_force_constant_speed"].bound == pytest.approx(found.problem.kinds[1].scale)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"free": {}}, "nothing is free"),
+        ({"free": {"speed": (2.0, 1.0)}}, "give two finite bounds"),
+        ({"free": {"sped": (1.0, 2.0)}}, "did you mean 'speed'"),
+        ({"free": [Variable("speed", 1.0, 2.0), Variable("speed", 1.0, 3.0)]}, "is freed twice"),
+        ({"minimise": None}, "give either minimise or maximise"),
+        ({"starts": 0}, "whole number of one or more"),
+        ({"free": [Variable("flywheel.inertia", 0.0, 2.0, tied=("speed",))]}, None),
+        ({"free": [Variable(f"{AT}.along", 0.0, 2.0, tied=("speed",))]}, "has no ratio to it"),
+    ],
+)
+def test_what_cannot_be_asked(change, says):
+    asked = {"free": {"speed": (1.0, 2.0)}, "minimise": delta, **change}
+    if says is None:
+        Problem(rotor(), asked["free"], as_term(delta))
+        return
+    with pytest.raises(DesignError, match=says):
+        lj.optimise(rotor(), asked.pop("free"), asked.pop("minimise"), **asked)
+
+
+def test_rows_hold_the_peak():
+    """Everything that may be the largest: the longest row is the peak itself, its derivative that of the peak."""
+    for scene in (lj.load("slider-crank"), lj.load("four-bar")):
+        for one in (peak_shaking_force_constant_speed, largest_transmission_cosine):
+            made = one.rows
+            assert made is not None
+            rows = jax.jit(lambda scene, made=made: made(lj.measures.Parts(scene)))(scene)
+            exact = float(jax.jit(one)(scene))
+            assert float(jnp.max(rows.size())) == pytest.approx(exact, rel=1e-10)
+            assert np.isfinite(rows.angle).all()
+
+
+def test_limits_by_name():
+    """`at_least` on what has peaks is one number; on the smallest of several, each."""
+    assert at_least(smallest_margin, 0.1).term.smallest
+    assert dataclasses.asdict(at_most(delta, 0.1))["bound"] == 0.1
