@@ -91,10 +91,10 @@ class Summit(NamedTuple):
     bend: Array
 
 
-def search(fine: Array, height: Float[Array, "panels fine"]) -> Summit:
-    """The summit of a function given on the search grid of every panel."""
+def search(fine: Array, height: Float[Array, "panels fine"], tops: Float[Array, " panels"] | None = None) -> Summit:
+    """The summit of a function given on the search grid of every panel; `tops` may leave panels out (-inf)."""
     height = jax.lax.stop_gradient(height)
-    best = highest(jnp.max(height, axis=1))
+    best = highest(jnp.max(height, axis=1) if tops is None else tops)
     panel = jnp.max(jnp.where(best, jnp.arange(best.size), 0))
     panel, i = _right_panel(fine, height, panel, jnp.argmax(height[panel]))
     return _summit(fine, height[panel], panel, i)

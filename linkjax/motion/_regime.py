@@ -75,14 +75,14 @@ def peaks(
         return jnp.sum(vector * vector)
 
     def best(which, height, rows):
-        spots = []
+        summits, tops = [], jnp.max(height, axis=1)
         for _ in range(RIVALS):
-            summit = search(jnp.asarray(grid.rule.fine), height)
-            spots.append((summit.panel, _follow(rows[:, summit.panel], summit)))
-            height = height.at[summit.panel].set(-jnp.inf)
-        panel, x = (jnp.stack(part) for part in zip(*spots, strict=True))
-        first = jnp.argmax(jax.vmap(lambda panel, x: squared(which, panel, x))(panel, x))
-        return panel[first], x[first]
+            summits.append(search(jnp.asarray(grid.rule.fine), height, tops))
+            tops = jnp.where(jnp.arange(tops.size) == summits[-1].panel, -jnp.inf, tops)
+        summit = jax.tree.map(lambda *leaves: jnp.stack(leaves), *summits)
+        x = jax.vmap(lambda one: _follow(rows[:, one.panel], one))(summit)
+        first = jnp.argmax(jax.vmap(lambda panel, x: squared(which, panel, x))(summit.panel, x))
+        return summit.panel[first], x[first]
 
     panel, followed = jax.vmap(best)(number, heights, series)
     x, gained = jax.vmap(lambda which, panel, x: _sharpened(lambda x: squared(which, panel, x), x))(

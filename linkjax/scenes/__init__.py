@@ -14,3 +14,4 @@ from linkjax.scenes._document import setting as setting
 from linkjax.scenes._errors import SceneError as SceneError
 from linkjax.scenes._units import QuantityError as QuantityError
 from linkjax.scenes._units import quantity as quantity
+from linkjax.scenes._write import text_of as text_of

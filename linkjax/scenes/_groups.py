@@ -26,6 +26,11 @@ class GroupTable(Table, abc.ABC):
     def build(self, turns: int) -> groups.AbstractGroup:
         """The group itself; `turns` is the sense of the crank, +1 for counter-clockwise."""
 
+    @staticmethod
+    @abc.abstractmethod
+    def keys_of(group: Any) -> dict[str, Any]:
+        """The keys, but for `kind`, that build such a group."""
+
     @abc.abstractmethod
     def pins(self) -> tuple[str, ...]:
         """Names of the pins it brings in."""
@@ -54,6 +59,10 @@ class CrankTable(GroupTable):
 
     def build(self, turns: int) -> groups.AbstractGroup:
         return groups.Crank(self.link, self.pivot, self.end, turns, self.phase)
+
+    @staticmethod
+    def keys_of(group: groups.Crank) -> dict[str, Any]:
+        return {"link": group.link, "pivot": group.pivot, "end": group.end, "phase": _angle(group.phase)}
 
     def pins(self) -> tuple[str, ...]:
         return (self.end,)
@@ -86,6 +95,12 @@ class RRPTable(GroupTable):
         side = 1 if self.side == "+" else -1
         return groups.RRP(self.link, self.block, self.from_, self.end, through, side, along, offset)
 
+    @staticmethod
+    def keys_of(group: groups.RRP) -> dict[str, Any]:
+        guide = {"through": group.through, "along": _angle(group.along), "offset": f"{float(group.offset)!r} m"}
+        return {"link": group.link, "from": group.from_, "end": group.end, "block": group.block, "guide": guide,
+                "side": "+" if group.side > 0 else "-"}  # fmt: skip
+
     def pins(self) -> tuple[str, ...]:
         return (self.end,)
 
@@ -114,6 +129,11 @@ class RRRTable(GroupTable):
     def build(self, turns: int) -> groups.AbstractGroup:
         return groups.RRR(self.links, self.from_, self.to, self.meet, 1 if self.side == "left" else -1)
 
+    @staticmethod
+    def keys_of(group: groups.RRR) -> dict[str, Any]:
+        return {"links": list(group.links), "from": group.from_, "to": group.to, "meet": group.meet,
+                "side": "left" if group.side > 0 else "right"}  # fmt: skip
+
     def pins(self) -> tuple[str, ...]:
         return (self.meet,)
 
@@ -123,6 +143,13 @@ class RRRTable(GroupTable):
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         if self.from_ == self.to:
             yield ("to",), "the same point as `from`", "name the point that the second link starts from"
+
+
+def _angle(value: Any) -> str:
+    return f"{float(value)!r} rad"
+
+
+TABLES: dict[str, type[GroupTable]] = {"crank": CrankTable, "RRP": RRPTable, "RRR": RRRTable}
 
 
 def _kind(value: Any) -> str | None:

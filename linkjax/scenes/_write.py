@@ -1,0 +1,120 @@
+"""A scene as the text of a scene file that reads back to the same scene, to the last bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from linkjax._vec import Vec
+from linkjax.groups import AbstractGroup
+from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
+from linkjax.machine import Scene
+from linkjax.mechanism import Counterweight, Link, StructureError
+from linkjax.scenes._groups import TABLES
+
+Table = dict[str, Any]
+
+
+def text_of(scene: Scene, comment: str = "") -> str:
+    """The text of a scene file for a scene, in SI units, with a comment on top.
+
+    Read back by `loads_text` it is the same scene, to the last bit. Raises `StructureError` for groups and loads of
+    kinds that scene files do not know, and for scenes that are traced or batched.
+    """
+    import tomli_w  # loaded when something is written
+
+    head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
+    return head + tomli_w.dumps(table_of(scene), multiline_strings=False)
+
+
+def table_of(scene: Scene) -> Table:
+    """What `read_document` would give for the scene's file."""
+    mechanism = scene.mechanism
+    table: Table = {"title": scene.title} if scene.title else {}
+    table["gravity"] = _pair(scene.gravity, "m/s^2")
+    table["speed"] = _amount(scene.speed, "rad/s")
+    if scene.mean != "time":
+        table["mean"] = scene.mean
+    if scene.cycle_turns != 1:
+        table["cycle_turns"] = scene.cycle_turns
+    if getattr(mechanism.groups[0], "turns", 1) == -1:
+        table["rotation"] = "cw"
+    if scene.target_delta is not None:
+        table["target_delta"] = _number(scene.target_delta)
+    table["fixed"] = {name: _pair(at, "m") for name, at in mechanism.fixed.items()}
+    table["links"] = {name: _link(mechanism.links[name]) for name in mechanism.link_names}
+    table["flywheel"] = {"inertia": _amount(mechanism.flywheel.inertia, "kg m^2")}
+    table["groups"] = [_group(group) for group in mechanism.groups]
+    if scene.loads:
+        table["loads"] = [_load(load) for load in scene.loads]
+    return table
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except Exception as error:
+        raise StructureError("scene", "its numbers are traced or batched", "write one scene at a time") from error
+
+
+def _amount(value: Any, unit: str) -> str:
+    return f"{_number(value)!r} {unit}"
+
+
+def _pair(at: Vec, unit: str) -> list[str]:
+    return [_amount(at.x, unit), _amount(at.y, unit)]
+
+
+def _place(at: Vec) -> Table:
+    return {"along": _amount(at.x, "m"), "across": _amount(at.y, "m")}
+
+
+def _link(link: Link) -> Table:
+    table: Table = {}
+    if _number(link.length):
+        table["length"] = _amount(link.length, "m")
+    if link.mass_properties != "section":
+        table |= {"mass": _amount(link.mass, "kg"), "inertia": _amount(link.inertia, "kg m^2")}
+        table["centre"] = _place(link.centre)
+    table["centre_name"] = link.centre_name
+    if link.mass_properties != "fixed":
+        table["mass_properties"] = link.mass_properties
+    for key, unit in (("reference_length", "m"), ("area", "m^2"), ("density", "kg/m^3")):
+        if getattr(link, key) is not None:
+            table[key] = _amount(getattr(link, key), unit)
+    if link.points:
+        table["points"] = {name: _place(at) for name, at in link.points.items()}
+    if link.counterweights:
+        table["counterweights"] = {name: _counterweight(piece) for name, piece in link.counterweights.items()}
+    return table
+
+
+def _counterweight(piece: Counterweight) -> Table:
+    table: Table = {"mass": _amount(piece.mass, "kg"), "at": _place(piece.at)}
+    for key, unit in (("inertia", "kg m^2"), ("thickness", "m"), ("density", "kg/m^3")):
+        if getattr(piece, key) is not None:
+            table[key] = _amount(getattr(piece, key), unit)
+    return {**table, "ideal": True} if piece.ideal else table
+
+
+def _group(group: AbstractGroup) -> Table:
+    if group.kind not in TABLES:
+        raise StructureError("-".join(group.link_names()), f"scene files know no group of kind {group.kind!r}",
+                             f"known here: {', '.join(TABLES)}")  # fmt: skip
+    return {"kind": group.kind, **TABLES[group.kind].keys_of(group)}
+
+
+def _load(load: AbstractLoad) -> Table:
+    table: Table = {"name": load.name, "link": load.link}
+    if isinstance(load, Force):
+        table |= {"point": load.point, "force": _pair(load.force, "N")}
+    elif isinstance(load, OpposingForce):
+        table |= {"point": load.point, "force": _amount(load.magnitude, "N"), "opposing": True}
+    elif isinstance(load, Torque):
+        table["torque"] = _amount(load.torque, "N m")
+    elif isinstance(load, OpposingTorque):
+        table |= {"torque": _amount(load.magnitude, "N m"), "opposing": True}
+    else:
+        raise StructureError(load.name, "scene files know no load of this kind", "write a force or a torque")
+    if load.window is not None:
+        table["window"] = [_amount(load.window.on, "rad"), _amount(load.window.off, "rad")]
+    return {**table, "reacts_on": load.reacts_on} if load.reacts_on else table
