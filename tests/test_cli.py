@@ -153,6 +153,7 @@ def analyse_to_json(call, tmp_path, *words):
     return json.loads((tmp_path / "it.json").read_text()), out
 
 
+@pytest.mark.slow
 def test_the_roads_to_the_motion_agree(call, tmp_path):
     one, _ = analyse_to_json(call, tmp_path, "--nodes", 128)
     two, _ = analyse_to_json(call, tmp_path, "--nodes", 128, "--motion", "diffrax")

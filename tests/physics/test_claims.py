@@ -60,7 +60,9 @@ def test_moment_on_the_frame():
 
 
 @pytest.mark.parametrize("name", ["hay-press", pytest.param("hay-press-slider", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("nodes", [32, pytest.param(48, marks=pytest.mark.slow), 96])
+@pytest.mark.parametrize(
+    "nodes", [pytest.param(32, marks=pytest.mark.slow), pytest.param(48, marks=pytest.mark.slow), 96]
+)
 def test_peaks_lie_within_their_bounds(name, nodes):
     scene = machine(name)
     got, fine = lj.analyse(scene, nodes=nodes, angles=4), lj.analyse(scene, nodes=400, angles=4)
@@ -81,6 +83,7 @@ def test_the_general_road_states_its_own_error():
         assert got.evaluations is None
 
 
+@pytest.mark.slow
 def test_no_regime_on_the_general_road():
     """The same answer as by quadrature, and the document can be written."""
     slow = dataclasses.replace(machine("hay-press"), speed=jnp.asarray(15.0))

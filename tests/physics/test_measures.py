@@ -37,9 +37,9 @@ GROUPS = {  # measures that share most of their work, compiled together; the las
 }
 GROUPS["rest"] = tuple(n for n in sorted(MEASURES) if n not in {m for group in GROUPS.values() for m in group})
 SLOW = "hay-press-slider"  # the hay press's topology with another load: its longer cases run in `make test-all`
-LONG = ("true", "constant", "flywheel", "rest")  # and so do these of the slider-crank, which the hay press contains
+LONG = ("true", "constant", "flywheel", "rest")  # and so do these of the smaller machines, whose groups it contains
 CASES = [
-    pytest.param(name, group, marks=[pytest.mark.slow] if name in (SLOW, "slider-crank") and group in LONG else [])
+    pytest.param(name, group, marks=[pytest.mark.slow] if name != "hay-press" and group in LONG else [])
     for name in BUILT_IN
     for group in GROUPS
 ]
