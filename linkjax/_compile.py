@@ -61,21 +61,14 @@ class CompiledSoon:
             return self.plain(*args, **kwargs)
         key, program = self._program(fixed, leaves, tree)
         try:
-            run = program.run.result()
+            found = program.run.result()(*leaves)
         except Exception:
             self.programs.pop(key, None)  # it may have been a matter of the moment
             if program.kept is None:
                 raise
-            _delete(program.kept)  # damaged: make it anew
-            return self(*args, **kwargs)
-        try:
-            found = run(*leaves)
-        except Exception:
-            if program.kept is None:
-                raise
-            self.programs.pop(key, None)
-            _delete(program.kept)  # not of this machine after all
-            return self(*args, **kwargs)
+            _delete(program.kept)  # damaged, or not of this machine after all: make it anew, whether it went or not
+            program = self.programs[key] = _made(self.function, fixed, leaves, tree, program.kept)
+            found = program.run.result()(*leaves)
         return jax.tree.unflatten(jax.tree.structure(program.result), found)
 
     def ahead(self, *args, **kwargs) -> Any:
@@ -134,7 +127,7 @@ def forget() -> None:
 
 
 def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Program:
-    """The program for arguments of these shapes: read if it was kept, else traced here and compiled on another core."""
+    """The program for arguments of these shapes: read if it was kept, else made."""
     file = _kept_in(function, fixed, leaves, tree)
     if file is not None and file.exists():
         try:
@@ -142,6 +135,11 @@ def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
             return Program(_aside(_load, content), shapes, file)
         except Exception:  # damaged: make it anew
             _delete(file)
+    return _made(function, fixed, leaves, tree, file)
+
+
+def _made(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any, file: Path | None) -> Program:
+    """The program, traced here and compiled on another core, to be kept in the file."""
     signature, structures = inspect.signature(function), []
 
     def flat(*leaves):

@@ -178,3 +178,19 @@ def test_a_folder_that_cannot_be_written(tmp_path, ours):
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
     _compile._delete(tmp_path / "taken")
     assert float(make([])({"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, 2)["sum"]) == 10.0
+
+
+def test_a_damaged_file_that_cannot_be_deleted(folder, ours, monkeypatch):
+    """In a folder that several people share: made anew all the same, and only once."""
+    tree, traced = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, []
+    make(traced)(tree, power=2)
+    (file,) = folder.glob("linkjax-*")
+    (payload, *rest), shapes = pickle.loads(file.read_bytes())
+    bad = pickle.dumps(((payload[:-100], *rest), shapes))
+    file.write_bytes(bad)
+    monkeypatch.setattr(_compile, "_delete", lambda file: None)
+    monkeypatch.setattr(_compile, "_write", lambda file, content: None)
+    again = make(traced)
+    assert [float(again(tree, power=2)["sum"]) for _ in range(2)] == [10.0, 10.0]
+    assert traced == [2, 2]
+    assert file.read_bytes() == bad

@@ -40,47 +40,28 @@ MEASURES: dict[str, Measure] = {}
 Peaked = tuple[Regime, Components, Array | None]
 
 
+def _registered(function: Callable, unit: str, value, rows=None, smallest: bool = False) -> Measure:
+    """The measure that a decorated function stands for."""
+    made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), value, rows, smallest)
+    MEASURES[made.name] = made
+    return made
+
+
 def measure(unit: str) -> Callable[[Callable[[Parts], Array]], Measure]:
     """Make a measure of a function of `Parts`, with its unit, and register it under the function's name."""
-
-    def register(function: Callable[[Parts], Array]) -> Measure:
-        made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), function)
-        MEASURES[made.name] = made
-        return made
-
-    return register
+    return lambda function: _registered(function, unit, function)
 
 
 def peak(unit: str) -> Callable[[Callable[[Parts], Peaked]], Measure]:
     """Make a measure of what has a peak: the regime, its components, and their values at the nodes if known."""
-
-    def register(function: Callable[[Parts], Peaked]) -> Measure:
-        def largest(of: Parts) -> Array:
-            return jnp.max(peaks(*function(of)).value)
-
-        def every(of: Parts) -> Rows:
-            return rows(*function(of))
-
-        made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), largest, every)
-        MEASURES[made.name] = made
-        return made
-
-    return register
+    return lambda function: _registered(
+        function, unit, lambda of: jnp.max(peaks(*function(of)).value), lambda of: rows(*function(of))
+    )
 
 
 def smallest(unit: str) -> Callable[[Callable[[Parts], Rows]], Measure]:
     """Make a measure of which the smallest of several numbers counts."""
-
-    def register(function: Callable[[Parts], Rows]) -> Measure:
-        def least(of: Parts) -> Array:
-            return jnp.min(function(of).size())
-
-        meaning = (function.__doc__ or "").strip()
-        made = Measure(function.__name__, unit, meaning, least, function, smallest=True)
-        MEASURES[made.name] = made
-        return made
-
-    return register
+    return lambda function: _registered(function, unit, lambda of: jnp.min(function(of).size()), function, True)
 
 
 def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
