@@ -57,7 +57,7 @@ class CompiledSoon:
 
     def __call__(self, *args, **kwargs):
         fixed, leaves, tree = self._flat(args, kwargs)
-        if any(isinstance(leaf, Tracer) for leaf in leaves):
+        if any(isinstance(leaf, Tracer) for leaf in leaves) or jax.config.values["jax_disable_jit"]:
             return self.plain(*args, **kwargs)
         key, program = self._program(fixed, leaves, tree)
         try:

@@ -28,6 +28,8 @@ def cache_folder() -> Path | None:
     """Folder for compiled programs: the one chosen (`JAX_COMPILATION_CACHE_DIR`, or by the program), else
     `cache_home()`; None when it cannot be written, and then everything works, only slower."""
     chosen = jax.config.values["jax_compilation_cache_dir"]
+    if chosen and "://" in chosen:  # JAX's own, in the cloud; ours are files
+        return None
     folder = Path(chosen) if chosen else cache_home()
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -303,8 +303,8 @@ def _print_limits(data: dict[str, Any]) -> None:
     for name, group in data["groups"].items():
         if "margin" in group:
             worst = f"margin {group['margin']:.4g} at {math.degrees(group['margin_angle']):.2f}°"
-            angle = [math.degrees(a) for a in group["transmission_angle"]]
-            span = f"transmission angle {min(angle):.1f}…{max(angle):.1f}°"
+            least, most = (math.degrees(angle) for angle in group["transmission_span"])
+            span = f"transmission angle {least:.1f}…{most:.1f}°"
             console.print(f"{group['formula']:5s} {name}: {worst}, {span}", highlight=False)
     stops: dict[str, list[str]] = {}
     for entry in data["dead_centres"]:

@@ -1,8 +1,8 @@
 """The whole working cycle, computed and laid out."""
 
+from linkjax.analysis._analyse import analyse as analyse
 from linkjax.analysis._cycle import Checks as Checks
 from linkjax.analysis._cycle import Cycle as Cycle
-from linkjax.analysis._cycle import analyse as analyse
 from linkjax.analysis._cycle import explain as explain
 from linkjax.analysis._document import check_limit as check_limit
 from linkjax.analysis._document import document as document

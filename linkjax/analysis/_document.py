@@ -119,7 +119,10 @@ def _groups(cycle: Cycle) -> dict[str, Any]:
             entry |= {"margin": float(worst.value), "margin_angle": float(worst.angle)}
             entry["margins"] = {s: {"value": float(m.value), "angle": float(m.angle)} for s, m in sides.items()}
         if name in cycle.transmission:
-            entry["transmission_angle"] = cycle.transmission[name]
+            angles = cycle.transmission[name]
+            every = np.concatenate([np.ravel(angles), np.ravel(cycle.transmission_ends.get(name, angles[:0]))])
+            entry["transmission_angle"] = angles
+            entry["transmission_span"] = [float(np.nanmin(every)), float(np.nanmax(every))]
         found[name] = entry
     return found
 

@@ -11,6 +11,7 @@ from linkjax.measures._measures import evaluate as evaluate
 from linkjax.measures._measures import flywheel_for_target_delta as flywheel_for_target_delta
 from linkjax.measures._measures import largest_speed as largest_speed
 from linkjax.measures._measures import largest_transmission_cosine as largest_transmission_cosine
+from linkjax.measures._measures import least_inertia as least_inertia
 from linkjax.measures._measures import mean_drive_torque as mean_drive_torque
 from linkjax.measures._measures import measure as measure
 from linkjax.measures._measures import peak as peak

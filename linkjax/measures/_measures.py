@@ -94,6 +94,12 @@ def regime_margin(of: Parts) -> Array:
     return of.steady.regime_margin
 
 
+@measure("1")
+def least_inertia(of: Parts) -> Array:
+    """Least reduced inertia over its mean: near zero the crank all but stops mattering there, and its speed runs up."""
+    return of.steady.least_inertia
+
+
 @measure("N m")
 def mean_drive_torque(of: Parts) -> Array:
     """Constant drive torque that balances the cycle."""

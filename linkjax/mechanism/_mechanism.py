@@ -6,7 +6,9 @@ import dataclasses
 import difflib
 
 import equinox as eqx
+import numpy as np
 
+from linkjax._types import known as number_of
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, Crank
 from linkjax.mechanism._link import Flywheel, Link
@@ -106,7 +108,11 @@ def check_structure(mechanism: Mechanism) -> None:
             if point not in mechanism.fixed:
                 problem = f"point {point!r} moves, but must be a point of the frame"
                 raise StructureError(element, problem, nearest(point, mechanism.fixed))
-        for link, (origin, _) in group.pins().items():
+        for link, (origin, far) in group.pins().items():
+            length = number_of(mechanism.links[link].length)
+            if far is not None and number and length is not None and np.any(length == 0):
+                problem = "has the length zero, but joins two pins"
+                raise StructureError(f"links.{link}", problem, "give the distance between its pins")
             for name, piece in mechanism.links[link].counterweights.items():
                 if piece.ideal and (origin not in mechanism.fixed or link in group.translating()):
                     problem = f"an ideal counterweight cannot sit on link {link!r}: it has no fixed pivot"

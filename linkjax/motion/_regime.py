@@ -19,7 +19,7 @@ from linkjax.motion._panels import legendre_sum
 from linkjax.motion._steady import Steady
 
 FOLLOW = 3  # steps on the interpolants
-RIVALS = 3  # panels whose summits are compared on the quantity itself
+RIVALS = 2  # panels whose summits are compared on the quantity itself
 NEAR = 3e-3  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself
 ROUNDINGS = 4000.0  # of a peak: the least error stated
 FAR = 10.0  # the most it may move, in these

@@ -137,9 +137,8 @@ def groups(data: Data) -> str:
             f"{side} {quantity(float(least['value']), '', 4)} at {angle(least['angle']).text}".strip()
             for side, least in sides.items()
         )
-        turn = np.asarray(group.get("transmission_angle", ()), float)
-        turn = turn[np.isfinite(turn)]
-        span = f"{angle(turn.min()).text} … {angle(turn.max()).text}" if turn.size else NONE
+        turned = group.get("transmission_span")
+        span = NONE if turned is None else f"{angle(turned[0]).text} … {angle(turned[1]).text}"
         rows.append([words(name), words(group.get("formula", group["kind"])), words(margins or NONE), words(span)])
     return table(["group", "kind", "assembly margin, least over the cycle", "transmission angle"], rows)
 

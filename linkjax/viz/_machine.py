@@ -269,17 +269,18 @@ def draw_names(stage: Stage, data: Data, look: Skeleton, at: Places, working: li
     centres = [shape.centre for shape in look.shapes if shape.centre]
     marked = [p for shape in look.shapes for p in shape.marked if p not in look.joints]
     spots: list[tuple[list[str], np.ndarray]] = []
-    for point in [*look.joints, *marked, *centres]:
+    pieces = [p for shape in look.shapes for p in shape.weights]
+    for point in [*look.joints, *marked, *centres, *pieces]:
         near = next((names for names, spot in spots if math.hypot(*(spot - at[point])) < 4 * unit), None)
         if near is None:
             spots.append(([point], at[point]))
         else:
             near.append(point)
-    names = [(", ".join(group), spot, GREY if group[0] in centres else INK) for group, spot in spots]
+    names = [(", ".join(group), spot, GREY if group[0] in (*centres, *pieces) else INK) for group, spot in spots]
     for arrow in working:
         start = arrow.at + np.array([0, ARC * unit]) if arrow.turn else _tail(stage, arrow)[0]
         names.append((arrow.text, start, VERMILION))
-    solid = [at[p][None] for p in (*look.joints, *centres)] + [_covered(stage, arrow) for arrow in working]
+    solid = [at[p][None] for p in (*look.joints, *centres, *pieces)] + [_covered(stage, arrow) for arrow in working]
     for shape in look.shapes:
         corners = [at[p] for p in (*shape.pins, *shape.marked)]
         solid += [along(a, b, 2.5 * unit) for i, a in enumerate(corners) for b in corners[:i]]

@@ -1,0 +1,288 @@
+"""The whole story of a working cycle, in one call."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from typing import Any, Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from linkjax._compile import compiled_soon
+from linkjax._numerics import safe_divide, wrapped
+from linkjax._results import Result, merge
+from linkjax._types import Tracer, as_float
+from linkjax._vec import Vec
+from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain
+from linkjax.forces import Forces
+from linkjax.kinematics import (
+    Pose,
+    Reversals,
+    assembly_margins,
+    dead_centres,
+    margins,
+    pose,
+    transmission_angles,
+)
+from linkjax.machine import Scene
+from linkjax.measures import both_motions, table
+from linkjax.motion import (
+    Peak,
+    Regime,
+    Steady,
+    flywheel_on,
+    make_grid,
+    node_values,
+    peaks,
+    primitive,
+    steady_by_diffrax,
+    steady_on,
+    textbook_flywheel,
+)
+from linkjax.reduction import Reduced, reduce
+
+MOTION = 10.0  # times the error of δ: the relative error of a force in the true motion
+LIGHTEST = 1e-6  # least reduced inertia over its mean: the crank would turn a thousand times faster there
+
+
+def analyse(
+    scene: Scene,
+    *,
+    angles: Any = 360,
+    nodes: int = 96,
+    constant_speed: bool = False,
+    motion: Literal["quadrature", "diffrax"] = "quadrature",
+    throw: bool = True,
+) -> Cycle:
+    """Analyse a working cycle: kinematics, reduction, true motion, forces, peaks, flywheel, checks.
+
+    `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` is the number
+    of nodes of the cycle grid per crank turn; `constant_speed` reports `forces` at constant nominal speed instead of
+    the true motion; `motion` is the road to the true motion: quadrature of the energy equation, or the equation of
+    motion solved by diffrax.
+    Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled
+    has no periodic regime or no inertia; with `throw=False`, and under jax transformations, `result` tells instead. By
+    diffrax, derivatives are forward only (`jax.jvp`); `motion.steady_by_diffrax` takes another adjoint.
+    """
+    if nodes < 8:
+        raise ValueError(f"nodes must be at least 8, but is {nodes}; 96 gives about ten digits")
+    scene, angles = jax.tree.map(as_float, scene), _angles(scene, angles)
+    if scene.speed.dtype == jnp.float32:
+        warnings.warn(
+            "linkjax computes in float32: about six digits of δ at best, fewer near dead positions, and checks near "
+            "1e-6; call linkjax.enable_x64() before loading the scene for full precision",
+            stacklevel=2,
+        )
+    if motion not in ("quadrature", "diffrax"):
+        raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
+    cycle = _analyse(scene, angles, nodes, constant_speed, motion)
+    if throw and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
+        explain(cycle)
+    return cycle
+
+
+def _angles(scene: Scene, angles: Any) -> Array:
+    """The crank angles asked for: uniform ones by their number, or those of an array."""
+    if isinstance(angles, int | np.integer) and not isinstance(angles, bool):
+        if angles < 1:
+            raise ValueError(f"angles must be at least 1, but is {angles}; 360 gives whole degrees")
+        return jnp.arange(int(angles), dtype=float) * (scene.cycle / int(angles))
+    found = jnp.asarray(angles, dtype=float)
+    if found.ndim != 1 or found.size == 0:
+        raise ValueError(
+            f"angles must be a whole number or a list of crank angles in rad, but has the shape {found.shape}; "
+            "write e.g. angles=360 or angles=jnp.linspace(0, 1, 50)"
+        )
+    return found
+
+
+def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
+    """The analysis in a few jitted parts: one large program would take several times as long to compile."""
+    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
+        _compile_ahead(scene, angles, nodes, road)
+    motion, here, work = _motion(scene, nodes, road)
+    at_nodes, at = _everywhere(scene, motion, angles)
+    tops = _peaks(scene, motion, at_nodes)
+    limits, dead, spans = _limits(scene)
+    checks, code = _checks(scene, motion, here, angles, at, limits)
+    return Cycle(
+        scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, transmission_ends=spans, margins=limits,
+        dead_centres=dead, reduced=at.reduced, steady=motion, speed=at.speed[0], acceleration=at.acceleration[0],
+        time=at.time, forces=at.forces[1 if constant_speed else 0], forces_constant_speed=at.forces[1], peaks=tops[0],
+        peaks_constant_speed=tops[1], flywheel=_flywheels(scene, motion, here), work=work,
+        checks=checks, assembled=at.assembled, result=code,
+        constant_speed=constant_speed, road=road,
+    )  # fmt: skip
+
+
+def _compile_ahead(scene: Scene, angles: Array, nodes: int, road: str) -> None:
+    """Start compiling all parts at once, each from the shapes that the ones before will give it; the longest first."""
+    motion, here, _ = _motion.ahead(scene, nodes, road)
+    at_nodes, at = _everywhere.ahead(scene, motion, angles)
+    _peaks.ahead(scene, motion, at_nodes)
+    _flywheels.ahead(scene, motion, here)
+    limits, *_ = _limits.ahead(scene)
+    _checks.ahead(scene, motion, here, angles, at, limits)
+
+
+class Everywhere(NamedTuple):
+    """Everything at many places; `forces`, `speed` and `acceleration` in the true motion and at constant speed."""
+
+    pose: Pose
+    transmission: dict[str, Array]
+    reduced: Reduced
+    forces: tuple[Forces, Forces]
+    speed: tuple[Array, Array]
+    acceleration: tuple[Array, Array]
+    time: Array
+    assembled: Array
+
+
+@compiled_soon(static=("nodes", "road"))
+def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced, dict[str, Array]]:
+    if road == "diffrax":
+        motion = steady_by_diffrax(scene, nodes)
+        here = node_values(scene, motion.grid)
+    else:
+        grid = make_grid(scene, nodes)
+        here = node_values(scene, grid)
+        motion = steady_on(scene, grid, here)
+    weights = motion.grid.half[:, None] * motion.grid.rule.w[None]
+    work = {name: jnp.sum(weights * share) for name, share in here.by_load.items()}
+    return motion, here, {"drive": motion.drive_torque * scene.cycle, **work}
+
+
+@compiled_soon
+def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Everywhere]:
+    """Force table at the nodes, and everything at the angles: one evaluation of the mechanism for both."""
+    grid = motion.grid
+    regime = Regime(scene, grid, motion)
+    shown = jax.vmap(grid.place)(angles)
+    nodes = jax.tree.map(jnp.ravel, grid.node_places())
+    places = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), nodes, shown)
+
+    def at(place):
+        forces, speed, acceleration = both_motions(regime, place)
+        least = [m.value for sides in margins(scene.mechanism, place.phi).values() for m in sides.values()]
+        return Everywhere(
+            pose(scene.mechanism, place.phi), transmission_angles(scene.mechanism, place.phi),
+            reduce(scene, place.phi, regime.side(place)), _pair(forces), _pair(speed), _pair(acceleration),
+            motion.clock.at(place),
+            jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0),
+        )  # fmt: skip
+
+    every = jax.vmap(at)(places)
+    count = grid.size
+    both = [table(scene, jax.tree.map(lambda leaf: leaf[:count], forces)) for forces in every.forces]
+    begin = motion.clock.at(grid.place(jnp.zeros(())))
+    at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
+    time = wrapped(at_angles.time - begin, motion.period)
+    at_nodes = jnp.moveaxis(jnp.concatenate(both, axis=1), 0, -1)
+    at_nodes = at_nodes.reshape((*at_nodes.shape[:2], *grid.nodes.shape))
+    return at_nodes, at_angles._replace(time=time)
+
+
+@compiled_soon
+def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak]:
+    def rows(regime, place):
+        forces, _, _ = both_motions(regime, place)
+        return table(scene, forces).reshape((-1, 2))
+
+    found = peaks(Regime(scene, motion.grid, motion), rows, at_nodes)
+    half = found.value.size // 2
+    # in the true motion forces follow the square of the speed and its slope
+    inexact = jnp.where(jnp.arange(2 * half) < half, MOTION * motion.delta_error * found.value, 0.0)
+    found = found._replace(error=found.error + inexact)
+    return Peak(*(part[:half] for part in found)), Peak(*(part[half:] for part in found))
+
+
+@compiled_soon
+def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals], dict[str, Array]]:
+    """Least margins, dead centres, and the transmission angles at those margins, where they are extreme."""
+    mechanism, turns = scene.mechanism, scene.cycle_turns
+    limits = assembly_margins(mechanism, turns)
+    at = {group: jnp.stack([least.angle for least in sides.values()]) for group, sides in limits.items()}
+    turned = {group: jax.vmap(lambda phi: transmission_angles(mechanism, phi))(phi) for group, phi in at.items()}
+    spans = {group: angles[group] for group, angles in turned.items() if group in angles}
+    return limits, dead_centres(mechanism, turns), spans
+
+
+def _pair(tree) -> tuple:
+    """The true motion and constant speed, which `both_motions` computes along an axis."""
+    return tuple(jax.tree.map(lambda leaf, i=i: leaf[i], tree) for i in (0, 1))
+
+
+@compiled_soon
+def _flywheels(scene: Scene, motion: Steady, here: Reduced) -> Flywheels:
+    given, target = scene.mechanism.flywheel.inertia, scene.target_delta
+    if target is None:
+        return Flywheels(given, None, None)
+    return Flywheels(given, flywheel_on(scene, target, motion.grid, here), textbook_flywheel(motion, target))
+
+
+@compiled_soon
+def _checks(
+    scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere, limits: Margins
+) -> tuple[Checks, Array]:
+    """The analysis's own checks, and how it went."""
+    found = [_residuals(scene, at, i) for i in (0, 1)]
+    power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
+    least = jnp.min(jnp.stack([jnp.ones(()), *(m.value for sides in limits.values() for m in sides.values())]))
+    code = merge(
+        jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
+        jnp.where(jnp.isinf(motion.delta_error), Result.INTEGRATION_FAILED, 0),
+        jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
+        jnp.where(motion.least_inertia > LIGHTEST, 0, Result.NO_INERTIA),
+        jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
+    )
+    return Checks(power, _energy_closure(scene, motion, here, angles, at), balance), code
+
+
+def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
+    """Virtual power and force balance in one of the two motions, relative to the largest of what is summed: where
+    everything is balanced the sums themselves are no measure."""
+    forces, speed, acceleration = at.forces[i], at.speed[i], at.acceleration[i]
+    crank = at.pose.links[scene.mechanism.crank].w
+    inertia, slope, torque = at.reduced[:3]
+    parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
+    power, reach = jnp.abs(forces.drive_torque - sum(parts)), jnp.zeros_like(speed)
+    about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
+    heavy, size = jnp.zeros_like(speed), sum(jnp.abs(share) for share in at.reduced.by_load.values())
+    size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration)
+    for link, place, body in at.pose.heavy():
+        point, turn = at.pose.points[place], at.pose.links[link]
+        pull = body.mass * _length(point.ddr * speed**2 + point.dr * acceleration)
+        spin = jnp.abs(body.inertia * (turn.e * speed**2 + turn.w * acceleration) * turn.w)
+        heavy, size = heavy + jnp.abs(pull), size + jnp.abs(pull) * _length(point.dr) + spin
+        reach = jnp.maximum(reach, _length(point.r - about))
+    joints = [side for sides in forces.reactions.values() for side in sides.values()]
+    heavy = jnp.max(functools.reduce(jnp.maximum, [side.magnitude for side in joints], heavy))
+    sources = forces.shaking, forces.weight, forces.loads
+    rest = [forces.frame[k] - sum(source[k] for source in sources) for k in (0, 1)]
+    moments = crank * forces.drive_torque, *(source.moment for source in sources)
+    turning = jnp.max(sum(jnp.abs(moment) for moment in moments) + reach * heavy)
+    twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)))
+    balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), heavy), safe_divide(twist, turning))
+    return safe_divide(jnp.max(power), jnp.max(size)), balance
+
+
+def _length(v: Vec) -> Array:
+    return jnp.sqrt(v.squared())
+
+
+def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Array:
+    """Every link's kinetic energy from its own velocities against every load's work, integrated by itself."""
+    speed = at.speed[0]
+    kinetic = 0.5 * scene.mechanism.flywheel.inertia * speed**2
+    for name, place, body in at.pose.heavy():
+        v, w = at.pose.points[place].dr * speed, at.pose.links[name].w * speed
+        kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
+    work = motion.drive_torque * jax.vmap(lambda phi: motion.grid.place(phi).phi)(angles)
+    for share in here.by_load.values():
+        series = primitive(motion.grid, share)
+        work = work + jax.vmap(lambda phi, series=series: series.at(motion.grid.place(phi)))(angles)
+    closure = jnp.max(jnp.abs((kinetic - kinetic[0]) - (work - work[0])))
+    return safe_divide(closure, jnp.max(kinetic))
