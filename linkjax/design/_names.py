@@ -13,11 +13,12 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
-from linkjax.mechanism import Link, nearest
+from linkjax.mechanism import Link
 
 Where = Callable[[Scene], Any]
 

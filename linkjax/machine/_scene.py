@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._types import as_float, known
+from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.loads import AbstractLoad, Window
-from linkjax.mechanism import Mechanism, StructureError, nearest
+from linkjax.mechanism import Mechanism, StructureError
 
 
 class Scene(eqx.Module):

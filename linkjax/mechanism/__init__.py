@@ -8,4 +8,3 @@ from linkjax.mechanism._link import Lump as Lump
 from linkjax.mechanism._link import lumps as lumps
 from linkjax.mechanism._mechanism import Mechanism as Mechanism
 from linkjax.mechanism._mechanism import StructureError as StructureError
-from linkjax.mechanism._mechanism import nearest as nearest

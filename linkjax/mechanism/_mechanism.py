@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 
 import equinox as eqx
 import numpy as np
 
 from linkjax._types import known as number_of
+from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, Crank
 from linkjax.mechanism._link import Flywheel, Link
@@ -74,12 +74,6 @@ class Mechanism(eqx.Module):
 
 def _named(link: Link, name: str) -> Link:
     return link if link.centre_name else dataclasses.replace(link, centre_name=name)
-
-
-def nearest(name: str, known) -> str:
-    """A hint at the nearest known name, or at all of them when none is near."""
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(known)) or 'none'}"
 
 
 def check_structure(mechanism: Mechanism) -> None:

@@ -1,5 +1,7 @@
 """Scene files: TOML with units on values, read into scenes; the built-in machines."""
 
+from linkjax._units import QuantityError as QuantityError
+from linkjax._units import quantity as quantity
 from linkjax.scenes._build import build as build
 from linkjax.scenes._build import json_schema as json_schema
 from linkjax.scenes._build import load as load
@@ -12,6 +14,4 @@ from linkjax.scenes._document import read_document as read_document
 from linkjax.scenes._document import scene_names as scene_names
 from linkjax.scenes._document import setting as setting
 from linkjax.scenes._errors import SceneError as SceneError
-from linkjax.scenes._units import QuantityError as QuantityError
-from linkjax.scenes._units import quantity as quantity
 from linkjax.scenes._write import text_of as text_of

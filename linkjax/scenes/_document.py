@@ -12,7 +12,7 @@ import typing
 from pathlib import Path
 from typing import Any
 
-from linkjax.mechanism import nearest
+from linkjax._units import nearest
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._keys import Path as KeyPath
 from linkjax.scenes._keys import annotation_at, fields, is_table, join, leaves, lookup, split

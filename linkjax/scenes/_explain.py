@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from linkjax.mechanism import StructureError, nearest
+from linkjax._units import kind_of, nearest
+from linkjax.mechanism import StructureError
 from linkjax.scenes._errors import SceneError, shown
 from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_table, join, lookup
 from linkjax.scenes._models import SceneFile
-from linkjax.scenes._units import kind_of
 
 ADD = {
     "fixed": "add a table [fixed] with the points of the frame, e.g. A = [0, 0]",

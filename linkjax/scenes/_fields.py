@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError, core_schema
 
-from linkjax.scenes._units import DIMENSIONS, QuantityError, kind_of, quantity
+from linkjax._units import DIMENSIONS, QuantityError, kind_of, quantity
 
 
 class Table(BaseModel):

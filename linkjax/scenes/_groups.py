@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from linkjax import groups
-from linkjax.mechanism import nearest
+from linkjax._units import nearest
 from linkjax.scenes._fields import Angle, Length, Name, Pair, Table
 
 Fault = tuple[tuple[str | int, ...], str, str]

@@ -9,12 +9,11 @@ and "30" no angle.
 from __future__ import annotations
 
 import decimal
+import difflib
 import functools
 import math
 import re
 from typing import Any, NamedTuple
-
-from linkjax.mechanism import nearest
 
 
 class Dimension(NamedTuple):
@@ -95,6 +94,12 @@ class QuantityError(ValueError):
     def __init__(self, problem: str, remedy: str):
         self.problem, self.remedy = problem, remedy
         super().__init__(f"{problem}; {remedy}")
+
+
+def nearest(name: str, known) -> str:
+    """A hint at the nearest known name, or at all of them when none is near."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(known)) or 'none'}"
 
 
 def quantity(value: Any, dimension: str) -> float:
