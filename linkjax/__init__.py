@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from linkjax.reduction import reduce as reduce
     from linkjax.scenes import SceneError as SceneError
     from linkjax.scenes import load as load
+    from linkjax.scenes import load_task as load_task
     from linkjax.scenes import scene_names as scene_names
 
 __version__ = "0.1.0"
@@ -66,7 +67,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "analysis": ("Cycle", "analyse"),
     "measures": (),
     "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
-    "scenes": ("SceneError", "load", "scene_names"),
+    "scenes": ("SceneError", "load", "load_task", "scene_names"),
     "viz": (),
     "report": (),
 }

@@ -13,14 +13,16 @@ from rich.console import Console
 
 import linkjax as lj
 from linkjax import cli
+from linkjax.cli._console import console, elapsed
+from linkjax.cli._print import print_summary
 from linkjax.motion import steady
 
 
 def run(monkeypatch, capsys, *arguments):
     """Exit code, standard output and standard error of one call."""
     monkeypatch.setattr("sys.argv", ["linkjax", *map(str, arguments)])
-    monkeypatch.setattr(cli.console, "quiet", False)
-    monkeypatch.setattr(cli.console, "width", 160)
+    monkeypatch.setattr(console, "quiet", False)
+    monkeypatch.setattr(console, "width", 160)
     with pytest.raises(SystemExit) as stopped:
         cli.main()
     out, err = capsys.readouterr()
@@ -113,14 +115,14 @@ def test_figures_not_to_be_trusted_are_announced(analysed, capsys, monkeypatch):
     """A check above its limit, or none at all, and a result that is only a warning."""
     data = json.loads((analysed[1] / "all.json").read_text())
     machine = lj.load("hay-press")
-    monkeypatch.setattr(cli.console, "quiet", False)
-    cli._print_summary(data, machine)
+    monkeypatch.setattr(console, "quiet", False)
+    print_summary(data, machine)
     assert "WARNING" not in capsys.readouterr().out
     for wrong in (1e-9, math.nan):
-        cli._print_summary({**data, "checks": {**data["checks"], "energy_closure": wrong}}, machine)
+        print_summary({**data, "checks": {**data["checks"], "energy_closure": wrong}}, machine)
         assert "WARNING: a check is above 1e-10; do not trust these figures" in capsys.readouterr().out
     told = {"code": 1, "name": "TOO_MANY_REVERSALS", "message": "Too many."}
-    cli._print_summary({**data, "result": told}, machine)
+    print_summary({**data, "result": told}, machine)
     assert "WARNING: Too many." in capsys.readouterr().out
 
 
@@ -128,11 +130,11 @@ def test_long_work_shows_a_spinner_on_a_terminal(monkeypatch):
     """Nothing within the first second, then what is done and for how long; on a file or pipe nothing at all."""
     for terminal in (True, False):
         screen = io.StringIO()
-        monkeypatch.setattr(cli, "console", Console(file=screen, force_terminal=terminal, width=80))
-        with cli._elapsed("drawing"):
+        monkeypatch.setattr("linkjax.cli._console.console", Console(file=screen, force_terminal=terminal, width=80))
+        with elapsed("drawing"):
             time.sleep(0.1)
         assert "drawing" not in screen.getvalue()
-        with cli._elapsed("drawing"):
+        with elapsed("drawing"):
             time.sleep(1.6)
         assert ("drawing … 1 s" in screen.getvalue()) == terminal
 

@@ -28,7 +28,7 @@ from linkjax.kinematics import (
     transmission_angles,
 )
 from linkjax.machine import Scene
-from linkjax.measures import both_motions, table
+from linkjax.measures import both_motions, peak_names, table
 from linkjax.motion import (
     Peak,
     Regime,
@@ -84,6 +84,12 @@ def analyse(
     return cycle
 
 
+def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, motion: str = "quadrature") -> None:
+    """Start compiling what `analyse` needs for scenes of this topology, beside whatever else is done meanwhile."""
+    scene = jax.tree.map(as_float, scene)
+    _compile_ahead(scene, _angles(scene, angles), nodes, motion)
+
+
 def _angles(scene: Scene, angles: Any) -> Array:
     """The crank angles asked for: uniform ones by their number, or those of an array."""
     if isinstance(angles, int | np.integer) and not isinstance(angles, bool):
@@ -112,7 +118,8 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
         scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, transmission_ends=spans, margins=limits,
         dead_centres=dead, reduced=at.reduced, steady=motion, speed=at.speed[0], acceleration=at.acceleration[0],
         time=at.time, forces=at.forces[1 if constant_speed else 0], forces_constant_speed=at.forces[1], peaks=tops[0],
-        peaks_constant_speed=tops[1], flywheel=_flywheels(scene, motion, here), work=work,
+        peaks_constant_speed=tops[1], rms_shaking_force_constant_speed=tops[2],
+        flywheel=_flywheels(scene, motion, here), work=work,
         checks=checks, assembled=at.assembled, result=code,
         constant_speed=constant_speed, road=road,
     )  # fmt: skip
@@ -186,17 +193,23 @@ def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Eve
 
 
 @compiled_soon
-def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak]:
+def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak, Array]:
+    """Peaks of all forces in the true motion and at constant speed, and the root mean square of the shaking force."""
+    grid = motion.grid
+
     def rows(regime, place):
         forces, _, _ = both_motions(regime, place)
         return table(scene, forces).reshape((-1, 2))
 
-    found = peaks(Regime(scene, motion.grid, motion), rows, at_nodes)
+    found = peaks(Regime(scene, grid, motion), rows, at_nodes)
     half = found.value.size // 2
     # in the true motion forces follow the square of the speed and its slope
     inexact = jnp.where(jnp.arange(2 * half) < half, MOTION * motion.delta_error * found.value, 0.0)
     found = found._replace(error=found.error + inexact)
-    return Peak(*(part[:half] for part in found)), Peak(*(part[half:] for part in found))
+    weights = grid.half[:, None] * grid.rule.w[None]
+    shaking = at_nodes[half + peak_names(scene).index("shaking_force")]
+    rms = jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / scene.cycle)
+    return Peak(*(part[:half] for part in found)), Peak(*(part[half:] for part in found)), rms
 
 
 @compiled_soon

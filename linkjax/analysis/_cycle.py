@@ -63,6 +63,7 @@ class Cycle(eqx.Module):
     forces_constant_speed: Forces
     peaks: Peak
     peaks_constant_speed: Peak
+    rms_shaking_force_constant_speed: Array
     flywheel: Flywheels
     work: dict[str, Array]
     checks: Checks

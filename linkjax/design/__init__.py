@@ -1,11 +1,14 @@
 """Optimisation of a machine: free numbers by name, an objective, limits, exact peaks."""
 
 from linkjax.design._cone import descend as descend
+from linkjax.design._document import document as document
+from linkjax.design._document import outcome as outcome
 from linkjax.design._names import DesignError as DesignError
 from linkjax.design._names import changed as changed
 from linkjax.design._names import number as number
 from linkjax.design._names import numbers as numbers
 from linkjax.design._optimise import Optimum as Optimum
+from linkjax.design._optimise import Progress as Progress
 from linkjax.design._optimise import optimise as optimise
 from linkjax.design._problem import Case as Case
 from linkjax.design._problem import Problem as Problem
@@ -15,3 +18,4 @@ from linkjax.design._terms import Term as Term
 from linkjax.design._terms import as_term as as_term
 from linkjax.design._terms import at_least as at_least
 from linkjax.design._terms import at_most as at_most
+from linkjax.design._texts import limit as limit

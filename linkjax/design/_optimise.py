@@ -8,16 +8,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linkjax._units import nearest
 from linkjax.design._cone import Path, descend
 from linkjax.design._names import DesignError
-from linkjax.design._point import Point, look
+from linkjax.design._point import Certificate, Point, certify, look
 from linkjax.design._problem import Case, Kind, Problem, Variable
-from linkjax.design._terms import Asked, Limit, as_term
+from linkjax.design._terms import Asked, Limit
+from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene
 from linkjax.measures import NODES
 
 FEASIBLE = 1e-8  # the excess, relative to its bound, up to which a limit counts as met
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
+OTHERS = 5  # starts whose ends the points of a trade-off begin from
+SOLVERS: dict[str, Callable[..., Path]] = {"cone": descend}
 
 
 class Start(NamedTuple):
@@ -39,9 +43,37 @@ class Met(NamedTuple):
     tied_angles: tuple[float, ...]
 
 
+class Traded(NamedTuple):
+    """The optimum under another bound of one limit."""
+
+    bound: float
+    objective: float
+    feasible: bool
+    x: tuple[float, ...]
+
+
+class Progress(NamedTuple):
+    """Where a run of many starts is: the start and how many there are, the steps it took, its objective (SI) with the
+    unit, the limits it violates, its certificate, scaled, and the best feasible objective so far."""
+
+    start: int
+    starts: int
+    step: int
+    objective: float
+    unit: str
+    violated: tuple[str, ...]
+    residual: float
+    best: float | None
+
+
 @dataclasses.dataclass(frozen=True)
 class Optimum:
-    """The best design found, beside the one it began with."""
+    """The best design found, beside the one it began with.
+
+    `limits` by label, `pull` what the objective would lose (SI) per unit of room at an active bound, `history` the
+    objective and violation, scaled, of every step of the best start, `trade_off` the optima for other bounds of one
+    limit.
+    """
 
     before: Scene
     after: Scene
@@ -58,6 +90,10 @@ class Optimum:
     starts: tuple[Start, ...]
     history: tuple[tuple[float, float], ...]
     evaluations: int
+    solver: str = "cone"
+    interrupted: bool = False
+    trade_off: tuple[Traded, ...] = ()
+    traded: str = ""
 
     @property
     def variables(self) -> dict[str, tuple[float, float]]:
@@ -74,47 +110,153 @@ class Optimum:
 
 def optimise(
     scene: Scene,
-    free: Mapping[str, tuple[float, float]] | Sequence[Variable],
+    free: Mapping[str, Range] | Sequence[Variable],
     minimise: Asked | None = None,
     *,
     maximise: Asked | None = None,
-    limits: Sequence[Limit] = (),
+    limits: Sequence[Limit | str] = (),
     cases: Sequence[Case] = (Case(),),
     starts: int = 1,
     seed: int = 0,
+    solver: str = "cone",
+    trade_off: tuple[str, Sequence[float | str]] | None = None,
     nodes: int = NODES,
-    told: Callable[[int, Point, float], None] | None = None,
+    told: Callable[[Progress], None] | None = None,
 ) -> Optimum:
     """Change the free numbers of a scene until the objective is as small (or large) as the limits allow.
 
-    `free` gives bounds (SI) by name, `limits` come from `at_most` and `at_least`. An objective or limit is a measure or
-    any jax function of the scene. Every limit holds in every one of the `cases`, and the worst of them counts. The
-    first start is the scene itself, the others are drawn at random within the bounds. Machines that cannot be
-    assembled, or do not run, are led back; nothing throws. The optimum of a problem without a feasible design is the
-    least violated one; `feasible` and `clash` tell. Raises `DesignError` for what cannot be asked.
+    `free` gives ranges by name: `("0.95 m", "1.1 m")`, `"0 to 40 kg m^2"`, `"± 8 %"`, or SI numbers. An objective or
+    limit is a measure, the name of one or of a number of the scene, or any jax function of the scene; limits come from
+    `at_most` and `at_least`, or are texts: `"delta <= 0.15"`, `"smallest_transmission_angle >= today"`. Every limit
+    holds in every one of the `cases`, and the worst of them counts. The first start is the scene itself, the others are
+    drawn at random within the bounds. `trade_off` names a limit and further bounds for it, each optimised from the
+    design before and the ends of the best starts. Machines that cannot be assembled, or do not run, are led back;
+    nothing throws. The optimum of a problem without a feasible design is the least violated one; `feasible` and `clash`
+    tell. `told` hears of every step; interrupted (Ctrl-C), the best design so far is returned. Raises `DesignError` for
+    what cannot be asked.
     """
-    if (minimise is None) == (maximise is None):
-        raise DesignError("objective", "one is needed", "give either minimise or maximise")
+    descend = _solver(solver)
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
-    asked = minimise if maximise is None else maximise
-    assert asked is not None
-    chosen = list(free) if not isinstance(free, Mapping) else [Variable(name, *ends) for name, ends in free.items()]
-    problem = Problem(scene, chosen, as_term(asked), limits, cases, maximise is not None, nodes)
-    span, rng = problem.upper - problem.lower, np.random.default_rng(seed)
-    first = np.clip((problem.start - problem.lower) / span, 0.0, 1.0)
-    paths: list[Path] = []
-    found: list[Start] = []
-    for number in range(starts):
-        before = problem.evaluations
-        z = first if number == 0 else rng.random(first.size)
-        tell = None if told is None else lambda point, c, n=number: told(n, point, c.residual)
-        paths.append(descend(problem, z, told=tell))
-        point = paths[-1].point
-        found.append(Start(_objective(problem, point), point.violation <= FEASIBLE,
-                           paths[-1].certificate.residual, problem.evaluations - before))  # fmt: skip
-    best = min(paths, key=lambda path: (max(path.point.violation - FEASIBLE, 0.0), path.point.value))
-    return _optimum(problem, best, look(problem, first), tuple(found))
+    problem = _posed(scene, free, minimise, maximise, limits, cases, nodes)
+    traded = None if trade_off is None else _traded(problem, scene, *trade_off)
+    run = _Run(problem, starts, told)
+    rng = np.random.default_rng(seed)
+    first = np.clip((problem.start - problem.lower) / (problem.upper - problem.lower), 0.0, 1.0)
+    try:
+        for number in range(starts):
+            run.follow(descend, first if number == 0 else rng.random(first.size), number)
+    except KeyboardInterrupt:
+        run.interrupted()
+    best = min(run.paths, key=lambda path: _rank(path.point))
+    found = _optimum(problem, best, look(problem, first), tuple(run.found))
+    points: tuple[Traded, ...] = ()
+    if traded is not None and not run.stopped:
+        points = _trade(problem, [best, *sorted(run.paths, key=lambda path: _rank(path.point))[1:OTHERS]], *traded)
+    return dataclasses.replace(
+        found, solver=solver, interrupted=run.stopped, trade_off=points, traded=traded[0] if traded else "",
+        evaluations=problem.evaluations,
+    )  # fmt: skip
+
+
+def _posed(scene, free, minimise, maximise, limits, cases, nodes) -> Problem:
+    """The problem that is asked, everything in it settled."""
+    if (minimise is None) == (maximise is None):
+        raise DesignError("objective", "one is needed", "give either minimise or maximise")
+    settled = [settled_limit(scene, one) for one in limits]
+    names = [one.name for one in settled]
+    settled = [
+        dataclasses.replace(one, name=f"{one.name} {one.sense}") if names.count(one.name) > 1 else one
+        for one in settled
+    ]
+    goal = settled_term(scene, maximise if minimise is None else minimise)
+    every = [settled_case(scene, case) for case in cases]
+    return Problem(scene, settled_free(scene, free), goal, settled, every, maximise is not None, nodes)
+
+
+def _solver(name: str) -> Callable[..., Path]:
+    """The solver of this name."""
+    if name not in SOLVERS:
+        raise DesignError("solver", f"{name!r} is not known", nearest(name, SOLVERS))
+    return SOLVERS[name]
+
+
+def _rank(point: Point) -> tuple[float, float]:
+    """What makes one design better than another: first the limits, then the objective."""
+    return max(point.violation - FEASIBLE, 0.0), point.value
+
+
+class _Run:
+    """Many starts, one after the other, and the best design seen on the way."""
+
+    def __init__(self, problem: Problem, starts: int, told: Callable[[Progress], None] | None):
+        self.problem, self.starts, self.told = problem, starts, told
+        self.paths: list[Path] = []
+        self.found: list[Start] = []
+        self.seen: Point | None = None
+        self.stopped, self.number, self.step = False, 0, 0
+
+    def follow(self, descend: Callable[..., Path], z: np.ndarray, number: int) -> None:
+        """One start to its end."""
+        before, self.number, self.step = self.problem.evaluations, number, 0
+        self._ended(descend(self.problem, z, told=self._told), self.problem.evaluations - before)
+
+    def interrupted(self) -> None:
+        """The best design so far stands for what was not finished. Raises `KeyboardInterrupt` where there is none."""
+        if self.seen is None:
+            raise KeyboardInterrupt
+        self.stopped = True
+        self.paths.append(Path(self.seen, certify(self.seen), [(self.seen.value, self.seen.violation)], False))
+
+    def _ended(self, path: Path, evaluations: int) -> None:
+        self.paths.append(path)
+        self._see(path.point)
+        objective = _objective(self.problem, path.point)
+        feasible = path.point.violation <= FEASIBLE
+        self.found.append(Start(objective, feasible, path.certificate.residual, evaluations))
+
+    def _see(self, point: Point) -> None:
+        if self.seen is None or _rank(point) < _rank(self.seen):
+            self.seen = point
+
+    def _told(self, point: Point, certificate: Certificate) -> None:
+        self._see(point)
+        self.step += 1
+        if self.told is not None and self.seen is not None:
+            best = _objective(self.problem, self.seen) if self.seen.violation <= FEASIBLE else None
+            unit = next(kind.unit for kind in self.problem.kinds if kind.role == "objective")
+            violated = tuple(kind.label for kind in _violated(self.problem, point))
+            self.told(Progress(self.number, self.starts, self.step, _objective(self.problem, point), unit, violated,
+                               certificate.residual, best))  # fmt: skip
+
+
+def _traded(problem: Problem, scene: Scene, name: str, bounds: Sequence[float | str]) -> tuple[str, list[float]]:
+    """The limit that is traded off, and its further bounds in SI."""
+    known = {kind.name: kind.unit for kind in problem.kinds if kind.role == "limit"}
+    if name not in known:
+        raise DesignError("trade_off", f"{name!r} is no limit of this problem", nearest(name, known))
+    return name, [amount(bound, known[name], "trade_off") for bound in bounds]
+
+
+def _trade(problem: Problem, paths: list[Path], name: str, bounds: list[float]) -> tuple[Traded, ...]:
+    """The optimum for every bound of one limit, each from the design before and from the ends of several starts."""
+    kinds, ends, found = problem.kinds, [path.point.z for path in paths], []
+    z = ends[0]
+    span = problem.upper - problem.lower
+    try:
+        for bound in bounds:
+            problem.kinds = [
+                dataclasses.replace(kind, bound=bound) if kind.name == name and kind.role == "limit" else kind
+                for kind in kinds
+            ]
+            point = min((descend(problem, each).point for each in (z, *ends)), key=_rank)
+            x, z = problem.lower + point.z * span, point.z
+            found.append(Traded(bound, _objective(problem, point), point.violation <= FEASIBLE, tuple(map(float, x))))
+    except KeyboardInterrupt:
+        pass
+    finally:
+        problem.kinds = kinds
+    return tuple(found)
 
 
 def _objective(problem: Problem, point: Point) -> float:
@@ -139,14 +281,19 @@ def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ..
         else:
             multiplier = float(np.sum(weights)) * goal.scale / kind.scale
             limits[kind.label] = Met(block.value, kind.bound, multiplier, tuple(sorted(set(at))))
-    checked = zip(order[len(point.goals) :], [*point.limits, *point.sound], strict=True)
-    violated = [problem.kinds[i] for i, limit in checked if limit.excess() > FEASIBLE]
+    violated = _violated(problem, point)
     pulls = (certificate.lower - certificate.upper) * goal.scale / (problem.upper - problem.lower)
     return Optimum(
         problem.scene, problem.design(x), problem, x, _objective(problem, begin), _objective(problem, point), limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
         certificate.residual, not violated, _clash(violated, limits), starts, tuple(path.history), problem.evaluations,
     )  # fmt: skip
+
+
+def _violated(problem: Problem, point: Point) -> list[Kind]:
+    """The limits that a design does not meet."""
+    kinds = [kind for role in ("limit", "sound") for kind in problem.kinds if kind.role == role]
+    return [k for k, limit in zip(kinds, [*point.limits, *point.sound], strict=True) if limit.excess() > FEASIBLE]
 
 
 def _clash(violated: list[Kind], limits: dict[str, Met]) -> tuple[str, ...]:

@@ -24,20 +24,21 @@ RUNNING = 1e-3  # the least regime margin of one that counts as running
 
 @dataclasses.dataclass(frozen=True)
 class Variable:
-    """A free number: its name, its bounds (SI), and names of others that keep their ratio to it."""
+    """A free number: its name, its bounds (SI, or for `optimise` texts with units), and names of others that keep their
+    ratio to it."""
 
     name: str
-    lower: float
-    upper: float
+    lower: float | str
+    upper: float | str
     tied: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A case of load: numbers of the scene that differ (SI), by name."""
+    """A case of load: numbers of the scene that differ (SI, or for `optimise` texts with units), by name."""
 
     name: str = ""
-    changes: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    changes: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
 
 
 class Block(NamedTuple):
@@ -96,9 +97,11 @@ class Problem:
         self.asked: list[Limit] = [goal, *limits]
         self._true_motion = False
         self._shapes()  # learns whether the true motion is needed
-        self.asked.append(at_least(smallest_margin, ASSEMBLED))
-        if self._true_motion:
-            self.asked.append(at_least(regime_margin, RUNNING))
+        taken = {limit.name for limit in limits}
+        needed = [(smallest_margin, ASSEMBLED), *([(regime_margin, RUNNING)] if self._true_motion else [])]
+        for margin, least in needed:
+            name = f"{margin.name} at all" if margin.name in taken else margin.name
+            self.asked.append(at_least(margin, least, name=name))
         self._kept = self._shapes()
         sizes = [
             (v.size, v.size * self.start.size, a.size, 1) for v, a in ((r.vectors, r.angle) for r, _ in self._kept)
@@ -198,6 +201,7 @@ def _check(variables: Sequence[Variable]) -> None:
             if name in seen:
                 raise DesignError(name, "is freed twice", "name every number once, or tie it to one other")
             seen.add(name)
-        if not np.isfinite([v.lower, v.upper]).all() or not v.lower < v.upper:
-            problem = f"its bounds are {v.lower:g} and {v.upper:g}"
+        low, high = float(v.lower), float(v.upper)
+        if not np.isfinite([low, high]).all() or not low < high:
+            problem = f"its bounds are {low:g} and {high:g}"
             raise DesignError(v.name, problem, "give two finite bounds, the lower first")

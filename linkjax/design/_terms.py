@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax.design._names import number
 from linkjax.machine import Scene
-from linkjax.measures import Measure, Parts
+from linkjax.measures import MEASURES, Measure, Parts
 from linkjax.motion import Rows
 
-Asked = Measure | Callable[[Scene], Array]
 Sense = Literal["at most", "at least"]
 TODAY = "today"
+UNSETTLED = "?"  # the unit of a number of the scene until the scene is known
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,18 +30,22 @@ class Term:
     smallest: bool = False  # the number is the smallest of its rows
 
 
+Asked = Measure | Callable[[Scene], Array] | str | Term
+
+
 @dataclasses.dataclass(frozen=True)
 class Limit:
-    """A bound on a term in every case: a number (SI), or "today", what the unchanged scene has."""
+    """A bound on a term in every case: a number (SI), or "today", what the unchanged scene has; a text with a unit
+    until the scene is known."""
 
     term: Term
     sense: Sense
-    bound: float | Literal["today"]
+    bound: float | str
     name: str
 
 
 def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
-    """The term of a measure or of a user's function of the scene.
+    """The term of a measure (itself or by name), of a number of the scene by name, or of an own function of the scene.
 
     The function returns one number, or an array, which stands for its largest entry, or an array of shape
     (rows, parts), which stands for its longest row; either way every row is treated for itself, so that ties of peaks
@@ -48,6 +53,10 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
     """
     if isinstance(asked, Term):
         return asked
+    if isinstance(asked, str):
+        if asked not in MEASURES:
+            return Term(asked, UNSETTLED, lambda of: number(of.scene, asked).read(of.scene))
+        asked = MEASURES[asked]
     if isinstance(asked, Measure):
         return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest)
     name = name or getattr(asked, "__name__", "").strip("<>") or "own function"
@@ -63,15 +72,13 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
 
 
 def at_most(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:
-    """The limit `asked <= bound` (SI, or "today")."""
-    return _limit(asked, "at most", bound, unit, name)
+    """The limit `asked <= bound`: of a measure, a number of the scene by name, or an own function; the bound in SI, or
+    a text ("19.23 kg m^2"), or "today". `unit` and `name` are those of an own function."""
+    term = as_term(asked, unit, name)
+    return Limit(term, "at most", bound, name or term.name)
 
 
 def at_least(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:
-    """The limit `asked >= bound` (SI, or "today")."""
-    return _limit(asked, "at least", bound, unit, name)
-
-
-def _limit(asked: Asked, sense: Sense, bound: Any, unit: str, name: str) -> Limit:
+    """The limit `asked >= bound`; see `at_most`."""
     term = as_term(asked, unit, name)
-    return Limit(term, sense, bound if bound == TODAY else float(bound), name or term.name)
+    return Limit(term, "at least", bound, name or term.name)

@@ -9,8 +9,8 @@ from linkjax.measures._measures import Measure as Measure
 from linkjax.measures._measures import delta as delta
 from linkjax.measures._measures import evaluate as evaluate
 from linkjax.measures._measures import flywheel_for_target_delta as flywheel_for_target_delta
+from linkjax.measures._measures import flywheel_inertia as flywheel_inertia
 from linkjax.measures._measures import largest_speed as largest_speed
-from linkjax.measures._measures import largest_transmission_cosine as largest_transmission_cosine
 from linkjax.measures._measures import least_inertia as least_inertia
 from linkjax.measures._measures import mean_drive_torque as mean_drive_torque
 from linkjax.measures._measures import measure as measure
@@ -24,5 +24,6 @@ from linkjax.measures._measures import regime_margin as regime_margin
 from linkjax.measures._measures import rms_shaking_force_constant_speed as rms_shaking_force_constant_speed
 from linkjax.measures._measures import smallest_margin as smallest_margin
 from linkjax.measures._measures import smallest_speed as smallest_speed
+from linkjax.measures._measures import smallest_transmission_angle as smallest_transmission_angle
 from linkjax.measures._parts import NODES as NODES
 from linkjax.measures._parts import Parts as Parts

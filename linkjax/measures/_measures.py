@@ -122,15 +122,23 @@ def smallest_margin(of: Parts) -> Rows:
     return Rows(jnp.stack([each.value for each in found])[:, None], jnp.stack([each.angle for each in found]), True)
 
 
-@peak("1")
-def largest_transmission_cosine(of: Parts) -> Peaked:
-    """Largest size of cos μ over the cycle, μ every transmission angle: 0 at 90 degrees, 1 at a dead position."""
+@smallest("rad")
+def smallest_transmission_angle(of: Parts) -> Rows:
+    """Smallest of all transmission angles over the cycle, an obtuse one counted by what it lacks to 180 degrees: a
+    right angle transmits best, and zero is a dead position."""
 
-    def cosines(regime: Regime, place: Place) -> Array:
+    def off_square(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)
-        return jnp.cos(jnp.stack([*angles.values(), *([] if angles else [jnp.asarray(jnp.pi / 2)])]))[:, None]
+        return jnp.stack([*(a - jnp.pi / 2 for a in angles.values()), *([] if angles else [jnp.zeros(())])])[:, None]
 
-    return of.constant_speed, cosines, None
+    found = rows(of.constant_speed, off_square)
+    return Rows(jnp.pi / 2 - jnp.abs(found.vectors), found.angle, signed=True)
+
+
+@measure("kg m^2")
+def flywheel_inertia(of: Parts) -> Array:
+    """Moment of inertia of the flywheel on the crank shaft."""
+    return of.scene.mechanism.flywheel.inertia
 
 
 @peak("N")

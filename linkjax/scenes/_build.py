@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from linkjax._vec import Vec
+from linkjax.design import Case
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
 from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError
@@ -15,6 +16,7 @@ from linkjax.scenes import _models as file
 from linkjax.scenes._check import check
 from linkjax.scenes._document import STARTER, Document, load_document, override, read_document
 from linkjax.scenes._explain import explained, from_structure
+from linkjax.scenes._optimise import Optimise
 
 
 def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None) -> Scene:
@@ -27,6 +29,34 @@ def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None
     for key, value in (changes or {}).items():
         document = override(document, key, value)
     return build(document)
+
+
+def load_task(
+    name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None
+) -> tuple[Scene, dict[str, Any]]:
+    """The scene of a built-in name or file, and what its section `[optimise]` asks: `optimise(scene, **asked)`.
+
+    Keys under `[optimise.changes]` are changed first, then `changes`. Raises `SceneError` as `load` does.
+    """
+    document = load_document(name_or_path)
+    for key, value in (changes or {}).items():
+        document = override(document, key, value)
+    return build_task(document)
+
+
+def build_task(document: Document) -> tuple[Scene, dict[str, Any]]:
+    """The scene of a raw document as it is optimised, and the arguments of `optimise`; see `load_task`."""
+    model = explained(file.SceneFile, document.source, document.table)
+    asked = model.optimise or Optimise()
+    for key, value in asked.changes.items():
+        document = override(document, key, value)
+    arguments: dict[str, Any] = {
+        "minimise": asked.minimise, "maximise": asked.maximise, "free": asked.free, "limits": asked.limits,
+        "starts": asked.starts, "seed": asked.seed, "solver": asked.solver,
+        "cases": [Case(case.name, case.changes) for case in asked.cases] or [Case()],
+        "trade_off": None if asked.trade_off is None else (asked.trade_off.limit, asked.trade_off.bounds),
+    }  # fmt: skip
+    return build(document), arguments
 
 
 def loads_text(text: str, source: str = "<text>") -> Scene:

@@ -153,7 +153,8 @@ def _resolved(document: Document, key: str, value: Any) -> KeyPath:
             part = step if step in known else None
         elif typing.get_origin(annotation) is dict and (held is None or isinstance(held, dict)):
             known = list(held or {})
-            part = step if step in known else None
+            new = isinstance(value, dict) and getattr(typing.get_args(annotation)[1], "may_be_added", False)
+            part = step if step in known or new else None
         else:
             raise SceneError(
                 document.source, key, value, f"{join(path)} has no keys of its own", f"set {join(path)} itself"

@@ -6,9 +6,9 @@ union whose branches carry tags that begin with `#`.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, StrictBool, Tag
+from pydantic import ConfigDict, Discriminator, Field, StrictBool, Tag
 
 from linkjax.scenes._fields import (
     Acceleration,
@@ -33,6 +33,7 @@ from linkjax.scenes._fields import (
     Weight,
 )
 from linkjax.scenes._groups import Group
+from linkjax.scenes._optimise import Optimise
 
 
 class Polar(Table):
@@ -67,6 +68,8 @@ def _vector(value: Any) -> str:
 
 class Counterweight(Table):
     """A heavy piece fastened to a link."""
+
+    may_be_added: ClassVar[bool] = True  # by `--set` and `[optimise.changes]`
 
     mass: Mass = Field(description="mass", examples=["12 kg"])
     at: Place = Field(description="its centre, from the first pin of the link", examples=["-150 mm"])
@@ -126,11 +129,18 @@ class Load(Table):
     window: Annotated[tuple[Angle, Angle], Pair] | None = Field(
         None, description="crank angles [on, off) between which it acts", examples=[["90 deg", "335 deg"]]
     )
-    reacts_on: Literal["frame"] | None = Field(None, description="the load's own reaction goes into the frame")
+    reacts_on: Literal["frame"] | None = Field(
+        None, description="the load's own reaction goes into the frame", examples=["frame"]
+    )
 
 
 class SceneFile(Table):
-    """A scene file."""
+    """A machine at work: links, groups, loads, gravity and speed. Quantities are texts with a unit."""
+
+    model_config = ConfigDict(
+        title="linkjax scene",
+        json_schema_extra={"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "linkjax-scene"},
+    )
 
     title: str = Field("", description="title for reports", examples=["Hay press"])
     gravity: Annotated[
@@ -138,12 +148,15 @@ class SceneFile(Table):
         Discriminator(_vector),
     ] = Field(0.0, description="acceleration of gravity, downwards, or [gx, gy]", examples=["9.81 m/s^2"])
     speed: Speed = Field(description="mean speed of the crank", examples=["700 rpm"])
-    mean: Literal["time", "midrange"] = Field("time", description="which mean the speed is")
+    mean: Literal["time", "midrange"] = Field("time", description="which mean the speed is", examples=["midrange"])
     cycle_turns: Turns = Field(1, description="crank turns per cycle", examples=[2])
-    rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the crank")
+    rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the crank", examples=["cw"])
     target_delta: Ratio | None = Field(None, description="wanted coefficient of speed fluctuation", examples=[0.02])
-    fixed: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(description="points of the frame, [x, y]")
+    fixed: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(
+        description="points of the frame, [x, y]", examples=[{"F": ["570 mm", "580 mm"]}]
+    )
     links: dict[Name, Link] = Field(description="the links by name")
     flywheel: Wheel = Field(Wheel(), description="rotating inertia on the crank shaft")
     groups: list[Group] = Field(description="crank and structural groups in their order of attachment")
     loads: list[Load] = Field([], description="the working loads")
+    optimise: Optimise | None = Field(None, description="what is asked of an optimisation")

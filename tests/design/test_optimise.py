@@ -16,9 +16,10 @@ from linkjax import Case, Counterweight, DesignError, Variable, Vec, at_least, a
 from linkjax.design import Problem, as_term, descend
 from linkjax.measures import (
     delta,
-    largest_transmission_cosine,
+    peak_reaction_constant_speed,
     peak_shaking_force_constant_speed,
     smallest_margin,
+    smallest_transmission_angle,
 )
 
 
@@ -131,7 +132,7 @@ def test_lost_machines_are_led_back():
     """Half of the starts cannot be assembled; all end assembled, nothing throws."""
     scene = lj.load("four-bar")
     free = {f"links.{n}.length": (0.02, 0.6) for n in ("coupler", "rocker")}
-    found = lj.optimise(scene, free, largest_transmission_cosine, starts=6, seed=3)
+    found = lj.optimise(scene, free, maximise=smallest_transmission_angle, starts=6, seed=3)
     assert all(start.feasible for start in found.starts)
     assert found.limits["smallest_margin"].value >= 1e-3 * (1 - 1e-6)
     assert np.isfinite([start.objective for start in found.starts]).all()
@@ -186,7 +187,7 @@ def test_what_cannot_be_asked(change, says):
 def test_rows_hold_the_peak():
     """Everything that may be the largest: the longest row is the peak itself, its derivative that of the peak."""
     for scene in (lj.load("slider-crank"), lj.load("four-bar")):
-        for one in (peak_shaking_force_constant_speed, largest_transmission_cosine):
+        for one in (peak_shaking_force_constant_speed, peak_reaction_constant_speed):
             made = one.rows
             assert made is not None
             rows = jax.jit(lambda scene, made=made: made(lj.measures.Parts(scene)))(scene)

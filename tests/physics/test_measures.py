@@ -29,7 +29,7 @@ def varied(scene: lj.Scene, by: jax.Array) -> lj.Scene:
 
 
 GROUPS = {  # measures that share most of their work, compiled together; the last takes what is left
-    "motion": ("delta", "largest_speed", "smallest_speed", "regime_margin", "mean_drive_torque"),
+    "motion": ("delta", "largest_speed", "smallest_speed", "regime_margin", "least_inertia", "mean_drive_torque"),
     "shaking": ("peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed"),
     "constant": ("peak_drive_torque_constant_speed", "peak_reaction_constant_speed"),
     "true": ("peak_shaking_force", "peak_reaction"),

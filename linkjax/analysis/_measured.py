@@ -1,0 +1,36 @@
+"""The registered measures of a cycle that has been analysed: no second computation."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+
+from linkjax.analysis._cycle import Cycle
+from linkjax.measures import MEASURES, peak_names
+
+
+def measured(cycle: Cycle) -> dict[str, float]:
+    """Every measure in `MEASURES` that an analysis holds, by name, in their order: those of the package."""
+    cycle = jax.device_get(cycle)
+    motion, wheel = cycle.steady, cycle.flywheel
+    limits = [least.value for sides in cycle.margins.values() for least in sides.values()]
+    turned = np.concatenate([np.zeros(0), *map(np.ravel, cycle.transmission_ends.values())])
+    found = {
+        "delta": motion.delta,
+        "largest_speed": motion.speed_max,
+        "smallest_speed": motion.speed_min,
+        "regime_margin": motion.regime_margin,
+        "least_inertia": motion.least_inertia,
+        "mean_drive_torque": motion.drive_torque,
+        "flywheel_for_target_delta": wheel.for_target_delta,
+        "flywheel_inertia": wheel.given,
+        "smallest_margin": min(limits, default=1.0),
+        "smallest_transmission_angle": np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi),
+        "rms_shaking_force_constant_speed": cycle.rms_shaking_force_constant_speed,
+    }
+    for suffix, peak in (("", cycle.peaks), ("_constant_speed", cycle.peaks_constant_speed)):
+        by_name = dict(zip(peak_names(cycle.scene), np.asarray(peak.value), strict=True))
+        found |= {f"peak_{name}{suffix}": by_name[name] for name in ("shaking_force", "drive_torque")}
+        reactions = [value for name, value in by_name.items() if name.startswith("reaction.")]
+        found[f"peak_reaction{suffix}"] = max(reactions, default=0.0)
+    return {name: float(found[name]) for name in MEASURES if found.get(name) is not None}

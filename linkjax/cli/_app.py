@@ -1,0 +1,121 @@
+"""The commands, but for `optimise`."""
+
+from __future__ import annotations
+
+import json
+import math
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from linkjax import __version__
+from linkjax._compile import keep_in
+from linkjax._config import cache_folder, enable_x64
+from linkjax._types import as_float
+from linkjax.analysis import analyse, document, explain, pick, plain
+from linkjax.cli._console import console, elapsed
+from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, loaded, make_folders
+from linkjax.cli._print import print_at, print_scene, print_summary
+from linkjax.cli._write import write_csv, write_out
+from linkjax.scenes import SceneError, build, json_schema, load_document, scene_names, starter
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+
+
+class Road(StrEnum):
+    """How the true motion is found."""
+
+    quadrature = "quadrature"
+    diffrax = "diffrax"
+
+
+def _version(wanted: bool | None) -> None:
+    if wanted:
+        console.print(f"linkjax {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool | None, typer.Option("--version", callback=_version, is_eager=True)] = None,
+) -> None:
+    """Planar machines: a whole working cycle, exact and differentiable."""
+    enable_x64()
+    keep_in(cache_folder())
+
+
+@app.command()
+def scenes() -> None:
+    """List the built-in scenes."""
+    table = Table("scene", "title", "structure", box=None, pad_edge=False)
+    for name in scene_names():
+        scene = build(load_document(name))
+        table.add_row(name, Text(scene.title), scene.mechanism.formula())
+    console.print(table)
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new scene; NAME.toml is written.")],
+) -> None:
+    """Write a commented starter scene NAME.toml."""
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    if path.exists():
+        raise SceneError(str(path), "", None, "exists already", "choose another name or delete the file")
+    path.write_text(starter(path.stem), encoding="utf-8")
+    console.print(f"{path} written; next: linkjax analyse {path}", highlight=False)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of scene files."""
+    typer.echo(json.dumps(json_schema(), indent=1, ensure_ascii=False))
+
+
+@app.command()
+def show(scene: SceneName, set_: Set = None) -> None:
+    """Show a scene: structure, links, loads."""
+    print_scene(loaded(scene, set_), scene)
+
+
+@app.command(name="analyse")
+def analyse_command(
+    scene: SceneName,
+    out: Out = None,
+    json_file: JsonFile = None,
+    csv_folder: CsvFolder = None,
+    angles: Annotated[int, typer.Option(min=2, help="Uniform crank angles over the cycle.")] = 360,
+    at: Annotated[float | None, typer.Option(metavar="DEG", help="Also print everything at this crank angle.")] = None,
+    constant_speed: Annotated[bool, typer.Option("--constant-speed", help="Forces at constant nominal speed.")] = False,
+    motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
+    nodes: Nodes = 96,
+    set_: Set = None,
+    quiet: Quiet = False,
+) -> None:
+    """Analyse a working cycle: kinematics, motion, forces, flywheel."""
+    console.quiet = quiet
+    machine = loaded(scene, set_)
+    if at is not None and not math.isfinite(at):
+        raise SceneError("--at", "", at, "is no angle", "give degrees of crank angle, e.g. --at 90")
+    make_folders(out, csv_folder, json_file and json_file.parent)
+    uniform = [i * (machine.cycle / angles) for i in range(angles)]
+    extra = [] if at is None else [math.radians(at)]
+    with elapsed("analysing"):
+        whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed,
+                        motion=motion.value, throw=False)  # fmt: skip
+        cycle = pick(whole, slice(0, angles))
+        data = document(cycle, scene, __version__)
+    if json_file:
+        json_file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
+    if csv_folder:
+        write_csv(data, csv_folder)
+    explain(cycle)
+    print_summary(data, machine)
+    if at is not None:
+        print_at(document(pick(whole, slice(angles, angles + 1)), scene, __version__), at)
+    if out:
+        write_out(data, machine, out)

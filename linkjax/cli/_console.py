@@ -1,0 +1,43 @@
+"""Where the command line prints, and how it shows that time passes."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+
+WIDE = 140  # columns where there is no screen that says how many it has
+console, complaints = Console(), Console(stderr=True)
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    console.width = WIDE
+
+
+@contextmanager
+def elapsed(what: str) -> Iterator[None]:
+    """A spinner with elapsed time, shown only once a second has passed."""
+    start = time.perf_counter()
+    status = console.status(what, spinner="dots") if console.is_terminal else None
+    if status is None:
+        yield
+        return
+    done = threading.Event()
+
+    def tick() -> None:
+        if done.wait(1.0):
+            return
+        status.start()
+        while not done.wait(0.1):
+            status.update(f"{what} … {time.perf_counter() - start:.0f} s")
+        status.stop()
+
+    thread = threading.Thread(target=tick, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()

@@ -1,0 +1,148 @@
+"""`linkjax optimise`: a machine changed until its objective is as small as the limits allow."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from linkjax import __version__
+from linkjax._units import display_units
+from linkjax.analysis import analyse, compile_ahead, plain
+from linkjax.analysis import document as analysis_document
+from linkjax.cli._app import app
+from linkjax.cli._console import console
+from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, document_of, make_folders
+from linkjax.cli._print_optimum import Display, amount
+from linkjax.cli._print_optimum import comment as _comment
+from linkjax.cli._print_optimum import print_optimum as _print
+from linkjax.cli._write import write_out
+from linkjax.design import DesignError, Progress, document, limit, optimise
+from linkjax.scenes import build_task, text_of
+
+ANGLES = 360
+
+Starts = Annotated[int | None, typer.Option(min=1, help="Starts: the scene itself, the others at random.")]
+Limits = Annotated[
+    list[str] | None, typer.Option("--limit", metavar="LIMIT", help='Set a limit, e.g. "delta <= 0.15".')
+]
+Free = Annotated[
+    list[str] | None,
+    typer.Option("--free", metavar="NAME=RANGE", help='Free a number, e.g. links.rod.length="± 8 %"; =no fixes it.'),
+]
+Minimise = Annotated[str | None, typer.Option(metavar="NAME", help="Measure, or number of the scene, to make small.")]
+Maximise = Annotated[str | None, typer.Option(metavar="NAME", help="The same to make large.")]
+Solver = Annotated[str | None, typer.Option(help="cone, slsqp, trust-constr or many.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for the optimised scene, report and figures.")]
+
+
+@app.command(name="optimise")
+def optimise_command(
+    scene: SceneName,
+    out: Out = None,
+    json_file: JsonFile = None,
+    minimise: Minimise = None,
+    maximise: Maximise = None,
+    limits: Limits = None,
+    free: Free = None,
+    starts: Starts = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the random starts.")] = None,
+    solver: Solver = None,
+    nodes: Nodes = 96,
+    units: Units = "",
+    set_: Set = None,
+    quiet: Quiet = False,
+) -> None:
+    """Optimise a machine as the section [optimise] of its scene asks, or as the options do."""
+    console.quiet = quiet
+    shown = {**display_units("deg,rpm,kN"), **display_units(units)}
+    machine, asked = build_task(document_of(scene, set_))
+    _change(asked, limits, free)
+    if minimise or maximise:
+        asked |= {"minimise": minimise, "maximise": maximise}
+    given = {"starts": starts, "seed": seed, "solver": solver}
+    asked |= {key: value for key, value in given.items() if value is not None}
+    make_folders(out, json_file and json_file.parent)
+    clock = time.perf_counter()
+    with _Told(shown) as told:
+        compile_ahead(machine, angles=ANGLES, nodes=nodes)
+        found = optimise(machine, **asked, nodes=nodes, told=told)
+        before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
+    data = document(found, before, after, scene, __version__, "optimised.toml" if out else None)
+    if out:
+        (out / "optimised.toml").write_text(text_of(found.after, _comment(data)), encoding="utf-8")
+    for file in (json_file, out and out / "optimum.json"):
+        if file:
+            file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
+    _print(data, shown, time.perf_counter() - clock)
+    if out:
+        told_before, told_after = (analysis_document(cycle, scene, __version__) for cycle in (before, after))
+        write_out(told_after, found.after, out, before=(told_before, found.before), optimum=data, units=units)
+    if not found.feasible:
+        raise typer.Exit(1)
+    if found.interrupted:
+        raise typer.Exit(130)
+
+
+def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | None) -> None:
+    """Limits and free numbers of the command line take the place of those of the scene with the same name."""
+    for text in limits or ():
+        new = limit(text)
+        kept = [old for old in asked["limits"] if (limit(old).name, limit(old).sense) != (new.name, new.sense)]
+        asked["limits"] = [*kept, text]
+    for text in free or ():
+        name, equals, given = text.partition("=")
+        if not equals:
+            raise DesignError(text, "--free needs NAME=RANGE", 'write e.g. --free links.rod.length="± 8 %"')
+        asked["free"] = {**asked["free"], name.strip(): given.strip()}
+        if given.strip() == "no":
+            del asked["free"][name.strip()]
+
+
+class _Told:
+    """Progress on the screen: a line that changes on a terminal, one line for every start elsewhere."""
+
+    def __init__(self, shown: Display):
+        self.shown, self.begin, self.first = shown, time.perf_counter(), 0.0
+        self.status = console.status("compiling …") if console.is_terminal else None
+        self.last: Progress | None = None
+
+    def __enter__(self) -> _Told:
+        if self.status is not None:
+            self.status.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.status is not None:
+            self.status.stop()
+        self._start_ends(self.last)
+
+    def __call__(self, now: Progress) -> None:
+        self.first = self.first or time.perf_counter()
+        if self.last is not None and now.start != self.last.start:
+            self._start_ends(self.last)
+        self.last = now
+        if self.status is not None:
+            self.status.update(self._line(now))
+
+    def _line(self, now: Progress) -> str:
+        spent = time.perf_counter() - self.begin
+        left = (time.perf_counter() - self.first) * (now.starts - now.start) / now.start if now.start else math.nan
+        violated = f", violated: {', '.join(now.violated)}" if now.violated else ""
+        best = "none yet" if now.best is None else amount(now.best, now.unit, self.shown)
+        ahead = f", about {left:.0f} s left" if now.start else ""
+        at = amount(now.objective, now.unit, self.shown)
+        return (
+            f"start {now.start + 1} of {now.starts}, step {now.step}: {at}, best {best}{violated}; {spent:.0f} s{ahead}"
+        )
+
+    def _start_ends(self, at: Progress | None) -> None:
+        if at is None or self.status is not None:
+            return
+        violated = f", violated: {', '.join(at.violated)}" if at.violated else ""
+        value = amount(at.objective, at.unit, self.shown)
+        console.print(f"start {at.start + 1:3d}: {value} after {at.step} steps{violated}", highlight=False)

@@ -1,0 +1,116 @@
+"""The JSON document of an optimisation: the contract that reports and other programs read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from linkjax.analysis import Cycle, measured
+from linkjax.design._optimise import Optimum
+from linkjax.measures import MEASURES
+
+WHY = {
+    "cone": "peaks are kept as vectors over the continuous cycle, linearised, their lengths exact: second-order cones",
+    "slsqp": "asked for: SciPy's SLSQP on every row of every peak, exact derivatives",
+    "trust-constr": "asked for: SciPy's trust-constr on every row of every peak, exact derivatives",
+    "many": "asked for: a crowd of starts at once by optax, the best finished by the cone solver",
+}
+MESSAGES = {
+    "optimal": "The optimum is found, and certified by its multipliers.",
+    "uncertified": "A feasible design is found, but its certificate is weak: run more starts, or check that the limits "
+    "are smooth there.",
+    "interrupted": "Interrupted; this is the best design so far.",
+    "infeasible": "No design within the bounds meets every limit; this one violates them least. Give way at one of the "
+    "limits that clash, or free more.",
+}
+CERTIFIED = 1e-6
+
+
+def outcome(found: Optimum) -> str:
+    """How it went, in a word: a key of `MESSAGES`."""
+    if not found.feasible:
+        return "infeasible"
+    if found.interrupted:
+        return "interrupted"
+    return "optimal" if found.kkt_residual <= CERTIFIED else "uncertified"
+
+
+def document(
+    found: Optimum, before: Cycle, after: Cycle, name: str = "", version: str = "", scene_after: str | None = None
+) -> dict[str, Any]:
+    """An optimisation as nested dicts of plain numbers (SI; angles in rad), laid out as `docs/conventions.md` says.
+
+    `before` and `after` are the analyses of the scenes `found.before` and `found.after` (their measures are taken from
+    them), `scene_after` the path of the file that holds the latter.
+    """
+    problem, word = found.problem, outcome(found)
+    goal = next(kind for kind in problem.kinds if kind.role == "objective")
+    begin = problem.at(problem.start)
+    first = {kind.label: block.value for kind, block in zip(problem.kinds, begin, strict=True)}
+    asked = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
+    return {
+        "scene": name or found.before.title,
+        "linkjax_version": version,
+        "precision": str(np.asarray(found.before.speed).dtype),
+        "objective": {
+            "name": goal.name, "unit": goal.unit, "sense": "minimise" if goal.sign > 0 else "maximise",
+            "before": found.objective_before, "after": found.objective, "tied_angles": list(found.tied_angles),
+        },
+        "variables": {v.name: _variable(found, i) for i, v in enumerate(problem.variables)},
+        "limits": {
+            label: {
+                "value": met.value, "before": first[label], "limit": met.bound,
+                "sense": "at most" if asked[label].sign > 0 else "at least", "unit": asked[label].unit,
+                "multiplier": met.multiplier, "active": met.multiplier > 0, "tied_angles": list(met.tied_angles),
+            }
+            for label, met in found.limits.items()
+        },
+        "before": measured(before),
+        "after": measured(after),
+        "units": {each.name: each.unit for each in MEASURES.values()},
+        "history": [{"objective": a * goal.scale * (goal.sign if goal.signed else 1.0), "violation": b}
+                    for a, b in found.history],
+        "evaluations": found.evaluations,
+        "starts": [start._asdict() for start in found.starts],
+        "reached": found.reached,
+        "kkt_residual": found.kkt_residual,
+        "trade_off": _trade_off(found, goal.unit),
+        "cases": [case.name for case in problem.cases if case.name],
+        "solver": {"name": found.solver, "why": WHY[found.solver]},
+        "scene_after": scene_after,
+        "result": {
+            "code": 0 if found.feasible else 1, "name": word, "message": MESSAGES[word], "clash": list(found.clash),
+        },
+    }  # fmt: skip
+
+
+def _variable(found: Optimum, i: int) -> dict[str, Any]:
+    problem = found.problem
+    name, pull = problem.variables[i].name, found.pull.get(problem.variables[i].name, 0.0)
+    low, high = float(problem.lower[i]), float(problem.upper[i])
+    return {
+        "before": float(problem.start[i]), "after": float(found.x[i]), "lower": low, "upper": high,
+        "active": _active(found, name, float(found.x[i]), low, high), "unit": problem.numbers[i].unit, "pull": pull,
+    }  # fmt: skip
+
+
+def _active(found: Optimum, name: str, value: float, low: float, high: float) -> str:
+    """The bound that carries a multiplier."""
+    if name not in found.pull:
+        return ""
+    return "lower" if value - low < high - value else "upper"
+
+
+def _trade_off(found: Optimum, unit: str) -> dict[str, Any] | None:
+    if not found.trade_off:
+        return None
+    names = [v.name for v in found.problem.variables]
+    limit = next(kind for kind in found.problem.kinds if kind.name == found.traded and kind.role == "limit")
+    every = [
+        {"limit": limit.bound, "objective": found.objective, "feasible": found.feasible,
+         "variables": dict(zip(names, map(float, found.x), strict=True))},
+        *({"limit": point.bound, "objective": point.objective, "feasible": point.feasible,
+           "variables": dict(zip(names, point.x, strict=True))} for point in found.trade_off),
+    ]  # fmt: skip
+    return {"limit": found.traded, "unit": limit.unit, "objective_unit": unit, "points": every}

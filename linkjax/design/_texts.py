@@ -1,0 +1,121 @@
+"""What is asked, written as text: `"0 to 40 kg m^2"`, `"± 8 %"`, `"delta <= 0.15"`."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from linkjax._units import DIMENSIONS, QuantityError, nearest, quantity
+from linkjax.design._names import DesignError, Number, number, numbers
+from linkjax.design._problem import Case, Variable
+from linkjax.design._terms import TODAY, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
+from linkjax.machine import Scene
+from linkjax.measures import MEASURES
+
+Range = Any  # two bounds, or a text
+
+DIMENSION_OF = {dimension.unit or "1": name for name, dimension in DIMENSIONS.items()}
+AROUND = re.compile(r"(?:±|\+/?-|within)\s*(.+)", re.IGNORECASE)
+FROM_TO = re.compile(r"(.+?)\s*(?:\.\.\.?|…|\bto\b)\s*(.+)")
+RELATION = re.compile(r"(.+?)\s*(<=|>=|≤|≥)\s*(.+)")
+SENSES = {"<=": at_most, "≤": at_most, ">=": at_least, "≥": at_least}
+
+
+def amount(value: Any, unit: str, element: str) -> float:
+    """A number (SI) of a number or a text with a unit. Raises `DesignError` naming the element."""
+    if isinstance(value, str):
+        if unit not in DIMENSION_OF:
+            value = re.sub(rf"\s*{re.escape(unit)}\s*$", "", value)
+            try:
+                return float(value)
+            except ValueError as error:
+                raise DesignError(element, f"{value!r} is no number in {unit}", f"write a number in {unit}") from error
+        try:
+            return quantity(value, DIMENSION_OF[unit])
+        except QuantityError as error:
+            raise DesignError(element, f"{value!r}: {error.problem}", error.remedy) from error
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise DesignError(
+            element, f"{value!r} is no number", f"write one in {unit}, or a text with unit"
+        ) from error
+
+
+def variable(scene: Scene, name: str, given: Range, tied: tuple[str, ...] = ()) -> Variable:
+    """A free number between two bounds, `("0.95 m", "1.1 m")` or `"0.95 to 1.1 m"`, or about today's value, `"± 8 %"`
+    or `"± 20 mm"`. Numbers without unit are SI. Raises `DesignError`."""
+    at = number(scene, name)
+    if not isinstance(given, str):
+        if not isinstance(given, tuple | list) or len(given) != 2:
+            raise DesignError(name, f"{given!r} are no bounds", 'write two, e.g. ("0.95 m", "1.1 m"), or "± 8 %"')
+        return Variable(name, amount(given[0], at.unit, name), amount(given[1], at.unit, name), tied)
+    text = given.strip()
+    if about := AROUND.fullmatch(text):
+        low, high = _around(about[1].strip(), float(at.read(scene)), at)
+        return Variable(name, low, high, tied)
+    if ends := FROM_TO.fullmatch(text):
+        low, high = ends[1].strip(), ends[2].strip()
+        if re.fullmatch(r"[+-]?[\d.eE+-]+", low):  # the unit stands once, behind the second
+            low += re.sub(r"^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", "", high)
+        return Variable(name, amount(low, at.unit, name), amount(high, at.unit, name), tied)
+    raise DesignError(name, f"{given!r} is no range", 'write e.g. "0 to 40 kg m^2", "± 8 %" or "± 20 mm"')
+
+
+def _around(text: str, value: float, at: Number) -> tuple[float, float]:
+    if text.endswith("%"):
+        try:
+            reach = abs(value) * float(text[:-1]) / 100
+        except ValueError as error:
+            raise DesignError(at.name, f"{text!r} is no percentage", 'write e.g. "± 8 %"') from error
+        if value == 0:
+            raise DesignError(at.name, "is zero, so a percentage leaves it no room", 'write e.g. "0 to 40 kg m^2"')
+    else:
+        reach = amount(text, at.unit, at.name)
+    return value - reach, value + reach
+
+
+def limit(text: str) -> Limit:
+    """The limit written as `"delta <= 0.15"`, `"flywheel.inertia <= 19.23 kg m^2"`, `"smallest_margin >= today"`."""
+    found = RELATION.fullmatch(text.strip())
+    if found is None:
+        raise DesignError(text, "is no limit", 'write e.g. "delta <= 0.15" or "smallest_transmission_angle >= today"')
+    name, relation, bound = found.groups()
+    return SENSES[relation](name, bound)
+
+
+def settled_term(scene: Scene, asked: Asked) -> Term:
+    """A term with its unit known. Raises `DesignError` for a name that is neither measure nor number of the scene."""
+    term = as_term(asked)
+    if term.unit != UNSETTLED:
+        return term
+    known = numbers(scene)
+    if term.name not in known:
+        problem = "is neither a measure nor a number of this scene"
+        raise DesignError(term.name, problem, nearest(term.name, [*MEASURES, *known]))
+    return dataclasses.replace(term, unit=known[term.name].unit)
+
+
+def settled_limit(scene: Scene, given: Limit | str) -> Limit:
+    """A limit with its unit known and its bound a number (SI), or "today"."""
+    asked = limit(given) if isinstance(given, str) else given
+    term = settled_term(scene, asked.term)
+    bound = TODAY if asked.bound == TODAY else amount(asked.bound, term.unit, asked.name)
+    return dataclasses.replace(asked, term=term, bound=bound)
+
+
+def settled_case(scene: Scene, case: Case) -> Case:
+    """A case with its numbers in SI."""
+    values = {name: amount(value, number(scene, name).unit, name) for name, value in case.changes.items()}
+    return Case(case.name, values)
+
+
+def settled_free(scene: Scene, free: Mapping[str, Range] | Any) -> list[Variable]:
+    """The free numbers with bounds in SI: of a mapping from names to ranges (or to a range and
+    what is tied to it, `{"range": "± 8 %", "tied": [...]}`), or of variables."""
+    if isinstance(free, Mapping):
+        full = {name: given if isinstance(given, Mapping) else {"range": given} for name, given in free.items()}
+        return [variable(scene, name, each["range"], tuple(each.get("tied", ()))) for name, each in full.items()]
+    return [variable(scene, v.name, (v.lower, v.upper), v.tied) for v in free]

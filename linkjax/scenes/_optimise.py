@@ -1,0 +1,101 @@
+"""The section `[optimise]` of a scene file: what a designer asks of an optimisation."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
+
+from linkjax._units import kind_of
+from linkjax.scenes._fields import Name, Table, wrong
+
+RANGES = 'write e.g. "0 to 40 kg m^2", "± 8 %", or ["0.95 m", "1.1 m"]'
+
+
+def _range(value: Any) -> Any:
+    pair = isinstance(value, list) and len(value) == 2 and all(_amount_like(end) for end in value)
+    if isinstance(value, str) or pair:
+        return value
+    if isinstance(value, dict):
+        unknown = set(value) - {"range", "tied"}
+        if unknown or "range" not in value:
+            problem = f"unknown key {sorted(unknown)[0]!r}" if unknown else "no range"
+            raise wrong(problem, 'write { range = "± 8 %", tied = ["links.link4.length"] }')
+        tied = value.get("tied", [])
+        if not isinstance(tied, list) or not all(isinstance(name, str) for name in tied):
+            raise wrong("`tied` is no list of names", 'write e.g. tied = ["links.link4.length"]')
+        _range(value["range"])
+        return value
+    raise wrong(f"{kind_of(value)} where a range is needed", RANGES)
+
+
+def _amount(value: Any) -> Any:
+    if not _amount_like(value):
+        raise wrong(f"{kind_of(value)} where a quantity is needed", 'write e.g. "15 kg m^2"')
+    return value
+
+
+def _amount_like(value: Any) -> bool:
+    return isinstance(value, str | int | float) and not isinstance(value, bool)
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 10_000:
+        raise wrong("not a whole number from 1 to 10000", "write how many starts are tried, e.g. 10")
+    return value
+
+
+AMOUNT = {"anyOf": [{"type": "string"}, {"type": "number"}]}
+PAIR = {"type": "array", "items": AMOUNT, "minItems": 2, "maxItems": 2}
+TIED = {
+    "type": "object", "required": ["range"], "additionalProperties": False,
+    "properties": {
+        "range": {"anyOf": [{"type": "string"}, PAIR], "description": "from where to where"},
+        "tied": {"type": "array", "items": {"type": "string"}, "description": "numbers that keep their ratio to it"},
+    },
+}  # fmt: skip
+Range = Annotated[Any, PlainValidator(_range), WithJsonSchema({"anyOf": [{"type": "string"}, PAIR, TIED]})]
+Amount = Annotated[Any, BeforeValidator(_amount), WithJsonSchema(AMOUNT)]
+Starts = Annotated[int, PlainValidator(_whole), WithJsonSchema({"type": "integer", "minimum": 1, "maximum": 10_000})]
+
+
+class Case(Table):
+    """A case in which every limit holds, and the worst objective counts."""
+
+    name: Name = Field(description="name of the case", examples=["idle"])
+    changes: dict[str, Amount] = Field(
+        default={}, description="numbers of the scene that differ, by name", examples=[{"loads.hay.force": "0 N"}]
+    )
+
+
+class TradeOff(Table):
+    """Further bounds of one limit, each optimised too."""
+
+    limit: str = Field(description="name of the limit", examples=["flywheel.inertia"])
+    bounds: list[Amount] = Field(description="its further bounds", examples=[["15 kg m^2", "10 kg m^2"]])
+
+
+class Optimise(Table):
+    """What is asked of an optimisation."""
+
+    minimise: str | None = Field(
+        default=None, description="measure, or number of the scene, to make small", examples=["delta"]
+    )
+    maximise: str | None = Field(default=None, description="the same to make large", examples=["smallest_margin"])
+    free: dict[str, Range] = Field(
+        default={},
+        description="the free numbers by name, each with its range",
+        examples=[{"flywheel.inertia": "0 to 40 kg m^2"}],
+    )
+    limits: list[str] = Field(default=[], description="what must hold", examples=[["delta <= 0.15"]])
+    cases: list[Case] = Field(default=[], description="cases of load and speed")
+    trade_off: TradeOff | None = Field(default=None, description="further bounds of one limit")
+    starts: Starts = Field(default=1, description="starts: the scene itself, the others at random", examples=[10])
+    seed: int = Field(default=0, description="seed of the random starts", examples=[1])
+    solver: str = Field(
+        default="cone", description='"cone", or another of `linkjax optimise --help`', examples=["slsqp"]
+    )
+    changes: dict[str, Any] = Field(
+        default={}, description="keys of this file that differ when it is optimised, by path",
+        examples=[{"links.rod.mass_properties": "scaled"}],
+    )  # fmt: skip
