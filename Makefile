@@ -1,9 +1,10 @@
 # Everything sets itself up in $(VENV). Needs Python 3.11 or newer (with venv and pip) and make, nothing else.
 #
-#   make demo       analyse the hay press; figures and report in out/hay-press
+#   make demo       redesign the hay press; report, figures and the new scene in out/hay-press
 #   make test       the tests                      make test-all   the slow ones too
 #   make check      format, lint, types, house rules
 #   make format     put the sources into shape     make bench      install what the benchmarks compare with
+#   make docs       the documentation as a site in out/site
 #   make clean      remove all that was made
 #
 # PYTHON=python3.12 takes another interpreter; the environment is made anew when its version changes.
@@ -17,11 +18,14 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # the interpreter's version; empty when it is missing or too old
 VERSION := $(shell $(PYTHON) -c 'import sys; v = sys.version_info; print("%d.%d.%d" % v[:3] if v >= (3, 11) else "")' 2>/dev/null)
 MADE := $(VENV)/python-$(or $(VERSION),missing)
+# what the site is made of, and what its pages link to
+PAGES = README.md CHANGELOG.md CONTRIBUTING.md LICENSE docs studies notebooks tests/data/printed.json \
+  linkjax/scenes/builtin linkjax/scenes/scene.schema.json
 
-.PHONY: demo test test-all check format bench clean
+.PHONY: demo test test-all check format bench docs clean
 
 demo: $(VENV)/demo.stamp
-	$(BIN)/linkjax analyse hay-press --out out/hay-press
+	$(BIN)/linkjax optimise hay-press --out out/hay-press
 
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
@@ -42,6 +46,13 @@ format: $(VENV)/test.stamp
 bench: $(VENV)/bench.stamp
 	@echo "Ready: $(BIN)/python -m benchmarks.throughput"
 
+docs: $(VENV)/docs.stamp
+	rm -rf out/pages out/site
+	mkdir -p out/pages
+	tar --exclude=__pycache__ -cf - $(PAGES) | tar -xf - -C out/pages
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "Ready: out/site/index.html"
+
 clean:
 	rm -rf $(VENV) .cache .pytest_cache .ruff_cache dist out
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -49,6 +60,7 @@ clean:
 $(VENV)/demo.stamp: EXTRA :=
 $(VENV)/test.stamp: EXTRA := [test]
 $(VENV)/bench.stamp: EXTRA := [bench]
+$(VENV)/docs.stamp: EXTRA := [docs]
 $(VENV)/%.stamp: $(MADE) pyproject.toml
 	@echo "Installing linkjax$(EXTRA) into $(VENV): a minute or two the first time"
 	$(PIP) --editable '.$(EXTRA)'

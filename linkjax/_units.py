@@ -225,3 +225,41 @@ def _dimensions() -> dict[str, dict[str, int]]:
     units = {d.phrase: d.unit for d in DIMENSIONS.values()} | {phrase: unit for unit, phrase in ALSO.items()}
     number = DIMENSIONS["number"]
     return {phrase: _resolve(unit, number)[1] for phrase, unit in units.items()}
+
+
+def display_units(text: str) -> dict[str, tuple[float, str]]:
+    """Units that numbers are to be shown in, "mm, rpm, kN": for each SI unit replaced, a factor and a label.
+
+    A number in the SI unit (written as in `DIMENSIONS`: "N m", "rad/s") times the factor is the number in the unit of
+    the label ("kN·m", "rpm"). A length also replaces the metre in kinematic coefficients, "m/rad" and "m/rad^2". "J" is
+    asked for by its own name; "kN m" is a torque. Raises `QuantityError` for what is no unit of a quantity known here.
+    """
+    known = {phrase: d.unit for d in DIMENSIONS.values() if (phrase := d.phrase) and d.unit}
+    known |= {phrase: unit for unit, phrase in ALSO.items()}
+    example = 'write units with commas between, e.g. "mm, rpm, kN"'
+    found: dict[str, tuple[float, str]] = {}
+    for name in filter(None, map(str.strip, text.split(","))):
+        try:
+            factor, dimension = _resolve(name.translate(TIDY), DIMENSIONS["number"])
+        except QuantityError as error:
+            names = [unit for d in DIMENSIONS.values() for unit in d.units] + ["J", "kW", "W", "s", "ms", "Pa", "MPa"]
+            raise QuantityError(error.problem, f"{nearest(name, names)} ({example})") from None
+        phrase = next((p for p, base in _dimensions().items() if p in known and base == dimension), None)
+        if phrase is None:
+            raise QuantityError(f"{name!r} is a unit of nothing that is shown", example)
+        unit = "J" if name.endswith("J") else known[phrase]
+        if unit in found:
+            raise QuantityError(f"two units of {phrase.partition(' ')[2]}, {found[unit][1]!r} and {name!r}", "keep one")
+        size = float(1 / factor)
+        found[unit] = size, label_of(name)
+        if unit == "m":
+            found |= {f"m/rad{power}": (size, f"{label_of(name)}/rad{label_of(power)}") for power in ("", "^2")}
+    return found
+
+
+def label_of(unit: str) -> str:
+    """A unit as it is printed: "kN·m" for "kN m", "m/s²" for "m/s^2", "°" for "deg", nothing for "1"."""
+    if unit in ("1", "deg"):
+        return "" if unit == "1" else "°"
+    joined = re.sub(r"\s*[*·\s]\s*", "·", unit.strip().translate(TIDY))
+    return re.sub(r"\^?([23])$|\^([23])", lambda match: "²³"[int(match[1] or match[2]) - 2], joined)

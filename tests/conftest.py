@@ -31,6 +31,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: longest.index(item.path.name) if item.path.name in longest else len(longest))
 
 
+def pytest_terminal_summary(terminalreporter) -> None:
+    """One line when the tests of the page had no browser."""
+    skipped = [report for report in terminalreporter.stats.get("skipped", []) if "no browser" in str(report.longrepr)]
+    if skipped:
+        reason = str(skipped[0].longrepr[2]).removeprefix("Skipped: ")
+        terminalreporter.write_line(f"{len(skipped)} tests of the report's page were skipped, {reason}")
+
+
 @pytest.fixture(autouse=True)
 def few_programs():
     """Compiled programs are dropped before the memory maps of the process run out."""

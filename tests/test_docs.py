@@ -7,11 +7,13 @@ import tomllib
 
 import pytest
 
+import linkjax
 from linkjax.groups import KINDS
 from linkjax.measures import MEASURES
 from tests.helpers import PACKAGE, ROOT
 
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "studies").rglob("*.md")])
+FOLDERS = ("docs", "studies", "notebooks")
+PAGES = sorted([*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.md"))])
 
 
 def name(path):
@@ -52,6 +54,22 @@ def test_named_make_targets_exist():
     for path in PAGES:
         used = re.findall(r"(?:`|\$ )make ([a-z-]+)", path.read_text(encoding="utf-8"))
         assert set(used) <= made, path
+
+
+def test_every_public_name_has_its_place_in_the_reference():
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs/api").glob("*.md"))
+    named = re.findall(r"^::: (linkjax\.\S+)$", text, re.M)
+    for path in named:
+        module, _, thing = path.rpartition(".")
+        assert hasattr(importlib.import_module(module), thing), path
+    homes = {f"linkjax.{home}.{name}" for name, home in linkjax._HOMES.items()}
+    assert homes - set(named) == set() and len(named) == len(set(named))
+
+
+def test_the_site_has_every_page():
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    apart = {"studies/README.md", "notebooks/README.md"}
+    assert {name(path) for path in PAGES} - apart == set(re.findall(r": (\S+\.md)$", text, re.M))
 
 
 def test_every_kind_of_group_is_in_the_conventions():

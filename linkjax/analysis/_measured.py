@@ -23,7 +23,6 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "least_inertia": motion.least_inertia,
         "mean_drive_torque": motion.drive_torque,
         "flywheel_for_target_delta": wheel.for_target_delta,
-        "flywheel_inertia": wheel.given,
         "smallest_margin": min(limits, default=1.0),
         "smallest_transmission_angle": np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi),
         "rms_shaking_force_constant_speed": cycle.rms_shaking_force_constant_speed,

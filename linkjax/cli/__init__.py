@@ -1,36 +1,7 @@
 """The command line: the only place that prints.
 
 Exit codes: 0 done, 1 the machine cannot do it (cannot be assembled, no periodic regime, no inertia; limits that clash),
-2 bad input.
+2 bad input, 130 an optimisation that was interrupted (its best design is written).
 """
 
-from __future__ import annotations
-
-import sys
-
-from linkjax._compile import stop
-from linkjax._results import MachineError
-from linkjax._units import QuantityError
-from linkjax.cli import _optimise as _optimise  # its command joins the others
-from linkjax.cli._app import app
-from linkjax.cli._console import complaints
-from linkjax.design import DesignError
-from linkjax.scenes import SceneError
-
-
-def main() -> None:
-    """Entry point of `linkjax`."""
-    try:
-        app(standalone_mode=True)
-    except (DesignError, QuantityError, SceneError) as error:
-        complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
-        sys.exit(2)
-    except OSError as error:
-        complaints.print(f"{error.filename or ''}: {error.strerror or error}; choose another place", markup=False,
-                         highlight=False, soft_wrap=True)  # fmt: skip
-        sys.exit(2)
-    except MachineError as error:
-        complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
-        sys.exit(1)
-    finally:
-        stop()  # interrupted: what waits to be compiled is not waited for
+from linkjax.cli._main import main as main

@@ -21,7 +21,7 @@ from linkjax.cli._print_optimum import Display, amount
 from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
 from linkjax.cli._write import write_out
-from linkjax.design import DesignError, Progress, document, limit, optimise
+from linkjax.design import DesignError, Progress, document, limit, optimise, settled
 from linkjax.scenes import build_task, text_of
 
 ANGLES = 360
@@ -66,6 +66,7 @@ def optimise_command(
         asked |= {"minimise": minimise, "maximise": maximise}
     given = {"starts": starts, "seed": seed, "solver": solver}
     asked |= {key: value for key, value in given.items() if value is not None}
+    asked = settled(machine, **asked)
     make_folders(out, json_file and json_file.parent)
     clock = time.perf_counter()
     with _Told(shown) as told:

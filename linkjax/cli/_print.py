@@ -65,6 +65,7 @@ def _size(load: Any) -> str:
 
 
 def print_summary(data: dict[str, Any], machine: Scene) -> None:
+    """Motion, flywheel, peaks, margins, dead centres, checks."""
     run, wheel, checks = data["motion"], data["flywheel"], data["checks"]
     rpm = 30 / math.pi
     console.print(Text(machine.title or data["scene"], style="bold"))
@@ -131,6 +132,7 @@ def _print_limits(data: dict[str, Any]) -> None:
 
 
 def print_at(data: dict[str, Any], degrees: float) -> None:
+    """Everything at the one crank angle of a document."""
     console.print(f"\nat {degrees:g}° of crank angle", style="bold", highlight=False)
     table = Table("point", "x [m]", "y [m]", "x'", "y'", "x''", "y''", box=None, pad_edge=False)
     for name, point in _without_noise(data["points"]).items():

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linkjax.design._point import Certificate, Point, certify, look
+from linkjax.design._point import MET, Certificate, Point, certify, lengths, look
 from linkjax.design._problem import Problem
 from linkjax.design._subproblem import Step, solve
 
@@ -40,19 +40,13 @@ def descend(
     A design that cannot be assembled, or does not run, is first made sound. `told(point, certificate)` hears of every
     step. Ends with a certificate of residual `tolerance`, after so many steps, or where no step improves any more.
     """
-    point = look(problem, z)
+    path = begin(problem, z, steps)
+    point, step = path.point, None
     radius, penalty, bend = RADIUS, PENALTY, np.zeros((z.size, z.size))
-    path, step = Path(point, certify(point), [(point.value, point.violation)], converged=False), None
-    for _ in range(steps):
-        if point.unsound > 0:
-            better = _restored(problem, point, radius)
-            if better is None:
-                return path
-            point = _arrived(path, better)
-            continue
+    for _ in range(steps if point.unsound <= 0 else 0):
         if told is not None:
             told(point, path.certificate)
-        if path.certificate.residual <= tolerance:
+        if path.certificate.residual <= tolerance and point.violation <= MET:
             path.converged = True
             return path
         step = solve(point.goals, [*point.limits, *point.sound], point.z, radius, _convex(bend), penalty, step)
@@ -79,11 +73,24 @@ def descend(
             radius = min(2 * radius, 1.0)
         elif share < 0.25:
             radius *= 0.5
-        point = _arrived(path, trial)
+        point = arrived(path, trial)
     return path
 
 
-def _arrived(path: Path, point: Point) -> Point:
+def begin(problem: Problem, z: np.ndarray, steps: int = 200) -> Path:
+    """The path from a design, in units of the variables' ranges, to one that can be assembled and runs: nothing else
+    has a meaning before. Its point stays unsound where none is found."""
+    point = look(problem, z)
+    path = Path(point, certify(point), [(point.value, point.violation)], converged=False)
+    while path.point.unsound > 0 and len(path.history) <= steps:
+        better = _restored(problem, path.point, RADIUS)
+        if better is None:
+            break
+        arrived(path, better)
+    return path
+
+
+def arrived(path: Path, point: Point) -> Point:
     """The next point of a path."""
     path.point, path.certificate = point, certify(point)
     path.history.append((point.value, point.violation))
@@ -104,7 +111,7 @@ def _tried(problem: Problem, point: Point, step: Step, penalty: float) -> tuple[
 
 
 def _restored(problem: Problem, point: Point, radius: float) -> Point | None:
-    """Towards a machine that can be assembled and runs; nothing else has a meaning before."""
+    """A step towards a machine that can be assembled and runs."""
     for _ in range(12):
         step = solve([], point.sound, point.z, radius, np.zeros((point.z.size,) * 2), PENALTY)
         if step is None:
@@ -120,8 +127,9 @@ def _pull(point: Point, step: Step) -> np.ndarray:
     """Gradient of the Lagrangian, sizes of rows weighted by the multipliers of a step."""
     total = np.zeros(point.z.size)
     for block, weights in zip(point.every, step.weights, strict=True):
-        if block.rows.shape[0] == weights.size and np.any(weights):
-            total = total + weights @ block.gradients()
+        if block.rows.shape[0] == weights.size:
+            held = np.flatnonzero(weights)
+            total = total + weights[held] @ block.gradients(held)
     return total
 
 
@@ -129,11 +137,14 @@ def _turning(point: Point, step: Step, d: np.ndarray) -> np.ndarray:
     """What the subproblem knows of the curvature already: lengths of linearised vectors, |F + J d|."""
     total = np.zeros(d.size)
     for block, weights in zip(point.every, step.weights, strict=True):
-        for k in np.flatnonzero(weights) if not block.signed else ():
-            before, after = block.rows[k], block.rows[k] + block.slope[k] @ d
-            if np.any(before) and np.any(after):
-                turned = after / np.linalg.norm(after) - before / np.linalg.norm(before)
-                total = total + weights[k] * turned @ block.slope[k]
+        held = np.flatnonzero(weights) if not block.signed else np.empty(0, int)
+        if held.size:
+            before, slope = block.rows[held], block.slope[held]
+            after = before + slope @ d
+            size, grown = lengths(before), lengths(after)
+            held = held[fine := (size > 0) & (grown > 0)]
+            turned = after[fine] / grown[fine, None] - before[fine] / size[fine, None]
+            total = total + np.einsum("r,rp,rpn->n", weights[held], turned, slope[fine])
     return total
 
 

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkjax._units import nearest
 from linkjax.design._cone import Path, descend
+from linkjax.design._many import many
 from linkjax.design._names import DesignError
-from linkjax.design._point import Certificate, Point, certify, look
-from linkjax.design._problem import Case, Kind, Problem, Variable
+from linkjax.design._point import MET, Certificate, Point, certify, look, rank
+from linkjax.design._problem import Case, Kind, Problem, Variable, check
+from linkjax.design._scipy import slsqp, trust
 from linkjax.design._terms import Asked, Limit
 from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene
 from linkjax.measures import NODES
 
-FEASIBLE = 1e-8  # the excess, relative to its bound, up to which a limit counts as met
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
 OTHERS = 5  # starts whose ends the points of a trade-off begin from
-SOLVERS: dict[str, Callable[..., Path]] = {"cone": descend}
+SOLVERS: dict[str, Callable[..., Path]] = {"cone": descend, "slsqp": slsqp, "trust-constr": trust, "many": many}
 
 
 class Start(NamedTuple):
@@ -138,40 +139,50 @@ def optimise(
     descend = _solver(solver)
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
-    problem = _posed(scene, free, minimise, maximise, limits, cases, nodes)
+    asked = settled(scene, free, minimise, maximise, limits, cases)
+    goal = asked["maximise"] or asked["minimise"]
+    problem = Problem(scene, asked["free"], goal, asked["limits"], asked["cases"], maximise is not None, nodes)
     traded = None if trade_off is None else _traded(problem, scene, *trade_off)
     run = _Run(problem, starts, told)
     rng = np.random.default_rng(seed)
-    first = np.clip((problem.start - problem.lower) / (problem.upper - problem.lower), 0.0, 1.0)
+    today = (problem.start - problem.lower) / (problem.upper - problem.lower)
+    first = np.clip(today, 0.0, 1.0)
     try:
         for number in range(starts):
             run.follow(descend, first if number == 0 else rng.random(first.size), number)
     except KeyboardInterrupt:
         run.interrupted()
-    best = min(run.paths, key=lambda path: _rank(path.point))
-    found = _optimum(problem, best, look(problem, first), tuple(run.found))
+    best = min(run.paths, key=lambda path: rank(path.point))
+    found = _optimum(problem, best, look(problem, today), tuple(run.found))
     points: tuple[Traded, ...] = ()
     if traded is not None and not run.stopped:
-        points = _trade(problem, [best, *sorted(run.paths, key=lambda path: _rank(path.point))[1:OTHERS]], *traded)
+        points = _trade(problem, [best, *sorted(run.paths, key=lambda path: rank(path.point))[1:OTHERS]], *traded)
     return dataclasses.replace(
         found, solver=solver, interrupted=run.stopped, trade_off=points, traded=traded[0] if traded else "",
         evaluations=problem.evaluations,
     )  # fmt: skip
 
 
-def _posed(scene, free, minimise, maximise, limits, cases, nodes) -> Problem:
-    """The problem that is asked, everything in it settled."""
+def settled(
+    scene: Scene, free: Any, minimise: Asked | None = None, maximise: Asked | None = None,
+    limits: Sequence[Limit | str] = (), cases: Sequence[Case] = (Case(),), **others: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """The arguments of `optimise` with every name known and every number in SI. Raises `DesignError` for what cannot be
+    asked, before anything is compiled."""
     if (minimise is None) == (maximise is None):
         raise DesignError("objective", "one is needed", "give either minimise or maximise")
-    settled = [settled_limit(scene, one) for one in limits]
-    names = [one.name for one in settled]
-    settled = [
-        dataclasses.replace(one, name=f"{one.name} {one.sense}") if names.count(one.name) > 1 else one
-        for one in settled
+    found = [settled_limit(scene, one) for one in limits]
+    names = [one.name for one in found]
+    found = [
+        dataclasses.replace(one, name=f"{one.name} {one.sense}") if names.count(one.name) > 1 else one for one in found
     ]
-    goal = settled_term(scene, maximise if minimise is None else minimise)
-    every = [settled_case(scene, case) for case in cases]
-    return Problem(scene, settled_free(scene, free), goal, settled, every, maximise is not None, nodes)
+    variables = settled_free(scene, free)
+    check(variables)
+    return {
+        "free": variables, "minimise": minimise and settled_term(scene, minimise),
+        "maximise": maximise and settled_term(scene, maximise), "limits": found,
+        "cases": [settled_case(scene, case) for case in cases], **others,
+    }  # fmt: skip
 
 
 def _solver(name: str) -> Callable[..., Path]:
@@ -179,11 +190,6 @@ def _solver(name: str) -> Callable[..., Path]:
     if name not in SOLVERS:
         raise DesignError("solver", f"{name!r} is not known", nearest(name, SOLVERS))
     return SOLVERS[name]
-
-
-def _rank(point: Point) -> tuple[float, float]:
-    """What makes one design better than another: first the limits, then the objective."""
-    return max(point.violation - FEASIBLE, 0.0), point.value
 
 
 class _Run:
@@ -212,18 +218,18 @@ class _Run:
         self.paths.append(path)
         self._see(path.point)
         objective = _objective(self.problem, path.point)
-        feasible = path.point.violation <= FEASIBLE
+        feasible = path.point.violation <= MET
         self.found.append(Start(objective, feasible, path.certificate.residual, evaluations))
 
     def _see(self, point: Point) -> None:
-        if self.seen is None or _rank(point) < _rank(self.seen):
+        if self.seen is None or rank(point) < rank(self.seen):
             self.seen = point
 
     def _told(self, point: Point, certificate: Certificate) -> None:
         self._see(point)
         self.step += 1
         if self.told is not None and self.seen is not None:
-            best = _objective(self.problem, self.seen) if self.seen.violation <= FEASIBLE else None
+            best = _objective(self.problem, self.seen) if self.seen.violation <= MET else None
             unit = next(kind.unit for kind in self.problem.kinds if kind.role == "objective")
             violated = tuple(kind.label for kind in _violated(self.problem, point))
             self.told(Progress(self.number, self.starts, self.step, _objective(self.problem, point), unit, violated,
@@ -249,9 +255,9 @@ def _trade(problem: Problem, paths: list[Path], name: str, bounds: list[float]) 
                 dataclasses.replace(kind, bound=bound) if kind.name == name and kind.role == "limit" else kind
                 for kind in kinds
             ]
-            point = min((descend(problem, each).point for each in (z, *ends)), key=_rank)
+            point = min((descend(problem, each).point for each in (z, *ends)), key=rank)
             x, z = problem.lower + point.z * span, point.z
-            found.append(Traded(bound, _objective(problem, point), point.violation <= FEASIBLE, tuple(map(float, x))))
+            found.append(Traded(bound, _objective(problem, point), point.violation <= MET, tuple(map(float, x))))
     except KeyboardInterrupt:
         pass
     finally:
@@ -293,7 +299,7 @@ def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ..
 def _violated(problem: Problem, point: Point) -> list[Kind]:
     """The limits that a design does not meet."""
     kinds = [kind for role in ("limit", "sound") for kind in problem.kinds if kind.role == role]
-    return [k for k, limit in zip(kinds, [*point.limits, *point.sound], strict=True) if limit.excess() > FEASIBLE]
+    return [k for k, limit in zip(kinds, [*point.limits, *point.sound], strict=True) if limit.excess() > MET]
 
 
 def _clash(violated: list[Kind], limits: dict[str, Met]) -> tuple[str, ...]:

@@ -11,32 +11,43 @@ from jaxtyping import Float
 from linkjax.design._problem import Block, Kind, Problem
 
 TIED = 1e-5  # rows this close to the largest may carry a multiplier
+MET = 1e-8  # the excess, scaled, up to which limits count as met
 AT_BOUND = 1e-6  # of its range: a variable so close to a bound may carry its multiplier
 
 
 class Scaled(NamedTuple):
-    """A block in the solver's own scale: its rows are to stay below `level`; `shift` is what the interpolants miss."""
+    """A block in the solver's own scale: its rows, of value or length `sizes`, are to stay below `level`; `shift` is
+    what the interpolants miss, `top` the largest size."""
 
     rows: Float[np.ndarray, "rows parts"]
     slope: Float[np.ndarray, "rows parts n"]
     signed: bool
     level: float
     shift: float
+    sizes: Float[np.ndarray, " rows"]
+    top: float
 
-    def sizes(self) -> Float[np.ndarray, " rows"]:
-        """Value or length of every row."""
-        return (self.rows[:, 0] if self.signed else np.linalg.norm(self.rows, axis=1)) + self.shift
-
-    def gradients(self) -> Float[np.ndarray, "rows n"]:
-        """Gradient of every row's value or length."""
+    def gradients(self, which: np.ndarray | slice = slice(None)) -> Float[np.ndarray, "rows n"]:
+        """Gradient of the value or length of some rows, of all unless told."""
+        rows, slope = self.rows[which], self.slope[which]
         if self.signed:
-            return self.slope[:, 0]
-        sizes = np.linalg.norm(self.rows, axis=1, keepdims=True)
-        return np.einsum("rp,rpn->rn", self.rows / np.where(sizes > 0, sizes, 1.0), self.slope)
+            return slope[:, 0]
+        sizes = lengths(rows)[:, None]
+        return ((rows / np.where(sizes > 0, sizes, 1.0))[:, None] @ slope)[:, 0]
+
+    def after(self, d: np.ndarray) -> Float[np.ndarray, " rows"]:
+        """Sizes of all rows after a step, by the linear model of the vectors."""
+        rows = self.rows + self.slope @ d
+        return (rows[:, 0] if self.signed else lengths(rows)) + self.shift
 
     def excess(self) -> float:
         """How far the largest row lies above the level."""
-        return float(np.max(self.sizes())) - self.level
+        return self.top - self.level
+
+
+def lengths(vectors: Float[np.ndarray, "rows parts"]) -> Float[np.ndarray, " rows"]:
+    """Length of every row."""
+    return np.sqrt(np.einsum("rp,rp->r", vectors, vectors))
 
 
 def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
@@ -44,9 +55,10 @@ def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
     factor = (kind.sign if kind.signed else 1.0) / kind.scale
     rows, slope = block.vectors * factor, block.slope * (factor * span)
     value = block.value * (kind.sign if kind.signed else 1.0) / kind.scale
-    sizes = rows[:, 0] if kind.signed else np.linalg.norm(rows, axis=1)
+    sizes = rows[:, 0] if kind.signed else lengths(rows)
     level = 0.0 if kind.role == "objective" else kind.bound * factor
-    return Scaled(rows, slope, kind.signed, level, value - float(np.max(sizes)))
+    shift = value - float(np.max(sizes))
+    return Scaled(rows, slope, kind.signed, level, shift, sizes + shift, value)
 
 
 @dataclasses.dataclass
@@ -67,7 +79,7 @@ class Point:
     @property
     def value(self) -> float:
         """The objective, scaled."""
-        return max(goal.excess() for goal in self.goals)
+        return max(goal.top for goal in self.goals)
 
     @property
     def violation(self) -> float:
@@ -78,6 +90,13 @@ class Point:
     def unsound(self) -> float:
         """What is missing to a machine that can be assembled and runs, scaled; zero when nothing is."""
         return sum(max(limit.excess(), 0.0) for limit in self.sound)
+
+
+def rank(point: Point) -> tuple[float, float]:
+    """What makes one design better than another: first the limits, then the objective. The worst is one that is no
+    number."""
+    found = max(point.violation - MET, 0.0), point.value
+    return found if np.isfinite(found).all() else (np.inf, np.inf)
 
 
 def look(problem: Problem, z: np.ndarray) -> Point:
@@ -107,18 +126,15 @@ def certify(point: Point) -> Certificate:
     columns, slacks, goal, homes = [], [], [], []
     for i, block in enumerate(point.every):
         level = top if i < len(point.goals) else block.level
-        sizes = block.sizes()
-        tied = np.flatnonzero(sizes >= level - TIED)
-        gradients = block.gradients()
-        columns += [gradients[k] for k in tied]
-        slacks += [max(level - sizes[k], 0.0) for k in tied]
-        goal += [float(i < len(point.goals))] * len(tied)
+        tied = np.flatnonzero(block.sizes >= level - TIED)
+        columns.append(block.gradients(tied))
+        slacks.append(np.maximum(level - block.sizes[tied], 0.0))
+        goal.append(np.full(tied.size, float(i < len(point.goals))))
         homes.append(tied)
     low, high = np.flatnonzero(point.z <= AT_BOUND), np.flatnonzero(point.z >= 1 - AT_BOUND)
-    columns += [*-np.eye(n)[low], *np.eye(n)[high]]
-    rows = np.asarray(columns).T
-    room = np.concatenate([point.z[low], 1 - point.z[high]])
-    slack, goals = np.concatenate([slacks, room]), np.concatenate([goal, np.zeros(len(room))])
+    rows = np.concatenate([*columns, -np.eye(n)[low], np.eye(n)[high]]).T
+    slack = np.concatenate([*slacks, point.z[low], 1 - point.z[high]])
+    goals = np.concatenate([*goal, np.zeros(low.size + high.size)])
     scale = 1e3 * max(1.0, float(np.max(np.abs(rows))))  # the objective's multipliers add up to one
     matrix = np.concatenate([rows, scale * goals[None], slack[None]])
     found, _ = nnls(matrix, np.concatenate([np.zeros(n), [scale, 0.0]]))

@@ -87,7 +87,7 @@ class Problem:
         nodes: int = NODES,
     ):
         self.scene, self.variables, self.cases, self.nodes = scene, tuple(variables), tuple(cases), nodes
-        _check(self.variables)
+        check(self.variables)
         self.numbers = [number(scene, v.name) for v in self.variables]
         self.lower = np.asarray([v.lower for v in self.variables], float)
         self.upper = np.asarray([v.upper for v in self.variables], float)
@@ -141,6 +141,10 @@ class Problem:
             self._true_motion |= "steady" in vars(parts)
         return found
 
+    def values(self, x: Array) -> Float[Array, " blocks"]:
+        """The value (SI) of everything at one design, in the order of `kinds`; to be traced, and not counted."""
+        return jnp.stack([value for _, value in self._rows(self.scene, x)])
+
     def _shapes(self) -> list[tuple[Rows, Any]]:
         """The shapes of `_rows`; traced anew, for what is asked may have grown."""
         return jax.eval_shape(lambda scene, x: self._rows(scene, x), self.scene, jnp.asarray(self.start))
@@ -192,7 +196,8 @@ def _tied(scene: Scene, variable: Variable, at: Number) -> list[tuple[Number, fl
     return found
 
 
-def _check(variables: Sequence[Variable]) -> None:
+def check(variables: Sequence[Variable]) -> None:
+    """Raise `DesignError` where nothing is free, a number is freed twice, or bounds are none."""
     if not variables:
         raise DesignError("free", "nothing is free", 'name a number, e.g. {"flywheel.inertia": (0, 40)}')
     seen: set[str] = set()

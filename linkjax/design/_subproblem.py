@@ -12,21 +12,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from linkjax.design._point import Scaled
+from linkjax.design._point import Scaled, lengths
 
 TOLERANCE = 1e-13  # more than it reaches: it stops where rounding stops it
-FEW = 12  # rows of a block put in at once
+FEW = 4  # rows of a block put in at once
+HELD = 1e-6  # a multiplier of a step before that is no rounding
 MISSED = 1e-10  # a row so far above the others, in the solver's scale, is put in
+LOOSE = 0.02  # and so many times what the step gains
+FAR = 1e-2  # while that is more than so much
 ROUNDS = 30
 
 
 class Step(NamedTuple):
-    """A step, the multipliers of every row of every block, the model's value, and the rows that were put in."""
+    """A step, the multipliers of every row of every block, and the model's value."""
 
     d: Float[np.ndarray, " n"]
     weights: list[Float[np.ndarray, " rows"]]
     model: float
-    chosen: list[np.ndarray]
 
 
 def solve(
@@ -41,95 +43,130 @@ def solve(
     """The best step within `radius` and the unit box: the largest row of the goals, plus half d' bend d, plus the
     penalised excess of every limit. None where the solver finds no answer.
 
-    Few rows ever matter: those that lead are put in first, with those of a step before, `like`, and others when the
-    step found would let them lead.
+    Few rows ever matter: those that lead are put in first, with those that held a step before, `like`, and others when
+    the step found would let them lead; those out of reach never.
     """
     blocks = [*goals, *limits]
     low, high = np.maximum(-z, -radius), np.minimum(1 - z, radius)
-    chosen = [_leading(block.sizes(), np.full(len(block.rows), -np.inf)) for block in blocks]
-    for block, rows, before in zip(blocks, chosen, like.chosen if like else (), strict=False):
+    able = _able(goals, limits, np.maximum(-low, high))
+    chosen = [_leading(block.sizes, some) for block, some in zip(blocks, able, strict=True)]
+    for rows, some, before in zip(chosen, able, like.weights if like else (), strict=False):
         if before.shape == rows.shape:
-            rows |= before & (block.sizes() > np.max(block.sizes()) - 0.1 * abs(np.max(block.sizes())))
+            rows |= (before > HELD) & some
     step = None
+    merit = max((goal.top for goal in goals), default=0.0) + penalty * sum(max(one.excess(), 0.0) for one in limits)
     for _ in range(ROUNDS):
         found = _solve(blocks, len(goals), chosen, low, high, bend, penalty)
         if found is None:
             return None
         step, tops = found
-        moved = [_after(block, step.d) for block in blocks]
-        missed = [sizes > top + MISSED for sizes, top in zip(moved, tops, strict=True)]
-        if not any(np.any(m & ~c) for m, c in zip(missed, chosen, strict=True)):
+        fresh, room = False, MISSED + (LOOSE * (merit - step.model) if merit - step.model > FAR else 0.0)
+        for block, rows, some, top in zip(blocks, chosen, able, tops, strict=True):
+            if np.any(some):
+                sizes = block.after(step.d)
+                missed = (sizes > top + room) & some & ~rows
+                if np.any(missed):
+                    rows |= _leading(sizes, (sizes > top + room) & some) & missed
+                    fresh = True
+        if not fresh:
             return step
-        chosen = [c | (_leading(sizes, top) & m) for c, sizes, top, m in zip(chosen, moved, tops, missed, strict=True)]
     return step
 
 
-def _leading(sizes: np.ndarray, above: np.ndarray | float) -> np.ndarray:
-    """The highest of every run of neighbouring rows above a level; at first, the highest few of all."""
-    before, after = np.roll(sizes, 1), np.roll(sizes, -1)
-    tops = (sizes >= before) & (sizes >= after) & (sizes > above)
-    if np.sum(tops) > FEW:
-        tops &= sizes >= np.sort(sizes[tops])[-FEW]
-    tops[int(np.argmax(sizes))] = True
-    return tops
+def _able(goals: list[Scaled], limits: list[Scaled], reach: np.ndarray) -> list[np.ndarray]:
+    """The rows that can matter within a step of so much in every variable: lead the goals, or come to their level."""
+    moves = [_reach(block, reach) for block in [*goals, *limits]]
+    most = max((float(np.max(goal.sizes - move)) for goal, move in zip(goals, moves, strict=False)), default=0.0)
+    levels = [most] * len(goals) + [block.level for block in limits]
+    return [block.sizes + move >= level for block, move, level in zip([*goals, *limits], moves, levels, strict=True)]
 
 
-def _after(block: Scaled, d: np.ndarray) -> np.ndarray:
-    """Sizes of all rows after a step, by the linear model of the vectors."""
-    return block._replace(rows=block.rows + block.slope @ d).sizes()
+def _reach(block: Scaled, reach: np.ndarray) -> Float[np.ndarray, " rows"]:
+    """How much, at most, the size of every row changes."""
+    moved = np.abs(block.slope) @ reach
+    return moved[:, 0] if block.signed else lengths(moved)
+
+
+def _leading(sizes: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Of some rows, the highest few of those higher than their neighbours, and these neighbours: a peak moves."""
+    heights = np.where(some, sizes, -np.inf)
+    tops = some.copy()
+    tops[1:] &= heights[1:] >= heights[:-1]
+    tops[:-1] &= heights[:-1] >= heights[1:]
+    if np.count_nonzero(tops) > FEW:
+        tops &= heights >= np.sort(heights[tops])[-FEW]
+    beside = tops.copy()
+    beside[1:] |= tops[:-1]
+    beside[:-1] |= tops[1:]
+    return beside & some
 
 
 def _solve(blocks, goals: int, chosen, low, high, bend, penalty) -> tuple[Step, list[float]] | None:
     """The subproblem with the rows chosen: the step, and how high each block's rows may come in it."""
     import clarabel as _clarabel  # a compiled library, loaded when something is optimised
-    from scipy import sparse
 
     clarabel: Any = _clarabel  # it has no types
 
-    n, count = low.size, len(blocks) - goals
-    wide = n + 1 + count
-    box = np.zeros((2 * n + count + 1, wide))
-    box[:n, :n], box[n : 2 * n, :n], box[2 * n : -1, n + 1 :] = np.eye(n), -np.eye(n), -np.eye(count)
+    n = low.size
+    slacks = [i for i in range(goals, len(blocks)) if np.any(chosen[i])]  # blocks that need one
+    wide = n + 1 + len(slacks)
+    lines = 2 * n + len(slacks) + 1
+    box = np.zeros((lines, wide))
+    box[:n, :n], box[n : 2 * n, :n], box[2 * n : -1, n + 1 :] = np.eye(n), -np.eye(n), -np.eye(len(slacks))
     box[-1, n] = 0.0 if goals else -1.0  # without goals nothing else bounds t
-    matrix, right, cones = [box], [np.concatenate([high, -low, np.zeros(count + 1)])], []
-    cones.append(clarabel.NonnegativeConeT(2 * n + count + 1))
-    homes, at = [], 2 * n + count + 1
+    matrix, right = [box], [high, -low, np.zeros(len(slacks) + 1)]
+    cones, homes, at = [clarabel.NonnegativeConeT(lines)], [], lines
     for i, (block, rows) in enumerate(zip(blocks, chosen, strict=True)):
         homes.append(at)
-        column = n if i < goals else n + 1 + i - goals
-        vectors, slope, level = block.rows[rows], block.slope[rows], block.level - block.shift
+        held = np.flatnonzero(rows)
+        if not held.size:
+            continue
+        column = n if i < goals else n + 1 + slacks.index(i)
+        vectors, slope, level = block.rows[held], block.slope[held], block.level - block.shift
         size = 1 if block.signed else vectors.shape[1] + 1
-        a = np.zeros((len(vectors), size, wide))
+        a = np.zeros((held.size, size, wide))
         a[:, 0, column] = -1.0
         if block.signed:
             a[:, 0, :n] = slope[:, 0]
             right.append(level - vectors[:, 0])
-            cones.append(clarabel.NonnegativeConeT(len(vectors)))
+            cones.append(clarabel.NonnegativeConeT(held.size))
         else:
             a[:, 1:, :n] = -slope
-            right.append(np.concatenate([np.full((len(vectors), 1), level), vectors], axis=1).ravel())
-            cones += [clarabel.SecondOrderConeT(size)] * len(vectors)
+            right.append(np.concatenate([np.full((held.size, 1), level), vectors], axis=1).ravel())
+            cones += [clarabel.SecondOrderConeT(size)] * held.size
         matrix.append(a.reshape((-1, wide)))
-        at += len(vectors) * size
+        at += held.size * size
     quadratic = np.zeros((wide, wide))
     quadratic[:n, :n] = np.triu(bend)
-    linear = np.concatenate([np.zeros(n), [1.0 if goals else 0.0], np.full(count, penalty)])
+    linear = np.concatenate([np.zeros(n), [1.0 if goals else 0.0], np.full(len(slacks), penalty)])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
+    settings.iterative_refinement_enable = False  # a third of the time, for digits that nothing needs
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
     found = clarabel.DefaultSolver(
-        sparse.csc_matrix(quadratic), linear, sparse.csc_matrix(np.concatenate(matrix)), np.concatenate(right), cones,
-        settings,
-    ).solve()  # fmt: skip
+        _sparse(quadratic), linear, _sparse(np.concatenate(matrix)), np.concatenate(right), cones, settings
+    ).solve()
     x, dual = np.asarray(found.x), np.asarray(found.z)
     if not (np.isfinite(x).all() and np.isfinite(dual).all()) or "Infeasible" in str(found.status):
         return None
-    d, slacks = np.clip(x[:n], low, high), np.maximum(x[n + 1 :], 0.0)
+    d, over = np.clip(x[:n], low, high), np.maximum(x[n + 1 :], 0.0)
     top = float(x[n]) if goals else 0.0
     weights = [_multipliers(*home, dual) for home in zip(blocks, chosen, homes, strict=True)]
-    model = top + 0.5 * float(d @ bend @ d) + penalty * float(np.sum(slacks))
-    tops = [top] * goals + [block.level + slack for block, slack in zip(blocks[goals:], slacks, strict=True)]
-    return Step(d, weights, model, chosen), tops
+    model = top + 0.5 * float(d @ bend @ d) + penalty * float(np.sum(over))
+    excess = dict(zip(slacks, over, strict=True))
+    tops = [top if i < goals else block.level + excess.get(i, 0.0) for i, block in enumerate(blocks)]
+    return Step(d, weights, model), tops
+
+
+def _sparse(matrix: np.ndarray) -> Any:
+    """A matrix by its columns, zeros left out; several times faster than SciPy's own way."""
+    from scipy import sparse
+
+    turned = matrix.T
+    held = turned != 0
+    column, row = np.nonzero(held)
+    starts = np.searchsorted(column, np.arange(matrix.shape[1] + 1))
+    return sparse.csc_matrix((turned[held], row, starts), shape=matrix.shape)
 
 
 def _multipliers(block: Scaled, rows: np.ndarray, at: int, dual: np.ndarray) -> np.ndarray:

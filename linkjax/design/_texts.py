@@ -39,9 +39,7 @@ def amount(value: Any, unit: str, element: str) -> float:
     try:
         return float(value)
     except (TypeError, ValueError) as error:
-        raise DesignError(
-            element, f"{value!r} is no number", f"write one in {unit}, or a text with unit"
-        ) from error
+        raise DesignError(element, f"{value!r} is no number", f"write one in {unit}, or a text with unit") from error
 
 
 def variable(scene: Scene, name: str, given: Range, tied: tuple[str, ...] = ()) -> Variable:

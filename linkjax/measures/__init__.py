@@ -9,7 +9,6 @@ from linkjax.measures._measures import Measure as Measure
 from linkjax.measures._measures import delta as delta
 from linkjax.measures._measures import evaluate as evaluate
 from linkjax.measures._measures import flywheel_for_target_delta as flywheel_for_target_delta
-from linkjax.measures._measures import flywheel_inertia as flywheel_inertia
 from linkjax.measures._measures import largest_speed as largest_speed
 from linkjax.measures._measures import least_inertia as least_inertia
 from linkjax.measures._measures import mean_drive_torque as mean_drive_torque

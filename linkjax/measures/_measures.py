@@ -135,12 +135,6 @@ def smallest_transmission_angle(of: Parts) -> Rows:
     return Rows(jnp.pi / 2 - jnp.abs(found.vectors), found.angle, signed=True)
 
 
-@measure("kg m^2")
-def flywheel_inertia(of: Parts) -> Array:
-    """Moment of inertia of the flywheel on the crank shaft."""
-    return of.scene.mechanism.flywheel.inertia
-
-
 @peak("N")
 def peak_shaking_force_constant_speed(of: Parts) -> Peaked:
     """Largest shaking force at constant nominal speed."""

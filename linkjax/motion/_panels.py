@@ -8,10 +8,13 @@ from __future__ import annotations
 import functools
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
+
+UNROLLED = 40  # Legendre polynomials computed in plain code
 
 
 class Rule(NamedTuple):
@@ -71,7 +74,17 @@ def legendre_sum(coefficients: Float[Array, "*rows k"], x: Float[Array, ""]) -> 
 
 
 def legendre_basis(count: int, x: Float[Array, ""]) -> Float[Array, " k"]:
-    """The first `count` Legendre polynomials at `x`."""
+    """The first `count` Legendre polynomials at `x`; many in a loop, for the time to compile."""
+    if count > UNROLLED:
+        k = jnp.arange(1, count - 1, dtype=x.dtype)
+
+        def following(pair, weights):
+            before, last = pair
+            new = weights[0] * x * last - weights[1] * before
+            return (last, new), new
+
+        rest = jax.lax.scan(following, (jnp.ones_like(x), x), ((2 * k + 1) / (k + 1), k / (k + 1)))[1]
+        return jnp.concatenate([jnp.stack([jnp.ones_like(x), x]), rest])
     basis = [jnp.ones_like(x), x]
     for k in range(1, count - 1):
         basis.append(((2 * k + 1) / (k + 1)) * x * basis[k] - (k / (k + 1)) * basis[k - 1])

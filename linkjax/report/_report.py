@@ -1,60 +1,23 @@
-"""The page: tables and figures in the order in which a designer reads them."""
+"""The page: tables, figures and the moving machine, in the order in which a designer reads them."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 from string import Template
 from typing import Any
 
+from linkjax._units import display_units
 from linkjax.machine import Scene
-from linkjax.report import _tables as tables
-from linkjax.report._embed import data_uri, inline_svg
-from linkjax.viz import PICTURES
+from linkjax.report import _optimum, _tables
+from linkjax.report._cells import Numbers
+from linkjax.report._embed import inline_svg
+from linkjax.viz import PICTURES, courses, drawn, machine_view, svg
 
-CSS = """
-:root { color-scheme: light; --ink: #222; --grey: #666; --line: #d9d9d9; --good: #00664b; --bad: #b02a00; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; padding: 1.2rem 1rem 3rem; max-width: 54rem; color: var(--ink); background: #fff;
-  font: 1rem/1.45 "DejaVu Sans", Verdana, "Segoe UI", Helvetica, Arial, sans-serif; }
-h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
-h2 { font-size: 1.15rem; margin: 2.2rem 0 .5rem; padding-bottom: .2rem; border-bottom: 2px solid var(--ink); }
-p { margin: .4rem 0; }
-.lead, figcaption, caption { color: var(--grey); font-size: .88rem; }
-nav { margin: .8rem 0; font-size: .88rem; }
-nav a { color: #005a8f; margin-right: .9rem; white-space: nowrap; }
-.verdict { padding: .5rem .8rem; border-left: .35rem solid; background: #f5f5f5; }
-.good { color: var(--good); } .bad { color: var(--bad); font-weight: bold; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-size: .84rem; margin: .4rem 0 .9rem; }
-th, td { text-align: left; vertical-align: top; padding: .28rem .55rem; border-bottom: 1px solid var(--line); }
-thead th { vertical-align: bottom; border-bottom: 1.5px solid var(--ink); font-weight: 600; }
-tbody th { font-weight: normal; min-width: 6.5rem; }
-td.good, td.bad { white-space: nowrap; }
-.n { text-align: right; }
-td.n { white-space: nowrap; font-variant-numeric: tabular-nums; }
-figure { margin: 1.4rem 0; }
-figure svg, figure img { display: block; width: 100%; height: auto; margin: 0 auto; }
-figure img { max-width: 500px; }
-figcaption { margin-top: .3rem; text-align: center; }
-svg * { stroke-linejoin: round; stroke-linecap: butt; }
-@media screen and (max-width: 40rem) {
-  body { padding: .8rem .6rem 2rem; }
-  table { font-size: .78rem; }
-  figure { overflow-x: auto; }
-  figure svg { min-width: 30rem; }
-}
-@media print {
-  @page { size: A4; margin: 15mm; }
-  body { max-width: none; padding: 0; font-size: 9.5pt; }
-  nav, .motion { display: none; }
-  .wide { overflow: visible; }
-  h2 { break-after: avoid; }
-  figure, tr { break-inside: avoid; }
-  figure svg { max-height: 112mm; }
-}
-"""
+Data = dict[str, Any]
+HERE = Path(__file__).parent
 
 PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -68,59 +31,84 @@ PAGE = Template("""<!DOCTYPE html>
 <header>
 <h1>$title</h1>
 <p class="lead">$lead</p>
-<p class="verdict $look">$verdict</p>
-<nav>$nav</nav>
+$verdict
+<nav aria-label="Contents">$nav</nav>
 </header>
 <main>
 $body
 </main>
+$program
 </body>
 </html>
 """)
 
+STAGE = Template("""<figure class="stage">
+<svg id="stage" viewBox="0 0 $width $height" role="img" aria-label="The machine at the crank angle chosen"></svg>
+<ul class="legend">$legend</ul>
+<noscript>$still</noscript>
+<figcaption>The machine to scale$figcaption</figcaption>
+</figure>""")
+
+CONTROLS = Template("""<div id="controls" role="region" aria-label="Motion of the machine"><form autocomplete="off">
+<span class="turn"><label for="angle">Crank angle φ</label>
+<input type="range" id="angle" min="0" max="$end" step="any" value="$start" disabled>
+<output id="angle-shown" for="angle"></output></span>
+<button type="button" id="play" disabled>Play</button>
+<label>Cycle in <select id="pace" disabled><option value="1">1 s</option><option value="2">2 s</option>
+<option value="4" selected>4 s</option><option value="8">8 s</option><option value="16">16 s</option></select></label>
+<label><input type="checkbox" id="show-names" checked disabled> Names</label>
+$before</form></div>
+<script type="application/json" id="machine-data">$view</script>
+<script>$js</script>""")
+
+HINT = '<p class="lead screen">Click or drag in a diagram over the crank angle to move the machine there.</p>\n'
+BEFORE = '<label><input type="checkbox" id="show-before" checked disabled> Before</label>'
+
 
 def write_report(
-    data: dict[str, Any], scene: Scene, figures: str | Path | Iterable[str | Path], path: str | Path,
-    animation: str | Path | None = None,
+    data: Data, scene: Scene, path: str | Path, *, figures: str | Path | Iterable[str | Path] | None = None,
+    before: tuple[Data, Scene] | None = None, optimum: Data | None = None, units: str = "",
 ) -> Path:  # fmt: skip
     """Write the report of an analysis as one HTML file that needs nothing else: no network, no fonts, no other files.
 
-    `data` is the document of the analysis (see `linkjax.analysis.document`), `figures` the files that
-    `linkjax.viz.write_figures` returned (the SVG ones are put into the page, in that order) or the folder that it wrote
-    them to, `animation` a GIF (from a folder, its `machine.gif` unless another is named).
-    Returns the path. Raises `OSError` when a file cannot be read or written.
+    `data` is the document of the analysis (see `linkjax.analysis.document`); `before` the document and scene of an
+    earlier design, shown behind and beside it; `optimum` the document of the optimisation that led from the one to the
+    other; `units` what numbers are shown in ("mm, rpm, kN"; SI with prefixes where nothing is said). `figures` are the
+    files that `linkjax.viz.write_figures` returned, of which the SVG ones are put into the page in that order, or the
+    folder that it wrote them to; without them the figures are drawn.
+    Returns the path. Raises `OSError` when a file cannot be read or written, `QuantityError` for an unknown unit.
     """
+    chosen = display_units(units)
+    show = Numbers(chosen)
     captions = {picture.name: picture.caption for picture in PICTURES}
-    if isinstance(figures, str | Path):
-        folder = Path(figures)
-        moving = folder / "machine.gif"
-        animation = moving if animation is None and moving.exists() else animation
-        figures = [file for file in (folder / f"{name}.svg" for name in captions) if file.exists()]
-    drawings = [file for file in map(Path, figures) if file.suffix == ".svg"]
-    pictures = {file.stem: _figure(file, captions.get(file.stem, file.stem)) for file in drawings}
-    first = pictures.pop("machine", "")
-    if animation is not None:
-        first += _motion(Path(animation))
+    if figures is None:
+        old = before[0] if before else None
+        drawings = {name: svg(name, figure) for name, figure in drawn(data, scene, old, chosen)}
+    else:
+        drawings = _read(figures, list(captions))
+    pictures = {name: _figure(text, name, captions.get(name, name)) for name, text in drawings.items()}
+    still = pictures.pop("machine", "")
+    view = machine_view(data, scene, before, chosen) if data.get("points") else None
     sections = {
-        "Results": tables.results(data, scene),
-        "Machine": first + tables.links(scene) + tables.points(scene) + tables.loads(scene),
-        "Peaks": tables.peaks(data),
-        "Margins": tables.groups(data) + tables.dead_centres(data),
-        "Checks": tables.checks(data) + tables.model(data, scene),
-        "Figures": "\n".join(pictures.values()),
-    }
+        "Motion": _stage(view, data, still) if view else still,
+        "Optimisation": _optimisation(show, optimum) if optimum else "",
+        "Results": _tables.results(show, data, scene, before[0] if before else None),
+        "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.loads(show, scene),
+        "Peaks": _tables.peaks(show, data, before[0] if before else None),
+        "Margins": _tables.groups(show, data) + _tables.dead_centres(show, data),
+        "Checks": _tables.checks(show, data) + _tables.model(data, scene),
+        "Figures": (HINT if view and pictures else "") + "\n".join(pictures.values()),
+    }  # fmt: skip
     sections = {name: text for name, text in sections.items() if text}
-    body = [f'<section id="{name.lower()}"><h2>{name}</h2>\n{text}</section>' for name, text in sections.items()]
-    outcome = data.get("result", {})
     title = scene.title or str(data.get("scene", "")) or "Machine"
     page = PAGE.substitute(
         title=escape(title),
-        css=CSS,
-        lead=escape(f"{scene.mechanism.formula()}, at {tables.nominal(scene)}"),
-        look="good" if int(outcome.get("code", 0)) == 0 else "bad",
-        verdict=escape(str(outcome.get("message", ""))),
+        css=(HERE / "page.css").read_text(encoding="utf-8"),
+        lead=escape(f"{scene.mechanism.formula()}, at {_tables.nominal(show, scene)}"),
+        verdict="\n".join(_verdict(of.get("result") or {}) for of in (optimum, data) if of),
         nav=" ".join(f'<a href="#{name.lower()}">{name}</a>' for name in sections),
-        body="\n".join(body),
+        body="\n".join(f'<section id="{n.lower()}"><h2>{n}</h2>\n{text}</section>' for n, text in sections.items()),
+        program=_program(view) if view else "",
     )
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -128,11 +116,50 @@ def write_report(
     return target
 
 
-def _figure(file: Path, caption: str) -> str:
-    return f"<figure>{inline_svg(file, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+def _read(figures: str | Path | Iterable[str | Path], names: list[str]) -> dict[str, str]:
+    """SVG texts by name, from files or from a folder of them."""
+    if isinstance(figures, str | Path):
+        files = [file for name in names if (file := Path(figures) / f"{name}.svg").exists()]
+    else:
+        files = [file for file in map(Path, figures) if file.suffix == ".svg"]
+    return {file.stem: file.read_text(encoding="utf-8") for file in files}
 
 
-def _motion(file: Path) -> str:
-    caption = "One cycle, slowed down; equal steps of time"
-    image = f'<img src="{data_uri(file)}" alt="{escape(caption)}">'
-    return f'<figure class="motion">{image}<figcaption>{escape(caption)}</figcaption></figure>'
+def _figure(text: str, name: str, caption: str) -> str:
+    return f"<figure>{inline_svg(text, name, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _verdict(result: Data) -> str:
+    look = "good" if int(result.get("code", 0)) == 0 else "bad"
+    return f'<p class="verdict {look}">{escape(str(result.get("message", "")))}</p>'
+
+
+def _optimisation(show: Numbers, optimum: Data) -> str:
+    """What was asked, what came of it, and how it was found."""
+    tables = (_optimum.asked(show, optimum), _optimum.clash(optimum), _optimum.measures(show, optimum),
+              _optimum.variables(show, optimum), _optimum.limits(show, optimum))  # fmt: skip
+    figures = [_figure(svg(of.name, figure), of.name, of.caption) for of, figure in courses(optimum, show.units)]
+    return "".join((*tables, *figures)) + _optimum.outcome(show, optimum)
+
+
+def _stage(view: Data, data: Data, still: str) -> str:
+    """The place of the moving machine; without a program to move it, the still drawing."""
+    shapes = [(link["name"], link["colour"], link["fill"], "") for link in view["machines"][0]["links"]]
+    shapes += [("before", "#a8a8a8", "#f3f3f3", ' class="before"')] if len(view["machines"]) > 1 else []
+    legend = "".join(
+        f'<li{look}><i style="border-color:{edge};background:{fill}"></i>{escape(name)}</li>'
+        for name, edge, fill, look in shapes
+    )
+    timed = "; times as in the true motion, slowed down" if view["time"] and "motion" in data else ""
+    return STAGE.substitute(width=view["width"], height=view["height"], legend=legend, still=still,
+                            figcaption=f'<span class="screen">{timed}</span>')  # fmt: skip
+
+
+def _program(view: Data) -> str:
+    return CONTROLS.substitute(
+        end=360 * view["turns"],
+        start=f"{view['start']:g}",
+        before=BEFORE if len(view["machines"]) > 1 else "",
+        view=json.dumps(view, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"),
+        js=(HERE / "page.js").read_text(encoding="utf-8"),
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,8 @@ import numpy as np
 from linkjax.analysis import check_limit
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
-from linkjax.report._cells import NONE, Cell, amount, angle, given, measured, quantity, shown, table, words
+from linkjax.report._cells import NONE, Cell, Numbers, table, words
+from linkjax.viz import turning
 
 Data = dict[str, Any]
 CONSTANT = "_constant_speed"
@@ -21,65 +21,90 @@ CHECKS = {
 }
 
 
-def results(data: Data, scene: Scene) -> str:
-    """Speed fluctuation, speeds, flywheel and drive."""
-    motion, wheel = data["motion"], data.get("flywheel", {})
-    delta, error = measured(float(motion["delta"]), float(motion["delta_error"]))
-    mean = "mean over time" if scene.mean == "time" else "mean of largest and smallest"
-    rows = [
-        [words("coefficient of speed fluctuation δ"), Cell(delta, True), words(f"{error}, of the {mean}")],
-        [words("mean speed"), _rpm(motion["mean_speed"]), words(f"{mean}; {_rad(motion['mean_speed'])}")],
-        [words("largest speed"), _rpm(motion["speed_max"]), words(f"at {angle(motion['angle_of_max']).text}")],
-        [words("smallest speed"), _rpm(motion["speed_min"]), words(f"at {angle(motion['angle_of_min']).text}")],
-        [words("drive torque, constant"), amount(motion["drive_torque_mean"], "N·m"), words("balances the cycle")],
-    ]
-    if "period" in motion:
-        power = float(motion["mean_power"])
-        rows.append([words("drive power, mean"), amount(power, "W"), words("over the cycle")])
-        rows.append([words("duration of the cycle"), amount(motion["period"], "s"), words("")])
-    rows.append([words("flywheel, given"), amount(wheel.get("given"), "kg·m²"), words("on the crank shaft")])
-    if wheel.get("for_target_delta") is not None:
-        wanted = wheel.get("target_delta", scene.target_delta)
-        note = "" if wanted is None else f"for δ = {float(wanted):g}, exactly"
-        rows.append([words("flywheel, needed"), amount(wheel["for_target_delta"], "kg·m²"), words(note)])
-    if wheel.get("textbook") is not None:
-        note = "textbook, for comparison"
-        rows.append([words("flywheel by ΔA/(δω²)"), amount(wheel["textbook"], "kg·m²"), words(note)])
-    margin = float(motion["regime_margin"])
-    note = "positive: there is a periodic regime at this speed" if margin > 0 else "no periodic regime at this speed"
-    rows.append([words("regime margin"), amount(margin, digits=4), words(note)])
-    return table(["quantity", "value", "remark"], rows)
-
-
-def _rpm(speed: float) -> Cell:
-    return Cell(quantity(float(speed) * 30 / math.pi, "", 6) + " rpm", True)
-
-
-def _rad(speed: float) -> str:
-    return quantity(float(speed), "", 6) + " rad/s"
-
-
-def nominal(scene: Scene) -> str:
-    """The wanted mean speed in words."""
-    return f"{shown(float(scene.speed) * 30 / math.pi)} rpm mean speed"
-
-
-def peaks(data: Data) -> str:
-    """Largest magnitudes over the continuous cycle, in both motions side by side."""
-    found = data.get("peaks", {})
-    names = dict.fromkeys(name.removesuffix(CONSTANT) for name in found)
+def results(show: Numbers, data: Data, scene: Scene, before: Data | None = None) -> str:
+    """Speed fluctuation, speeds, flywheel and drive; the same of the machine before in a column of its own."""
+    old = _values(show, before) if before else {}
+    remarks = _remarks(show, data, scene)
     rows = []
-    for name in names:
-        row = [words(peak_name(name))]
-        for key in (name, name + CONSTANT):
-            if key in found:
-                peak = found[key]
-                value, error = measured(float(peak["value"]), float(peak["error"]), peak_unit(name), most=6)
-                row += [Cell(value, True), Cell(error, True), angle(float(peak["angle"]))]
-            else:
-                row += [Cell(NONE, True)] * 3
-        rows.append(row)
-    return table(["largest", "true motion", "error", "at", "constant speed", "error", "at"], rows)
+    for name, value in _values(show, data).items():
+        between = [Cell(old.get(name, NONE), True)] if before else []
+        rows.append([words(name), *between, Cell(value, True), words(remarks.get(name, ""))])
+    return table(["quantity", *(["before", "after"] if before else ["value"]), "remark"], rows)
+
+
+def _values(show: Numbers, data: Data) -> dict[str, str]:
+    """The results of an analysis as they are printed, by name."""
+    motion, wheel = data["motion"], data.get("flywheel", {})
+    found = {
+        "coefficient of speed fluctuation δ": show.measured(float(motion["delta"]), float(motion["delta_error"]))[0],
+        "mean speed": show.speed(motion["mean_speed"]),
+        "largest speed": show.speed(motion["speed_max"]),
+        "smallest speed": show.speed(motion["speed_min"]),
+        "drive torque, constant": show.quantity(float(motion["drive_torque_mean"]), "N·m"),
+    }
+    if "period" in motion:
+        found["drive power, mean"] = show.quantity(float(motion["mean_power"]), "W")
+        found["duration of the cycle"] = show.quantity(float(motion["period"]), "s")
+    found["flywheel, given"] = show.amount(wheel.get("given"), "kg·m²").text
+    if wheel.get("for_target_delta") is not None:
+        found["flywheel, needed"] = show.quantity(float(wheel["for_target_delta"]), "kg·m²")
+    if wheel.get("textbook") is not None:
+        found["flywheel by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
+    return found | {"regime margin": show.quantity(float(motion["regime_margin"]), digits=4)}
+
+
+def _remarks(show: Numbers, data: Data, scene: Scene) -> dict[str, str]:
+    """What is said beside the results."""
+    motion = data["motion"]
+    error = show.measured(float(motion["delta"]), float(motion["delta_error"]))[1]
+    mean = "mean over time" if scene.mean == "time" else "mean of largest and smallest"
+    wanted = data.get("flywheel", {}).get("target_delta", scene.target_delta)
+    runs = float(motion["regime_margin"]) > 0
+    return {
+        "coefficient of speed fluctuation δ": f"{error}, of the {mean}",
+        "mean speed": f"{mean}; {Numbers().quantity(float(motion['mean_speed']), '', 6)} rad/s",
+        "largest speed": f"at {show.turned(motion['angle_of_max'])}",
+        "smallest speed": f"at {show.turned(motion['angle_of_min'])}",
+        "drive torque, constant": "balances the cycle",
+        "drive power, mean": "over the cycle",
+        "flywheel, given": "on the crank shaft",
+        "flywheel, needed": "" if wanted is None else f"for δ = {float(wanted):g}, exactly",
+        "flywheel by ΔA/(δω²)": "textbook, for comparison",
+        "regime margin": f"{'positive: there is a' if runs else 'no'} periodic regime at this speed",
+    }
+
+
+def nominal(show: Numbers, scene: Scene) -> str:
+    """The wanted mean speed in words."""
+    factor, label = turning(show.units)
+    return f"{show.shown(factor * float(scene.speed))} {label} mean speed"
+
+
+def peaks(show: Numbers, data: Data, before: Data | None = None) -> str:
+    """Largest magnitudes over the continuous cycle, in both motions: side by side, or each beside that of before."""
+    found = data.get("peaks", {})
+    names = list(dict.fromkeys(name.removesuffix(CONSTANT) for name in found))
+    if before is None:
+        rows = [[words(peak_name(n)), *_peak(show, data, n), *_peak(show, data, n + CONSTANT)] for n in names]
+        return table(["largest", "true motion", "error", "at", "constant speed", "error", "at"], rows)
+    text = ""
+    for motion, suffix in (("true motion", ""), ("constant speed", CONSTANT)):
+        rows = []
+        for name in (n for n in names if n + suffix in found):
+            old = before.get("peaks", {}).get(name + suffix, {}).get("value")
+            rows.append([words(peak_name(name)), show.amount(old, peak_unit(name)), *_peak(show, data, name + suffix)])
+        text += table([f"largest, {motion}", "before", "after", "error", "at"], rows) if rows else ""
+    return text
+
+
+def _peak(show: Numbers, data: Data, key: str) -> list[Cell]:
+    """Value, error and crank angle of a peak."""
+    if key not in data["peaks"]:
+        return [Cell(NONE, True)] * 3
+    peak = data["peaks"][key]
+    unit = peak_unit(key.removesuffix(CONSTANT))
+    value, error = show.measured(float(peak["value"]), float(peak["error"]), unit, most=6)
+    return [Cell(value, True), Cell(error, True), show.angle(float(peak["angle"]))]
 
 
 def peak_name(name: str) -> str:
@@ -96,37 +121,39 @@ def peak_unit(name: str) -> str:
     return "N·m" if turning else "N"
 
 
-def links(scene: Scene) -> str:
+def links(show: Numbers, scene: Scene) -> str:
     """Links with their lengths and masses."""
     rows, kinds = [], {"fixed": "as given", "scaled": "follow the length", "section": "from the section"}
     for name in scene.mechanism.link_names:
         link = scene.mechanism.links[name]
         body, length = link.actual(), float(link.length)
-        centre = f"{link.centre_name}: {shown(body.centre.x, 'm')}"
-        centre += f", {shown(body.centre.y, 'm')} across" if float(body.centre.y) != 0 else ""
+        centre = f"{link.centre_name}: {show.shown(body.centre.x, 'm')}"
+        centre += f", {show.shown(body.centre.y, 'm')} across" if float(body.centre.y) != 0 else ""
         rows.append([
-            words(name), given(length, "m") if length > 0 else Cell(NONE, True), given(body.mass, "kg"), words(centre),
-            given(body.inertia, "kg·m²"), words(kinds[link.mass_properties]),
+            words(name), show.given(length, "m") if length > 0 else Cell(NONE, True), show.given(body.mass, "kg"),
+            words(centre), show.given(body.inertia, "kg·m²"), words(kinds[link.mass_properties]),
         ])  # fmt: skip
         for piece, weight in link.counterweights.items():
-            place = f"{piece}: {shown(weight.at.x, 'm')}, {shown(weight.at.y, 'm')} across"
+            place = f"{piece}: {show.shown(weight.at.x, 'm')}, {show.shown(weight.at.y, 'm')} across"
             rows.append([
-                words(f"counterweight {piece} of {name}"), Cell(NONE, True), given(weight.mass, "kg"), words(place),
-                given(weight.own_inertia(), "kg·m²"), words("ideal" if weight.ideal else "as given"),
+                words(f"counterweight {piece} of {name}"), Cell(NONE, True), show.given(weight.mass, "kg"),
+                words(place), show.given(weight.own_inertia(), "kg·m²"),
+                words("ideal" if weight.ideal else "as given"),
             ])  # fmt: skip
     return table(["link", "length", "mass", "mass centre, along the link", "inertia about it", "mass properties"], rows)
 
 
-def points(scene: Scene) -> str:
+def points(show: Numbers, scene: Scene) -> str:
     """Points of the frame, and further points marked on links."""
-    rows = [[words(p), words("frame"), given(at.x, "m"), given(at.y, "m")] for p, at in scene.mechanism.fixed.items()]
+    frame = scene.mechanism.fixed.items()
+    rows = [[words(p), words("frame"), show.given(at.x, "m"), show.given(at.y, "m")] for p, at in frame]
     for name in scene.mechanism.link_names:
         marked = scene.mechanism.links[name].actual().points
-        rows += [[words(p), words(name), given(at.x, "m"), given(at.y, "m")] for p, at in marked.items()]
+        rows += [[words(p), words(name), show.given(at.x, "m"), show.given(at.y, "m")] for p, at in marked.items()]
     return table(["point", "on", "x, or along the link", "y, or across it"], rows)
 
 
-def groups(data: Data) -> str:
+def groups(show: Numbers, data: Data) -> str:
     """Assembly margins and transmission angles of the structural groups."""
     rows = []
     for name, group in data.get("groups", {}).items():
@@ -134,50 +161,52 @@ def groups(data: Data) -> str:
         if not sides and group.get("margin") is not None:
             sides = {"": {"value": group["margin"], "angle": group.get("margin_angle")}}
         margins = "; ".join(
-            f"{side} {quantity(float(least['value']), '', 4)} at {angle(least['angle']).text}".strip()
+            f"{side} {show.quantity(float(least['value']), '', 4)} at {show.turned(least['angle'])}".strip()
             for side, least in sides.items()
         )
         turned = group.get("transmission_span")
-        span = NONE if turned is None else f"{angle(turned[0]).text} … {angle(turned[1]).text}"
+        span = NONE if turned is None else f"{show.turned(turned[0])} … {show.turned(turned[1])}"
         rows.append([words(name), words(group.get("formula", group["kind"])), words(margins or NONE), words(span)])
     return table(["group", "kind", "assembly margin, least over the cycle", "transmission angle"], rows)
 
 
-def dead_centres(data: Data) -> str:
+def dead_centres(show: Numbers, data: Data) -> str:
     """Crank angles at which a point or link reverses."""
     found: dict[str, list[str]] = {}
     for entry in data.get("dead_centres", []):
         name = f"point {entry['point']}" if "point" in entry else f"link {entry['link']}"
-        found.setdefault(name, []).append(angle(float(entry["angle"])).text)
+        found.setdefault(name, []).append(show.turned(float(entry["angle"])))
     rows = [[words(name), words(",  ".join(angles))] for name, angles in found.items()]
     return table(["reverses", "at crank angle"], rows) if rows else "<p>Nothing reverses over the cycle.</p>"
 
 
-def loads(scene: Scene) -> str:
+def loads(show: Numbers, scene: Scene) -> str:
     """Working loads and gravity."""
     rows = []
     for load in scene.loads:
         if isinstance(load, Force):
-            size = f"({shown(load.force.x, 'N')}, {shown(load.force.y, 'N')})"
+            size = f"({show.shown(load.force.x, 'N')}, {show.shown(load.force.y, 'N')})"
         elif isinstance(load, OpposingForce):
-            size = f"{shown(load.magnitude, 'N')} against the motion"
+            size = f"{show.shown(load.magnitude, 'N')} against the motion"
         elif isinstance(load, Torque):
-            size = shown(load.torque, "N·m")
+            size = show.shown(load.torque, "N·m")
         elif isinstance(load, OpposingTorque):
-            size = f"{shown(load.magnitude, 'N·m')} against the rotation"
+            size = f"{show.shown(load.magnitude, 'N·m')} against the rotation"
         else:
             size = NONE
         window = load.window
-        acts = "always" if window is None else f"{angle(float(window.on)).text} … {angle(float(window.off)).text}"
+        acts = "always"
+        if window is not None:
+            acts = f"{show.turned(float(window.on))} … {show.turned(float(window.off))}"
         where = f"{load.link}, at {load.point}" if load.point else load.link
         rows.append([words(load.name), words(where), words(size), words(acts), words(load.reacts_on or NONE)])
     pull = scene.gravity
-    size = f"({shown(pull.x, 'm/s²')}, {shown(pull.y, 'm/s²')})"
+    size = f"({show.shown(pull.x, 'm/s²')}, {show.shown(pull.y, 'm/s²')})"
     rows.append([words("gravity"), words("every link"), words(size), words("always"), words(NONE)])
     return table(["load", "on", "amount", "acts", "reacts on"], rows)
 
 
-def checks(data: Data) -> str:
+def checks(show: Numbers, data: Data) -> str:
     """The analysis's own checks, passed or failed."""
     limit = check_limit(data)
     rows = []
@@ -185,7 +214,7 @@ def checks(data: Data) -> str:
         passed = float(value) <= limit
         verdict = Cell("✓ pass" if passed else "✗ fail", look="good" if passed else "bad")
         what = CHECKS.get(name, name.replace("_", " "))
-        rows.append([words(what), amount(value, digits=2), amount(limit, digits=1), verdict])
+        rows.append([words(what), show.amount(value, digits=2), show.amount(limit, digits=1), verdict])
     return table(["check", "relative residual", "limit", ""], rows)
 
 

@@ -51,7 +51,7 @@ class GroupTable(Table, abc.ABC):
 class CrankTable(GroupTable):
     """The driving crank, the first of the groups."""
 
-    kind: Literal["crank"] = Field(examples=["crank"])
+    kind: Literal["crank"] = Field(description="the driver, about a fixed point", examples=["crank"])
     link: Name = Field(description="the link that turns", examples=["crank"])
     pivot: Name = Field(description="the fixed point it turns about", examples=["A"])
     end: Name = Field(description="name for its far pin", examples=["B"])
@@ -82,13 +82,15 @@ class Guide(Table):
 class RRPTable(GroupTable):
     """A rod and a block that slides on a straight guide."""
 
-    kind: Literal["RRP"] = Field(examples=["RRP"])
+    kind: Literal["RRP"] = Field(description="a rod and a block on a straight guide", examples=["RRP"])
     link: Name = Field(description="the rod", examples=["rod"])
     from_: Name = Field(alias="from", description="the point the rod starts from", examples=["B"])
     end: Name = Field(description="name for the pin between rod and block", examples=["D"])
     block: Name = Field(description="the sliding block", examples=["slider"])
     guide: Guide = Field(description="the guide of the block", examples=[{"through": "A"}])
-    side: Literal["+", "-"] = Field("+", description="pin ahead of (+) or behind (-) the foot of the perpendicular")
+    side: Literal["+", "-"] = Field(
+        "+", description="pin ahead of (+) or behind (-) the foot of the perpendicular", examples=["-"]
+    )
 
     def build(self, turns: int) -> groups.AbstractGroup:
         through, along, offset = self.guide.through, self.guide.along, self.guide.offset
@@ -119,12 +121,14 @@ class RRPTable(GroupTable):
 class RRRTable(GroupTable):
     """Two links and three pins."""
 
-    kind: Literal["RRR"] = Field(examples=["RRR"])
+    kind: Literal["RRR"] = Field(description="two links and three pins", examples=["RRR"])
     links: Annotated[tuple[Name, Name], Pair] = Field(description="the two links", examples=[["coupler", "rocker"]])
     from_: Name = Field(alias="from", description="the point the first link starts from", examples=["B"])
     to: Name = Field(description="the point the second link starts from", examples=["F"])
     meet: Name = Field(description="name for the pin where they meet", examples=["G"])
-    side: Literal["left", "right"] = Field("left", description="where they meet, seen along the line from-to")
+    side: Literal["left", "right"] = Field(
+        "left", description="where they meet, seen along the line from-to", examples=["right"]
+    )
 
     def build(self, turns: int) -> groups.AbstractGroup:
         return groups.RRR(self.links, self.from_, self.to, self.meet, 1 if self.side == "left" else -1)

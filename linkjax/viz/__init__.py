@@ -14,9 +14,16 @@ from linkjax.viz._kinematics import links_figure as links_figure
 from linkjax.viz._kinematics import points_figure as points_figure
 from linkjax.viz._kinematics import velocity_hodographs_figure as velocity_hodographs_figure
 from linkjax.viz._machine import machine_figure as machine_figure
+from linkjax.viz._optimum import history_figure as history_figure
+from linkjax.viz._optimum import trade_off_figure as trade_off_figure
 from linkjax.viz._style import number as number
 from linkjax.viz._style import prefixed as prefixed
 from linkjax.viz._style import superscript as superscript
+from linkjax.viz._style import turning as turning
+from linkjax.viz._view import machine_view as machine_view
 from linkjax.viz._write import PICTURES as PICTURES
 from linkjax.viz._write import Picture as Picture
+from linkjax.viz._write import courses as courses
+from linkjax.viz._write import drawn as drawn
+from linkjax.viz._write import svg as svg
 from linkjax.viz._write import write_figures as write_figures

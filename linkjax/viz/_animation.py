@@ -14,7 +14,7 @@ from PIL import Image
 from linkjax.machine import Scene
 from linkjax.viz._machine import Stage, draw_frame, draw_links, make_stage
 from linkjax.viz._skeleton import arrows, places, skeleton
-from linkjax.viz._style import BLUE, FAINT, GREY, INK, TEXT, Data, closed, degrees, rpm, shade, styled
+from linkjax.viz._style import BLUE, FAINT, GREY, INK, TEXT, Data, closed, degrees, shade, styled, turning
 
 WIDTH, DPI = 5.0, 100  # inches, dots per inch
 COLOURS = 96
@@ -55,7 +55,9 @@ def animate(data: Data, scene: Scene, path: str | Path, *, frames: int = 60, sec
         if marker is not None:
             ax, dot = marker
             phi = math.degrees(angle)
-            dot.set_data([phi], [np.interp(phi, degrees(data, scene), rpm(closed(data, data["motion"]["speed"])))])
+            dot.set_data(
+                [phi], [np.interp(phi, degrees(data, scene), turning()[0] * closed(data, data["motion"]["speed"]))]
+            )
             ax.draw_artist(dot)
         angle_text.set_text(f"φ = {math.degrees(angle):.0f}°")
         figure.draw_artist(angle_text)
@@ -81,7 +83,7 @@ def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float) -> tuple[
     """A small panel with the crank speed, and the dot that runs along it."""
     ax = stage.figure.add_axes((0.11, 0.36 * share, 0.85, 0.45 * share))
     shade(ax, scene)
-    ax.plot(degrees(data, scene), rpm(closed(data, data["motion"]["speed"])), color=BLUE, linewidth=1.3)
+    ax.plot(degrees(data, scene), turning()[0] * closed(data, data["motion"]["speed"]), color=BLUE, linewidth=1.3)
     turns = scene.cycle_turns
     ax.set_xlim(0, 360 * turns)
     ax.set_xticks(range(0, 360 * turns + 1, 60 * turns))

@@ -55,9 +55,13 @@ def frame_equal(ax: Axes, curves: list[np.ndarray]) -> None:
 def hodograph(ax: Axes, phi: np.ndarray, curve: np.ndarray, look: dict[str, Any], named: bool = True) -> None:
     """A closed curve of vector ends, shape (2, angles), with a dot every 30 degrees and the quarters named.
 
-    `phi` are the crank angles in degrees, the end of the cycle included.
+    `phi` are the crank angles in degrees, the end of the cycle included. In the SVG the curve is a group named
+    `hodograph-…` that keeps every vertex, so that the report's cursor finds the crank angle on it.
     """
-    ax.plot(*curve, **look)
+    (drawn,) = ax.plot(*curve, **look)
+    if np.all(np.isfinite(curve)):
+        drawn.set_gid(f"hodograph-{ax.figure.axes.index(ax)}-{len(ax.lines)}")
+        drawn.get_path().should_simplify = False
     turns = round(phi[-1] / 360)
     marks = np.arange(0, 360 * turns, 30 * turns)
     at = np.stack([np.interp(marks, phi, part) for part in curve])

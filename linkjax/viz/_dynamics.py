@@ -16,6 +16,9 @@ from linkjax.viz._style import (
     GREY,
     VERMILION,
     Data,
+    Units,
+    before_keys,
+    behind,
     closed,
     degrees,
     key,
@@ -25,15 +28,15 @@ from linkjax.viz._style import (
     number,
     over_crank,
     prefixed,
-    rpm,
     sheet,
     styled,
+    turning,
     window_keys,
 )
 
 
 @styled
-def torque_figure(data: Data, scene: Scene) -> Figure:
+def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Reduced torque by load, mean drive torque, and the work of each over the cycle with the kinetic energy.
 
     Surplus of drive over load is shaded: there the machine gains speed. Work is integrated by the trapezoid rule over
@@ -48,11 +51,14 @@ def torque_figure(data: Data, scene: Scene) -> Figure:
     energy_look = {"color": BLACK, "linewidth": 1.6, "linestyle": (0, (1.5, 1.5))}
     keys = [key(name, **look) for name, look in looks.items()]
     keys += [key("all loads", **total)] if len(loads) > 1 else []
-    keys += [key("drive", **mean), key("kinetic energy, change", **energy_look), *window_keys(scene)]
+    keys += [key("drive", **mean), key("kinetic energy, change", **energy_look)]
+    keys += [*before_keys(before), *window_keys(scene)]
     figure, ((top,), (bottom,)) = sheet("Torque and work, reduced to the crank", 2, 1, panel=2.1, keys=keys)
 
     torque = closed(data, reduced["torque"])
-    factor, shown = prefixed(largest([torque, drive, *loads.values()]), "N·m")
+    factor, shown = prefixed(largest([torque, drive, *loads.values()]), "N·m", units)
+    if before:
+        behind(top, degrees(before, scene), factor * closed(before, before["reduced"]["torque"]))
     if len(loads) > 1:
         top.plot(phi, factor * torque, **total)
     for name, share in loads.items():
@@ -62,10 +68,11 @@ def torque_figure(data: Data, scene: Scene) -> Figure:
     top.set_title(label("torque", shown))
 
     angles = np.radians(phi)
-    energy = 0.5 * closed(data, reduced["inertia"]) * closed(data, motion["speed"]) ** 2
     works = {name: integral(angles, share) for name, share in loads.items()}
-    driven, gain = drive * angles, energy - energy[0]
-    factor, shown = prefixed(largest([driven, gain, *works.values()]), "J")
+    driven, gain = drive * angles, _gain(data)
+    factor, shown = prefixed(largest([driven, gain, *works.values()]), "J", units)
+    if before:
+        behind(bottom, degrees(before, scene), factor * _gain(before))
     for name, work in works.items():
         bottom.plot(phi, factor * work, **looks[name])
     bottom.plot(phi, factor * driven, **mean)
@@ -76,46 +83,61 @@ def torque_figure(data: Data, scene: Scene) -> Figure:
     return figure
 
 
+def _gain(data: Data) -> np.ndarray:
+    """Kinetic energy over the closed cycle, less that at its start."""
+    energy = 0.5 * closed(data, data["reduced"]["inertia"]) * closed(data, data["motion"]["speed"]) ** 2
+    return energy - energy[0]
+
+
 def integral(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Running integral by the trapezoid rule, zero at the start."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x))])
 
 
 @styled
-def speed_figure(data: Data, scene: Scene) -> Figure:
+def speed_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Crank speed with mean, extremes and δ, and the angular acceleration of the crank."""
     phi, motion = degrees(data, scene), data["motion"]
-    speed = rpm(closed(data, motion["speed"]))
+    turn, per = turning(units)
     name = "mean (of time)" if scene.mean == "time" else "mean of largest and smallest"
     mean = {"color": GREEN, "linewidth": 1.1, "linestyle": (0, (5, 2))}
-    keys = [key("true motion", color=BLUE, linewidth=1.7), key(name, **mean), *window_keys(scene)]
+    keys = [key("true motion", color=BLUE, linewidth=1.7), key(name, **mean)]
+    keys += [*before_keys(before), *window_keys(scene)]
     figure, ((top,), (bottom,)) = sheet("Speed of the crank", 2, 1, panel=(2.2, 1.4), keys=keys, right=1.05)
-    top.plot(phi, speed, color=BLUE, linewidth=1.7)
-    top.axhline(rpm(motion["mean_speed"]), **mean)
-    top.set_title("speed ω  (rpm)")
-    over_crank([top, bottom], scene)
-    _extremes(top, data, scene)
     acceleration = closed(data, motion["acceleration"])
     factor, shown = prefixed(largest([acceleration]), "rad/s²")
+    if before:
+        behind(top, degrees(before, scene), turn * closed(before, before["motion"]["speed"]))
+        behind(bottom, degrees(before, scene), factor * closed(before, before["motion"]["acceleration"]))
+    top.plot(phi, turn * closed(data, motion["speed"]), color=BLUE, linewidth=1.7)
+    top.axhline(turn * float(motion["mean_speed"]), **mean)
+    top.set_title(label("speed ω", per))
+    over_crank([top, bottom], scene)
+    _extremes(top, data, scene, units)
+    if before:
+        low, high = top.get_ylim()
+        old = [turn * float(before["motion"][f"speed_{which}"]) for which in ("min", "max")]
+        room = 0.05 * (max(high, old[1]) - min(low, old[0]))
+        top.set_ylim(min(low, old[0] - room), max(high, old[1] + room))
     bottom.plot(phi, factor * acceleration, color=VERMILION, linewidth=1.4)
     bottom.axhline(0, color=GREY, linewidth=0.6)
     bottom.set_title(label("angular acceleration ε", shown))
     return figure
 
 
-def _extremes(ax: Axes, data: Data, scene: Scene) -> None:
+def _extremes(ax: Axes, data: Data, scene: Scene, units: Units | None) -> None:
     """Largest and smallest speed marked at their angles; δ as a measure to the right of the panel."""
     motion, end = data["motion"], 360 * scene.cycle_turns
-    ends = {}
+    ends, (turn, per) = {}, turning(units)
     for which, up in (("max", 1), ("min", -1)):
-        value, angle = float(rpm(motion[f"speed_{which}"])), math.degrees(float(motion[f"angle_of_{which}"]))
+        value, angle = turn * float(motion[f"speed_{which}"]), math.degrees(float(motion[f"angle_of_{which}"]))
         ends[which] = value
         ax.plot([angle, end * 1.015], [value, value], color=GREY, linewidth=0.7, linestyle=(0, (1, 1.5)), clip_on=False)
         ax.plot([angle], [value], "o" if up > 0 else "s", color=BLUE, markerfacecolor="white", markersize=5, zorder=5,
                 clip_on=False)  # fmt: skip
         side = "left" if angle < 0.7 * end else "right"
         ax.annotate(
-            f"ω {which} {number(value)} rpm at {angle:.2f}°", (angle, value), xytext=(0, 8 * up),
+            f"ω {which} {number(value)} {per} at {angle:.2f}°", (angle, value), xytext=(0, 8 * up),
             textcoords="offset points", ha=side, va="bottom" if up > 0 else "top", fontsize=7.5,
         )  # fmt: skip
     low, high = min(ends.values()), max(ends.values())

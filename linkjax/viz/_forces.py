@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +13,13 @@ from matplotlib.lines import Line2D
 from linkjax.machine import Scene
 from linkjax.viz._curves import frame_equal, hodograph
 from linkjax.viz._style import (
+    BEFORE,
     BLUE,
     GREY,
     VERMILION,
     Data,
+    Units,
+    behind,
     blank,
     closed,
     degrees,
@@ -51,9 +55,17 @@ def cases(data: Data) -> list[Case]:
     return [true, constant] if "forces_constant_speed" in data else [true]
 
 
-def motion_keys(found: list[Case]) -> list[Line2D]:
+def cases_before(before: Data | None) -> list[Case]:
+    """The same of the machine before, thin and grey."""
+    looks = {"true motion": BEFORE, "constant speed": BEFORE | {"linestyle": (0, (1, 1.3)), "linewidth": 1.1}}
+    found = cases(before) if before else []
+    return [Case(f"before, {case.name}", case.forces, looks[case.name]) for case in found]
+
+
+def motion_keys(found: list[Case], old: list[Case]) -> list[Line2D]:
     """Legend entries of the motions."""
-    return [key(case.name, **case.look) for case in found]
+    keys = [key(case.name, **case.look) for case in found]
+    return keys + [key(case.name, gid=f"before-key-{i}", **case.look) for i, case in enumerate(old)]
 
 
 def joints(data: Data) -> list[tuple[str, str, str]]:
@@ -75,33 +87,44 @@ def joint_name(joint: str, link: str, by: str) -> str:
 
 
 @styled
-def reactions_figure(data: Data, scene: Scene) -> Figure:
+def reactions_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Magnitude of every joint force over the crank angle, and the couple of every guide that carries one."""
-    phi, found = degrees(data, scene), cases(data)
+    found, old = cases(data), cases_before(before)
     pairs = joints(data)
-    panels = [(joint_name(*pair), "N", [_magnitude(case, *pair) for case in found]) for pair in pairs]
+    panels = [(pair, False, [_magnitude(case, *pair) for case in found]) for pair in pairs]
     force = max((largest(values) for _, _, values in panels), default=0.0)
     for joint, link, by in pairs:
         couples = [np.asarray(case.forces["reactions"][joint][link].get("moment", 0.0)) for case in found]
         if largest(couples) > 1e-9 * force * largest(p["x"] for p in data["points"].values()):
-            panels.append((f"{joint_name(joint, link, by)}, couple", "N·m", couples))
+            panels.append(((joint, link, by), True, couples))
     columns = 3 if len(panels) > 4 else 2
     rows = -(-len(panels) // columns)
-    keys = [*motion_keys(found), *window_keys(scene)]
+    keys = [*motion_keys(found, old), *window_keys(scene)]
     figure, axes = sheet("Joint forces", rows, columns, panel=1.35, keys=keys, gap=(0.5, 0.42))
     cells = [ax for row in axes for ax in row]
-    for ax, (name, unit, values) in zip(cells, panels, strict=False):
-        factor, shown = prefixed(largest(values), unit)
+    for ax, (pair, couple, values) in zip(cells, panels, strict=False):
+        factor, shown = prefixed(largest(values), "N·m" if couple else "N", units)
+        for case in old:
+            _behind(ax, before, scene, case, pair, couple, factor)
         for case, curve in zip(found, values, strict=True):
-            ax.plot(phi, factor * closed(data, curve), **case.look)
-        ax.set_title(label(name, shown), fontsize=7.5)
+            ax.plot(degrees(data, scene), factor * closed(data, curve), **case.look)
+        ax.set_title(label(f"{joint_name(*pair)}{', couple' if couple else ''}", shown), fontsize=7.5)
     blank(cells[len(panels) :])
     for column in range(columns):
         over_crank(cells[column : len(panels) : columns], scene, columns=columns)
-    for ax, (_, unit, _) in zip(cells, panels, strict=False):
-        if unit == "N":
+    for ax, (_, couple, _) in zip(cells, panels, strict=False):
+        if not couple:
             ax.set_ylim(bottom=0)
     return figure
+
+
+def _behind(ax: Axes, before: Data | None, scene: Scene, case: Case, pair: tuple[str, str, str], couple: bool,
+            factor: float) -> None:  # fmt: skip
+    """The same joint of the machine before, where it has it."""
+    side = case.forces["reactions"].get(pair[0], {}).get(pair[1])
+    if before and side:
+        values = np.asarray(side.get("moment", 0.0)) if couple else _magnitude(case, *pair)
+        behind(ax, degrees(before, scene), factor * closed(before, values), **case.look)
 
 
 def _magnitude(case: Case, joint: str, link: str, by: str) -> np.ndarray:
@@ -111,74 +134,89 @@ def _magnitude(case: Case, joint: str, link: str, by: str) -> np.ndarray:
 
 
 @styled
-def reaction_hodographs_figure(data: Data, scene: Scene) -> Figure:
+def reaction_hodographs_figure(
+    data: Data, scene: Scene, before: Data | None = None, units: Units | None = None
+) -> Figure:
     """Polar hodographs (fx, fy) of the joint forces."""
-    found, pairs = cases(data), joints(data)
+    found, old, pairs = cases(data), cases_before(before), joints(data)
     columns = 3
     rows = -(-len(pairs) // columns) or 1
-    keys = [*motion_keys(found), *mark_keys(scene)]
+    keys = [*motion_keys(found, old), *mark_keys(scene)]
     title = "Hodographs of the joint forces"
     figure, axes = sheet(title, rows, columns, panel=0.0, keys=keys, gap=(0.5, 0.5), square=True)
     cells = [ax for row in axes for ax in row]
     for ax, (joint, link, by) in zip(cells, pairs, strict=False):
-        sides = [case.forces["reactions"][joint][link] for case in found]
-        _polar(ax, data, scene, found, sides, joint_name(joint, link, by))
+        sides = [(case, data, case.forces["reactions"][joint][link]) for case in found]
+        sides += [(case, before, side) for case in old if (side := case.forces["reactions"].get(joint, {}).get(link))]
+        _polar(ax, scene, sides, units, joint_name(joint, link, by))
     blank(cells[len(pairs) :])
     return figure
 
 
-def _polar(ax: Axes, data: Data, scene: Scene, found: list[Case], forces: list[dict[str, Any]], name: str,
+def _polar(ax: Axes, scene: Scene, forces: list[tuple[Case, Any, dict[str, Any]]], units: Units | None, name: str,
            named: bool = False) -> None:  # fmt: skip
-    curves = [np.stack([closed(data, force["fx"]), closed(data, force["fy"])]) for force in forces]
-    factor, shown = prefixed(largest(curves), "N")
-    for case, curve in zip(found, curves, strict=True):
-        hodograph(ax, degrees(data, scene), factor * curve, case.look, named and case is found[0])
+    """Hodographs of a force in several cases, each with the document it is from; those of before lie behind."""
+    curves = [np.stack([closed(data, force["fx"]), closed(data, force["fy"])]) for _, data, force in forces]
+    factor, shown = prefixed(largest(curves), "N", units)
+    for i, ((case, data, _), curve) in enumerate(zip(forces, curves, strict=True)):
+        if case.name.startswith("before"):
+            behind(ax, *factor * curve, **case.look)
+        else:
+            hodograph(ax, degrees(data, scene), factor * curve, case.look, named and i == 0)
     frame_equal(ax, [factor * curve for curve in curves])
     ax.set_title(label(name, shown), fontsize=7.5)
 
 
 @styled
-def drive_figure(data: Data, scene: Scene) -> Figure:
+def drive_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Drive torque on the crank and its power."""
-    phi, found = degrees(data, scene), cases(data)
-    keys = [*motion_keys(found), *window_keys(scene)]
+    found, old = cases(data), cases_before(before)
+    keys = [*motion_keys(found, old), *window_keys(scene)]
     figure, ((top,), (bottom,)) = sheet("Drive", 2, 1, panel=1.8, keys=keys)
     torques = [closed(data, case.forces["drive_torque"]) for case in found]
-    nominal = float(scene.speed)
-    speeds = [closed(data, data["motion"]["speed"] if case.look is TRUE else nominal) for case in found]
-    powers = [torque * speed for torque, speed in zip(torques, speeds, strict=True)]
+    powers = [torque * _speed(data, scene, case) for torque, case in zip(torques, found, strict=True)]
     for ax, curves, name, unit in ((top, torques, "drive torque", "N·m"), (bottom, powers, "drive power", "W")):
-        factor, shown = prefixed(largest(curves), unit)
+        factor, shown = prefixed(largest(curves), unit, units)
+        for case in old:
+            curve = closed(before or data, case.forces["drive_torque"])
+            power = curve * _speed(before or data, scene, case)
+            behind(ax, degrees(before or data, scene), factor * (curve if ax is top else power), **case.look)
         for case, curve in zip(found, curves, strict=True):
-            ax.plot(phi, factor * curve, **case.look)
+            ax.plot(degrees(data, scene), factor * curve, **case.look)
         ax.axhline(0, color=GREY, linewidth=0.6)
         ax.set_title(label(name, shown))
     over_crank([top, bottom], scene)
     return figure
 
 
+def _speed(data: Data, scene: Scene, case: Case) -> np.ndarray:
+    """The crank's speed in a case, over the closed cycle."""
+    return closed(data, data["motion"]["speed"] if case.name.endswith("true motion") else float(scene.speed))
+
+
 @styled
-def shaking_figure(data: Data, scene: Scene) -> Figure:
+def shaking_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Polar plot of the shaking force, its magnitude, and the shaking moment."""
-    phi, found = degrees(data, scene), cases(data)
-    keys = [*motion_keys(found), *mark_keys(scene), *window_keys(scene)]
+    found = [(case, data, case.forces["shaking"]) for case in cases(data)]
+    old = [(case, before or data, case.forces["shaking"]) for case in cases_before(before)]
+    keys = [*motion_keys([case for case, *_ in found], [case for case, *_ in old]), *mark_keys(scene)]
+    keys += window_keys(scene)
     figure, ((polar, top), (spare, bottom)) = sheet("Shaking force and moment", 2, 2, panel=1.55, keys=keys)
     low, high = spare.get_position(), polar.get_position()
     spare.remove()
     polar.set_position((high.x0, low.y0, high.width, high.y1 - low.y0))
-    forces = [case.forces["shaking"] for case in found]
-    _polar(polar, data, scene, found, forces, "shaking force, fx and fy", named=True)
+    _polar(polar, scene, found + old, units, "shaking force, fx and fy", named=True)
     polar.title.set_fontsize(top.title.get_fontsize())
-    magnitudes = [np.hypot(np.asarray(f["fx"], float), np.asarray(f["fy"], float)) for f in forces]
-    about = str(forces[0].get("about", ""))
+    about = str(found[0][2].get("about", ""))
     moment = f"shaking moment about {about}" if about else "shaking moment"
-    for ax, curves, name, unit in (
-        (top, magnitudes, "shaking force", "N"),
-        (bottom, [np.asarray(f["moment"], float) for f in forces], moment, "N·m"),
+    for ax, read, name, unit in (
+        (top, lambda force: np.hypot(force["fx"], force["fy"]), "shaking force", "N"),
+        (bottom, lambda force: np.asarray(force["moment"]), moment, "N·m"),
     ):
-        factor, shown = prefixed(largest(curves), unit)
-        for case, curve in zip(found, curves, strict=True):
-            ax.plot(phi, factor * closed(data, curve), **case.look)
+        factor, shown = prefixed(largest(read(force) for _, _, force in found), unit, units)
+        for case, of, force in old + found:
+            draw = partial(behind, ax) if case.name.startswith("before") else ax.plot
+            draw(degrees(of, scene), factor * closed(of, read(force)), **case.look)
         ax.set_title(label(name, shown))
     over_crank([top, bottom], scene, columns=2)
     top.set_ylim(bottom=0)

@@ -13,6 +13,9 @@ from linkjax.viz._style import (
     INK,
     VERMILION,
     Data,
+    Units,
+    before_keys,
+    behind,
     blank,
     closed,
     degrees,
@@ -33,26 +36,29 @@ ORDERS = (("position", "m", "x", "y"), ("first coefficient", "m/rad", "dx", "dy"
 
 
 @styled
-def points_figure(data: Data, scene: Scene) -> Figure:
+def points_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Position, first and second kinematic coefficients of pins and marked points over the crank angle."""
-    return _points(data, scene, moving(data, scene).pins, "Pins and marked points")
+    return _points(data, scene, before, units, moving(data, scene).pins, "Pins and marked points")
 
 
 @styled
-def centres_figure(data: Data, scene: Scene) -> Figure:
+def centres_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """The same of the mass centres that move on their own."""
-    return _points(data, scene, moving(data, scene).centres, "Mass centres")
+    return _points(data, scene, before, units, moving(data, scene).centres, "Mass centres")
 
 
-def _points(data: Data, scene: Scene, names: list[str], title: str) -> Figure:
+def _points(data: Data, scene: Scene, before: Data | None, units: Units | None, names: list[str], title: str) -> Figure:
     phi = degrees(data, scene)
     keys = [key(name, **line(i)) for i, name in enumerate(names)]
-    figure, axes = sheet(title, 3, 2, panel=1.55, keys=[*keys, *window_keys(scene)])
+    figure, axes = sheet(title, 3, 2, panel=1.55, keys=[*keys, *before_keys(before), *window_keys(scene)])
     for row, (quantity, unit, *components) in enumerate(ORDERS):
         curves = {(n, c): closed(data, data["points"][n][c]) for n in names for c in components}
-        factor, shown = prefixed(largest(curves.values()), unit)
+        factor, shown = prefixed(largest(curves.values()), unit, units)
         for column, component in enumerate(components):
             ax = axes[row][column]
+            if before:
+                for name in (n for n in names if n in before["points"]):
+                    behind(ax, degrees(before, scene), factor * closed(before, before["points"][name][component]))
             for i, name in enumerate(names):
                 ax.plot(phi, factor * curves[name, component], **line(i))
             ax.set_title(label(f"{'xy'[column]}{('', '′', '″')[row]}, {quantity}", shown))
@@ -62,22 +68,28 @@ def _points(data: Data, scene: Scene, names: list[str], title: str) -> Figure:
 
 
 @styled
-def links_figure(data: Data, scene: Scene) -> Figure:
-    """Angle, first and second kinematic coefficients of the links, and transmission angles of the groups."""
-    phi, count = degrees(data, scene), np.size(data["angles"])
+def links_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
+    """Angle, first and second kinematic coefficients of the links, and transmission angles of the groups (degrees)."""
+    del units
+    phi = degrees(data, scene)
     turning = [n for n, link in data["links"].items() if largest([link["d"]]) > 0]
-    groups = {n: g["transmission_angle"] for n, g in data.get("groups", {}).items()
-              if np.size(g.get("transmission_angle", ())) == count}  # fmt: skip
+    groups = _transmission(data)
     looks = {name: line(i) | {"color": INK, "linewidth": 1.3} for i, name in enumerate(groups)}
     keys = [key(name, **line(i)) for i, name in enumerate(turning)]
     keys += [key(f"μ, {name}", **look) for name, look in looks.items()]
-    figure, axes = sheet("Links", 2, 2, panel=1.9, keys=[*keys, *window_keys(scene)])
+    figure, axes = sheet("Links", 2, 2, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(scene)])
     (angles, first), (transmission, second) = axes
+    if before:
+        old = degrees(before, scene)
+        for link in (before["links"][n] for n in turning if n in before["links"]):
+            behind(angles, old, _turn(before, link))
+            behind(first, old, closed(before, link["d"]))
+            behind(second, old, closed(before, link["dd"]))
+        for values in _transmission(before).values():
+            behind(transmission, old, np.degrees(closed(before, values)))
     for i, name in enumerate(turning):
         link = data["links"][name]
-        angle = np.degrees(np.asarray(link["angle"], float))
-        climb = 360 * np.round((angle[-1] - angle[0]) / 360)
-        angles.plot(phi, closed(data, angle, climb), **line(i))
+        angles.plot(phi, _turn(data, link), **line(i))
         first.plot(phi, closed(data, link["d"]), **line(i))
         second.plot(phi, closed(data, link["dd"]), **line(i))
     for name, values in groups.items():
@@ -95,49 +107,72 @@ def links_figure(data: Data, scene: Scene) -> Figure:
     return figure
 
 
+def _transmission(data: Data) -> dict[str, np.ndarray]:
+    """Transmission angles (rad) of the groups that have one."""
+    found = {n: np.asarray(g.get("transmission_angle", ())) for n, g in data.get("groups", {}).items()}
+    return {name: values for name, values in found.items() if values.size == np.size(data["angles"])}
+
+
+def _turn(data: Data, link: Data) -> np.ndarray:
+    """Angle of a link over the closed cycle, in degrees."""
+    angle = np.degrees(np.asarray(link["angle"], float))
+    return closed(data, angle, 360 * np.round((angle[-1] - angle[0]) / 360))
+
+
 @styled
-def velocity_hodographs_figure(data: Data, scene: Scene) -> Figure:
+def velocity_hodographs_figure(
+    data: Data, scene: Scene, before: Data | None = None, units: Units | None = None
+) -> Figure:
     """Hodographs of the first kinematic coefficients: the velocities at unit crank speed."""
-    return _hodographs(data, scene, 1, "Hodographs of the first coefficients (velocity / ω)")
+    return _hodographs(data, scene, before, units, 1, "Hodographs of the first coefficients (velocity / ω)")
 
 
 @styled
-def acceleration_hodographs_figure(data: Data, scene: Scene) -> Figure:
+def acceleration_hodographs_figure(
+    data: Data, scene: Scene, before: Data | None = None, units: Units | None = None
+) -> Figure:
     """Hodographs of the second kinematic coefficients: the accelerations at constant unit crank speed."""
-    return _hodographs(data, scene, 2, "Hodographs of the second coefficients (acceleration / ω²)")
+    return _hodographs(data, scene, before, units, 2, "Hodographs of the second coefficients (acceleration / ω²)")
 
 
-def _hodographs(data: Data, scene: Scene, order: int, title: str) -> Figure:
+def _hodographs(data: Data, scene: Scene, before: Data | None, units: Units | None, order: int, title: str) -> Figure:
     names = [name for group in moving(data, scene) for name in group]
     columns = 3
     rows = -(-len(names) // columns) or 1
-    figure, axes = sheet(title, rows, columns, panel=0.0, keys=mark_keys(scene), gap=(0.5, 0.5), square=True)
+    keys = [*mark_keys(scene), *before_keys(before)]
+    figure, axes = sheet(title, rows, columns, panel=0.0, keys=keys, gap=(0.5, 0.5), square=True)
     cells = [ax for row in axes for ax in row]
     _, unit, cx, cy = ORDERS[order]
     for ax, name in zip(cells, names, strict=False):
         curve = np.stack([closed(data, data["points"][name][c]) for c in (cx, cy)])
-        factor, shown = prefixed(largest([curve]), unit)
-        hodograph(ax, degrees(data, scene), factor * curve, {"color": BLUE, "linewidth": 1.4})
-        frame_equal(ax, [factor * curve])
+        factor, shown = prefixed(largest([curve]), unit, units)
+        curves = [factor * curve]
+        if before and name in before["points"]:
+            curves.append(factor * np.stack([closed(before, before["points"][name][c]) for c in (cx, cy)]))
+            behind(ax, *curves[1])
+        hodograph(ax, degrees(data, scene), curves[0], {"color": BLUE, "linewidth": 1.4})
+        frame_equal(ax, curves)
         ax.set_title(label(name, shown))
     blank(cells[len(names) :])
     return figure
 
 
 @styled
-def inertia_figure(data: Data, scene: Scene) -> Figure:
+def inertia_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Reduced inertia J and its slope J′ over the crank angle."""
     phi, reduced = degrees(data, scene), data["reduced"]
-    inertia, slope = closed(data, reduced["inertia"]), closed(data, reduced["inertia_slope"])
     wheel = float(data.get("flywheel", {}).get("given", 0.0))
     keys = [key("flywheel's share", color=GREY, linewidth=1.0, linestyle=(0, (5, 2)))] if wheel > 0 else []
-    figure, axes = sheet("Reduced inertia", 2, 1, panel=1.9, keys=[*keys, *window_keys(scene)])
+    figure, axes = sheet("Reduced inertia", 2, 1, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(scene)])
     top, bottom = (row[0] for row in axes)
-    for ax, values, name, unit, colour in (
-        (top, inertia, "J", "kg·m²", BLUE),
-        (bottom, slope, "J′ = dJ/dφ", "kg·m²/rad", VERMILION),
+    for ax, kind, name, unit, colour in (
+        (top, "inertia", "J", "kg·m²", BLUE),
+        (bottom, "inertia_slope", "J′ = dJ/dφ", "kg·m²/rad", VERMILION),
     ):
-        factor, shown = prefixed(largest([values]), unit)
+        values = closed(data, reduced[kind])
+        factor, shown = prefixed(largest([values]), unit, units)
+        if before:
+            behind(ax, degrees(before, scene), factor * closed(before, before["reduced"][kind]))
         ax.plot(phi, factor * values, color=colour, linewidth=1.6)
         ax.set_title(label(name, shown))
         if ax is top and wheel > 0:

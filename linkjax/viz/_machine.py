@@ -17,7 +17,19 @@ from matplotlib.path import Path
 
 from linkjax.machine import Scene
 from linkjax.viz._labels import along, place_labels
-from linkjax.viz._skeleton import Arrow, Place, Places, Shape, Skeleton, arrows, clearest, path, places, skeleton
+from linkjax.viz._skeleton import (
+    Arrow,
+    Place,
+    Places,
+    Shape,
+    Skeleton,
+    arrows,
+    clearest,
+    outline,
+    path,
+    places,
+    skeleton,
+)
 from linkjax.viz._style import (
     BLACK,
     COLOURS,
@@ -27,6 +39,8 @@ from linkjax.viz._style import (
     VERMILION,
     WIDTH,
     Data,
+    Units,
+    before_keys,
     canvas,
     key,
     legend_columns,
@@ -49,15 +63,20 @@ class Stage(NamedTuple):
 
 
 @styled
-def machine_figure(data: Data, scene: Scene, angle: float | None = None) -> Figure:
+def machine_figure(
+    data: Data, scene: Scene, angle: float | None = None, *, before: Data | None = None, units: Units | None = None
+) -> Figure:
     """The machine to scale at a crank angle (rad; by default one at which the loads act and the joints stand apart).
 
     Links with their joints, ground, guides and blocks, mass centres as quartered circles, paths of pins and marked
-    points, the loads that act there, a scale bar.
+    points, the loads that act there, a scale bar. The machine before lies behind in grey.
     """
     look = skeleton(data, scene)
+    if before:
+        old = skeleton(before, scene)
+        look = look._replace(low=np.minimum(look.low, old.low), high=np.maximum(look.high, old.high))
     angle = clearest(data, scene, look) if angle is None else float(angle)
-    keys = [key(s.link, color=colour(i), linewidth=4.5) for i, s in enumerate(look.shapes)]
+    keys = [key(s.link, color=colour(i), linewidth=4.5) for i, s in enumerate(look.shapes)] + before_keys(before)
     title = scene.title or str(data.get("scene", "")) or "Machine"
     stage = make_stage(look, WIDTH, 5.4, 0.42 + 0.19 * legend_columns(keys)[1])
     figure = stage.figure
@@ -69,9 +88,11 @@ def machine_figure(data: Data, scene: Scene, angle: float | None = None) -> Figu
         handles=keys, loc="upper left", bbox_to_anchor=(0.28 / WIDTH, 1 - 0.36 / height), ncols=legend_columns(keys)[0],
         borderaxespad=0, borderpad=0, handlelength=1.8, columnspacing=1.4, labelspacing=0.3,
     )  # fmt: skip
-    draw_frame(stage, data, look)
+    draw_frame(stage, data, look, units)
+    if before:
+        _draw_before(stage, look, places(before, scene, angle))
     at = places(data, scene, angle)
-    working = arrows(data, scene, angle)
+    working = arrows(data, scene, angle, units)
     draw_links(stage, look, at, working)
     draw_names(stage, data, look, at, working)
     return figure
@@ -107,7 +128,16 @@ def tint(name: str, share: float = 0.3) -> tuple[float, float, float]:
     return r, g, b
 
 
-def draw_frame(stage: Stage, data: Data, look: Skeleton) -> None:
+def _draw_before(stage: Stage, look: Skeleton, at: Places) -> None:
+    """The machine before: outlines of its links in grey."""
+    for shape in look.shapes:
+        corners = np.stack([at[p] for p in outline(shape, at, 3 * stage.unit)])
+        for edge, width in (("#a8a8a8", 10.5), ("#f1f1f1", 8.9)):
+            stage.ax.plot(*np.concatenate([corners, corners[:1]]).T, color=edge, linewidth=width, zorder=1.5,
+                          solid_joinstyle="round", solid_capstyle="round")  # fmt: skip
+
+
+def draw_frame(stage: Stage, data: Data, look: Skeleton, units: Units | None = None) -> None:
     """What does not move: paths, guides, ground, scale bar."""
     ax, unit = stage.ax, stage.unit
     for point in look.traced:
@@ -127,7 +157,7 @@ def draw_frame(stage: Stage, data: Data, look: Skeleton) -> None:
         corners = np.stack([at, foot - 0.85 * sole, foot + 0.85 * sole])
         ax.add_patch(Polygon(corners, facecolor="white", edgecolor=INK, linewidth=1.0, zorder=2, joinstyle="round"))
         _ground(stage, foot - 1.5 * sole, foot + 1.5 * sole, np.array([0.0, -1.0]))
-    _scale_bar(stage)
+    _scale_bar(stage, units)
 
 
 def _ground(stage: Stage, start: np.ndarray, end: np.ndarray, outward: np.ndarray) -> None:
@@ -140,17 +170,22 @@ def _ground(stage: Stage, start: np.ndarray, end: np.ndarray, outward: np.ndarra
     ax.add_collection(LineCollection(strokes, colors=GREY, linewidths=0.7, zorder=1.9))
 
 
-def _scale_bar(stage: Stage) -> None:
+def _scale_bar(stage: Stage, units: Units | None) -> None:
     ax, unit = stage.ax, stage.unit
     (left, right), (bottom, _) = ax.get_xlim(), ax.get_ylim()
-    wanted = 0.22 * (right - left)
-    power = 10.0 ** math.floor(math.log10(wanted))
-    length = max(k * power for k in (1, 2, 5) if k * power <= wanted)
+    length, text = scale_mark(0.22 * (right - left), units)
     x, y = left + 22 * unit, bottom + 12 * unit
     outline = np.array([[0, 3], [0, -3], [0, 0], [1, 0], [1, -3], [1, 3]]) * (length, unit) + (x, y)
     ax.plot(*outline.T, color=INK, linewidth=1.0, solid_joinstyle="miter", zorder=2)
-    factor, shown = prefixed(length, "m")
-    ax.text(x + 0.5 * length, y + 3 * unit, f"{factor * length:g} {shown}", ha="center", va="bottom", fontsize=TEXT - 1)
+    ax.text(x + 0.5 * length, y + 3 * unit, text, ha="center", va="bottom", fontsize=TEXT - 1)
+
+
+def scale_mark(longest: float, units: Units | None) -> tuple[float, str]:
+    """Length of a scale bar (m), 1, 2 or 5 times a power of ten in the unit shown, and what is written on it."""
+    factor, shown = prefixed(longest, "m", units)
+    power = 10.0 ** math.floor(math.log10(factor * longest))
+    length = max(k * power for k in (1, 2, 5) if k * power <= factor * longest)
+    return length / factor, f"{length:g} {shown}"
 
 
 def draw_links(stage: Stage, look: Skeleton, at: Places, working: list[Arrow]) -> list[Artist]:
@@ -181,18 +216,10 @@ def _place(at: np.ndarray) -> Place:
 
 def _bar(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
     """A bar, or a plate through all its points, with a rounded outline."""
-    corners = np.stack([at[p] for p in (*shape.pins, *shape.marked)])
+    corners = np.stack([at[p] for p in outline(shape, at, 3 * stage.unit)])
     if len(corners) == 1:  # a block that turns
         return [Circle(_place(corners[0]), BLOCK[1] * stage.unit, facecolor=tint(colour(index)), linewidth=1.3,
                        edgecolor=colour(index), zorder=2.5)]  # fmt: skip
-    axis = corners[1] - corners[0]
-    axis = axis / (math.hypot(*axis) or 1.0)
-    off, on = (corners - corners[0]) @ np.array([-axis[1], axis[0]]), (corners - corners[0]) @ axis
-    if np.ptp(off) < 3 * stage.unit:
-        corners = corners[[int(np.argmin(on)), int(np.argmax(on))]]
-    else:
-        out = corners - corners.mean(axis=0)
-        corners = corners[np.argsort(np.arctan2(out[:, 1], out[:, 0]))]
     edge, fill, order = colour(index), tint(colour(index)), 3 + 0.1 * index
     if len(corners) == 2:
         return [

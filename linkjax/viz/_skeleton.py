@@ -10,7 +10,7 @@ import numpy as np
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
-from linkjax.viz._style import Data, closed, lost, prefixed
+from linkjax.viz._style import Data, Units, closed, lost, prefixed
 
 Place = tuple[float, float]
 Places = dict[str, np.ndarray]
@@ -96,6 +96,21 @@ def _weights(link: Link) -> dict[str, float | None]:
     return {name: None if radius is None else float(radius) for name, radius in radii.items()}
 
 
+def outline(shape: Shape, at: Places, flat: float) -> list[str]:
+    """Points at the corners of a link, in order: one, two of a bar, more of a plate; within `flat` (m) it is a bar."""
+    names = list(dict.fromkeys((*shape.pins, *shape.marked)))
+    corners = np.stack([at[p] for p in names])
+    if len(names) < 2:
+        return names
+    axis = corners[1] - corners[0]
+    axis = axis / (math.hypot(*axis) or 1.0)
+    off, on = (corners - corners[0]) @ np.array([-axis[1], axis[0]]), (corners - corners[0]) @ axis
+    if np.ptp(off) < flat:
+        return [names[int(np.argmin(on))], names[int(np.argmax(on))]]
+    out = corners - corners.mean(axis=0)
+    return [names[i] for i in np.argsort(np.arctan2(out[:, 1], out[:, 0]))]
+
+
 def path(data: Data, point: str) -> np.ndarray:
     """Path of a point over the closed cycle, shape (2, angles + 1)."""
     where = data["points"][point]
@@ -141,7 +156,7 @@ def velocity(data: Data, scene: Scene, point: str, angle: float) -> np.ndarray:
     return np.array([np.interp(angle % scene.cycle, phi, closed(data, p[k])) for k in ("dx", "dy")])
 
 
-def arrows(data: Data, scene: Scene, angle: float) -> list[Arrow]:
+def arrows(data: Data, scene: Scene, angle: float, units: Units | None = None) -> list[Arrow]:
     """The working loads that act at a crank angle."""
     found, at = [], places(data, scene, angle)
     origins = scene.mechanism.origins()
@@ -156,7 +171,7 @@ def arrows(data: Data, scene: Scene, angle: float) -> list[Arrow]:
             else:
                 force, size = -velocity(data, scene, load.point, angle), float(load.magnitude)
             if size > 0 and math.hypot(*force) > 0:
-                text = f"{load.name} {_amount(size, 'N')}"
+                text = f"{load.name} {amount(size, 'N', units)}"
                 found.append(Arrow(text, at[load.point], force / math.hypot(*force), 0))
         elif isinstance(load, Torque | OpposingTorque):
             if isinstance(load, Torque):
@@ -166,7 +181,7 @@ def arrows(data: Data, scene: Scene, angle: float) -> list[Arrow]:
                 phi = np.append(np.asarray(data["angles"], float), scene.cycle)
                 torque = -float(load.magnitude * np.sign(np.interp(angle % scene.cycle, phi, closed(data, link["d"]))))
             if torque != 0:
-                text = f"{load.name} {_amount(abs(torque), 'N·m')}"
+                text = f"{load.name} {amount(abs(torque), 'N·m', units)}"
                 found.append(Arrow(text, at[origins[load.link]], nothing, 1 if torque > 0 else -1))
     return found
 
@@ -179,8 +194,9 @@ def acts(load, angle: float, cycle: float) -> bool:
     return (angle - on) % cycle < (off - on) % cycle
 
 
-def _amount(value: float, unit: str) -> str:
-    factor, shown = prefixed(value, unit)
+def amount(value: float, unit: str, units: Units | None = None) -> str:
+    """A load's size with its unit, as it is written beside its arrow."""
+    factor, shown = prefixed(value, unit, units)
     return f"{factor * value:.4g} {shown}"
 
 

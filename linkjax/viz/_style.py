@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -19,6 +19,7 @@ from linkjax.machine import Scene
 
 Data = dict[str, Any]
 Plot = Callable[..., Figure]
+Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
 
 # Okabe and Ito, Color universal design (2008): told apart with every kind of colour vision.
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -30,6 +31,8 @@ DASHES = (
 INK, GREY, FAINT = "#222222", "#6b6b6b", "#dcdcdc"
 WINDOWS = (ORANGE, SKY, GREEN, PURPLE)
 WIDTH, TEXT = 7.2, 8.5  # inches, points
+BEFORE: dict[str, Any] = {"color": "#8a8a8a", "linewidth": 0.9, "linestyle": (0, (3.5, 1.6)), "zorder": 1.8}
+PLAIN = str.maketrans({"·": " ", "²": "^2", "³": "^3"})
 
 STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
@@ -107,10 +110,13 @@ def sheet(
     figure.text(left / WIDTH, 1 - 0.12 / height, title, size=TEXT + 2.5, weight="bold", va="top")
     if keys:
         anchor = ((left - 0.02) / WIDTH, 1 - 0.34 / height)
-        figure.legend(
+        legend = figure.legend(
             handles=list(keys), loc="upper left", bbox_to_anchor=anchor, ncols=across, borderaxespad=0, borderpad=0,
             handlelength=2.6, columnspacing=1.4, labelspacing=0.3, fontsize=TEXT,
         )  # fmt: skip
+        for entry, *drawn in zip(keys, legend.legend_handles, legend.get_texts(), strict=True):
+            for part, artist in enumerate(drawn if entry.get_gid() else []):
+                artist.set_gid(f"{entry.get_gid()}-{part}")  # pyright: ignore[reportOptionalMemberAccess]
     axes = []
     for row in range(rows):
         low = bottom + sum(heights[row + 1 :]) + (rows - 1 - row) * gap[1]
@@ -135,6 +141,17 @@ def legend_columns(keys: Sequence[Line2D | Patch]) -> tuple[int, int]:
 def key(label: str, **look: Any) -> Line2D:
     """A legend entry for a line (matplotlib would leave out a name that begins with an underscore)."""
     return Line2D([], [], label=f" {label}" if label.startswith("_") else label, **look)
+
+
+def behind(ax: Axes, x: Any, y: Any, **look: Any) -> None:
+    """A curve of the machine before, thin behind the others; a group named `before-…` in the SVG."""
+    (curve,) = ax.plot(x, y, **BEFORE | look)
+    curve.set_gid(f"before-{ax.figure.axes.index(ax)}-{len(ax.lines)}")
+
+
+def before_keys(before: Data | None) -> list[Line2D]:
+    """The legend entry of the machine before, where there is one."""
+    return [key("before", gid="before-key", **BEFORE)] if before else []
 
 
 def mark_keys(scene: Scene) -> list[Line2D]:
@@ -175,11 +192,15 @@ def largest(values: Iterable[Any]) -> float:
     return max((float(v.max()) for v in finite if v.size), default=0.0)
 
 
-def prefixed(size: float, unit: str) -> tuple[float, str]:
+def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float, str]:
     """Factor and label that bring numbers up to `size` (SI) into reading range: (1e-3, "kN") for 2000 N.
 
-    Metres become millimetres below 10 m; units that take no prefix get a power of ten.
+    A unit that was chosen in `units` is taken whatever the size. Otherwise metres become millimetres below 10 m; units
+    that take no prefix get a power of ten.
     """
+    chosen = (units or {}).get(unit.translate(PLAIN))
+    if chosen:
+        return chosen
     if unit in ("m", "m/rad", "m/rad²"):
         for limit, factor, prefix in ((10.0, 1.0, ""), (1e-3, 1e3, "m"), (0.0, 1e6, "µ")):
             if size >= limit and (size > 0 or limit == 0.0):
@@ -207,6 +228,7 @@ def label(quantity: str, unit: str) -> str:
 def crank_axis(ax: Axes, scene: Scene, *, columns: int = 1, last: bool = True) -> None:
     """The x axis of everything over the crank angle; the lowest panel of a column (`last`) carries the numbers."""
     turns = scene.cycle_turns
+    ax.set_gid(f"crank-{360 * turns}-{ax.figure.axes.index(ax)}")  # the report's cursor finds its panels by it
     step = next(s for s in (30, 45, 60, 90, 180, 360) if 360 * turns / s <= 13 / columns)
     ax.set_xlim(0, 360 * turns)
     ax.set_xticks(range(0, 360 * turns + 1, step))
@@ -266,6 +288,6 @@ def number(value: float, digits: int = 4) -> str:
     return text.replace("-", "−")
 
 
-def rpm(speed: Any) -> Any:
-    """Revolutions per minute from rad/s."""
-    return np.asarray(speed) * (30 / math.pi)
+def turning(units: Units | None = None) -> tuple[float, str]:
+    """Factor and label of speeds of rotation: revolutions per minute, unless another unit was chosen."""
+    return (units or {}).get("rad/s", (30 / math.pi, "rpm"))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import io
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
 from matplotlib.figure import Figure
 
+from linkjax._units import display_units
 from linkjax.machine import Scene
 from linkjax.viz._dynamics import speed_figure, torque_figure
 from linkjax.viz._forces import drive_figure, reaction_hodographs_figure, reactions_figure, shaking_figure
@@ -21,7 +23,8 @@ from linkjax.viz._kinematics import (
     velocity_hodographs_figure,
 )
 from linkjax.viz._machine import machine_figure
-from linkjax.viz._style import STYLE, Data
+from linkjax.viz._optimum import history_figure, trade_off_figure
+from linkjax.viz._style import STYLE, Data, Units
 
 
 class Picture(NamedTuple):
@@ -29,7 +32,7 @@ class Picture(NamedTuple):
 
     name: str
     caption: str
-    draw: Callable[[Data, Scene], Figure]
+    draw: Callable[..., Figure]
     needs: str
 
 
@@ -51,23 +54,52 @@ PICTURES = (
     Picture("shaking", "Shaking force and shaking moment", shaking_figure, "forces"),
 )  # fmt: skip
 
+COURSES = (
+    Picture("history", "Objective and violation of the limits over the steps of the search", history_figure, "history"),
+    Picture("trade-off", "Best objective over the bound of one limit", trade_off_figure, "trade_off"),
+)
 
-def write_figures(data: Data, scene: Scene, directory: str | Path) -> list[Path]:
+
+def write_figures(
+    data: Data, scene: Scene, directory: str | Path, before: Data | None = None, units: str = ""
+) -> list[Path]:
     """Write every figure that the analysis has data for, as PNG (150 dpi) and SVG, into a directory made if need be.
 
-    `data` is the document of an analysis (see `linkjax.analysis.document`). Returns the files, a PNG and an SVG for
-    each figure, in the order in which a reader wants them. The files hold no dates: the same data gives the same bytes.
+    `data` is the document of an analysis (see `linkjax.analysis.document`), `before` that of an earlier design, drawn
+    behind in grey, and `units` what numbers are shown in ("mm, rpm, kN"; SI with prefixes where nothing is said).
+    Returns the files, a PNG and an SVG for each figure, in the order in which a reader wants them. The files hold no
+    dates: the same data gives the same bytes. Raises `QuantityError` for an unknown unit.
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for picture in PICTURES:
-        if not data.get(picture.needs):
-            continue
-        figure = picture.draw(data, scene)
-        raster, vector = folder / f"{picture.name}.png", folder / f"{picture.name}.svg"
-        with matplotlib.rc_context({**STYLE, "svg.hashsalt": picture.name}):
+    for name, figure in drawn(data, scene, before, display_units(units)):
+        raster, vector = folder / f"{name}.png", folder / f"{name}.svg"
+        with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
             figure.savefig(raster, dpi=150, metadata={"Software": None}, pil_kwargs={"compress_level": 4})
-            figure.savefig(vector, metadata={"Date": None, "Creator": None})
+        vector.write_text(svg(name, figure), encoding="utf-8")
         written += [raster, vector]
     return written
+
+
+def drawn(data: Data, scene: Scene, before: Data | None, units: Units) -> Iterator[tuple[str, Figure]]:
+    """Every figure of an analysis that there is data for, with its name."""
+    for picture in PICTURES:
+        if data.get(picture.needs):
+            old = before if before and before.get(picture.needs) else None
+            yield picture.name, picture.draw(data, scene, before=old, units=units)
+
+
+def courses(optimum: Data, units: Units) -> Iterator[tuple[Picture, Figure]]:
+    """Every figure of an optimisation that its document has data for."""
+    for course in COURSES:
+        if optimum.get(course.needs):
+            yield course, course.draw(optimum, units)
+
+
+def svg(name: str, figure: Figure) -> str:
+    """A figure as SVG text that depends on nothing but the figure and its name."""
+    text = io.StringIO()
+    with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    return text.getvalue()

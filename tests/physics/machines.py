@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 import linkjax as lj
 from linkjax import (
@@ -24,6 +26,7 @@ from linkjax import (
     Vec,
     Window,
 )
+from linkjax.kinematics import least_margin
 
 BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar")
 COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise")
@@ -197,3 +200,51 @@ def same_compilation(one, other) -> bool:
 
 def array(values) -> jax.Array:
     return jnp.asarray(values, dtype=float)
+
+
+class Drawn(NamedTuple):
+    """The structure of a random group."""
+
+    kind: str
+    start: str
+    side: int
+
+
+def composed_at_random(seed: int) -> lj.Scene:
+    """A crank and two or three groups of random kinds on random points, that can be assembled with room to spare."""
+    rng = np.random.default_rng(seed)
+    count, margin = int(rng.integers(2, 4)), jax.jit(least_margin)
+    structure = [
+        Drawn(str(rng.choice(["RRR", "RRP"])), f"P{rng.integers(0, i + 1)}", int(rng.choice([-1, 1])))
+        for i in range(count)
+    ]
+    for _ in range(2000):
+        scene = _dimensioned(structure, rng)
+        if float(margin(scene.mechanism)) > 0.05:
+            return scene
+    raise AssertionError("no machine that can be assembled was drawn")
+
+
+def _dimensioned(structure: list[Drawn], rng: np.random.Generator) -> lj.Scene:
+    """Random numbers for a structure; it may not be possible to assemble."""
+
+    def bar(length: float) -> Link:
+        centre = Vec(rng.uniform(0.3, 0.6) * length, rng.uniform(-0.1, 0.1) * length)
+        return Link(length=length, mass=rng.uniform(1, 3), inertia=rng.uniform(0.05, 0.2) * length**2, centre=centre)
+
+    fixed = {"A": Vec(0.0, 0.0)}
+    links = {"crank": dataclasses.replace(bar(0.1), counterweights={"W": lj.Counterweight(2.0, Vec(-0.05, 0.0), 0.01)})}
+    groups: list[lj.groups.AbstractGroup] = [Crank("crank", "A", "P0")]
+    loads: list = []
+    for i, (kind, start, side) in enumerate(structure, 1):
+        if kind == "RRP":
+            links[f"rod{i}"], links[f"block{i}"] = bar(rng.uniform(0.3, 0.6)), Link(mass=rng.uniform(1, 3))
+            groups.append(RRP(f"rod{i}", f"block{i}", start, f"P{i}", "A", side, along=rng.uniform(-3, 3),
+                              offset=rng.uniform(-0.03, 0.03)))  # fmt: skip
+            loads.append(OpposingForce(f"load{i}", f"block{i}", f"P{i}", magnitude=rng.uniform(50, 300)))
+        else:
+            links[f"bar{i}"], links[f"arm{i}"] = bar(rng.uniform(0.25, 0.5)), bar(rng.uniform(0.2, 0.4))
+            fixed[f"F{i}"] = Vec(rng.uniform(-0.4, 0.4), rng.uniform(-0.4, 0.4))
+            groups.append(RRR((f"bar{i}", f"arm{i}"), start, f"F{i}", f"P{i}", side))
+            loads.append(OpposingTorque(f"load{i}", f"arm{i}", magnitude=rng.uniform(2, 10)))
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(2.0)), tuple(loads), Vec(0.0, -9.81), 30.0, title="Random")

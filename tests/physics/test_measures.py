@@ -14,6 +14,7 @@ import pytest
 import linkjax as lj
 from linkjax import measures
 from linkjax._compile import compiled_soon
+from linkjax.analysis import measured
 from linkjax.groups import RRP
 from linkjax.measures import MEASURES
 from tests.physics.machines import BUILT_IN, machine
@@ -124,7 +125,14 @@ def test_independent_of_the_number_of_nodes(name):
     np.testing.assert_allclose(all_values(name), [many[n] for n in NAMES], rtol=1e-8, atol=1e-8)
 
 
-POWERS = {"1": (0, 0, 0), "rad/s": (0, 0, -1), "N": (1, 1, -2), "N m": (2, 1, -2), "kg m^2": (2, 1, 0)}
+POWERS = {
+    "1": (0, 0, 0),
+    "rad": (0, 0, 0),
+    "rad/s": (0, 0, -1),
+    "N": (1, 1, -2),
+    "N m": (2, 1, -2),
+    "kg m^2": (2, 1, 0),
+}
 
 
 def rescaled(scene: lj.Scene, length: float, mass: float, time: float) -> lj.Scene:
@@ -164,6 +172,15 @@ def test_unchanged_by_units(name, units):
     after = np.asarray(values(rescaled(machine(name), *units), names=tuple(NAMES), nodes=FEW))
     back = [np.prod([u**-p for u, p in zip(units, POWERS[MEASURES[n].unit], strict=True)]) for n in NAMES]
     np.testing.assert_allclose(after * back, before, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_analysis_holds_the_same_numbers(name):
+    """What `measured` reads from a cycle, found by other programs; a target for the flywheel only some scenes have."""
+    found = measured(lj.analyse(machine(name), angles=4, nodes=FEW))
+    expected = dict(zip(NAMES, all_values(name), strict=True))
+    assert set(expected) - set(found) <= {"flywheel_for_target_delta"}
+    assert found == pytest.approx({name: expected[name] for name in found}, rel=1e-9, abs=1e-12)
 
 
 def test_two_designs_share_one_compilation():

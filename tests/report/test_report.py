@@ -2,120 +2,66 @@
 
 from __future__ import annotations
 
-import base64
 import dataclasses
+import json
 import math
 import re
-from html.parser import HTMLParser
 
 import pytest
 
+from linkjax._units import QuantityError, display_units
 from linkjax.report import write_report
-from linkjax.report._cells import measured, quantity, shown
-from linkjax.viz import PICTURES, animate, write_figures
+from linkjax.report._cells import Numbers
+from linkjax.viz import PICTURES, write_figures
+from tests.report.optimum import OPTIMUM
+from tests.report.pages import assert_printed, read
 from tests.viz.cycles import SCENES, analysed
 
-VOID = {"meta", "img", "br", "hr", "link", "input"}
-POWERS = {"": 0, "k": 3, "M": 6, "m": -3, "µ": -6, "n": -9, "G": 9}
-FIGURES = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
-
-
-class Page(HTMLParser):
-    """Tables by row, and what a well-formed page has."""
-
-    def __init__(self):
-        super().__init__()
-        self.open, self.ids, self.links, self.rows, self.sources = [], [], [], [], []
-        self.counts, self.text = {}, ""
-
-    def handle_starttag(self, tag, attrs):
-        self.counts[tag] = self.counts.get(tag, 0) + 1
-        found = dict(attrs)
-        self.ids += [found["id"]] if "id" in found else []
-        self.links += [found["href"]] if "href" in found else []
-        self.links += re.findall(r"url\((#[^)]+)\)", " ".join(value or "" for value in found.values()))
-        self.sources += [found["src"]] if "src" in found else []
-        if tag not in VOID:
-            self.open.append(tag)
-        if tag == "tr":
-            self.rows.append([])
-        if tag in ("td", "th"):
-            self.rows[-1].append("")
-
-    def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.handle_endtag(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.text += data
-        if self.open and self.open[-1] in ("td", "th"):
-            self.rows[-1][-1] += data
-
-    def row(self, name: str, cells: int | None = None) -> list[str]:
-        """The one row of that name (and so many cells), its name left out."""
-        (found,) = [row[1:] for row in self.rows if row[0] == name and cells in (None, len(row))]
-        return found
-
-
-def read(path) -> Page:
-    page = Page()
-    page.feed(path.read_text(encoding="utf-8"))
-    page.close()
-    assert not page.open
-    return page
-
-
-def assert_printed(text: str, value: float, unit: str, scale: float = 1.0) -> None:
-    """The text is the value to the digits printed, in the unit with or without a prefix."""
-    found = re.fullmatch(r"(−?[\d.]+)(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?(.*)", text)
-    assert found, text
-    mantissa, power, printed = found.groups()
-    exponent = int((power or "0").translate(FIGURES))
-    if printed != unit:
-        assert printed.endswith(unit), text
-        prefix = printed.removesuffix(unit)
-        exponent += POWERS[prefix] if prefix in POWERS else int(prefix[2:].strip().translate(FIGURES))
-    step = 10.0 ** (exponent - len(mantissa.partition(".")[2]))
-    number = float(mantissa.translate(FIGURES)) * 10.0**exponent
-    assert abs(number - scale * value) <= 0.5000001 * step, (text, value)
+PLAIN = Numbers()
 
 
 @pytest.fixture(scope="module", params=SCENES)
 def report(request, tmp_path_factory):
     scene, data = analysed(request.param)
-    path = write_report(data, scene, [], tmp_path_factory.mktemp(request.param) / "report.html")
+    path = write_report(data, scene, tmp_path_factory.mktemp(request.param) / "report.html", figures=[])
     return scene, data, read(path)
 
 
 @pytest.mark.parametrize("name", ["hay-press", "four-bar"])
 def test_self_contained_and_well_formed(name, tmp_path):
     scene, data = analysed(name)
-    gif = animate(data, scene, tmp_path / "machine.gif")
-    path = write_report(data, scene, write_figures(data, scene, tmp_path), tmp_path / "report.html", gif)
-    assert write_report(data, scene, tmp_path, tmp_path / "again.html").read_bytes() == path.read_bytes()
+    path = write_report(data, scene, tmp_path / "report.html", figures=write_figures(data, scene, tmp_path))
+    again = write_report(data, scene, tmp_path / "again.html", figures=tmp_path)
+    assert write_report(data, scene, tmp_path / "drawn.html").read_bytes() == path.read_bytes() == again.read_bytes()
     text = path.read_text(encoding="utf-8")
-    assert len(text.encode()) <= 3e6
-    assert not re.search(r"https?:|//www|@import|<script|<link", text)
+    assert len(text.encode()) <= 1.5e6
+    assert not re.search(r"https?:|//www|@import|<link|<img|src=|NaN|Infinity", text)
     page = read(path)
-    assert page.counts["svg"] == len(PICTURES)
-    assert page.counts["figure"] == len(PICTURES) + 1
+    assert page.counts["svg"] == len(PICTURES)  # the machine is drawn by the page itself
+    assert page.counts["figure"] == len(PICTURES)
+    assert page.counts["script"] == 2
     assert len(page.ids) == len(set(page.ids))
     assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
-    (source,) = page.sources
-    assert base64.b64decode(source.removeprefix("data:image/gif;base64,")) == gif.read_bytes()
-    for picture in PICTURES:
+    for picture in PICTURES[1:]:
         assert picture.caption in page.text
+
+
+def test_panels_over_the_crank_angle_are_marked(tmp_path):
+    scene, data = analysed("slider-crank")
+    page = write_report(data, scene, tmp_path / "report.html").read_text(encoding="utf-8")
+    panels = re.findall(r'data-panel="([^"]+)" data-end="(\d+)"', page)
+    assert {end for _, end in panels} == {"360"}
+    assert len(panels) == 6 + 6 + 4 + 2 + 2 + 2 + 5 + 2 + 2
+    for left, top, right, bottom in ([float(edge) for edge in panel.split()] for panel, _ in panels):
+        assert 0 < left < right < 518.4
+        assert 0 < top < bottom
 
 
 def test_results(report):
     scene, data, page = report
     motion, rpm = data["motion"], 30 / math.pi
     assert_printed(page.row("coefficient of speed fluctuation δ")[0], motion["delta"], "")
-    assert quantity(motion["delta_error"], "", 2) in page.row("coefficient of speed fluctuation δ")[1]
+    assert PLAIN.quantity(motion["delta_error"], "", 2) in page.row("coefficient of speed fluctuation δ")[1]
     for name, key in (("mean", "mean_speed"), ("largest", "speed_max"), ("smallest", "speed_min")):
         assert_printed(page.row(f"{name} speed")[0], motion[key], "rpm", rpm)
     for name, key in (("largest", "angle_of_max"), ("smallest", "angle_of_min")):
@@ -156,7 +102,7 @@ def test_links_groups_and_dead_centres(report):
         kind, margins, _ = page.row(name, cells=4)
         assert kind == group["formula"]
         for side, least in group.get("margins", {}).items():
-            assert f"{side} {quantity(least['value'], '', 4)}" in margins
+            assert f"{side} {PLAIN.quantity(least['value'], '', 4)}" in margins
     for entry in data["dead_centres"]:
         kind = "point" if "point" in entry else "link"
         angles = page.row(f"{kind} {entry[kind]}")[0]
@@ -167,11 +113,11 @@ def test_checks_pass_or_fail(tmp_path):
     scene, data = analysed("four-bar")
     worse = {**data, "checks": {"virtual_power": 1e-3, "energy_closure": 1e-12, "force_balance": math.nan}}
     failed = {**worse, "result": {"code": 2, "message": "It stops."}}
-    page = read(write_report(failed, scene, [], tmp_path / "new" / "report.html"))
+    page = read(write_report(failed, scene, tmp_path / "new" / "report.html", figures=[]))
     verdicts = [row[-1] for row in page.rows if row[-1].startswith(("✓", "✗"))]
     assert verdicts == ["✗ fail", "✓ pass", "✗ fail"]
     assert "It stops." in page.text
-    assert "svg" not in page.counts
+    assert page.counts["svg"] == 1
 
 
 def test_names_are_escaped(tmp_path):
@@ -182,21 +128,106 @@ def test_names_are_escaped(tmp_path):
     strange = {**data, "scene": evil, "reduced": {**data["reduced"], "torque_by_load": shares}}
     scene = dataclasses.replace(scene, title=evil, loads=loads)
     part = {key: strange[key] for key in ("angles", "points", "links", "reduced", "motion", "scene")}
-    page = read(write_report(strange, scene, write_figures(part, scene, tmp_path), tmp_path / "report.html"))
-    assert "script" not in page.counts
+    figures = write_figures(part, scene, tmp_path)
+    page = read(write_report(strange, scene, tmp_path / "report.html", figures=figures))
+    assert page.counts["script"] == 2
+    assert "</script>" not in page.scripts[0]
+    assert json.loads(page.scripts[0])["machines"][0]["loads"][0]["text"].startswith(evil)
     assert page.text.count(evil) >= 6  # title, heading, load table, drawings
 
 
 def test_errors_decide_the_digits():
-    assert measured(386518.2006744361, 254.93, "N") == ("386.5 kN", "± 255 N")
-    assert measured(1.1215243498820249, 1.7e-9) == ("1.12152435", "± 1.7·10⁻⁹")
-    assert measured(0.5, 0.0) == ("0.5000000000", "± 0")
-    assert measured(2.0, 5.0, "N") == ("2.00 N", "± 5.0 N")
-    assert measured(math.nan, 1.0) == ("–", "")
+    assert PLAIN.measured(386518.2006744361, 254.93, "N") == ("386.5 kN", "± 255 N")
+    assert PLAIN.measured(1.1215243498820249, 1.7e-9) == ("1.12152435", "± 1.7·10⁻⁹")
+    assert PLAIN.measured(0.5, 0.0) == ("0.5000000000", "± 0")
+    assert PLAIN.measured(2.0, 5.0, "N") == ("2.00 N", "± 5.0 N")
+    assert PLAIN.measured(math.nan, 1.0) == ("–", "")
 
 
 def test_what_was_put_in_stays_short():
-    assert shown(0.3, "m") == "300 mm"
-    assert shown(-9.81, "m/s²") == "−9.81 m/s²"
-    assert shown(30e3, "N") == "30 kN"
-    assert shown(0.0, "kg") == "0 kg"
+    assert PLAIN.shown(0.3, "m") == "300 mm"
+    assert PLAIN.shown(-9.81, "m/s²") == "−9.81 m/s²"
+    assert PLAIN.shown(30e3, "N") == "30 kN"
+    assert PLAIN.shown(0.0, "kg") == "0 kg"
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """The press with a shorter rocker's neighbour before: everything in it, in units that were chosen."""
+    scene, data = analysed("hay-press")
+    before = {**data, "motion": {**data["motion"], "delta": 0.5, "speed_max": 100.0}}
+    path = tmp_path_factory.mktemp("compared") / "report.html"
+    write_report(data, scene, path, figures=[], before=(before, scene), optimum=OPTIMUM, units="m, rad/s, kN, kN m")
+    return data, read(path)
+
+
+def test_before_and_after(compared):
+    data, page = compared
+    before, after, _ = page.row("coefficient of speed fluctuation δ")
+    assert_printed(before, 0.5, "")
+    assert_printed(after, data["motion"]["delta"], "")
+    before, after, remark = page.row("largest speed")
+    assert before == "100.000 rad/s"
+    assert_printed(after, data["motion"]["speed_max"], "rad/s")
+    assert remark.endswith("°")
+    peak = data["peaks"]["drive_torque"]["value"]
+    true, constant = [row for row in page.rows if row[0] == "drive torque"]
+    assert_printed(true[1], peak, "kN·m", 1e-3)
+    assert true[2].endswith("kN·m")
+    assert_printed(constant[1], data["peaks"]["drive_torque_constant_speed"]["value"], "kN·m", 1e-3)
+
+
+def test_units_that_were_chosen(compared):
+    _, page = compared
+    assert page.row("rod", cells=6)[0] == "1.02 m"
+    assert "at 73.3038 rad/s mean speed" in page.text
+    assert page.row("hay", cells=5)[1] == "30 kN against the motion"
+
+
+def test_optimisation(compared):
+    _, page = compared
+    assert page.row("objective") == ["minimise peak shaking force"]
+    assert page.row("limits") == ["peak drive torque at most 52 kN·m; smallest margin at least 0.01"]
+    assert page.row("free numbers") == ["links.rod.length (0.95 m … 1.15 m); points.E.turned (20° … 40°)"]
+    assert page.row("solver") == ["cone: largest magnitudes"]
+    assert page.row("cases, the worst counts") == ["full, empty"]
+    assert page.row("peak shaking force") == ["400.00 kN", "300.00 kN", "−25.0 %", "objective"]
+    assert page.row("regime margin", cells=5) == ["–", "0.20000", "–", ""]
+    assert page.row("links.rod.length") == ["1.00000 m", "0.950000 m", "0.95 m", "1.15 m", "at lower bound", "1234"]
+    assert page.row("points.E.turned") == ["30.000°", "35.000°", "20°", "40°", "", ""]
+    wanted = ["70.000 kN·m", "52.000 kN·m", "at most 52 kN·m", "1.250", "active", "90.000°, 120.000°"]
+    assert page.row("peak drive torque", cells=7) == wanted
+    assert page.row("residual of the optimality conditions (KKT)") == ["3.0·10⁻¹⁰"]
+    assert page.row("evaluations of a cycle") == ["143"]
+    assert page.row("starts") == ["1 of 2 reached the best; 1 met every limit"]
+    assert page.row("2", cells=5) == ["–", "no", "0.10", "20"]
+    assert page.row("peak drive torque", cells=2) == ["met"]  # where limits clash
+    assert page.row("smallest margin", cells=2) == ["not met"]
+    assert "Limits clash." in page.text
+    assert page.counts["svg"] == 3  # the stage, the history and the trade-off
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("mm, furlong", "unknown unit 'furlong'"),
+        ("mm, cm", "two units of length"),
+        ("N^2", "nothing that is shown"),
+        ("3 mm", "cannot read the unit"),
+    ],
+)
+def test_units_that_cannot_be(text, problem):
+    with pytest.raises(QuantityError, match=problem):
+        display_units(text)
+
+
+def test_display_units():
+    found = display_units("mm, rpm, kN, kN m, deg, kJ, kg cm^2")
+    assert found["m"] == (1000.0, "mm")
+    assert found["m/rad^2"] == (1000.0, "mm/rad²")
+    assert found["rad/s"] == (pytest.approx(30 / math.pi, rel=1e-15), "rpm")
+    assert found["N m"] == (1e-3, "kN·m")
+    assert found["rad"] == (pytest.approx(180 / math.pi, rel=1e-15), "°")
+    assert found["J"] == (1e-3, "kJ")
+    assert found["kg m^2"] == (1e4, "kg·cm²")
+    assert display_units("") == {}

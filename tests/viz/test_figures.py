@@ -12,9 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from linkjax import viz
+from linkjax._units import display_units
 from linkjax.viz import PICTURES
 from linkjax.viz._forces import cases, joints
 from tests.helpers import PACKAGE
+from tests.report.optimum import OPTIMUM
 from tests.viz.cycles import SCENES, analysed
 
 PICTURE = {picture.name: picture for picture in PICTURES}
@@ -170,6 +172,70 @@ def test_names_are_not_read_as_formulas(picture):
     strange = {**data, "reduced": {**data["reduced"], "torque_by_load": named}}
     figure = PICTURE[picture].draw(strange, dataclasses.replace(scene, loads=loads, title="5 $ a_b $"))
     figure.canvas.draw()
+
+
+def behind(figure: Figure) -> list[np.ndarray]:
+    """The curves of the machine before."""
+    lines = [line for ax in figure.axes for line in ax.get_lines() if str(line.get_gid()).startswith("before-")]
+    return [np.asarray(line.get_xydata(), float).T for line in lines]
+
+
+@pytest.mark.parametrize("picture", [name for name in PICTURE if name != "machine"])
+def test_the_machine_before_lies_behind(picture):
+    """The same machine with everything doubled: each of its curves is drawn, in the units of those in front."""
+    scene, data = analysed("slider-crank")
+
+    def doubled(value):
+        if isinstance(value, dict):
+            return {key: doubled(part) for key, part in value.items()}
+        return 2 * value if isinstance(value, float | np.ndarray) and np.asarray(value).dtype.kind == "f" else value
+
+    old = doubled(data) | {"angles": data["angles"]}
+    figure = PICTURE[picture].draw(data, scene, before=old)
+    assert_tidy(figure)
+    found = behind(figure)
+    assert found
+    assert "before" in " ".join(text.get_text() for text in figure.legends[0].get_texts())
+    if picture in ("points", "inertia", "speed", "reactions", "shaking"):
+        front = [curve[1] for curve in curves(figure) if curve.shape[1] == 361]
+        assert all(any(np.allclose(curve[1], 2 * other) for other in front) for curve in found)
+
+
+def test_a_machine_before_with_other_parts():
+    """Points, links and joints that it lacks are left out."""
+    scene, data = analysed("hay-press")
+    _, other = analysed("slider-crank")
+    for picture in PICTURES[1:]:
+        assert curves(picture.draw(data, scene, before=other))
+
+
+def test_units_that_were_chosen():
+    scene, data = analysed("hay-press")
+    units = display_units("m, rad/s, MN, kJ")
+    titles = {name: [ax.get_title(loc="left") for ax in PICTURE[name].draw(data, scene, units=units).axes]
+              for name in ("points", "speed", "reactions", "torque")}  # fmt: skip
+    assert titles["points"][2] == "x′, first coefficient  (m/rad)"
+    assert titles["speed"][0] == "speed ω  (rad/s)"
+    assert all(title.endswith("(MN)") for title in titles["reactions"])
+    assert titles["torque"][1].endswith("(kJ)")
+    top = PICTURE["speed"].draw(data, scene, units=units).axes[0]
+    assert f"ω max {viz.number(data['motion']['speed_max'])} rad/s" in " ".join(text.get_text() for text in top.texts)
+
+
+def test_course_of_an_optimisation():
+    (_, history), (_, trade) = viz.courses(OPTIMUM, {})
+    assert_tidy(history)
+    assert_tidy(trade)
+    left, right = history.axes
+    assert left.get_title(loc="left") == "peak shaking force  (kN)"
+    assert np.allclose(left.lines[0].get_ydata(), [1e-3 * step["objective"] for step in OPTIMUM["history"]])
+    assert right.get_yscale() == "log"
+    line, crosses = trade.axes[0].lines
+    assert np.allclose(line.get_xdata(), [44, 48, 52, 56, 60, 64])
+    assert np.allclose(crosses.get_xydata(), [[40, 400]])
+    calm = {**OPTIMUM, "history": [{"objective": None, "violation": 0.0}], "trade_off": None}
+    ((_, history),) = viz.courses(calm, {})
+    assert_tidy(history)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -99,6 +100,31 @@ def test_places_between_the_angles(name):
 
     assert error(2) < 1e-5
     assert error(4) < 16 * 1.5 * error(2)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_view_is_plain_data_in_the_picture(name):
+    scene, data = analysed(name)
+    view = json.loads(json.dumps(viz.machine_view(data, scene), allow_nan=False))
+    (machine,) = view["machines"]
+    for point, at in machine["points"].items():
+        x, y = (np.ravel(data["points"][point][k]) for k in ("x", "y"))
+        assert np.allclose(at["x"], x, rtol=1e-8, atol=1e-9)
+        assert np.all(np.abs(view["left"] + view["scale"] * x - view["width"] / 2) < view["width"] / 2)
+        assert np.all(np.abs(view["base"] - view["scale"] * y - view["height"] / 2) < view["height"] / 2)
+    assert view["time"][-1] == pytest.approx(data["motion"]["period"], rel=1e-8)
+    assert {link["name"] for link in machine["links"]} == set(scene.mechanism.links)
+    assert len(machine["loads"]) == len(scene.loads)
+    still = {key: data[key] for key in ("angles", "points", "links")}
+    assert viz.machine_view(still, scene)["time"] is None
+
+
+def test_the_machine_before_is_part_of_the_drawing():
+    scene, data = analysed("slider-crank")
+    wide = {**data, "points": {p: {k: 3 * np.asarray(v) for k, v in at.items()} for p, at in data["points"].items()}}
+    alone, both = machine_figure(data, scene), machine_figure(data, scene, before=wide)
+    assert len(both.axes[0].lines) > len(alone.axes[0].lines)
+    assert np.ptp(both.axes[0].get_xlim()) > 2 * np.ptp(alone.axes[0].get_xlim())
 
 
 def test_labels_keep_clear(rng):

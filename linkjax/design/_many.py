@@ -1,0 +1,93 @@
+"""Many starts at once: a crowd of designs goes down the exact penalty together, the best are finished exactly.
+
+The penalty is the largest row of the objective plus so many times the excess of every limit, its slope that of the rows
+that lead: a subgradient, so that the steps (Adam's) must shrink. Source: Kingma and Ba, Adam, 2015; Nocedal and Wright,
+Numerical Optimization, 2006, ch. 17.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from linkjax._compile import SOONER
+from linkjax._population import over_designs
+from linkjax.design._cone import PENALTY, Path, descend
+from linkjax.design._point import rank
+from linkjax.design._problem import Problem
+
+CROWD, TURNS = 64, 100
+BLOCK = 16  # designs computed together
+PACE = 0.05  # the first step in every variable, of its range
+FINISHED = 3  # designs handed to the cone solver
+APART = 0.05  # of the ranges: designs nearer than that, in every variable, are one
+
+
+def many(
+    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, told: Callable | None = None
+) -> Path:
+    """The best local optimum found from a crowd: the design given, in units of the variables' ranges, and others drawn
+    at random about the whole ranges. The distinct best are finished by `descend`, which `told`, `tolerance` and `steps`
+    are for. Every design evaluated counts as an evaluation."""
+    drawn = np.random.default_rng(np.abs(z).view(np.uint64)).random((CROWD - 1, z.size))
+    crowd = np.concatenate([z[None], drawn])
+    ended, merits = map(np.asarray, _descent(problem)(jnp.asarray(crowd), _levels(problem)))
+    problem.evaluations += CROWD * (TURNS + 1)
+    chosen: list[np.ndarray] = []
+    for one in ended[np.argsort(merits)]:
+        if len(chosen) < FINISHED and all(np.max(np.abs(one - other)) > APART for other in chosen):
+            chosen.append(one)
+    paths = [descend(problem, one, tolerance=tolerance, steps=steps, told=told) for one in chosen]
+    return min(paths, key=lambda path: rank(path.point))
+
+
+def _levels(problem: Problem) -> Float[Array, "designs blocks"]:
+    """What every block is to stay below, scaled, once for every design of the crowd."""
+    levels = [
+        0.0 if k.role == "objective" else k.bound * (k.sign if k.signed else 1.0) / k.scale for k in problem.kinds
+    ]
+    return jnp.broadcast_to(jnp.asarray(levels), (CROWD, len(levels)))
+
+
+@functools.lru_cache(maxsize=4)
+def _descent(problem: Problem) -> Callable:
+    """The descent of a crowd, compiled once for a problem: designs and levels to the designs they end at, the best each
+    has met, with their merits."""
+    import optax
+
+    factors = jnp.asarray([(k.sign if k.signed else 1.0) / k.scale for k in problem.kinds])
+    goals = jnp.asarray([k.role == "objective" for k in problem.kinds])
+    lower, span = jnp.asarray(problem.lower), jnp.asarray(problem.upper - problem.lower)
+    rule = optax.adam(optax.cosine_decay_schedule(PACE, TURNS))
+
+    def merit(z, levels):
+        values = problem.values(lower + z * span) * factors
+        excess = jnp.where(goals, 0.0, jnp.maximum(values - levels, 0.0))
+        return jnp.max(jnp.where(goals, values, -jnp.inf)) + PENALTY * jnp.sum(excess)
+
+    def turn(levels, state, _):
+        z, held, best, least = state
+        slope, value = jax.jacfwd(lambda z: (merit(z, levels),) * 2, has_aux=True)(z)  # compiles sooner than reverse
+        better = value < least  # false where it is no number
+        best, least = jnp.where(better, z, best), jnp.where(better, value, least)
+        change, held = rule.update(jnp.nan_to_num(slope), held)
+        return (jnp.clip(z + change, 0.0, 1.0), held, best, least), None
+
+    def one(given):
+        z, levels = given
+        begin = z, rule.init(z), z, jnp.full((), jnp.inf)
+        _, _, best, least = jax.lax.scan(functools.partial(turn, levels), begin, None, length=TURNS + 1)[0]
+        return best, least
+
+    run = jax.jit(over_designs(one, block=BLOCK), compiler_options=SOONER)
+
+    def descent(crowd, levels):
+        with jax.numpy_dtype_promotion("standard"):  # optax relies on it
+            return run((crowd, levels))
+
+    return descent

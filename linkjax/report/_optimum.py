@@ -1,0 +1,128 @@
+"""The tables of an optimisation, from its document."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from linkjax.report._cells import NONE, Cell, Numbers, table, words
+
+Data = dict[str, Any]
+
+
+def asked(show: Numbers, optimum: Data) -> str:
+    """What was asked: objective, free numbers, limits, cases; and how it was solved."""
+    goal, solver = optimum["objective"], optimum.get("solver") or {}
+    sense = str(goal.get("sense") or "minimise")
+    rows = [["objective", f"{sense} {plain(goal['name'])}"]]
+    free = [f"{name} ({show.bound(v['lower'], v['unit'])} … {show.bound(v['upper'], v['unit'])})"
+            for name, v in optimum["variables"].items()]  # fmt: skip
+    rows.append(["free numbers", "; ".join(free) or NONE])
+    limits = [f"{plain(label)} {limit['sense']} {show.bound(limit['limit'], limit['unit'])}"
+              for label, limit in optimum["limits"].items()]  # fmt: skip
+    rows.append(["limits", "; ".join(limits) or "none"])
+    if len(optimum.get("cases") or ()) > 1:
+        rows.append(["cases, the worst counts", ", ".join(optimum["cases"])])
+    if solver:
+        rows.append(["solver", ": ".join(filter(None, (solver.get("name"), solver.get("why"))))])
+    return table(["asked", ""], [[words(name), words(text)] for name, text in rows])
+
+
+def measures(show: Numbers, optimum: Data) -> str:
+    """The objective and every measure before and after."""
+    goal, units = optimum["objective"], optimum.get("units") or {}
+    rows = []
+    if goal["name"] not in optimum["after"]:
+        rows.append(_change(show, plain(goal["name"]), goal["before"], goal["after"], goal["unit"], "objective"))
+    for name, after in optimum["after"].items():
+        mark = "objective" if name == goal["name"] else ""
+        rows.append(_change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), mark))
+    return table(["measure", "before", "after", "change", ""], rows, "Before and after")
+
+
+def variables(show: Numbers, optimum: Data) -> str:
+    """The free numbers: before, after, their bounds, and which bound holds them."""
+    held = any(v["active"] for v in optimum["variables"].values())
+    rows = []
+    for name, v in optimum["variables"].items():
+        row = [words(name), *show.several([v["before"], v["after"]], v["unit"], 6)]
+        row += [Cell(show.bound(v[end], v["unit"]), True) for end in ("lower", "upper")]
+        if held:
+            row.append(Cell(f"at {v['active']} bound" if v["active"] else "", look="s"))
+            row.append(Cell(_plain_number(show, v.get("pull")) if v["active"] else "", True))
+        rows.append(row)
+    head = ["free number", "before", "after", "lower bound", "upper bound"]
+    return table([*head, "", "gain per unit (SI)"] if held else head, rows, "Free numbers")
+
+
+def limits(show: Numbers, optimum: Data) -> str:
+    """The limits: value, bound, multiplier, whether active, and the crank angles that tie there."""
+    rows = []
+    for label, limit in optimum["limits"].items():
+        cells = show.several([limit.get("before"), limit["value"]], limit["unit"])
+        cells.append(Cell(f"{limit['sense']} {show.bound(limit['limit'], limit['unit'])}", True))
+        price = Cell(_plain_number(show, limit.get("multiplier")), True)
+        state = Cell("active" if limit["active"] else "")
+        rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit.get("tied_angles")))])
+    head = ["limit", "before", "after", "bound", "multiplier (SI)", "", "tied at"]
+    return table(head, rows, "Limits") if rows else ""
+
+
+def outcome(show: Numbers, optimum: Data) -> str:
+    """How the search went: starts, residual of the optimality conditions, evaluations, angles that tie."""
+    starts, goal = optimum.get("starts") or [], optimum["objective"]
+    rows = [["residual of the optimality conditions (KKT)", _plain_number(show, optimum.get("kkt_residual"), 2)],
+            ["evaluations of a cycle", str(optimum.get("evaluations", NONE))]]  # fmt: skip
+    if starts:
+        feasible = sum(bool(start["feasible"]) for start in starts)
+        text = f"{optimum.get('reached', NONE)} of {len(starts)} reached the best; {feasible} met every limit"
+        rows.append(["starts", text])
+    if goal.get("tied_angles"):
+        rows.append(["the objective ties at", angles(show, goal["tied_angles"])])
+    if optimum.get("scene_after"):
+        rows.append(["scene of the new machine", str(optimum["scene_after"])])
+    text = table(["search", ""], [[words(name), words(value)] for name, value in rows])
+    if len(starts) > 1:
+        reached = show.several([start["objective"] for start in starts], goal["unit"], 6)
+        each = []
+        for i, (start, cell) in enumerate(zip(starts, reached, strict=True)):
+            residual = Cell(_plain_number(show, start.get("residual"), 2), True)
+            count = Cell(str(start.get("evaluations", NONE)), True)
+            each.append([words(i + 1), cell, words("yes" if start["feasible"] else "no"), residual, count])
+        text += table(["start", "objective", "meets every limit", "residual", "evaluations"], each, "Starts")
+    return text
+
+
+def clash(optimum: Data) -> str:
+    """The limits that cannot hold together, in a list; nothing when there are none."""
+    names = (optimum.get("result") or {}).get("clash") or []
+    rows = [[words(plain(name)), words(_missed(optimum["limits"].get(name)))] for name in names]
+    return table(["limits that clash", ""], rows) if rows else ""
+
+
+def _missed(limit: Data | None) -> str:
+    if limit is None or limit["value"] is None:
+        return ""
+    over = float(limit["value"]) > float(limit["limit"])
+    return "not met" if over == (limit["sense"] == "at most") and limit["value"] != limit["limit"] else "met"
+
+
+def angles(show: Numbers, found: list[float] | None) -> str:
+    """Crank angles in a row, a dash for none."""
+    return ", ".join(show.turned(angle) for angle in found or ()) or NONE
+
+
+def plain(name: str) -> str:
+    """A name of the document in words."""
+    return str(name).replace("_", " ")
+
+
+def _change(show: Numbers, name: str, before: Any, after: Any, unit: str, mark: str) -> list[Cell]:
+    old, new = (math.nan if value is None else float(value) for value in (before, after))
+    share = 100 * (new - old) / abs(old) if old and math.isfinite(old) and math.isfinite(new) else math.nan
+    text = NONE if math.isnan(share) else f"{share:+.1f} %".replace("-", "−")
+    return [words(name), *show.several([before, after], unit), Cell(text, True), words(mark)]
+
+
+def _plain_number(show: Numbers, value: Any, digits: int = 4) -> str:
+    return NONE if value is None else show.quantity(float(value), "", digits)

@@ -1,0 +1,154 @@
+"""The machine as plain data from which a page draws and moves it: the same looks as `machine_figure`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_hex
+
+from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
+from linkjax.machine import Scene
+from linkjax.viz._machine import MARGIN, colour, scale_mark, tint
+from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, outline, path, places, skeleton
+from linkjax.viz._style import Data, Units, lost
+
+WIDE, TALLEST = 560.0, 400.0  # typographic points
+DIGITS = 9  # significant, of coordinates: a billionth of the machine
+
+
+def machine_view(
+    data: Data, scene: Scene, before: tuple[Data, Scene] | None = None, units: Units | None = None
+) -> dict[str, Any]:
+    """Everything a page needs to draw the machine at any crank angle, ready for `json.dumps`; lengths in m, angles rad.
+
+    A point at (x, y) stands at (left + scale x, base - scale y) of a picture `width` by `height`. Positions and first
+    kinematic coefficients of the points are given at `angles` equal steps of the cycle, for cubic Hermite
+    interpolation. `time` are the times at these angles and at the end of the cycle, None without a motion.
+    """
+    machines = [(data, scene), *([before] if before else [])]
+    looks = [skeleton(of, by) for of, by in machines]
+    low = np.min([look.low for look in looks], axis=0)
+    high = np.max([look.high for look in looks], axis=0)
+    left, bottom, right, top = MARGIN
+    spread = np.maximum(high - low, 1e-3 * max(look.size for look in looks))
+    scale = float(np.min((np.array([WIDE, TALLEST]) - (left + right, bottom + top)) / spread))
+    height = max(scale * float(spread[1]) + bottom + top, 120.0)
+    middle = 0.5 * (low + high)
+    length, text = scale_mark(0.22 * WIDE / scale, units)
+    return {
+        "width": WIDE,
+        "height": round(height, 2),
+        "scale": scale,
+        "left": 0.5 * (WIDE + left - right) - scale * float(middle[0]),
+        "base": 0.5 * (height + top - bottom) + scale * float(middle[1]),
+        "turns": scene.cycle_turns,
+        "angles": int(np.size(data["angles"])),
+        "start": math.degrees(clearest(data, scene, looks[0])),
+        "time": _times(data, scene),
+        "bar": {"length": length, "text": text},
+        "machines": [_machine(of, by, look, scale, units) for (of, by), look in zip(machines, looks, strict=True)],
+    }
+
+
+def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Units | None) -> dict[str, Any]:
+    """One machine: its points over the angles, what is drawn between them, and the loads."""
+    at = places(data, scene, clearest(data, scene, look))
+    links = []
+    for i, shape in enumerate(look.shapes):
+        guide = next((g.angle for g in look.guides if g.block == shape.link), 0.0)
+        links.append({
+            "name": shape.link, "colour": to_hex(colour(i)), "fill": to_hex(tint(colour(i))),
+            "dark": to_hex(tint(colour(i), 0.5)), "corners": outline(shape, at, 3 / scale), "block": shape.block,
+            "angle": guide, "pin": shape.pins[0], "weights": shape.weights,
+        })  # fmt: skip
+    dots = sorted({p for shape in look.shapes for p in shape.marked} - set(look.joints))
+    return {
+        "points": {p: _point(data, p, at) for p in data["points"]},
+        "lost": np.flatnonzero(lost(data)).tolist(),
+        "links": links,
+        "guides": [[*map(float, (*guide.ends[0], *guide.ends[1]))] for guide in look.guides],
+        "guide_angles": [guide.angle for guide in look.guides],
+        "pivots": list(look.pivots),
+        "joints": list(look.joints),
+        "dots": dots,
+        "centres": [shape.centre for shape in look.shapes if shape.centre],
+        "paths": list(look.traced),
+        "names": _names(data, look),
+        "loads": [load for each in scene.loads if (load := _load(data, scene, each, units))],
+    }
+
+
+def _point(data: Data, name: str, at: Places) -> dict[str, Any]:
+    """Coordinates and first coefficients; of a point that never moves one number each, and no coefficients."""
+    where = path(data, name)
+    if np.all(where == where[:, :1]):
+        return {"x": float(at[name][0]), "y": float(at[name][1])}
+    count = np.size(data["angles"])
+    found = data["points"][name]
+    return {k: _short(np.broadcast_to(np.asarray(found[k], float), (count,))) for k in ("x", "y", "dx", "dy")}
+
+
+def _short(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.{DIGITS}g}") if math.isfinite(value) else 0.0 for value in values.tolist()]
+
+
+def _times(data: Data, scene: Scene) -> list[float] | None:
+    motion = data.get("motion", {})
+    time = np.append(np.asarray(motion.get("time", ()), float), float(motion.get("period", np.nan)))
+    good = time.size == np.size(data["angles"]) + 1 and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)
+    return _short(time) if good else None
+
+
+def _names(data: Data, look: Skeleton) -> list[dict[str, Any]]:
+    """What is written beside points: names of points that stay together, and the points to keep away from."""
+    centres = [shape.centre for shape in look.shapes if shape.centre]
+    pieces = [p for shape in look.shapes for p in shape.weights]
+    marked = [p for shape in look.shapes for p in shape.marked]
+    found: list[dict[str, Any]] = []
+    for point in dict.fromkeys([*look.joints, *marked, *centres, *pieces]):
+        where = path(data, point)
+        where = where[:, np.all(np.isfinite(where), axis=0)]
+        twin = next((e for e in found if np.allclose(path(data, e["point"])[:, : where.shape[1]], where,
+                                                     atol=1e-6 * look.size, equal_nan=True)), None)  # fmt: skip
+        if twin:
+            twin["text"] += f", {point}"
+            continue
+        bodies = [s for s in look.shapes if point in (*s.pins, *s.marked, s.centre, *s.weights)]
+        guide = next((g.angle for g in look.guides if g.block in [s.link for s in bodies]), None)
+        near = dict.fromkeys(p for s in bodies for p in (*s.pins, *s.marked) if p != point)
+        found.append({"text": point, "point": point, "faint": point in (*centres, *pieces), "near": list(near),
+                      "pivot": point in look.pivots, "guide": guide})  # fmt: skip
+    return found
+
+
+def _load(data: Data, scene: Scene, load: Any, units: Units | None) -> dict[str, Any] | None:
+    """A load: where it acts, when (None: always), and its direction: given, against the motion, or a sense of turning.
+
+    The sense of an opposing torque is given at every angle.
+    """
+    on_off = None if load.window is None else [float(load.window.on), float(load.window.off)]
+    entry: dict[str, Any] = {"window": on_off, "against": False, "along": None, "turn": None}
+    if isinstance(load, Force | OpposingForce):
+        entry["point"] = load.point
+        if isinstance(load, Force):
+            force = float(load.force.x), float(load.force.y)
+            size = math.hypot(*force)
+            entry["along"] = [part / (size or 1.0) for part in force]
+        else:
+            size, entry["against"] = float(load.magnitude), True
+        text = amount(size, "N", units)
+    elif isinstance(load, Torque | OpposingTorque):
+        entry["point"] = scene.mechanism.origins()[load.link]
+        if isinstance(load, Torque):
+            size = float(load.torque)
+            entry["turn"] = int(np.sign(size))
+        else:
+            size = float(load.magnitude)
+            rate = np.broadcast_to(np.asarray(data["links"][load.link]["d"], float), (np.size(data["angles"]),))
+            entry["turn"] = [int(sense) for sense in -np.sign(rate)]
+        text = amount(abs(size), "N·m", units)
+    else:
+        return None
+    return entry | {"text": f"{load.name} {text}"} if size else None

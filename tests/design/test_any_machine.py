@@ -1,0 +1,50 @@
+"""The optimiser on machines that nobody had in mind: the same code, no special cases."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax.measures import delta, peak_shaking_force_constant_speed, smallest_transmission_angle
+from tests.physics.machines import composed_at_random
+
+WEIGHT = lj.Counterweight(2.0, lj.Vec(-0.05, 0.0), 0.01)
+
+
+def weighted(scene: lj.Scene) -> lj.Scene:
+    """The scene with a counterweight on its crank."""
+    m = scene.mechanism
+    crank = dataclasses.replace(m.links["crank"], counterweights={"W": WEIGHT})
+    return scene.with_mechanism(dataclasses.replace(m, links={**m.links, "crank": crank}))
+
+
+SLOW = [pytest.param(machine, marks=pytest.mark.slow) for machine in ("four-bar", 0, 1)]
+
+
+@pytest.mark.parametrize("machine", ["slider-crank", 3, *SLOW])
+def test_optimised(machine):
+    """Lengths of all bars and the counterweight against the shaking force; δ and transmission no worse than today."""
+    scene = composed_at_random(machine) if isinstance(machine, int) else weighted(lj.load(machine))
+    bars = [name for name, link in scene.mechanism.links.items() if float(link.length) > 0 and name != "crank"]
+    free = {f"links.{name}.length": "± 5 %" for name in bars}
+    at = "links.crank.counterweights.W.at"
+    free |= {f"{at}.along": (-0.2, 0.2), f"{at}.across": (-0.2, 0.2)}
+    limits = ["delta <= today", "smallest_transmission_angle >= today"]
+    found = lj.optimise(scene, free, "peak_shaking_force_constant_speed", limits=limits, starts=3)
+    assert found.feasible
+    assert np.isfinite([(start.objective, start.residual) for start in found.starts]).all()
+    assert found.kkt_residual <= 1e-6
+    assert found.objective < 0.999 * found.objective_before
+    measured = jax.jit(lambda scene: [m(scene, 160) for m in MEASURES])
+    before, after = ([float(value) for value in measured(each)] for each in (found.before, found.after))
+    assert after[0] == pytest.approx(found.objective, rel=1e-7)
+    assert before[0] == pytest.approx(found.objective_before, rel=1e-7)
+    assert after[1] <= before[1] * (1 + 1e-7)
+    assert after[2] >= before[2] * (1 - 1e-7)
+
+
+MEASURES = (peak_shaking_force_constant_speed, delta, smallest_transmission_angle)

@@ -1,0 +1,173 @@
+"""`linkjax optimise`: what it writes, says and returns."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+import linkjax as lj
+from linkjax import cli
+from linkjax.cli._console import console
+from linkjax.design import _optimise
+from linkjax.measures import delta
+
+SCENE = """
+title = "Pump"
+gravity = "9.81 m/s^2"
+speed = "300 rpm"
+fixed = { O = [0, 0] }
+[links.crank]
+length = "0.1 m"
+mass = "2 kg"
+inertia = "0.02 kg m^2"
+centre = "50 mm"
+[links.rod]
+length = "0.4 m"
+mass = "1 kg"
+inertia = "0.02 kg m^2"
+centre = "0.2 m"
+[links.piston]
+mass = "3 kg"
+[flywheel]
+inertia = "2 kg m^2"
+[[groups]]
+kind = "crank"
+link = "crank"
+pivot = "O"
+end = "A"
+[[groups]]
+kind = "RRP"
+link = "rod"
+from = "A"
+end = "B"
+block = "piston"
+guide = { through = "O" }
+[[loads]]
+name = "pressure"
+link = "piston"
+point = "B"
+force = "2 kN"
+opposing = true
+window = ["0 deg", "180 deg"]
+
+[optimise]
+minimise = "flywheel.inertia"
+free = { "flywheel.inertia" = "0 to 50 kg m^2", "links.rod.length" = "± 20 %" }
+limits = ["delta <= 0.02"]
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    file = tmp_path_factory.mktemp("optimise") / "pump.toml"
+    file.write_text(SCENE)
+    return file
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Exit code, standard output and standard error of one call."""
+
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["linkjax", "optimise", *map(str, arguments)])
+        monkeypatch.setattr(console, "quiet", False)
+        monkeypatch.setattr(console, "width", 160)
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+        out, err = capsys.readouterr()
+        return stopped.value.code or 0, out, err
+
+    return run
+
+
+def test_the_whole_story(call, scene, tmp_path):
+    """Tables, JSON, a scene that loads again, report and figures."""
+    out = tmp_path / "made"
+    code, told, _ = call(scene, "--out", out, "--json", tmp_path / "all.json", "--starts", "3", "--units", "mm")
+    assert code == 0
+    data = json.loads((tmp_path / "all.json").read_text())
+    assert data == json.loads((out / "optimum.json").read_text())
+    after = lj.load(out / data["scene_after"])
+    assert float(delta(after)) == pytest.approx(0.02, rel=1e-8)
+    rod = data["variables"]["links.rod.length"]
+    assert float(after.mechanism.links["rod"].length) == rod["after"]
+    assert float(after.mechanism.flywheel.inertia) == data["objective"]["after"]
+    assert (rod["before"], rod["lower"], rod["upper"]) == pytest.approx((0.4, 0.32, 0.48))
+    limit = data["limits"]["delta"]
+    assert limit["active"]
+    assert limit["value"] == pytest.approx(data["after"]["delta"], rel=1e-9)
+    assert data["before"]["delta"] == pytest.approx(float(delta(lj.load(scene))), rel=1e-9)
+    assert data["kkt_residual"] <= 1e-6
+    assert (len(data["starts"]), data["reached"]) == (3, 3)
+    assert data["evaluations"] > sum(start["evaluations"] for start in data["starts"])
+    assert data["result"]["name"] == "optimal"
+    assert f"{1e3 * rod['after']:.6g} mm" in told
+    assert f"{data['objective']['after']:.6g} kg m^2" in told
+    assert "3 of 3 starts reached it" in told
+    assert {"report.html", "machine.png", "machine.svg", "machine.gif", "optimised.toml"} <= {
+        p.name for p in out.iterdir()
+    }
+
+
+def test_limits_that_clash(call, scene, tmp_path):
+    code, told, _ = call(scene, "--limit", "delta <= 1e-4", "--limit", "flywheel.inertia <= 0.1 kg m^2",
+                         "--json", tmp_path / "all.json")  # fmt: skip
+    assert code == 1
+    assert "these clash: delta, flywheel.inertia" in told
+    data = json.loads((tmp_path / "all.json").read_text())
+    assert (data["result"]["code"], data["result"]["name"]) == (1, "infeasible")
+    assert set(data["result"]["clash"]) == {"delta", "flywheel.inertia"}
+
+
+def test_options_take_the_place_of_the_section(call, scene, tmp_path):
+    """Another objective, another range, a number fixed again."""
+    options = ["--minimise", "delta", "--limit", "delta <= 1"]
+    options += ["--free", "flywheel.inertia=1 to 3 kg m^2", "--free", "links.rod.length=no"]
+    code, _, _ = call(scene, *options, "--quiet", "--json", tmp_path / "all.json")
+    data = json.loads((tmp_path / "all.json").read_text())
+    assert (code, list(data["variables"])) == (0, ["flywheel.inertia"])
+    assert data["objective"]["name"] == "delta"
+    assert data["variables"]["flywheel.inertia"]["after"] == pytest.approx(3.0, rel=1e-9)
+    assert data["variables"]["flywheel.inertia"]["active"] == "upper"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("four-bar",), "objective: one is needed; give either minimise or maximise"),
+        (("four-bar", "--minimise", "delta"), "free: nothing is free"),
+        (("hay-press", "--limit", "delta"), "delta: is no limit"),
+        (("hay-press", "--free", "speed"), "--free needs NAME=RANGE"),
+        (("hay-press", "--free", "speed=300 to 200 rpm"), "speed: its bounds are"),
+        (("hay-press", "--units", "furlong"), "furlong"),
+        (("hay-press", "--solver", "simplex"), "'simplex' is not known"),
+        (("no-such-scene",), "no such scene file"),
+    ],
+)
+def test_what_cannot_be_asked(call, arguments, says):
+    code, _, err = call(*arguments)
+    assert code == 2
+    assert says in err
+
+
+def test_interrupted(call, scene, tmp_path, monkeypatch):
+    """Ctrl-C in the second start: the best design so far is written, the code says what happened."""
+    descend = _optimise.SOLVERS["cone"]
+    seen = []
+
+    def impatient(problem, z, **options):
+        if seen:
+            raise KeyboardInterrupt
+        seen.append(descend(problem, z, **options))
+        return seen[0]
+
+    monkeypatch.setitem(_optimise.SOLVERS, "cone", impatient)
+    code, told, _ = call(scene, "--starts", "5", "--json", tmp_path / "all.json")
+    assert code == 130
+    assert "Interrupted; this is the best design so far." in told
+    data = json.loads((tmp_path / "all.json").read_text())
+    assert data["result"]["name"] == "interrupted"
+    assert data["limits"]["delta"]["value"] == pytest.approx(0.02, rel=1e-8)
+    assert math.isfinite(data["objective"]["after"])
