@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import time
@@ -70,8 +71,8 @@ def optimise_command(
     make_folders(out, json_file and json_file.parent)
     clock = time.perf_counter()
     with _Told(shown) as told:
-        compile_ahead(machine, angles=ANGLES, nodes=nodes)
-        found = optimise(machine, **asked, nodes=nodes, told=told)
+        analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
+        found = optimise(machine, **asked, nodes=nodes, told=told, meanwhile=analysis)
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
     data = document(found, before, after, scene, __version__, "optimised.toml" if out else None)
     if out:

@@ -123,6 +123,7 @@ def optimise(
     trade_off: tuple[str, Sequence[float | str]] | None = None,
     nodes: int = NODES,
     told: Callable[[Progress], None] | None = None,
+    meanwhile: Callable[[], None] | None = None,
 ) -> Optimum:
     """Change the free numbers of a scene until the objective is as small (or large) as the limits allow.
 
@@ -133,15 +134,16 @@ def optimise(
     drawn at random within the bounds. `trade_off` names a limit and further bounds for it, each optimised from the
     design before and the ends of the best starts. Machines that cannot be assembled, or do not run, are led back;
     nothing throws. The optimum of a problem without a feasible design is the least violated one; `feasible` and `clash`
-    tell. `told` hears of every step; interrupted (Ctrl-C), the best design so far is returned. Raises `DesignError` for
-    what cannot be asked.
+    tell. `told` hears of every step, `meanwhile` is called while the problem compiles; interrupted
+    (Ctrl-C), the best design so far is returned. Raises `DesignError` for what cannot be asked.
     """
     descend = _solver(solver)
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
     asked = settled(scene, free, minimise, maximise, limits, cases)
     goal = asked["maximise"] or asked["minimise"]
-    problem = Problem(scene, asked["free"], goal, asked["limits"], asked["cases"], maximise is not None, nodes)
+    problem = Problem(scene, asked["free"], goal, asked["limits"], asked["cases"], maximise is not None, nodes,
+                      meanwhile)  # fmt: skip
     traded = None if trade_off is None else _traded(problem, scene, *trade_off)
     run = _Run(problem, starts, told)
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import jax
@@ -73,7 +73,8 @@ class Kind:
 class Problem:
     """Variables, objective, limits and cases of a scene; `at(x)` evaluates a design, one compiled call.
 
-    `maximise` asks for a large objective. Raises `DesignError` where a name or a bound cannot be.
+    `maximise` asks for a large objective; `meanwhile` is called while the problem compiles. Raises
+    `DesignError` where a name or a bound cannot be.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class Problem:
         cases: Sequence[Case] = (Case(),),
         maximise: bool = False,
         nodes: int = NODES,
+        meanwhile: Callable[[], None] | None = None,
     ):
         self.scene, self.variables, self.cases, self.nodes = scene, tuple(variables), tuple(cases), nodes
         check(self.variables)
@@ -108,6 +110,9 @@ class Problem:
         ]
         self._ends = np.cumsum([size for block in sizes for size in block])[:-1]
         self._run = compiled_soon(self._outputs)
+        self._run.ahead(scene, jnp.asarray(self.start))
+        if meanwhile is not None:
+            meanwhile()
         self.evaluations = 0
         self.kinds = self._kinds(len(limits))
 
