@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -15,7 +16,7 @@ from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
-from linkjax.motion import Components, Place, Regime, Rows, flywheel_on, peaks, rows
+from linkjax.motion import Components, Place, Regime, Rows, flywheel_on, peaks, rows, summits
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,9 +48,12 @@ def _registered(function: Callable, unit: str, value, rows=None, smallest: bool 
     return made
 
 
-def measure(unit: str) -> Callable[[Callable[[Parts], Array]], Measure]:
-    """Make a measure of a function of `Parts`, with its unit, and register it under the function's name."""
-    return lambda function: _registered(function, unit, function)
+def measure(
+    unit: str, rows: Callable[[Parts], Rows] | None = None, smallest: bool = False
+) -> Callable[[Callable[[Parts], Array]], Measure]:
+    """Make a measure of a function of `Parts`, with its unit and, if it is an extreme, everything that may be it, and
+    register it under the function's name."""
+    return lambda function: _registered(function, unit, function, rows, smallest)
 
 
 def peak(unit: str) -> Callable[[Callable[[Parts], Peaked]], Measure]:
@@ -70,19 +74,43 @@ def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> d
     return {one.name: one.function(parts) for one in measures}
 
 
-@measure("1")
+def _extreme_speeds(of: Parts) -> tuple[Rows, Rows]:
+    """Crank speeds of the true motion that may be the largest, and those that may be the smallest."""
+    above = 2 * jax.lax.stop_gradient(of.steady.speed_max)
+
+    def speeds(regime: Regime, place: Place) -> Array:
+        speed, _ = regime.crank(place)
+        return jnp.stack([speed, above - speed])[:, None]
+
+    inertia = jnp.maximum(of.reduced.inertia, of.steady.inertia_floor)
+    work = jax.vmap(of.steady.work.at)(jax.tree.map(jnp.ravel, of.grid.node_places())).reshape(inertia.shape)
+    at_nodes = jnp.sqrt(jnp.maximum(2 * (of.steady.energy + work) / inertia, 0.0))
+    found = summits(of.true_motion, speeds, jnp.stack([at_nodes, above - at_nodes])[:, None])
+    fast, slow = found.vectors
+    return Rows(fast, found.angle[0], signed=True), Rows(above - slow, found.angle[1], signed=True)
+
+
+def _swings(of: Parts) -> Rows:
+    """δ of every pair of a largest and a smallest speed, with the angle of the largest."""
+    fast, slow = _extreme_speeds(of)
+    pairs = (fast.vectors - slow.vectors.T) / of.scene.speed
+    angle = jnp.broadcast_to(fast.angle[:, None], pairs.shape)
+    return Rows(pairs.reshape((-1, 1)), angle.ravel(), signed=True)
+
+
+@measure("1", _swings)
 def delta(of: Parts) -> Array:
     """Coefficient of speed fluctuation of the true motion, (ω_max - ω_min) / mean speed."""
     return of.steady.delta
 
 
-@measure("rad/s")
+@measure("rad/s", lambda of: _extreme_speeds(of)[0])
 def largest_speed(of: Parts) -> Array:
     """Largest crank speed of the true motion."""
     return of.steady.speed_max
 
 
-@measure("rad/s")
+@measure("rad/s", lambda of: _extreme_speeds(of)[1], smallest=True)
 def smallest_speed(of: Parts) -> Array:
     """Smallest crank speed of the true motion."""
     return of.steady.speed_min

@@ -19,6 +19,7 @@ from linkjax.motion._regime import Regime as Regime
 from linkjax.motion._regime import Rows as Rows
 from linkjax.motion._regime import peaks as peaks
 from linkjax.motion._regime import rows as rows
+from linkjax.motion._regime import summits as summits
 from linkjax.motion._steady import Steady as Steady
 from linkjax.motion._steady import node_poses as node_poses
 from linkjax.motion._steady import node_values as node_values

@@ -148,11 +148,27 @@ class Rows(eqx.Module):
 
 
 def rows(regime: Regime, components: Components, at_nodes: Array | None = None) -> Rows:
-    """Vectors over the continuous cycle, differentiable: at every node, at both ends of every panel (both limits at
-    every jump), and at the two highest summits of every panel, each found and sharpened as `peaks` does."""
-    grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
+    """Vectors over the continuous cycle, differentiable: at every node, and those of `summits`."""
     if at_nodes is None:
         at_nodes = _node_values(regime, components)
+    tops, parts = summits(regime, components, at_nodes), at_nodes.shape[1]
+    vectors = jnp.concatenate([jnp.moveaxis(at_nodes, 1, -1).reshape((-1, parts)), tops.vectors.reshape((-1, parts))])
+    nodes = jnp.broadcast_to(regime.grid.nodes, (at_nodes.shape[0], *regime.grid.nodes.shape))
+    nodes = wrapped(jax.lax.stop_gradient(nodes), regime.scene.cycle)
+    return Rows(vectors, jnp.concatenate([nodes.ravel(), tops.angle.ravel()]))
+
+
+class Summits(NamedTuple):
+    """Vectors at the ends and summits of every panel, four a panel, and their crank angles (rad)."""
+
+    vectors: Float[Array, "quantities places parts"]
+    angle: Float[Array, "quantities places"]
+
+
+def summits(regime: Regime, components: Components, at_nodes: Float[Array, "quantities parts panels n"]) -> Summits:
+    """Vectors at both ends of every panel (both limits at every jump), and at the two highest summits of every panel,
+    each found as `peaks` does and sharpened to rounding; differentiable, but not by the values at the nodes."""
+    grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
     quantities, parts, panels, n = at_nodes.shape
     heights, series = _interpolated(grid, jax.lax.stop_gradient(at_nodes))
     fine, number = jnp.asarray(grid.rule.fine), jnp.arange(panels, dtype=jnp.int32)
@@ -181,10 +197,8 @@ def rows(regime: Regime, components: Components, at_nodes: Array | None = None) 
         return jax.vmap(lambda panel, x: jax.vmap(lambda x: at(which, panel, x))(x))(number, x)
 
     tops, angles = jax.vmap(in_panels)(jnp.arange(quantities), heights, series)
-    vectors = jnp.concatenate([jnp.moveaxis(at_nodes, 1, -1), tops], axis=2)
-    angle = jnp.concatenate([jnp.broadcast_to(grid.nodes, (quantities, panels, n)), angles], axis=2)
-    angle = wrapped(jax.lax.stop_gradient(angle), regime.scene.cycle)
-    return Rows(vectors.reshape((-1, parts)), angle.ravel())
+    angles = wrapped(jax.lax.stop_gradient(angles), regime.scene.cycle)
+    return Summits(tops.reshape((quantities, -1, parts)), angles.reshape((quantities, -1)))
 
 
 def _node_values(regime: Regime, components: Components) -> Array:
