@@ -18,10 +18,10 @@ from linkjax._config import cache_folder, enable_x64
 from linkjax._types import as_float
 from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
-from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, loaded, make_folders
+from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, changes_of, make_folders
 from linkjax.cli._print import print_at, print_scene, print_summary
 from linkjax.cli._write import write_csv, write_out
-from linkjax.scenes import SceneError, build, json_schema, load_document, scene_names, starter
+from linkjax.scenes import SceneError, build, json_schema, load, load_document, scene_names, starter
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -79,7 +79,7 @@ def schema() -> None:
 @app.command()
 def show(scene: SceneName, set_: Set = None) -> None:
     """Show a scene: structure, links, loads."""
-    print_scene(loaded(scene, set_), scene)
+    print_scene(load(scene, changes_of(scene, set_)), scene)
 
 
 @app.command(name="analyse")
@@ -98,10 +98,10 @@ def analyse_command(
 ) -> None:
     """Analyse a working cycle: kinematics, motion, forces, flywheel."""
     console.quiet = quiet
-    machine = loaded(scene, set_)
+    machine = load(scene, changes_of(scene, set_))
     if at is not None and not math.isfinite(at):
         raise SceneError("--at", "", at, "is no angle", "give degrees of crank angle, e.g. --at 90")
-    make_folders(out, csv_folder, json_file and json_file.parent)
+    make_folders(out, csv_folder, json_file)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     extra = [] if at is None else [math.radians(at)]
     with elapsed("analysing"):

@@ -12,18 +12,18 @@ from typing import Annotated, Any
 import typer
 
 from linkjax import __version__
-from linkjax._units import display_units
+from linkjax._units import display_units, nearest
 from linkjax.analysis import analyse, compile_ahead, plain
 from linkjax.analysis import document as analysis_document
 from linkjax.cli._app import app
 from linkjax.cli._console import console
-from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, document_of, make_folders
+from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, changes_of, make_folders
 from linkjax.cli._print_optimum import Display, amount
 from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
 from linkjax.cli._write import write_out
 from linkjax.design import DesignError, Progress, document, limit, optimise, settled
-from linkjax.scenes import build_task, text_of
+from linkjax.scenes import load_task, text_of
 
 ANGLES = 360
 
@@ -51,7 +51,7 @@ def optimise_command(
     limits: Limits = None,
     free: Free = None,
     starts: Starts = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the random starts.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random starts.")] = None,
     solver: Solver = None,
     nodes: Nodes = 96,
     units: Units = "",
@@ -61,14 +61,14 @@ def optimise_command(
     """Optimise a machine as the section [optimise] of its scene asks, or as the options do."""
     console.quiet = quiet
     shown = {**display_units("deg,rpm,kN"), **display_units(units)}
-    machine, asked = build_task(document_of(scene, set_))
+    machine, asked = load_task(scene, changes_of(scene, set_))
     _change(asked, limits, free)
     if minimise or maximise:
         asked |= {"minimise": minimise, "maximise": maximise}
     given = {"starts": starts, "seed": seed, "solver": solver}
     asked |= {key: value for key, value in given.items() if value is not None}
     asked = settled(machine, **asked)
-    make_folders(out, json_file and json_file.parent)
+    make_folders(out, None, json_file)
     clock = time.perf_counter()
     with _Told(shown) as told:
         analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
@@ -100,9 +100,12 @@ def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | N
         name, equals, given = text.partition("=")
         if not equals:
             raise DesignError(text, "--free needs NAME=RANGE", 'write e.g. --free links.rod.length="± 8 %"')
-        asked["free"] = {**asked["free"], name.strip(): given.strip()}
-        if given.strip() == "no":
-            del asked["free"][name.strip()]
+        name, given = name.strip(), given.strip()
+        if given == "no" and name not in asked["free"]:
+            raise DesignError(name, "is not free", nearest(name, asked["free"]))
+        asked["free"] = {**asked["free"], name: given}
+        if given == "no":
+            del asked["free"][name]
 
 
 class _Told:

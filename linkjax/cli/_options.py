@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from linkjax.machine import Scene
-from linkjax.scenes import Document, SceneError, build, load_document, override, setting
+from linkjax.scenes import SceneError
 
 SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene or the path of a scene file.")]
 Set = Annotated[
@@ -23,24 +24,21 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors."
 Nodes = Annotated[int, typer.Option(min=8, help="Nodes of the cycle grid per crank turn.")]
 
 
-def document_of(name: str, changes: list[str] | None) -> Document:
-    """The document of a scene with the keys that `--set` changes."""
-    found = load_document(name)
+def changes_of(name: str, changes: list[str] | None) -> dict[str, str]:
+    """The keys that `--set` changes."""
+    found = {}
     for change in changes or ():
         key, equals, value = change.partition("=")
         if not equals:
             raise SceneError(name, key, None, "--set needs KEY=VALUE", 'write e.g. --set links.rod.length="1.1 m"')
-        found = override(found, key.strip(), setting(value))
+        found[key.strip()] = value
     return found
 
 
-def loaded(name: str, changes: list[str] | None) -> Scene:
-    """The scene with the keys that `--set` changes."""
-    return build(document_of(name, changes))
-
-
-def make_folders(*folders: Path | None) -> None:
+def make_folders(out: Path | None, csv: Path | None, json: Path | None) -> None:
     """Make the folders that are written to, before anything is computed."""
-    for folder in folders:
+    for folder in (out, csv, json and json.parent):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
+    if json is not None and json.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(json))

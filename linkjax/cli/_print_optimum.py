@@ -81,7 +81,7 @@ def _print_variables(data: Data, shown: Display) -> None:
     unit = data["objective"]["unit"]
     for name, v in data["variables"].items():
         parts = [amount(v[key], v["unit"], shown) for key in ("before", "after", "lower", "upper")]
-        price = f"{v['active']}: {abs(v['pull']):.5g} {unit} per {v['unit']}" if v["active"] else ""
+        price = f"{v['active']}: {v['pull']:.5g} {unit} per {v['unit']}" if v["active"] else ""
         table.add_row(name, *parts, price)
     console.print()
     console.print(table, highlight=False)

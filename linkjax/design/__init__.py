@@ -9,7 +9,6 @@ from linkjax.design._names import changed as changed
 from linkjax.design._names import number as number
 from linkjax.design._names import numbers as numbers
 from linkjax.design._optimise import Optimum as Optimum
-from linkjax.design._optimise import Progress as Progress
 from linkjax.design._optimise import optimise as optimise
 from linkjax.design._optimise import settled as settled
 from linkjax.design._problem import Case as Case
@@ -17,6 +16,7 @@ from linkjax.design._problem import Problem as Problem
 from linkjax.design._problem import Variable as Variable
 from linkjax.design._scipy import slsqp as slsqp
 from linkjax.design._scipy import trust as trust
+from linkjax.design._starts import Progress as Progress
 from linkjax.design._terms import Limit as Limit
 from linkjax.design._terms import Term as Term
 from linkjax.design._terms import as_term as as_term

@@ -44,6 +44,8 @@ def descend(
     point, step = path.point, None
     radius, penalty, bend = RADIUS, PENALTY, np.zeros((z.size, z.size))
     for _ in range(steps if point.unsound <= 0 else 0):
+        if not np.isfinite(point.value + point.violation):
+            return path
         if told is not None:
             told(point, path.certificate)
         if path.certificate.residual <= tolerance and point.violation <= MET:

@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 
 from linkjax.analysis import Cycle, measured
+from linkjax.design._names import number
 from linkjax.design._optimise import Optimum
+from linkjax.design._problem import Case
+from linkjax.machine import Scene
 from linkjax.measures import MEASURES
 
 WHY = {
@@ -17,7 +20,7 @@ WHY = {
     "many": "asked for: a crowd of starts at once by optax, the best finished by the cone solver",
 }
 MESSAGES = {
-    "optimal": "The optimum is found, and certified by its multipliers.",
+    "optimal": "An optimum is found: every limit is met, and its multipliers certify the first-order conditions.",
     "uncertified": "A feasible design is found, but its certificate is weak: run more starts, or check that the limits "
     "are smooth there.",
     "interrupted": "Interrupted; this is the best design so far.",
@@ -76,7 +79,7 @@ def document(
         "reached": found.reached,
         "kkt_residual": found.kkt_residual,
         "trade_off": _trade_off(found, goal.unit),
-        "cases": [case.name for case in problem.cases if case.name],
+        "cases": [case.name or "as it is" for case in problem.cases if case != Case() or len(problem.cases) > 1],
         "solver": {"name": found.solver, "why": WHY[found.solver]},
         "scene_after": scene_after,
         "result": {
@@ -92,7 +95,13 @@ def _variable(found: Optimum, i: int) -> dict[str, Any]:
     return {
         "before": float(problem.start[i]), "after": float(found.x[i]), "lower": low, "upper": high,
         "active": _active(found, name, float(found.x[i]), low, high), "unit": problem.numbers[i].unit, "pull": pull,
+        "tied": {tie: {"before": _read(found.before, tie), "after": _read(found.after, tie)}
+                 for tie in problem.variables[i].tied},
     }  # fmt: skip
+
+
+def _read(scene: Scene, name: str) -> float:
+    return float(number(scene, name).read(scene))
 
 
 def _active(found: Optimum, name: str, value: float, low: float, high: float) -> str:

@@ -6,6 +6,7 @@ Names follow the keys of scene files; a place on a link has `along` and `across`
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -31,11 +32,12 @@ UNITS = {
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """One number of a scene: where it is in the tree, its unit."""
+    """One number of a scene: where it is in the tree, its unit, and the least it may be."""
 
     name: str
     where: Where
     unit: str
+    least: float = -math.inf
 
     def read(self, scene: Scene) -> Array:
         """Its value in a scene (SI)."""
@@ -75,16 +77,17 @@ def changed(scene: Scene, values: Mapping[str, Any] | Sequence[tuple[Number, Any
 
 
 def _numbers(scene: Scene) -> Iterator[Number]:
+    bars = {link for group in scene.mechanism.groups for link, (_, far) in group.pins().items() if far is not None}
     for point in scene.mechanism.fixed:
         yield from _vec(f"fixed.{point}", lambda s, p=point: s.mechanism.fixed[p], ("x", "y"))
     for name, link in scene.mechanism.links.items():
-        yield from _link(f"links.{name}", link, lambda s, n=name: s.mechanism.links[n])
-    yield Number("flywheel.inertia", lambda s: s.mechanism.flywheel.inertia, "kg m^2")
+        yield from _link(f"links.{name}", link, lambda s, n=name: s.mechanism.links[n], name in bars)
+    yield Number("flywheel.inertia", lambda s: s.mechanism.flywheel.inertia, "kg m^2", 0.0)
     for i, group in enumerate(scene.mechanism.groups):
         yield from _group(f"groups.{'-'.join(group.link_names())}", group, lambda s, i=i: s.mechanism.groups[i])
     for i, load in enumerate(scene.loads):
         yield from _load(f"loads.{load.name}", load, lambda s, i=i: s.loads[i])
-    yield Number("speed", lambda s: s.speed, "rad/s")
+    yield Number("speed", lambda s: s.speed, "rad/s", 0.0)
     yield from _vec("gravity", lambda s: s.gravity, ("x", "y"), "m/s^2")
 
 
@@ -93,22 +96,22 @@ def _vec(name: str, where: Where, parts: tuple[str, str] = ("along", "across"), 
     yield Number(f"{name}.{parts[1]}", lambda s: where(s).y, unit)
 
 
-def _link(name: str, link: Link, where: Where) -> Iterator[Number]:
+def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
     given = ("area", "density") if link.mass_properties == "section" else ("mass", "inertia")
-    for key in ("length", *given):
-        yield Number(f"{name}.{key}", lambda s, k=key: getattr(where(s), k), UNITS[key])
+    for key in (*(("length",) if bar else ()), *given):
+        yield Number(f"{name}.{key}", lambda s, k=key: getattr(where(s), k), UNITS[key], 0.0)
     if link.mass_properties != "section":
         yield from _vec(f"{name}.centre", lambda s: where(s).centre)
     for point in link.points:
         yield from _vec(f"{name}.points.{point}", lambda s, p=point: where(s).points[p])
     for key, piece in link.counterweights.items():
         own = f"{name}.counterweights.{key}"
-        yield Number(f"{own}.mass", lambda s, k=key: where(s).counterweights[k].mass, "kg")
+        yield Number(f"{own}.mass", lambda s, k=key: where(s).counterweights[k].mass, "kg", 0.0)
         yield from _vec(f"{own}.at", lambda s, k=key: where(s).counterweights[k].at)
         for part in ("inertia", "thickness", "density"):
             if getattr(piece, part) is not None:
                 yield Number(
-                    f"{own}.{part}", lambda s, k=key, q=part: getattr(where(s).counterweights[k], q), UNITS[part]
+                    f"{own}.{part}", lambda s, k=key, q=part: getattr(where(s).counterweights[k], q), UNITS[part], 0.0
                 )
 
 
@@ -130,5 +133,7 @@ def _load(name: str, load: AbstractLoad, where: Where) -> Iterator[Number]:
         elif isinstance(value, Vec):
             yield from _vec(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), ("x", "y"), "N")
         elif eqx.is_array(value):
-            key = ("force" if load.point else "torque") if field.name == "magnitude" else field.name
-            yield Number(f"{name}.{key}", lambda s, f=field.name: getattr(where(s), f), "N" if load.point else "N m")
+            size = field.name == "magnitude"
+            key = ("force" if load.point else "torque") if size else field.name
+            yield Number(f"{name}.{key}", lambda s, f=field.name: getattr(where(s), f),
+                         "N" if load.point else "N m", 0.0 if size else -math.inf)  # fmt: skip

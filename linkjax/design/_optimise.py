@@ -12,31 +12,23 @@ from linkjax._units import nearest
 from linkjax.design._cone import Path, descend
 from linkjax.design._many import many
 from linkjax.design._names import DesignError
-from linkjax.design._point import MET, Certificate, Point, certify, look, rank
+from linkjax.design._point import Point, look, obstacles, rank
 from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
+from linkjax.design._starts import Progress, Run, Start, Traded, objective, trade, violated
 from linkjax.design._terms import Asked, Limit
 from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene
-from linkjax.measures import NODES
+from linkjax.measures import MEASURES, NODES
 
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
 OTHERS = 5  # starts whose ends the points of a trade-off begin from
 SOLVERS: dict[str, Callable[..., Path]] = {"cone": descend, "slsqp": slsqp, "trust-constr": trust, "many": many}
 
 
-class Start(NamedTuple):
-    """What one start came to."""
-
-    objective: float
-    feasible: bool
-    residual: float
-    evaluations: int
-
-
 class Met(NamedTuple):
-    """A limit at the optimum: its value, its bound, its multiplier (what the objective loses per unit of the bound, in
-    their SI units), and the crank angles (rad) at which it is tied."""
+    """A limit at the optimum: its value, its bound, its multiplier (what the objective gains per unit that the bound
+    gives way, in their SI units), and the crank angles (rad) at which it is tied."""
 
     value: float
     bound: float
@@ -44,34 +36,11 @@ class Met(NamedTuple):
     tied_angles: tuple[float, ...]
 
 
-class Traded(NamedTuple):
-    """The optimum under another bound of one limit."""
-
-    bound: float
-    objective: float
-    feasible: bool
-    x: tuple[float, ...]
-
-
-class Progress(NamedTuple):
-    """Where a run of many starts is: the start and how many there are, the steps it took, its objective (SI) with the
-    unit, the limits it violates, its certificate, scaled, and the best feasible objective so far."""
-
-    start: int
-    starts: int
-    step: int
-    objective: float
-    unit: str
-    violated: tuple[str, ...]
-    residual: float
-    best: float | None
-
-
 @dataclasses.dataclass(frozen=True)
 class Optimum:
     """The best design found, beside the one it began with.
 
-    `limits` by label, `pull` what the objective would lose (SI) per unit of room at an active bound, `history` the
+    `limits` by label, `pull` what the objective would gain (SI) per unit of room at an active bound, `history` the
     objective and violation, scaled, of every step of the best start, `trade_off` the optima for other bounds of one
     limit.
     """
@@ -140,12 +109,14 @@ def optimise(
     descend = _solver(solver)
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
+    if seed < 0:
+        raise DesignError("seed", f"is {seed}", "write a whole number of zero or more")
     asked = settled(scene, free, minimise, maximise, limits, cases)
     goal = asked["maximise"] or asked["minimise"]
     problem = Problem(scene, asked["free"], goal, asked["limits"], asked["cases"], maximise is not None, nodes,
                       meanwhile)  # fmt: skip
     traded = None if trade_off is None else _traded(problem, scene, *trade_off)
-    run = _Run(problem, starts, told)
+    run = Run(problem, starts, told)
     rng = np.random.default_rng(seed)
     today = (problem.start - problem.lower) / (problem.upper - problem.lower)
     first = np.clip(today, 0.0, 1.0)
@@ -155,12 +126,13 @@ def optimise(
     except KeyboardInterrupt:
         run.interrupted()
     best = min(run.paths, key=lambda path: rank(path.point))
-    found = _optimum(problem, best, look(problem, today), tuple(run.found))
-    points: tuple[Traded, ...] = ()
-    if traded is not None and not run.stopped:
-        points = _trade(problem, [best, *sorted(run.paths, key=lambda path: rank(path.point))[1:OTHERS]], *traded)
+    found = _optimum(problem, best, look(problem, today), run.found())
+    points, stopped = (), run.stopped
+    if traded is not None and not stopped:
+        ends = [best, *sorted(run.paths, key=lambda path: rank(path.point))[1:OTHERS]]
+        points, stopped = trade(problem, ends, *traded)
     return dataclasses.replace(
-        found, solver=solver, interrupted=run.stopped, trade_off=points, traded=traded[0] if traded else "",
+        found, solver=solver, interrupted=stopped, trade_off=points, traded=traded[0] if traded else "",
         evaluations=problem.evaluations,
     )  # fmt: skip
 
@@ -173,18 +145,34 @@ def settled(
     asked, before anything is compiled."""
     if (minimise is None) == (maximise is None):
         raise DesignError("objective", "one is needed", "give either minimise or maximise")
-    found = [settled_limit(scene, one) for one in limits]
-    names = [one.name for one in found]
-    found = [
-        dataclasses.replace(one, name=f"{one.name} {one.sense}") if names.count(one.name) > 1 else one for one in found
-    ]
+    found = _told_apart([settled_limit(scene, one) for one in limits])
+    names = [case.name for case in cases]
+    if len(set(names)) < len(names):
+        raise DesignError("cases", f"two have the name {max(names, key=names.count)!r}", "give each its own")
     variables = settled_free(scene, free)
     check(variables)
     return {
         "free": variables, "minimise": minimise and settled_term(scene, minimise),
         "maximise": maximise and settled_term(scene, maximise), "limits": found,
-        "cases": [settled_case(scene, case) for case in cases], **others,
+        "cases": [settled_case(scene, case) for case in cases or (Case(),)], **others,
     }  # fmt: skip
+
+
+def _told_apart(limits: list[Limit]) -> list[Limit]:
+    """Limits of one name by their senses, several own functions of one name by numbers."""
+    found: list[Limit] = []
+    for each in limits:
+        same = [other for other in limits if other.name == each.name]
+        if len(same) == 1:
+            found.append(each)
+        elif {(other.sense) for other in same} == {"at most", "at least"} and len(same) == 2:
+            found.append(dataclasses.replace(each, name=f"{each.name} {each.sense}"))
+        elif any(other.term.value is not each.term.value for other in same) and each.name not in MEASURES:
+            number = next(i for i, other in enumerate(same, 1) if other is each)
+            found.append(dataclasses.replace(each, name=f"{each.name} {number}"))
+        else:
+            raise DesignError(each.name, f"is limited {len(same)} times", "keep one limit of each sense")
+    return found
 
 
 def _solver(name: str) -> Callable[..., Path]:
@@ -194,83 +182,12 @@ def _solver(name: str) -> Callable[..., Path]:
     return SOLVERS[name]
 
 
-class _Run:
-    """Many starts, one after the other, and the best design seen on the way."""
-
-    def __init__(self, problem: Problem, starts: int, told: Callable[[Progress], None] | None):
-        self.problem, self.starts, self.told = problem, starts, told
-        self.paths: list[Path] = []
-        self.found: list[Start] = []
-        self.seen: Point | None = None
-        self.stopped, self.number, self.step = False, 0, 0
-
-    def follow(self, descend: Callable[..., Path], z: np.ndarray, number: int) -> None:
-        """One start to its end."""
-        before, self.number, self.step = self.problem.evaluations, number, 0
-        self._ended(descend(self.problem, z, told=self._told), self.problem.evaluations - before)
-
-    def interrupted(self) -> None:
-        """The best design so far stands for what was not finished. Raises `KeyboardInterrupt` where there is none."""
-        if self.seen is None:
-            raise KeyboardInterrupt
-        self.stopped = True
-        self.paths.append(Path(self.seen, certify(self.seen), [(self.seen.value, self.seen.violation)], False))
-
-    def _ended(self, path: Path, evaluations: int) -> None:
-        self.paths.append(path)
-        self._see(path.point)
-        objective = _objective(self.problem, path.point)
-        feasible = path.point.violation <= MET
-        self.found.append(Start(objective, feasible, path.certificate.residual, evaluations))
-
-    def _see(self, point: Point) -> None:
-        if self.seen is None or rank(point) < rank(self.seen):
-            self.seen = point
-
-    def _told(self, point: Point, certificate: Certificate) -> None:
-        self._see(point)
-        self.step += 1
-        if self.told is not None and self.seen is not None:
-            best = _objective(self.problem, self.seen) if self.seen.violation <= MET else None
-            unit = next(kind.unit for kind in self.problem.kinds if kind.role == "objective")
-            violated = tuple(kind.label for kind in _violated(self.problem, point))
-            self.told(Progress(self.number, self.starts, self.step, _objective(self.problem, point), unit, violated,
-                               certificate.residual, best))  # fmt: skip
-
-
 def _traded(problem: Problem, scene: Scene, name: str, bounds: Sequence[float | str]) -> tuple[str, list[float]]:
     """The limit that is traded off, and its further bounds in SI."""
     known = {kind.name: kind.unit for kind in problem.kinds if kind.role == "limit"}
     if name not in known:
         raise DesignError("trade_off", f"{name!r} is no limit of this problem", nearest(name, known))
     return name, [amount(bound, known[name], "trade_off") for bound in bounds]
-
-
-def _trade(problem: Problem, paths: list[Path], name: str, bounds: list[float]) -> tuple[Traded, ...]:
-    """The optimum for every bound of one limit, each from the design before and from the ends of several starts."""
-    kinds, ends, found = problem.kinds, [path.point.z for path in paths], []
-    z = ends[0]
-    span = problem.upper - problem.lower
-    try:
-        for bound in bounds:
-            problem.kinds = [
-                dataclasses.replace(kind, bound=bound) if kind.name == name and kind.role == "limit" else kind
-                for kind in kinds
-            ]
-            point = min((descend(problem, each).point for each in (z, *ends)), key=rank)
-            x, z = problem.lower + point.z * span, point.z
-            found.append(Traded(bound, _objective(problem, point), point.violation <= MET, tuple(map(float, x))))
-    except KeyboardInterrupt:
-        pass
-    finally:
-        problem.kinds = kinds
-    return tuple(found)
-
-
-def _objective(problem: Problem, point: Point) -> float:
-    """The objective in SI: the worst of all cases."""
-    kind = next(kind for kind in problem.kinds if kind.role == "objective")
-    return point.value * kind.scale * (kind.sign if kind.signed else 1.0)
 
 
 def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ...]) -> Optimum:
@@ -289,24 +206,22 @@ def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ..
         else:
             multiplier = float(np.sum(weights)) * goal.scale / kind.scale
             limits[kind.label] = Met(block.value, kind.bound, multiplier, tuple(sorted(set(at))))
-    violated = _violated(problem, point)
-    pulls = (certificate.lower - certificate.upper) * goal.scale / (problem.upper - problem.lower)
+    missed = violated(problem, point)
+    pulls = (certificate.lower + certificate.upper) * goal.scale / (problem.upper - problem.lower)
     return Optimum(
-        problem.scene, problem.design(x), problem, x, _objective(problem, begin), _objective(problem, point), limits,
+        problem.scene, problem.design(x), problem, x, objective(problem, begin), objective(problem, point), limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
-        certificate.residual, not violated, _clash(violated, limits), starts, tuple(path.history), problem.evaluations,
+        certificate.residual, not missed, _clash(problem, point, missed), starts, tuple(path.history),
+        problem.evaluations,
     )  # fmt: skip
 
 
-def _violated(problem: Problem, point: Point) -> list[Kind]:
-    """The limits that a design does not meet."""
-    kinds = [kind for role in ("limit", "sound") for kind in problem.kinds if kind.role == role]
-    return [k for k, limit in zip(kinds, [*point.limits, *point.sound], strict=True) if limit.excess() > MET]
-
-
-def _clash(violated: list[Kind], limits: dict[str, Met]) -> tuple[str, ...]:
-    """The limits that stand against each other: those violated, and those that carry a multiplier beside them."""
-    if not violated:
+def _clash(problem: Problem, point: Point, missed: list[Kind]) -> tuple[str, ...]:
+    """The limits that stand against each other: those violated, and those that keep the violation from shrinking."""
+    if not missed:
         return ()
-    held = [name for name, met in limits.items() if met.multiplier > 1e-9]
-    return tuple(dict.fromkeys([*(kind.label for kind in violated), *held]))
+    kinds = [kind for role in ("objective", "limit", "sound") for kind in problem.kinds if kind.role == role]
+    if not np.isfinite(point.value + point.violation):
+        return tuple(kind.label for kind in missed)
+    held = [kind for kind, weights in zip(kinds, obstacles(point), strict=True) if np.sum(weights) > 1e-6]
+    return tuple(dict.fromkeys(kind.label for kind in [*missed, *held]))

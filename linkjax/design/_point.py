@@ -53,7 +53,7 @@ def lengths(vectors: Float[np.ndarray, "rows parts"]) -> Float[np.ndarray, " row
 def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
     """A block by its kind's scale, with slopes by variables that run from 0 to 1."""
     factor = (kind.sign if kind.signed else 1.0) / kind.scale
-    rows, slope = block.vectors * factor, block.slope * (factor * span)
+    rows, slope = block.vectors * factor, np.nan_to_num(block.slope * (factor * span), posinf=0.0, neginf=0.0)
     value = block.value * (kind.sign if kind.signed else 1.0) / kind.scale
     sizes = rows[:, 0] if kind.signed else lengths(rows)
     level = 0.0 if kind.role == "objective" else kind.bound * factor
@@ -101,8 +101,12 @@ def rank(point: Point) -> tuple[float, float]:
 
 def look(problem: Problem, z: np.ndarray) -> Point:
     """Evaluate a design given in units of the variables' ranges."""
+    return placed(problem, z, problem.at(problem.lower + z * (problem.upper - problem.lower)))
+
+
+def placed(problem: Problem, z: np.ndarray, blocks: list[Block]) -> Point:
+    """A design that has been evaluated, in the problem's present scale."""
     span = problem.upper - problem.lower
-    blocks = problem.at(problem.lower + z * span)
     every = [(kind.role, scaled(kind, block, span)) for kind, block in zip(problem.kinds, blocks, strict=True)]
     goals, limits, sound = ([b for role, b in every if role == wanted] for wanted in ("objective", "limit", "sound"))
     return Point(z, blocks, goals, limits, sound)
@@ -123,6 +127,8 @@ def certify(point: Point) -> Certificate:
     from scipy.optimize import nnls
 
     n, top = point.z.size, point.value
+    if not np.isfinite([top, point.violation]).all():
+        return Certificate(np.inf, [np.zeros(len(block.rows)) for block in point.every], np.zeros(n), np.zeros(n))
     columns, slacks, goal, homes = [], [], [], []
     for i, block in enumerate(point.every):
         level = top if i < len(point.goals) else block.level
@@ -149,3 +155,32 @@ def certify(point: Point) -> Certificate:
     lower, upper = np.zeros(n), np.zeros(n)
     lower[low], upper[high] = found[at : at + len(low)], found[at + len(low) :]
     return Certificate(left, weights, lower, upper)
+
+
+def obstacles(point: Point) -> list[np.ndarray]:
+    """Where limits are violated: multipliers of every row of every block with which the violation itself cannot be made
+    less, those of every violated block adding up to one; the objective has no say."""
+    from scipy.optimize import nnls
+
+    n, columns, homes, sums = point.z.size, [], [], []
+    for i, block in enumerate(point.every):
+        missed = block.excess() > MET
+        level = block.top if missed else block.level
+        tied = np.flatnonzero(block.sizes >= level - TIED) if i >= len(point.goals) else np.zeros(0, int)
+        columns.append(block.gradients(tied))
+        homes.append(tied)
+        if missed and tied.size:
+            sums.append((sum(len(home) for home in homes[:-1]), tied.size))
+    low, high = np.flatnonzero(point.z <= AT_BOUND), np.flatnonzero(point.z >= 1 - AT_BOUND)
+    rows = np.concatenate([*columns, -np.eye(n)[low], np.eye(n)[high]]).T
+    scale = 1e3 * max(1.0, float(np.max(np.abs(rows), initial=0.0)))
+    add = np.zeros((len(sums), rows.shape[1]))
+    for line, (at, count) in zip(add, sums, strict=True):
+        line[at : at + count] = scale
+    found, _ = nnls(np.concatenate([rows, add]), np.concatenate([np.zeros(n), np.full(len(sums), scale)]))
+    weights, at = [], 0
+    for block, tied in zip(point.every, homes, strict=True):
+        weights.append(np.zeros(len(block.rows)))
+        weights[-1][tied] = found[at : at + len(tied)]
+        at += len(tied)
+    return weights

@@ -166,9 +166,13 @@ class Problem:
         parts = [part.ravel() for each in zip(every, slopes, angles, values, strict=True) for part in each]
         return jnp.concatenate(parts)
 
+    def rescale(self, value: float) -> None:
+        """Measure the objective by another value (SI)."""
+        self.kinds = [dataclasses.replace(k, scale=value) if k.role == "objective" else k for k in self.kinds]
+
     def _kinds(self, limits: int) -> list[Kind]:
-        """Bounds and scales, from the values at the start."""
-        found = []
+        """Bounds and scales, from values and slopes at the start."""
+        found, span = [], self.upper - self.lower
         for i, (block, (rows, _)) in enumerate(zip(self.at(self.start), self._kept, strict=True)):
             j = i % len(self.asked)
             limit, case = self.asked[j], self.cases[i // len(self.asked)].name
@@ -176,6 +180,10 @@ class Problem:
             bound = block.value if limit.bound == TODAY else float(limit.bound)
             sign = 1.0 if limit.sense == "at most" else -1.0
             scale = abs(bound) or abs(block.value) or 1.0
+            if j == 0:  # a value that happens to be small is no measure: what the free numbers can do to it
+                sizes = block.vectors[:, 0] * sign if rows.signed else np.linalg.norm(block.vectors, axis=1)
+                leading = np.nan_to_num(block.slope[int(np.argmax(sizes))] * span, posinf=0.0, neginf=0.0)
+                scale = max(np.nan_to_num(abs(block.value)), float(np.max(np.abs(leading), initial=0.0))) or 1.0
             found.append(Kind(limit.name, case, limit.term.unit, role, rows.signed, sign, bound, scale))
         common = max(kind.scale for kind in found if kind.role == "objective")  # the worst case counts, by one measure
         return [dataclasses.replace(kind, scale=common) if kind.role == "objective" else kind for kind in found]

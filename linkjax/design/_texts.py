@@ -49,17 +49,25 @@ def variable(scene: Scene, name: str, given: Range, tied: tuple[str, ...] = ()) 
     if not isinstance(given, str):
         if not isinstance(given, tuple | list) or len(given) != 2:
             raise DesignError(name, f"{given!r} are no bounds", 'write two, e.g. ("0.95 m", "1.1 m"), or "± 8 %"')
-        return Variable(name, amount(given[0], at.unit, name), amount(given[1], at.unit, name), tied)
-    text = given.strip()
+        return _possible(Variable(name, amount(given[0], at.unit, name), amount(given[1], at.unit, name), tied), at)
+    text = given.replace("−", "-").strip()
     if about := AROUND.fullmatch(text):
         low, high = _around(about[1].strip(), float(at.read(scene)), at)
-        return Variable(name, low, high, tied)
+        return Variable(name, max(low, at.least), high, tied)
     if ends := FROM_TO.fullmatch(text):
         low, high = ends[1].strip(), ends[2].strip()
         if re.fullmatch(r"[+-]?[\d.eE+-]+", low):  # the unit stands once, behind the second
             low += re.sub(r"^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", "", high)
-        return Variable(name, amount(low, at.unit, name), amount(high, at.unit, name), tied)
+        return _possible(Variable(name, amount(low, at.unit, name), amount(high, at.unit, name), tied), at)
     raise DesignError(name, f"{given!r} is no range", 'write e.g. "0 to 40 kg m^2", "± 8 %" or "± 20 mm"')
+
+
+def _possible(free: Variable, at: Number) -> Variable:
+    """A free number, if its bounds are what it may be."""
+    if float(free.lower) < at.least:
+        raise DesignError(free.name, f"must not be less than {at.least:g}, but its bounds begin at {free.lower:g}",
+                          f"write {at.least:g} or more")  # fmt: skip
+    return free
 
 
 def _around(text: str, value: float, at: Number) -> tuple[float, float]:
@@ -106,7 +114,12 @@ def settled_limit(scene: Scene, given: Limit | str) -> Limit:
 
 def settled_case(scene: Scene, case: Case) -> Case:
     """A case with its numbers in SI."""
-    values = {name: amount(value, number(scene, name).unit, name) for name, value in case.changes.items()}
+    values = {}
+    for name, value in case.changes.items():
+        at = number(scene, name)
+        values[name] = amount(value, at.unit, name)
+        if values[name] < at.least:
+            raise DesignError(name, f"must not be less than {at.least:g}, but is {values[name]:g}", "write it positive")
     return Case(case.name, values)
 
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float, known
 from linkjax._vec import Vec
 
@@ -54,7 +55,7 @@ class Counterweight(eqx.Module):
         """Radius of the disc (m), None for any other form."""
         if self.thickness is None or self.density is None:
             return None
-        return jnp.sqrt(self.mass / (jnp.pi * self.thickness * self.density))
+        return safe_sqrt(self.mass / (jnp.pi * self.thickness * self.density))
 
 
 class Link(eqx.Module):

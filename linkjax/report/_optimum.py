@@ -8,6 +8,7 @@ from typing import Any
 from linkjax.report._cells import NONE, Cell, Numbers, table, words
 
 Data = dict[str, Any]
+MET = 1e-8  # the excess, relative to the bound, up to which a limit counts as met
 
 
 def asked(show: Numbers, optimum: Data) -> str:
@@ -21,7 +22,7 @@ def asked(show: Numbers, optimum: Data) -> str:
     limits = [f"{plain(label)} {limit['sense']} {show.bound(limit['limit'], limit['unit'])}"
               for label, limit in optimum["limits"].items()]  # fmt: skip
     rows.append(["limits", "; ".join(limits) or "none"])
-    if len(optimum.get("cases") or ()) > 1:
+    if optimum.get("cases"):
         rows.append(["cases, the worst counts", ", ".join(optimum["cases"])])
     if solver:
         rows.append(["solver", ": ".join(filter(None, (solver.get("name"), solver.get("why"))))])
@@ -31,12 +32,11 @@ def asked(show: Numbers, optimum: Data) -> str:
 def measures(show: Numbers, optimum: Data) -> str:
     """The objective and every measure before and after."""
     goal, units = optimum["objective"], optimum.get("units") or {}
-    rows = []
-    if goal["name"] not in optimum["after"]:
-        rows.append(_change(show, plain(goal["name"]), goal["before"], goal["after"], goal["unit"], "objective"))
+    mark = "objective, the worst case" if optimum.get("cases") else "objective"
+    rows = [_change(show, plain(goal["name"]), goal["before"], goal["after"], goal["unit"], mark)]
     for name, after in optimum["after"].items():
-        mark = "objective" if name == goal["name"] else ""
-        rows.append(_change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), mark))
+        if name != goal["name"] or optimum.get("cases"):  # a measure is of the scene as it is, without the cases
+            rows.append(_change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), ""))
     return table(["measure", "before", "after", "change", ""], rows, "Before and after")
 
 
@@ -103,8 +103,9 @@ def clash(optimum: Data) -> str:
 def _missed(limit: Data | None) -> str:
     if limit is None or limit["value"] is None:
         return ""
-    over = float(limit["value"]) > float(limit["limit"])
-    return "not met" if over == (limit["sense"] == "at most") and limit["value"] != limit["limit"] else "met"
+    bound = float(limit["limit"])
+    over = (float(limit["value"]) - bound) * (1 if limit["sense"] == "at most" else -1)
+    return "met" if over <= MET * abs(bound) else "not met"
 
 
 def angles(show: Numbers, found: list[float] | None) -> str:

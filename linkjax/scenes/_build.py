@@ -8,14 +8,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from linkjax._vec import Vec
-from linkjax.design import Case
+from linkjax.design import Case, numbers
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
 from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError
 from linkjax.scenes import _models as file
 from linkjax.scenes._check import check
 from linkjax.scenes._document import STARTER, Document, load_document, override, read_document
+from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained, from_structure
+from linkjax.scenes._keys import split
 from linkjax.scenes._optimise import Optimise
 
 
@@ -36,19 +38,23 @@ def load_task(
 ) -> tuple[Scene, dict[str, Any]]:
     """The scene of a built-in name or file, and what its section `[optimise]` asks: `optimise(scene, **asked)`.
 
-    Keys under `[optimise.changes]` are changed first, then `changes`. Raises `SceneError` as `load` does.
+    Keys under `[optimise.changes]` are changed first, then `changes` (of `optimise` itself, before). Raises
+    `SceneError` as `load` does.
     """
-    document = load_document(name_or_path)
-    for key, value in (changes or {}).items():
-        document = override(document, key, value)
-    return build_task(document)
+    return build_task(load_document(name_or_path), changes)
 
 
-def build_task(document: Document) -> tuple[Scene, dict[str, Any]]:
+def build_task(document: Document, changes: Mapping[str, Any] | None = None) -> tuple[Scene, dict[str, Any]]:
     """The scene of a raw document as it is optimised, and the arguments of `optimise`; see `load_task`."""
-    model = explained(file.SceneFile, document.source, document.table)
-    asked = model.optimise or Optimise()
-    for key, value in asked.changes.items():
+    given = dict(changes or {})
+    own = {key: given.pop(key) for key in list(given) if split(key)[:1] == ("optimise",)}
+    for key, value in own.items():
+        document = override(document, key, value)
+    asked = explained(file.SceneFile, document.source, document.table).optimise or Optimise()
+    for key, value in {**asked.changes, **given}.items():
+        if split(key)[:1] == ("optimise",):
+            path = f"optimise.changes.{key}"
+            raise SceneError(document.source, path, value, "changes what is asked, not the machine", "write it itself")
         document = override(document, key, value)
     arguments: dict[str, Any] = {
         "minimise": asked.minimise, "maximise": asked.maximise, "free": asked.free, "limits": asked.limits,
@@ -56,7 +62,21 @@ def build_task(document: Document) -> tuple[Scene, dict[str, Any]]:
         "cases": [Case(case.name, case.changes) for case in asked.cases] or [Case()],
         "trade_off": None if asked.trade_off is None else (asked.trade_off.limit, asked.trade_off.bounds),
     }  # fmt: skip
-    return build(document), arguments
+    scene = build(document)
+    _no_plain_angles(document.source, scene, asked)
+    return scene, arguments
+
+
+def _no_plain_angles(source: str, scene: Scene, asked: Optimise) -> None:
+    """Raise `SceneError` where an angle is a number without a unit, as everywhere in scene files."""
+    angles = {name for name, at in numbers(scene).items() if at.unit == "rad"}
+    ranges = {name: each["range"] if isinstance(each, dict) else each for name, each in asked.free.items()}
+    found = [(f"optimise.free.{name}", value) for name, ends in ranges.items() if name in angles for value in ends]
+    for i, case in enumerate(asked.cases):
+        found += [(f"optimise.cases[{i}].changes.{name}", v) for name, v in case.changes.items() if name in angles]
+    for key, value in found:
+        if not isinstance(value, str) and value != 0:
+            raise SceneError(source, key, value, "an angle without a unit", f'write "{value:.12g} deg"')
 
 
 def loads_text(text: str, source: str = "<text>") -> Scene:

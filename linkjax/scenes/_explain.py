@@ -64,7 +64,10 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
         name = join(tuple(part for part in path if isinstance(part, str)))
         brackets = f"[[{name}]]" if "groups" in path[:1] or "loads" in path[:1] else f"[{name}]"
         return f"{what} where a table is needed", f"write {brackets} with its keys below it"
+    if kind == "list_type" and path[0] == "optimise" and last != "cases":
+        return f"{what} where a list is needed", f"write it in square brackets, {last} = [...]"
     if kind == "list_type":
+        last = join(path)
         return f"{what} where a list of tables is needed", f"write [[{last}]], in double brackets, once for each"
     return message[:1].lower() + message[1:], "see docs/scenes.md for what may stand here"
 

@@ -39,6 +39,12 @@ def _amount_like(value: Any) -> bool:
     return isinstance(value, str | int | float) and not isinstance(value, bool)
 
 
+def _seed(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise wrong("not a whole number of zero or more", "write e.g. 1")
+    return value
+
+
 def _whole(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 10_000:
         raise wrong("not a whole number from 1 to 10000", "write how many starts are tried, e.g. 10")
@@ -57,6 +63,9 @@ TIED = {
 Range = Annotated[Any, PlainValidator(_range), WithJsonSchema({"anyOf": [{"type": "string"}, PAIR, TIED]})]
 Amount = Annotated[Any, BeforeValidator(_amount), WithJsonSchema(AMOUNT)]
 Starts = Annotated[int, PlainValidator(_whole), WithJsonSchema({"type": "integer", "minimum": 1, "maximum": 10_000})]
+
+
+Seed = Annotated[int, PlainValidator(_seed), WithJsonSchema({"type": "integer", "minimum": 0})]
 
 
 class Case(Table):
@@ -91,7 +100,7 @@ class Optimise(Table):
     cases: list[Case] = Field(default=[], description="cases of load and speed")
     trade_off: TradeOff | None = Field(default=None, description="further bounds of one limit")
     starts: Starts = Field(default=1, description="starts: the scene itself, the others at random", examples=[10])
-    seed: int = Field(default=0, description="seed of the random starts", examples=[1])
+    seed: Seed = Field(default=0, description="seed of the random starts", examples=[1])
     solver: str = Field(
         default="cone", description='"cone", or another of `linkjax optimise --help`', examples=["slsqp"]
     )

@@ -29,7 +29,9 @@ PRESS = lj.load("hay-press")
         ("links.rod.points.E.across", "-300 to 300 mm", -0.3, 0.3),
         ("speed", "400 to 700 rpm", 400 * math.pi / 30, 700 * math.pi / 30),
         ("loads.hay.window.on", "80 to 100 deg", math.radians(80), math.radians(100)),
-        ("loads.hay.force", "-1 to +3e1 kN", -1e3, 3e4),
+        ("loads.hay.force", "1e0 to +3e1 kN", 1e3, 3e4),
+        ("links.rod.points.E.across", "−5 to 5 mm", -5e-3, 5e-3),
+        ("flywheel.inertia", "± 3 kg m^2", 0.0, 3.0),
     ],
 )
 def test_ranges(name, given, low, high):

@@ -1,0 +1,188 @@
+"""Many starts, one after the other: what each came to, the best seen on the way, and what another bound would give."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from linkjax.design._cone import Path, descend
+from linkjax.design._point import MET, Certificate, Point, certify, placed, rank
+from linkjax.design._problem import Kind, Problem
+
+SCALINGS = 3  # times that the objective may be measured anew
+NEAR = 10.0  # an objective within this factor of its measure needs none
+SHRINK = 1e-3  # the most by which its measure shrinks at once
+GAINED = 1e-7  # of the objective, and 1e-9 of its first measure: what a new measure must gain to be kept
+INSIDE = 0.1  # of the ranges: how far from their bounds numbers without effect are moved
+CERTIFIED = 1e-7
+
+
+class Start(NamedTuple):
+    """What one start came to."""
+
+    objective: float
+    feasible: bool
+    residual: float
+    evaluations: int
+
+
+class Traded(NamedTuple):
+    """The optimum under another bound of one limit."""
+
+    bound: float
+    objective: float
+    feasible: bool
+    x: tuple[float, ...]
+
+
+class Progress(NamedTuple):
+    """Where a run of many starts is: the start and how many there are, the steps it took, its objective (SI) with the
+    unit, the limits it violates, its certificate, scaled, and the best feasible objective so far."""
+
+    start: int
+    starts: int
+    step: int
+    objective: float
+    unit: str
+    violated: tuple[str, ...]
+    residual: float
+    best: float | None
+
+
+Descent = Callable[..., Path]
+
+
+class Run:
+    """Many starts, one after the other, and the best design seen on the way."""
+
+    def __init__(self, problem: Problem, starts: int, told: Callable[[Progress], None] | None):
+        self.problem, self.starts, self.told = problem, starts, told
+        self.paths: list[Path] = []
+        self.evaluations: list[int] = []
+        self.seen: Point | None = None
+        self.stopped, self.number, self.step = False, 0, 0
+
+    def follow(self, descend: Descent, z: np.ndarray, number: int) -> None:
+        """One start to its end."""
+        before, self.number, self.step = self.problem.evaluations, number, 0
+        self.paths.append(descend(self.problem, z, told=self._told))
+        self._moved_inside(descend)
+        self._measured_anew(descend)
+        self._see(self.paths[-1].point)
+        self.evaluations.append(self.problem.evaluations - before)
+
+    def interrupted(self) -> None:
+        """The best design so far stands for what was not finished. Raises `KeyboardInterrupt` where there is none."""
+        if self.seen is None:
+            raise KeyboardInterrupt
+        self.stopped = True
+        self.paths = self.paths[: len(self.evaluations)]
+        self.paths.append(Path(self.seen, certify(self.seen), [(self.seen.value, self.seen.violation)], False))
+
+    def found(self) -> tuple[Start, ...]:
+        """What every finished start came to."""
+        return tuple(
+            Start(objective(self.problem, path.point), path.point.violation <= MET, path.certificate.residual, count)
+            for path, count in zip(self.paths, self.evaluations, strict=False)
+        )
+
+    def _moved_inside(self, descend: Descent) -> None:
+        """Where a free number has no effect, as the place of a counterweight without mass, and others are at a bound,
+        the conditions of an optimum hold trivially: once more from inside the bounds, the better counts."""
+        point = self.paths[-1].point
+        idle = [not any(np.any(block.slope[..., j]) for block in point.every) for j in range(point.z.size)]
+        inside = np.clip(point.z, INSIDE, 1 - INSIDE)
+        if any(idle) and not np.array_equal(inside, point.z):
+            self._taken(descend(self.problem, inside, told=self._told))
+
+    def _measured_anew(self, descend: Descent) -> None:
+        """An objective that has become small, or large, beside its measure is given another, and followed further: what
+        is optimal is judged relative to the objective."""
+        first = _goal(self.problem).scale
+        for _ in range(SCALINGS):
+            point, old = self.paths[-1].point, _goal(self.problem).scale
+            if rank(point)[0] > 0 or any(rank(path.point) < rank(point) for path in self.paths):
+                return
+            size = abs(objective(self.problem, point))
+            new = max(size, SHRINK * old)
+            if old / NEAR <= new <= NEAR * old:
+                return
+            self._rescale(new)
+            self._taken(descend(self.problem, point.z, told=self._told))
+            path = self.paths[-1]
+            gained = size - abs(objective(self.problem, path.point))
+            if path.certificate.residual > CERTIFIED and abs(gained) <= max(GAINED * size, 1e-9 * first):
+                self._rescale(old)
+                return
+
+    def _taken(self, further: Path) -> None:
+        """A path that goes on where the last one ended, if it came to something better or as good."""
+        path = self.paths[-1]
+        if rank(further.point) <= rank(path.point):
+            further.history[:0] = path.history
+            self.paths[-1] = further
+
+    def _rescale(self, scale: float) -> None:
+        """Measure the objective by another value (SI), also in all that was found before."""
+        ratio = _goal(self.problem).scale / scale
+        self.problem.rescale(scale)
+        for path in self.paths:
+            path.point = placed(self.problem, path.point.z, path.point.blocks)
+            path.certificate = certify(path.point)
+            path.history[:] = [(value * ratio, violation) for value, violation in path.history]
+        if self.seen is not None:
+            self.seen = placed(self.problem, self.seen.z, self.seen.blocks)
+
+    def _see(self, point: Point) -> None:
+        if self.seen is None or rank(point) < rank(self.seen):
+            self.seen = point
+
+    def _told(self, point: Point, certificate: Certificate) -> None:
+        self._see(point)
+        self.step += 1
+        if self.told is not None and self.seen is not None:
+            best = objective(self.problem, self.seen) if self.seen.violation <= MET else None
+            names = tuple(kind.label for kind in violated(self.problem, point))
+            self.told(Progress(self.number, self.starts, self.step, objective(self.problem, point),
+                               _goal(self.problem).unit, names, certificate.residual, best))  # fmt: skip
+
+
+def _goal(problem: Problem) -> Kind:
+    return next(kind for kind in problem.kinds if kind.role == "objective")
+
+
+def objective(problem: Problem, point: Point) -> float:
+    """The objective in SI: the worst of all cases."""
+    kind = _goal(problem)
+    return point.value * kind.scale * (kind.sign if kind.signed else 1.0)
+
+
+def violated(problem: Problem, point: Point) -> list[Kind]:
+    """The limits that a design does not meet; one that is no number is not met."""
+    kinds = [kind for role in ("limit", "sound") for kind in problem.kinds if kind.role == role]
+    every = [*point.limits, *point.sound]
+    return [kind for kind, limit in zip(kinds, every, strict=True) if not limit.excess() <= MET]
+
+
+def trade(problem: Problem, paths: list[Path], name: str, bounds: list[float]) -> tuple[tuple[Traded, ...], bool]:
+    """The optimum for every bound of one limit, each from the design before and from the ends of several starts, and
+    whether it was interrupted."""
+    kinds, ends, found = problem.kinds, [path.point.z for path in paths], []
+    z, span, stopped = ends[0], problem.upper - problem.lower, False
+    try:
+        for bound in bounds:
+            problem.kinds = [
+                dataclasses.replace(kind, bound=bound) if kind.name == name and kind.role == "limit" else kind
+                for kind in kinds
+            ]
+            point = min((descend(problem, each).point for each in (z, *ends)), key=rank)
+            x, z = problem.lower + point.z * span, point.z
+            found.append(Traded(bound, objective(problem, point), point.violation <= MET, tuple(map(float, x))))
+    except KeyboardInterrupt:
+        stopped = True
+    finally:
+        problem.kinds = kinds
+    return tuple(found), stopped
