@@ -9,6 +9,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+import numpy as np
+
 from linkjax._units import display_units
 from linkjax.machine import Scene
 from linkjax.report import _optimum, _tables
@@ -76,8 +78,12 @@ def write_report(
     other; `units` what numbers are shown in ("mm, rpm, kN"; SI with prefixes where nothing is said). `figures` are the
     files that `linkjax.viz.write_figures` returned, of which the SVG ones are put into the page in that order, or the
     folder that it wrote them to; without them the figures are drawn.
-    Returns the path. Raises `OSError` when a file cannot be read or written, `QuantityError` for an unknown unit.
+    Returns the path. Raises `OSError` when a file cannot be read or written, `QuantityError` for an unknown unit,
+    `ValueError` where the two designs are not analysed at the same crank angles.
     """
+    if before is not None and not np.array_equal(data["angles"], before[0]["angles"]):
+        counts = f"{np.size(before[0]['angles'])} and {np.size(data['angles'])}"
+        raise ValueError(f"before and after have other crank angles ({counts}); analyse both at the same `angles`")
     chosen = display_units(units)
     show = Numbers(chosen)
     captions = {picture.name: picture.caption for picture in PICTURES}

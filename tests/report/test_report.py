@@ -231,3 +231,10 @@ def test_display_units():
     assert found["J"] == (1e-3, "kJ")
     assert found["kg m^2"] == (1e4, "kg·cm²")
     assert display_units("") == {}
+
+
+def test_machines_before_and_after_need_the_same_angles(tmp_path):
+    scene, data = analysed("four-bar")
+    fewer = {**data, "angles": data["angles"][::2]}
+    with pytest.raises(ValueError, match="before and after have other crank angles"):
+        write_report(data, scene, tmp_path / "report.html", figures=[], before=(fewer, scene))
