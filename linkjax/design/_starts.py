@@ -18,6 +18,7 @@ SHRINK = 1e-3  # the most by which its measure shrinks at once
 GAINED = 1e-7  # of the objective, and 1e-9 of its first measure: what a new measure must gain to be kept
 INSIDE = 0.1  # of the ranges: how far from their bounds numbers without effect are moved
 CERTIFIED = 1e-7
+ROUNDING = 1e-9  # relative difference of two objectives that is none
 
 
 class Start(NamedTuple):
@@ -119,9 +120,12 @@ class Run:
                 return
 
     def _taken(self, further: Path) -> None:
-        """A path that goes on where the last one ended, if it came to something better or as good."""
+        """A path that goes on where the last one ended, if it came to something better: by more than rounding, or as
+        good and better certified."""
         path = self.paths[-1]
-        if rank(further.point) <= rank(path.point):
+        old, new = rank(path.point), rank(further.point)
+        better = new[0] < old[0] or (new[0] == old[0] and new[1] < old[1] - ROUNDING * max(1.0, abs(old[1])))
+        if better or (new <= old and further.certificate.residual < path.certificate.residual):
             further.history[:0] = path.history
             self.paths[-1] = further
 

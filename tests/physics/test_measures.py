@@ -37,14 +37,13 @@ GROUPS = {  # measures that share most of their work, compiled together; the las
     "flywheel": ("flywheel_for_target_delta",),
 }
 GROUPS["rest"] = tuple(n for n in sorted(MEASURES) if n not in {m for group in GROUPS.values() for m in group})
-SLOW = "hay-press-slider"  # the hay press's topology with another load: its longer cases run in `make test-all`
-LONG = ("true", "constant", "flywheel", "rest")  # and so do these of the smaller machines, whose groups it contains
+FEWER = {"hay-press": ("motion", "shaking", "rest"), "slider-crank": tuple(GROUPS)}  # the others: `make test-all`
 CASES = [
-    pytest.param(name, group, marks=[pytest.mark.slow] if name != "hay-press" and group in LONG else [])
+    pytest.param(name, group, marks=[] if group in FEWER.get(name, ()) else [pytest.mark.slow])
     for name in BUILT_IN
     for group in GROUPS
 ]
-SCENES = [pytest.param(name, marks=[pytest.mark.slow] if name == SLOW else []) for name in BUILT_IN]
+SCENES = [pytest.param(name, marks=[] if name == "slider-crank" else [pytest.mark.slow]) for name in BUILT_IN]
 
 
 def every(scene: lj.Scene, names: tuple[str, ...], nodes: int) -> jax.Array:
