@@ -75,7 +75,7 @@ class Optimum:
     def reached(self) -> int:
         """How many starts came to the same objective."""
         close = REACHED * max(abs(self.objective), 1e-3 * abs(self.objective_before))
-        return sum(s.feasible == self.feasible and abs(s.objective - self.objective) <= close for s in self.starts)
+        return sum(s.feasible == self.feasible and bool(abs(s.objective - self.objective) <= close) for s in self.starts)
 
 
 def optimise(

@@ -71,7 +71,7 @@ class Run:
         before, self.number, self.step = self.problem.evaluations, number, 0
         self.paths.append(descend(self.problem, z, told=self._told))
         self._moved_inside(descend)
-        self._measured_anew(descend)
+        self._measured_anew()
         self._see(self.paths[-1].point)
         self.evaluations.append(self.problem.evaluations - before)
 
@@ -85,10 +85,11 @@ class Run:
 
     def found(self) -> tuple[Start, ...]:
         """What every finished start came to."""
-        return tuple(
-            Start(objective(self.problem, path.point), path.point.violation <= MET, path.certificate.residual, count)
-            for path, count in zip(self.paths, self.evaluations, strict=False)
-        )
+        found = []
+        for path, count in zip(self.paths, self.evaluations, strict=False):
+            feasible = bool(path.point.violation <= MET)
+            found.append(Start(objective(self.problem, path.point), feasible, path.certificate.residual, count))
+        return tuple(found)
 
     def _moved_inside(self, descend: Descent) -> None:
         """Where a free number has no effect, as the place of a counterweight without mass, and others are at a bound,
@@ -99,9 +100,9 @@ class Run:
         if any(idle) and not np.array_equal(inside, point.z):
             self._taken(descend(self.problem, inside, told=self._told))
 
-    def _measured_anew(self, descend: Descent) -> None:
-        """An objective that has become small, or large, beside its measure is given another, and followed further: what
-        is optimal is judged relative to the objective."""
+    def _measured_anew(self) -> None:
+        """An objective that has become small, or large, beside its measure is given another, and followed further by
+        the cone solver: what is optimal is judged relative to the objective."""
         first = _goal(self.problem).scale
         for _ in range(SCALINGS):
             point, old = self.paths[-1].point, _goal(self.problem).scale
@@ -161,7 +162,7 @@ def _goal(problem: Problem) -> Kind:
 def objective(problem: Problem, point: Point) -> float:
     """The objective in SI: the worst of all cases."""
     kind = _goal(problem)
-    return point.value * kind.scale * (kind.sign if kind.signed else 1.0)
+    return float(point.value * kind.scale * (kind.sign if kind.signed else 1.0))
 
 
 def violated(problem: Problem, point: Point) -> list[Kind]:

@@ -32,8 +32,8 @@ def asked(show: Numbers, optimum: Data) -> str:
 def measures(show: Numbers, optimum: Data) -> str:
     """The objective and every measure before and after."""
     goal, units = optimum["objective"], optimum.get("units") or {}
-    mark = "objective, the worst case" if optimum.get("cases") else "objective"
-    rows = [_change(show, plain(goal["name"]), goal["before"], goal["after"], goal["unit"], mark)]
+    name = f"{plain(goal['name'])}, worst case" if optimum.get("cases") else plain(goal["name"])
+    rows = [_change(show, name, goal["before"], goal["after"], goal["unit"], "objective")]
     for name, after in optimum["after"].items():
         if name != goal["name"] or optimum.get("cases"):  # a measure is of the scene as it is, without the cases
             rows.append(_change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), ""))
