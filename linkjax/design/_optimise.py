@@ -75,7 +75,8 @@ class Optimum:
     def reached(self) -> int:
         """How many starts came to the same objective."""
         close = REACHED * max(abs(self.objective), 1e-3 * abs(self.objective_before))
-        return sum(s.feasible == self.feasible and bool(abs(s.objective - self.objective) <= close) for s in self.starts)
+        same = [s for s in self.starts if s.feasible == self.feasible]
+        return sum(bool(abs(s.objective - self.objective) <= close) for s in same)
 
 
 def optimise(
