@@ -1,6 +1,6 @@
 """Speed beside the peers, one line a figure: `name value unit`.
 
-Run: python -m benchmarks.throughput [ROW ...]      rows: kinematics cycle one gradient start (default: all)
+Run: python -m benchmarks.throughput [ROW ...]      rows: kinematics cycle one gradient start demo (default: all)
 
 Every figure stands beside its baseline from the same run; ratios are medians of paired rounds, with quartiles: above
 one where linkjax is the faster (`gradient` and `start`: where it takes longer than what it is compared with).
@@ -132,7 +132,15 @@ def start() -> None:
         ratio(f"start.{name}.times_import_jax", times[name] / times["import_jax"])
 
 
-ROWS = {row.__name__: row for row in (kinematics, cycle, one, gradient, start)}
+def demo() -> None:
+    """`make demo` without its set-up, nothing kept from before."""
+    with tempfile.TemporaryDirectory() as folder:
+        optimise = [sys.executable, "-m", "linkjax", "optimise", "hay-press", "--quiet", "--out", f"{folder}/out"]
+        times = processes({"demo": (optimise, Path(folder))}, rounds=1)
+    line("demo.cold", np.median(times["demo"]), "s")
+
+
+ROWS = {row.__name__: row for row in (kinematics, cycle, one, gradient, start, demo)}
 
 
 def main(names: list[str]) -> None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
+import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
 import linkjax as lj
-from linkjax import cli
-from linkjax.cli._console import console
 from linkjax.design import _optimise
 from linkjax.measures import delta
+from tests.helpers import ROOT
+from tests.test_cli import run
 
 SCENE = """
 title = "Pump"
@@ -70,16 +75,7 @@ def scene(tmp_path_factory):
 def call(monkeypatch, capsys):
     """Exit code, standard output and standard error of one call."""
 
-    def run(*arguments):
-        monkeypatch.setattr("sys.argv", ["linkjax", "optimise", *map(str, arguments)])
-        monkeypatch.setattr(console, "quiet", False)
-        monkeypatch.setattr(console, "width", 160)
-        with pytest.raises(SystemExit) as stopped:
-            cli.main()
-        out, err = capsys.readouterr()
-        return stopped.value.code or 0, out, err
-
-    return run
+    return functools.partial(run, monkeypatch, capsys, "optimise")
 
 
 def test_the_whole_story(call, scene, tmp_path):
@@ -171,3 +167,18 @@ def test_interrupted(call, scene, tmp_path, monkeypatch):
     assert data["result"]["name"] == "interrupted"
     assert data["limits"]["delta"]["value"] == pytest.approx(0.02, rel=1e-8)
     assert math.isfinite(data["objective"]["after"])
+
+
+@pytest.mark.slow
+def test_a_real_signal(scene, tmp_path):
+    """SIGINT to the running program, after its first start: what it has found by then is written."""
+    command = [sys.executable, "-m", "linkjax", "optimise", str(scene), "--starts", "5000", "--json", "all.json"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True, env=environment) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline().startswith("start   1")
+        program.send_signal(signal.SIGINT)
+        told = program.stdout.read()
+        assert program.wait(60) == 130
+    assert "Interrupted; this is the best design so far." in told
+    assert json.loads((tmp_path / "all.json").read_text())["limits"]["delta"]["value"] <= 0.02 * (1 + 1e-8)

@@ -17,7 +17,7 @@ NEAR = 10.0  # an objective within this factor of its measure needs none
 SHRINK = 1e-3  # the most by which its measure shrinks at once
 GAINED = 1e-7  # of the objective, and 1e-9 of its first measure: what a new measure must gain to be kept
 INSIDE = 0.1  # of the ranges: how far from their bounds numbers without effect are moved
-CERTIFIED = 1e-7
+CERTIFIED = 1e-7  # the residual with which a new measure is kept though it gained nothing
 ROUNDING = 1e-9  # relative difference of two objectives that is none
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from linkjax.design import MET
 from linkjax.report._cells import NONE, Cell, Numbers, table, words
 
 Data = dict[str, Any]
-MET = 1e-8  # the excess, relative to the bound, up to which a limit counts as met
 
 
 def asked(show: Numbers, optimum: Data) -> str:

@@ -116,7 +116,8 @@ def sheet(
         )  # fmt: skip
         for entry, *drawn in zip(keys, legend.legend_handles, legend.get_texts(), strict=True):
             for part, artist in enumerate(drawn if entry.get_gid() else []):
-                artist.set_gid(f"{entry.get_gid()}-{part}")  # pyright: ignore[reportOptionalMemberAccess]
+                if artist is not None:
+                    artist.set_gid(f"{entry.get_gid()}-{part}")
     axes = []
     for row in range(rows):
         low = bottom + sum(heights[row + 1 :]) + (rows - 1 - row) * gap[1]

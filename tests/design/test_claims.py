@@ -47,7 +47,8 @@ def test_a_weight_without_mass_on_the_wrong_side():
     """Its place has no effect and a little mass does harm, so that the conditions of an optimum hold; it is none."""
     scene = rotor()
     crank = scene.mechanism.links["crank"]
-    crank = dataclasses.replace(crank, counterweights={"W": Counterweight(0.0, Vec(0.03, 0.0), thickness=0.02, density=7850)})  # fmt: skip  # noqa: E501
+    weight = Counterweight(0.0, Vec(0.03, 0.0), thickness=0.02, density=7850.0)
+    crank = dataclasses.replace(crank, counterweights={"W": weight})
     scene = scene.with_mechanism(dataclasses.replace(scene.mechanism, links={"crank": crank}))
     free = {f"{AT}.along": "-100 to 100 mm", f"{AT}.across": "-100 to 100 mm"}
     free[f"{AT.removesuffix('.at')}.mass"] = "0 to 3 kg"

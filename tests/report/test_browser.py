@@ -79,7 +79,7 @@ def shown_angle(page) -> float:
 def test_pins_stand_where_the_mechanism_puts_them(page, case, angle):
     """Against the closed-form pose: to a hundredth of a picture's point, of which the machine is some 500 long."""
     turn(page, angle)
-    assert shown_angle(page) == pytest.approx(angle, abs=0.0501)
+    assert shown_angle(page) == pytest.approx(angle, abs=0.0501)  # shown with one decimal
     data = view(page)
     for group, scene in (("machine", case.scene), ("before", case.before)):
         pose = lj.pose(scene.mechanism, jnp.asarray(math.radians(angle)))
@@ -141,7 +141,9 @@ def test_every_diagram_has_a_cursor_at_the_angle(page, angle):
     assert len(found) == 6 + 6 + 4 + 2 + 2 + 2 + 7 + 2 + 2
     for (left, _, right, _), end, x in found:
         assert end == 360
-        assert x == pytest.approx(left + (right - left) * angle / 360, abs=0.01)
+        assert x == pytest.approx(
+            left + (right - left) * angle / 360, abs=0.01
+        )  # of a point: two decimals, rounded at either end
     # and against what is written under the axis of the speeds
     speed = page.locator("svg[aria-label^='Speed and angular']")
     label = speed.get_by_text(f"{angle:.0f}", exact=True).last.bounding_box()
@@ -157,7 +159,9 @@ def test_dots_run_along_the_hodographs(page):
     assert len(found) == 7 + 7 + 2 * 7 + 2
     for spot, ends in found:
         assert len(ends) == 361
-        assert spot == pytest.approx(ends[90], abs=0.011)
+        assert spot == pytest.approx(
+            ends[90], abs=0.011
+        )  # of a point: the path and the dot are rounded to two decimals each
 
 
 def test_a_click_in_a_diagram_sets_the_angle(page):

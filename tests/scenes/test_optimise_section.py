@@ -22,18 +22,20 @@ end = "A"
 WHOLE = """
 [optimise]
 minimise = "peak_shaking_force_constant_speed"
-free = { "links.crank.counterweights.W.at.along" = "-100 to 0 mm", "links.crank.length" = { range = "± 8 %", tied = ["links.crank.mass"] } }
 limits = ["delta <= 0.15"]
 starts = 3
 seed = 7
 solver = "slsqp"
 trade_off = { limit = "delta", bounds = [0.1, "0.05"] }
+[optimise.free]
+"links.crank.counterweights.W.at.along" = "-100 to 0 mm"
+"links.crank.length" = { range = "± 8 %", tied = ["links.crank.mass"] }
 [[optimise.cases]]
 name = "slow"
 changes = { speed = "50 rpm" }
 [optimise.changes]
 "links.crank.counterweights.W" = { mass = "1 kg", at = 0 }
-"""  # noqa: E501
+"""
 
 
 def test_everything_is_read():
