@@ -17,6 +17,7 @@ import inspect
 import os
 import pickle
 import platform
+import uuid
 import weakref
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -62,6 +63,9 @@ class CompiledSoon:
         key, program = self._program(fixed, leaves, tree)
         try:
             found = program.run.result()(*leaves)
+            if program.kept is not None:  # read from a file: does it run?
+                jax.block_until_ready(found)
+                self.programs[key] = program = program._replace(kept=None)
         except Exception:
             self.programs.pop(key, None)  # it may have been a matter of the moment
             if program.kept is None:
@@ -149,7 +153,9 @@ def _made(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any, fi
         return found
 
     if file is not None:
-        flat.__name__ = file.name.replace("-", "_")  # never found in JAX's own cache under other sources
+        # never found in JAX's own cache, neither under other sources nor as another process has just left it there: an
+        # executable that was itself read loses functions when it is written again
+        flat.__name__ = f"linkjax_{uuid.uuid4().hex}"
     traced = jax.jit(flat).trace(*leaves)
     shapes = jax.tree.unflatten(
         structures[-1], [jax.ShapeDtypeStruct(out.shape, out.dtype) for out in jax.tree.leaves(traced.out_info)]

@@ -8,9 +8,9 @@ from jaxtyping import Array
 
 
 def safe_sqrt(x: Array, instead: Array | float = 0.0) -> Array:
-    """Square root of `x` where positive, else `instead` with a zero derivative."""
-    ok = x > 0
-    return jnp.where(ok, jnp.sqrt(jnp.where(ok, x, 1.0)), instead)
+    """Square root of `x` where positive, else `instead` with a zero derivative; of what is no number, that."""
+    none = x <= 0
+    return jnp.where(none, instead, jnp.sqrt(jnp.where(none, 1.0, x)))
 
 
 def safe_divide(a: Array, b: Array, instead: Array | float = 0.0) -> Array:

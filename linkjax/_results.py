@@ -24,7 +24,7 @@ MESSAGES = {
     Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid has room for; "
     "the error estimates still hold. Give the load a window that holds fewer reversals.",
     Result.INTEGRATION_FAILED: "The differential equation could not be integrated: the solver ran out of steps. Take "
-    "the quadrature, or ask for a looser tolerance.",
+    "the quadrature, or, in Python, a looser tolerance.",
     Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out "
     "within the cycle. Raise the mean speed, add a flywheel or lower the loads.",
     Result.NO_INERTIA: "The reduced inertia vanishes within the cycle, so that the crank speed is not bounded there. "

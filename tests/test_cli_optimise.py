@@ -14,6 +14,7 @@ import pytest
 
 import linkjax as lj
 from linkjax.design import _optimise
+from linkjax.design._point import certify, look
 from linkjax.measures import delta
 from tests.helpers import ROOT
 from tests.test_cli import run
@@ -84,8 +85,10 @@ def test_the_whole_story(call, scene, tmp_path):
     code, told, _ = call(scene, "--out", out, "--json", tmp_path / "all.json", "--starts", "3", "--units", "mm")
     assert code == 0
     data = json.loads((tmp_path / "all.json").read_text())
-    assert data == json.loads((out / "optimum.json").read_text())
-    after = lj.load(out / data["scene_after"])
+    beside = json.loads((out / "optimum.json").read_text())
+    assert (data.pop("scene_after"), beside.pop("scene_after")) == ("made/optimised.toml", "optimised.toml")
+    assert data == beside
+    after = lj.load(out / "optimised.toml")
     assert float(delta(after)) == pytest.approx(0.02, rel=1e-8)
     rod = data["variables"]["links.rod.length"]
     assert float(after.mechanism.links["rod"].length) == rod["after"]
@@ -100,7 +103,7 @@ def test_the_whole_story(call, scene, tmp_path):
     assert data["evaluations"] > sum(start["evaluations"] for start in data["starts"])
     assert data["result"]["name"] == "optimal"
     assert f"{1e3 * rod['after']:.6g} mm" in told
-    assert f"{data['objective']['after']:.6g} kg m^2" in told
+    assert f"{data['objective']['after']:.6g} kg m²" in told
     assert "3 of 3 starts reached it" in told
     assert {"report.html", "machine.png", "machine.svg", "machine.gif", "optimised.toml"} <= {
         p.name for p in out.iterdir()
@@ -112,6 +115,7 @@ def test_limits_that_clash(call, scene, tmp_path):
                          "--json", tmp_path / "all.json")  # fmt: skip
     assert code == 1
     assert "these clash: delta, flywheel.inertia" in told
+    assert "NOT MET" in told
     data = json.loads((tmp_path / "all.json").read_text())
     assert (data["result"]["code"], data["result"]["name"]) == (1, "infeasible")
     assert set(data["result"]["clash"]) == {"delta", "flywheel.inertia"}
@@ -132,7 +136,9 @@ def test_options_take_the_place_of_the_section(call, scene, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("four-bar",), "objective: one is needed; give either minimise or maximise"),
+        (("four-bar",), "four-bar: objective: none is given; give either minimise or maximise"),
+        (("hay-press", "--maximise", "delta", "--minimise", "speed"), "two are given"),
+        (("hay-press", "--minimise", ""), "neither a measure nor a number"),
         (("four-bar", "--minimise", "delta"), "free: nothing is free"),
         (("hay-press", "--limit", "delta"), "delta: is no limit"),
         (("hay-press", "--free", "speed"), "--free needs NAME=RANGE"),
@@ -167,6 +173,46 @@ def test_interrupted(call, scene, tmp_path, monkeypatch):
     assert data["result"]["name"] == "interrupted"
     assert data["limits"]["delta"]["value"] == pytest.approx(0.02, rel=1e-8)
     assert math.isfinite(data["objective"]["after"])
+
+
+def test_interrupted_before_anything_is_found(call, scene, tmp_path, monkeypatch):
+    """A design that meets the limits had not been reached; that says nothing of the problem."""
+
+    def impatient(problem, z, *, told, **options):
+        point = look(problem, z)
+        told(point, certify(point))
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(_optimise.SOLVERS, "cone", impatient)
+    code, told, _ = call(scene, "--limit", "delta <= 0.001", "--json", tmp_path / "all.json")
+    assert code == 130
+    assert "Interrupted; this is the best design so far." in told
+    data = json.loads((tmp_path / "all.json").read_text())
+    assert data["result"]["name"] == "interrupted"
+    assert not data["limits"]["delta"]["met"]
+
+
+def test_ties_stay_with_another_range(call, scene, tmp_path):
+    tied = "optimise.free={'flywheel.inertia' = '0 to 50 kg m^2', 'links.rod.length' = "
+    tied += "{ range = '± 20 %', tied = ['links.crank.length'] }}"
+    code, told, _ = call(scene, "--set", tied, "--free", "links.rod.length=± 10 %", "--json", tmp_path / "all.json")
+    assert code == 0
+    rod = json.loads((tmp_path / "all.json").read_text())["variables"]["links.rod.length"]
+    assert rod["upper"] == pytest.approx(0.44)
+    crank = rod["tied"]["links.crank.length"]
+    assert crank["after"] / crank["before"] == pytest.approx(rod["after"] / rod["before"])
+    assert "tied: links.crank.length" in told
+
+
+def test_a_folder_that_cannot_be_written_is_told_at_once(call, scene, tmp_path, monkeypatch):
+    def refuse(dir):
+        raise PermissionError(13, "Permission denied", str(dir))
+
+    monkeypatch.setattr("linkjax.cli._options.tempfile.TemporaryFile", refuse)
+    monkeypatch.setattr("linkjax.cli._optimise.optimise", None)
+    code, _, err = call(scene, "--out", tmp_path)
+    assert code == 2
+    assert "Permission denied" in err
 
 
 @pytest.mark.slow

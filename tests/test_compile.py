@@ -97,6 +97,22 @@ def test_a_kept_program_that_does_not_run_is_made_anew(folder, ours):
     assert traced == [2, 2]
 
 
+def test_never_read_from_jaxs_own_cache(folder, ours, monkeypatch):
+    """What another process has just compiled there is an executable that cannot be written again whole."""
+    names, compiled = [], _compile._compiled_sooner
+
+    def seen(lowered, options):
+        names.append(lowered.as_text().split("@", 1)[1].split()[0])
+        return compiled(lowered, options)
+
+    monkeypatch.setattr(_compile, "_compiled_sooner", seen)
+    for _ in range(2):
+        make([])({"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, power=2)
+        (file,) = folder.glob("linkjax-*")
+        file.unlink()
+    assert len(set(names)) == 2
+
+
 def test_compiled_ahead_from_shapes(tmp_path, ours):
     """A chain of two: the second compiles before the first has run, neither is traced again, and both are kept."""
     traced, x = [], {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -16,9 +17,10 @@ from linkjax import __version__
 from linkjax._compile import keep_in
 from linkjax._config import cache_folder, enable_x64
 from linkjax._types import as_float
+from linkjax._units import display_units
 from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
-from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, changes_of, make_folders
+from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, Units, changes_of, make_folders
 from linkjax.cli._print import print_at, print_scene, print_summary
 from linkjax.cli._write import write_csv, write_out
 from linkjax.scenes import SceneError, build, json_schema, load, load_document, scene_names, starter
@@ -67,7 +69,7 @@ def new(
     if path.exists():
         raise SceneError(str(path), "", None, "exists already", "choose another name or delete the file")
     path.write_text(starter(path.stem), encoding="utf-8")
-    console.print(f"{path} written; next: linkjax analyse {path}", highlight=False)
+    console.print(f"{path} written; next: linkjax analyse {shlex.quote(str(path))}", highlight=False)
 
 
 @app.command()
@@ -93,6 +95,7 @@ def analyse_command(
     constant_speed: Annotated[bool, typer.Option("--constant-speed", help="Forces at constant nominal speed.")] = False,
     motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
     nodes: Nodes = 96,
+    units: Units = "",
     set_: Set = None,
     quiet: Quiet = False,
 ) -> None:
@@ -101,6 +104,7 @@ def analyse_command(
     machine = load(scene, changes_of(scene, set_))
     if at is not None and not math.isfinite(at):
         raise SceneError("--at", "", at, "is no angle", "give degrees of crank angle, e.g. --at 90")
+    display_units(units)  # what cannot be shown is refused before anything is computed
     make_folders(out, csv_folder, json_file)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     extra = [] if at is None else [math.radians(at)]
@@ -118,4 +122,4 @@ def analyse_command(
     if at is not None:
         print_at(document(pick(whole, slice(angles, angles + 1)), scene, __version__), at)
     if out:
-        write_out(data, machine, out)
+        write_out(data, machine, out, units=units)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
+import os
 import time
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,11 +24,11 @@ from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
 from linkjax.cli._write import write_out
 from linkjax.design import DesignError, Progress, document, limit, optimise, settled
-from linkjax.scenes import load_task, text_of
+from linkjax.scenes import load, load_task, text_of
 
 ANGLES = 360
 
-Starts = Annotated[int | None, typer.Option(min=1, help="Starts: the scene itself, the others at random.")]
+Starts = Annotated[int | None, typer.Option(min=1, max=10_000, help="Starts: the scene itself, the others at random.")]
 Limits = Annotated[
     list[str] | None, typer.Option("--limit", metavar="LIMIT", help='Set a limit, e.g. "delta <= 0.15".')
 ]
@@ -63,31 +64,37 @@ def optimise_command(
     shown = {**display_units("deg,rpm,kN"), **display_units(units)}
     machine, asked = load_task(scene, changes_of(scene, set_))
     _change(asked, limits, free)
-    if minimise or maximise:
+    if minimise is not None or maximise is not None:
         asked |= {"minimise": minimise, "maximise": maximise}
     given = {"starts": starts, "seed": seed, "solver": solver}
     asked |= {key: value for key, value in given.items() if value is not None}
-    asked = settled(machine, **asked)
+    try:
+        asked = settled(machine, **asked)
+    except DesignError as error:
+        raise DesignError(f"{scene}: {error.element}", error.problem, error.remedy) from error
+    if text_of(machine) != text_of(load(scene, changes_of(scene, set_))):
+        console.print("before: the machine with the changes of its section [optimise]", highlight=False, markup=False)
     make_folders(out, None, json_file)
     clock = time.perf_counter()
     with _Told(shown) as told:
         analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
         found = optimise(machine, **asked, nodes=nodes, told=told, meanwhile=analysis)
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
-    data = document(found, before, after, scene, __version__, "optimised.toml" if out else None)
+    data = document(found, before, after, scene, __version__)
+    _print(data, shown, time.perf_counter() - clock)
     if out:
         (out / "optimised.toml").write_text(text_of(found.after, _comment(data)), encoding="utf-8")
     for file in (json_file, out and out / "optimum.json"):
         if file:
+            data["scene_after"] = os.path.relpath(out / "optimised.toml", file.parent) if out else None
             file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
-    _print(data, shown, time.perf_counter() - clock)
     if out:
         told_before, told_after = (analysis_document(cycle, scene, __version__) for cycle in (before, after))
         write_out(told_after, found.after, out, before=(told_before, found.before), optimum=data, units=units)
-    if not found.feasible:
-        raise typer.Exit(1)
     if found.interrupted:
         raise typer.Exit(130)
+    if not found.feasible:
+        raise typer.Exit(1)
 
 
 def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | None) -> None:
@@ -103,7 +110,9 @@ def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | N
         name, given = name.strip(), given.strip()
         if given == "no" and name not in asked["free"]:
             raise DesignError(name, "is not free", nearest(name, asked["free"]))
-        asked["free"] = {**asked["free"], name: given}
+        before = asked["free"].get(name)
+        new_range = {**before, "range": given} if isinstance(before, dict) else given  # its ties stay
+        asked["free"] = {**asked["free"], name: new_range}
         if given == "no":
             del asked["free"][name]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -17,9 +18,9 @@ Set = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help='Change a key, e.g. --set links.rod.length="1.1 m".'),
 ]
 Out = Annotated[Path | None, typer.Option(help="Folder for report, figures and animation.")]
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write the whole analysis as JSON.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write everything as JSON.")]
 CsvFolder = Annotated[Path | None, typer.Option("--csv", help="Folder for tables over the crank angle.")]
-Units = Annotated[str, typer.Option(metavar="UNITS", help="Units to show, e.g. mm,rpm,kN (files hold SI).")]
+Units = Annotated[str, typer.Option(metavar="UNITS", help="Units of report and figures, e.g. mm,rpm,kN (data: SI).")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Nodes = Annotated[int, typer.Option(min=8, help="Nodes of the cycle grid per crank turn.")]
 
@@ -40,5 +41,9 @@ def make_folders(out: Path | None, csv: Path | None, json: Path | None) -> None:
     for folder in (out, csv, json and json.parent):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(
+                dir=folder
+            ):  # now, and not after a minute, is the time to say that it cannot be
+                pass
     if json is not None and json.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(json))

@@ -13,6 +13,8 @@ from linkjax.cli._console import console
 from linkjax.loads import Force, Torque
 from linkjax.machine import Scene
 
+COARSE = 1e-4  # relative error of δ above which more nodes are advised
+
 
 def print_scene(machine: Scene, name: str) -> None:
     """Structure, links, loads."""
@@ -72,7 +74,7 @@ def print_summary(data: dict[str, Any], machine: Scene) -> None:
     console.print(f"{machine.mechanism.formula()}\n", highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     rows = [
-        ("speed fluctuation δ", f"{run['delta']:.10g}  ± {run['delta_error']:.1e}"),
+        ("speed fluctuation δ", f"{_digits(run['delta'], run['delta_error'])}  ± {run['delta_error']:.1e}"),
         ("mean speed", f"{run['mean_speed'] * rpm:.6g} rpm ({data['model']['mean']} mean)"),
         ("largest speed", f"{run['speed_max'] * rpm:.6g} rpm at {math.degrees(run['angle_of_max']):.3f}°"),
         ("smallest speed", f"{run['speed_min'] * rpm:.6g} rpm at {math.degrees(run['angle_of_min']):.3f}°"),
@@ -97,7 +99,16 @@ def print_summary(data: dict[str, Any], machine: Scene) -> None:
     if data["result"]["code"]:
         console.print(f"WARNING: {data['result']['message']}", style="bold", markup=False)
     model = data["model"]
+    if run["delta_error"] > COARSE * run["delta"]:
+        more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
+        console.print(f"WARNING: {more}", style="bold", highlight=False)
     console.print(f"model      {model['motion']}, {model['nodes']} nodes: {model['why']}", highlight=False)
+
+
+def _digits(value: float, error: float) -> str:
+    """A value with the digits that its error leaves, ten at most, and one more."""
+    known = math.log10(value / error) if value > 0 and 0 < error < math.inf else 9.0
+    return f"{value:.{min(max(math.ceil(known) + 1, 2), 10)}g}"
 
 
 def _print_peaks(data: dict[str, Any]) -> None:

@@ -19,7 +19,7 @@ def amount(value: float | None, unit: str, shown: Display, digits: int = 6) -> s
     if value is None or not math.isfinite(value):
         return "–"
     factor, label = shown.get(unit, (1.0, "" if unit == "1" else unit))
-    return f"{factor * value:.{digits}g} {label}".rstrip().replace(" °", "°")
+    return f"{factor * value:.{digits}g} {label}".rstrip().replace(" °", "°").replace("^2", "²").replace("^3", "³")
 
 
 def comment(data: Data) -> str:
@@ -46,13 +46,14 @@ def print_optimum(data: Data, shown: Display, seconds: float) -> None:
     console.print(f"\n{reached}{data['evaluations']} evaluations, KKT residual {data['kkt_residual']:.1e}, "
                   f"{seconds:.1f} s", highlight=False)  # fmt: skip
     if tied:
-        console.print(f"peaks of {goal['name']} tie at {tied}", highlight=False)
+        how = "peaks tie at" if len(goal["tied_angles"]) > 1 else "its peak is at"
+        console.print(f"{goal['name']}: {how} {tied}", highlight=False)
     console.print(f"solver     {data['solver']['name']}: {data['solver']['why']}", highlight=False)
 
 
 def _print_limits(data: Data, shown: Display) -> None:
     """Objective and limits, with what the objective would gain per unit of room."""
-    table = _table("", "before", "after", "bound", "objective per unit")
+    table = _table("", "before", "after", "bound", "objective per unit" if data["result"]["code"] == 0 else "")
     goal = data["objective"]
     table.add_row(
         f"{goal['sense']} {goal['name']}", amount(goal["before"], goal["unit"], shown),
@@ -62,7 +63,8 @@ def _print_limits(data: Data, shown: Display) -> None:
         sign = "≤" if limit["sense"] == "at most" else "≥"
         table.add_row(
             name, amount(limit["before"], limit["unit"], shown), amount(limit["value"], limit["unit"], shown),
-            f"{sign} {amount(limit['limit'], limit['unit'], shown)}", _price(limit, goal["unit"]),
+            f"{sign} {amount(limit['limit'], limit['unit'], shown)}",
+            _price(limit, goal["unit"]) if data["result"]["code"] == 0 else "met" if limit["met"] else "NOT MET",
         )  # fmt: skip
     console.print()
     console.print(table, highlight=False)
@@ -82,7 +84,11 @@ def _print_variables(data: Data, shown: Display) -> None:
     for name, v in data["variables"].items():
         parts = [amount(v[key], v["unit"], shown) for key in ("before", "after", "lower", "upper")]
         price = f"{v['active']}: {v['pull']:.5g} {unit} per {v['unit']}" if v["active"] else ""
-        table.add_row(name, *parts, price)
+        table.add_row(name, *parts, price or ("no effect on the optimum" if v["idle"] else ""))
+        for tie, values in v["tied"].items():
+            table.add_row(
+                f"  tied: {tie}", *(amount(values[key], values["unit"], shown) for key in ("before", "after"))
+            )
     console.print()
     console.print(table, highlight=False)
 

@@ -13,11 +13,13 @@ from collections.abc import Callable
 import numpy as np
 
 from linkjax.design._point import MET, Certificate, Point, certify, lengths, look
+from linkjax.design._polish import polished
 from linkjax.design._problem import Problem
-from linkjax.design._subproblem import Step, solve
+from linkjax.design._subproblem import FINE, ROUGH, Step, solve
 
 RADIUS, LEAST = 0.2, 1e-11  # first and least half width of the box, in units of the variables' ranges
 PENALTY, MOST = 10.0, 1e7
+NEAR = 1e-3  # a residual below which every digit of a step counts
 SAME = 1e-10  # relative difference of two merits that may be rounding
 
 
@@ -40,20 +42,35 @@ def descend(
     A design that cannot be assembled, or does not run, is first made sound. `told(point, certificate)` hears of every
     step. Ends with a certificate of residual `tolerance`, after so many steps, or where no step improves any more.
     """
-    path = begin(problem, z, steps)
-    point, step = path.point, None
-    radius, penalty, bend = RADIUS, PENALTY, np.zeros((z.size, z.size))
-    for _ in range(steps if point.unsound <= 0 else 0):
+    path, bend = begin(problem, z, steps), np.zeros((z.size, z.size))
+    if path.point.unsound <= 0:
+        bend = _down(problem, path, bend, tolerance, steps, told)
+    for point, certificate in polished(problem, path.point, path.certificate, bend, tolerance):
+        path.point, path.certificate = point, certificate
+        path.history.append((point.value, point.violation))
+    path.converged = path.certificate.residual <= tolerance and path.point.violation <= MET
+    return path
+
+
+def _down(
+    problem: Problem, path: Path, bend: np.ndarray, wanted: float, steps: int, told: Callable | None
+) -> np.ndarray:
+    """Follow a path down as long as it gains, or until its residual is as wanted; the curvature gathered."""
+    point, step, tolerance = path.point, None, ROUGH
+    radius, penalty = RADIUS, PENALTY
+    for _ in range(steps):
         if not np.isfinite(point.value + point.violation):
-            return path
+            return bend
         if told is not None:
             told(point, path.certificate)
-        if path.certificate.residual <= tolerance and point.violation <= MET:
-            path.converged = True
-            return path
-        step = solve(point.goals, [*point.limits, *point.sound], point.z, radius, _convex(bend), penalty, step)
+        if path.certificate.residual <= wanted and point.violation <= MET:
+            return bend
+        if path.certificate.residual <= NEAR:
+            tolerance = FINE
+        limits = [*point.limits, *point.sound]
+        step = solve(point.goals, limits, point.z, radius, _convex(bend), penalty, step, tolerance)
         if step is None:
-            return path
+            return bend
         penalty = _raised(step, penalty, len(point.goals))
         merit = point.value + penalty * point.violation
         expected = merit - step.model
@@ -68,7 +85,9 @@ def descend(
         if not better:
             radius = (0.5 if np.isfinite(got) else 0.25) * min(radius, size)
             if radius < LEAST or expected <= 1e-15 * max(1.0, abs(merit)):
-                return path
+                if tolerance == FINE:
+                    return bend
+                radius, tolerance = size or RADIUS, FINE
             continue
         share = (merit - got) / expected if expected > SAME * abs(merit) else 0.5
         if share > 0.75 and size > 0.9 * radius:
@@ -76,7 +95,7 @@ def descend(
         elif share < 0.25:
             radius *= 0.5
         point = arrived(path, trial)
-    return path
+    return bend
 
 
 def begin(problem: Problem, z: np.ndarray, steps: int = 200) -> Path:

@@ -10,7 +10,6 @@ from linkjax.analysis import Cycle, measured
 from linkjax.design._names import number
 from linkjax.design._optimise import Optimum
 from linkjax.design._problem import Case
-from linkjax.machine import Scene
 from linkjax.measures import MEASURES
 
 WHY = {
@@ -24,18 +23,18 @@ MESSAGES = {
     "uncertified": "A feasible design is found, but its certificate is weak: run more starts, or check that the limits "
     "are smooth there.",
     "interrupted": "Interrupted; this is the best design so far.",
-    "infeasible": "No design within the bounds meets every limit; this one violates them least. Give way at one of the "
-    "limits that clash, or free more.",
+    "infeasible": "No start came to a design that meets every limit; this one violates them least. Give way at one of "
+    "the limits that clash, free more, or try more starts.",
 }
 CERTIFIED = 1e-6
 
 
 def outcome(found: Optimum) -> str:
     """How it went, in a word: a key of `MESSAGES`."""
-    if not found.feasible:
-        return "infeasible"
     if found.interrupted:
         return "interrupted"
+    if not found.feasible:
+        return "infeasible"
     return "optimal" if found.kkt_residual <= CERTIFIED else "uncertified"
 
 
@@ -52,6 +51,7 @@ def document(
     begin = problem.at(problem.start)
     first = {kind.label: block.value for kind, block in zip(problem.kinds, begin, strict=True)}
     asked = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
+    missed = set(found.missed)
     return {
         "scene": name or found.before.title,
         "linkjax_version": version,
@@ -65,7 +65,8 @@ def document(
             label: {
                 "value": met.value, "before": first[label], "limit": met.bound,
                 "sense": "at most" if asked[label].sign > 0 else "at least", "unit": asked[label].unit,
-                "multiplier": met.multiplier, "active": met.multiplier > 0, "tied_angles": list(met.tied_angles),
+                "met": label not in missed, "multiplier": met.multiplier, "active": met.multiplier > 0,
+                "tied_angles": list(met.tied_angles),
             }
             for label, met in found.limits.items()
         },
@@ -95,13 +96,13 @@ def _variable(found: Optimum, i: int) -> dict[str, Any]:
     return {
         "before": float(problem.start[i]), "after": float(found.x[i]), "lower": low, "upper": high,
         "active": _active(found, name, float(found.x[i]), low, high), "unit": problem.numbers[i].unit, "pull": pull,
-        "tied": {tie: {"before": _read(found.before, tie), "after": _read(found.after, tie)}
-                 for tie in problem.variables[i].tied},
+        "idle": name in found.idle, "tied": {tie: _tied(found, tie) for tie in problem.variables[i].tied},
     }  # fmt: skip
 
 
-def _read(scene: Scene, name: str) -> float:
-    return float(number(scene, name).read(scene))
+def _tied(found: Optimum, name: str) -> dict[str, Any]:
+    at = number(found.before, name)
+    return {"before": float(at.read(found.before)), "after": float(at.read(found.after)), "unit": at.unit}
 
 
 def _active(found: Optimum, name: str, value: float, low: float, high: float) -> str:

@@ -28,6 +28,7 @@ UNITS = {
     "density": "kg/m^3", "thickness": "m", "offset": "m", "speed": "rad/s", "angle": "rad", "torque": "N m",
     "force": "N",
 }  # fmt: skip
+LEAST = {"inertia": 0.0, "thickness": 1e-6, "density": 1.0}  # without either a disc has no radius
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,9 +111,8 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
         yield from _vec(f"{own}.at", lambda s, k=key: where(s).counterweights[k].at)
         for part in ("inertia", "thickness", "density"):
             if getattr(piece, part) is not None:
-                yield Number(
-                    f"{own}.{part}", lambda s, k=key, q=part: getattr(where(s).counterweights[k], q), UNITS[part], 0.0
-                )
+                yield Number(f"{own}.{part}", lambda s, k=key, q=part: getattr(where(s).counterweights[k], q),
+                             UNITS[part], LEAST[part])  # fmt: skip
 
 
 def _group(name: str, group: AbstractGroup, where: Where) -> Iterator[Number]:

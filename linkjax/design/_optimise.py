@@ -11,7 +11,7 @@ import numpy as np
 from linkjax._units import nearest
 from linkjax.design._cone import Path, descend
 from linkjax.design._many import many
-from linkjax.design._names import DesignError
+from linkjax.design._names import DesignError, numbers
 from linkjax.design._point import Point, look, obstacles, rank
 from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
@@ -22,6 +22,7 @@ from linkjax.machine import Scene
 from linkjax.measures import MEASURES, NODES
 
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
+HELD = 1e-9  # scaled: a smaller multiplier is rounding
 OTHERS = 5  # starts whose ends the points of a trade-off begin from
 SOLVERS: dict[str, Callable[..., Path]] = {"cone": descend, "slsqp": slsqp, "trust-constr": trust, "many": many}
 
@@ -40,7 +41,8 @@ class Met(NamedTuple):
 class Optimum:
     """The best design found, beside the one it began with.
 
-    `limits` by label, `pull` what the objective would gain (SI) per unit of room at an active bound, `history` the
+    `limits` by label, `missed` those not met, `idle` the free numbers on which neither the objective nor an active
+    limit depends, `pull` what the objective would gain (SI) per unit of room at an active bound, `history` the
     objective and violation, scaled, of every step of the best start, `trade_off` the optima for other bounds of one
     limit.
     """
@@ -57,6 +59,8 @@ class Optimum:
     kkt_residual: float
     feasible: bool
     clash: tuple[str, ...]
+    missed: tuple[str, ...]
+    idle: tuple[str, ...]
     starts: tuple[Start, ...]
     history: tuple[tuple[float, float], ...]
     evaluations: int
@@ -74,7 +78,8 @@ class Optimum:
     @property
     def reached(self) -> int:
         """How many starts came to the same objective."""
-        close = REACHED * max(abs(self.objective), 1e-3 * abs(self.objective_before))
+        before = abs(self.objective_before) if np.isfinite(self.objective_before) else 0.0
+        close = REACHED * max(abs(self.objective), 1e-3 * before)
         same = [s for s in self.starts if s.feasible == self.feasible]
         return sum(bool(abs(s.objective - self.objective) <= close) for s in same)
 
@@ -107,16 +112,14 @@ def optimise(
     tell. `told` hears of every step, `meanwhile` is called while the problem compiles; interrupted
     (Ctrl-C), the best design so far is returned. Raises `DesignError` for what cannot be asked.
     """
-    descend = _solver(solver)
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
     if seed < 0:
         raise DesignError("seed", f"is {seed}", "write a whole number of zero or more")
-    asked = settled(scene, free, minimise, maximise, limits, cases)
-    goal = asked["maximise"] or asked["minimise"]
+    asked = settled(scene, free, minimise, maximise, limits, cases, solver, trade_off)
+    goal, traded, descend = asked["maximise"] or asked["minimise"], asked["trade_off"], SOLVERS[solver]
     problem = Problem(scene, asked["free"], goal, asked["limits"], asked["cases"], maximise is not None, nodes,
                       meanwhile)  # fmt: skip
-    traded = None if trade_off is None else _traded(problem, scene, *trade_off)
     run = Run(problem, starts, told)
     rng = np.random.default_rng(seed)
     today = (problem.start - problem.lower) / (problem.upper - problem.lower)
@@ -126,11 +129,11 @@ def optimise(
             run.follow(descend, first if number == 0 else rng.random(first.size), number)
     except KeyboardInterrupt:
         run.interrupted()
-    best = min(run.paths, key=lambda path: rank(path.point))
-    found = _optimum(problem, best, look(problem, today), run.found())
+    best = run.best()
+    found = _optimum(problem, best, look(problem, today), tuple(run.ended))
     points, stopped = (), run.stopped
     if traded is not None and not stopped:
-        ends = [best, *sorted(run.paths, key=lambda path: rank(path.point))[1:OTHERS]]
+        ends = sorted(run.paths, key=lambda path: rank(path.point))[:OTHERS]
         points, stopped = trade(problem, ends, *traded)
     return dataclasses.replace(
         found, solver=solver, interrupted=stopped, trade_off=points, traded=traded[0] if traded else "",
@@ -140,35 +143,51 @@ def optimise(
 
 def settled(
     scene: Scene, free: Any, minimise: Asked | None = None, maximise: Asked | None = None,
-    limits: Sequence[Limit | str] = (), cases: Sequence[Case] = (Case(),), **others: Any,
+    limits: Sequence[Limit | str] = (), cases: Sequence[Case] = (Case(),), solver: str = "cone",
+    trade_off: tuple[str, Sequence[float | str]] | None = None, **others: Any,
 ) -> dict[str, Any]:  # fmt: skip
     """The arguments of `optimise` with every name known and every number in SI. Raises `DesignError` for what cannot be
     asked, before anything is compiled."""
     if (minimise is None) == (maximise is None):
-        raise DesignError("objective", "one is needed", "give either minimise or maximise")
-    found = _told_apart([settled_limit(scene, one) for one in limits])
+        problem = "none is given" if minimise is None else "two are given"
+        raise DesignError("objective", problem, "give either minimise or maximise")
+    if solver not in SOLVERS:
+        raise DesignError("solver", f"{solver!r} is not known", nearest(solver, SOLVERS))
+    found = _told_apart(scene, [settled_limit(scene, one) for one in limits])
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
         raise DesignError("cases", f"two have the name {max(names, key=names.count)!r}", "give each its own")
     variables = settled_free(scene, free)
     check(variables)
+    settled_cases = [settled_case(scene, case) for case in cases or (Case(),)]
+    _check_cases(variables, settled_cases)
     return {
-        "free": variables, "minimise": minimise and settled_term(scene, minimise),
-        "maximise": maximise and settled_term(scene, maximise), "limits": found,
-        "cases": [settled_case(scene, case) for case in cases or (Case(),)], **others,
+        "free": variables, "minimise": None if minimise is None else settled_term(scene, minimise),
+        "maximise": None if maximise is None else settled_term(scene, maximise), "limits": found,
+        "cases": settled_cases, "solver": solver, "trade_off": trade_off and _traded(found, *trade_off), **others,
     }  # fmt: skip
 
 
-def _told_apart(limits: list[Limit]) -> list[Limit]:
+def _check_cases(variables: Sequence[Variable], cases: Sequence[Case]) -> None:
+    """Raise `DesignError` where a case changes what is free."""
+    free = {name for v in variables for name in (v.name, *v.tied)}
+    for case in cases:
+        for name in case.changes:
+            if name in free:
+                raise DesignError(name, f"is free, but the case {case.name!r} sets it", "either free it or set it")
+
+
+def _told_apart(scene: Scene, limits: list[Limit]) -> list[Limit]:
     """Limits of one name by their senses, several own functions of one name by numbers."""
     found: list[Limit] = []
+    known = {*MEASURES, *numbers(scene)}
     for each in limits:
         same = [other for other in limits if other.name == each.name]
         if len(same) == 1:
             found.append(each)
         elif {(other.sense) for other in same} == {"at most", "at least"} and len(same) == 2:
             found.append(dataclasses.replace(each, name=f"{each.name} {each.sense}"))
-        elif any(other.term.value is not each.term.value for other in same) and each.name not in MEASURES:
+        elif any(other.term.value is not each.term.value for other in same) and each.name not in known:
             number = next(i for i, other in enumerate(same, 1) if other is each)
             found.append(dataclasses.replace(each, name=f"{each.name} {number}"))
         else:
@@ -176,19 +195,13 @@ def _told_apart(limits: list[Limit]) -> list[Limit]:
     return found
 
 
-def _solver(name: str) -> Callable[..., Path]:
-    """The solver of this name."""
-    if name not in SOLVERS:
-        raise DesignError("solver", f"{name!r} is not known", nearest(name, SOLVERS))
-    return SOLVERS[name]
-
-
-def _traded(problem: Problem, scene: Scene, name: str, bounds: Sequence[float | str]) -> tuple[str, list[float]]:
-    """The limit that is traded off, and its further bounds in SI."""
-    known = {kind.name: kind.unit for kind in problem.kinds if kind.role == "limit"}
-    if name not in known:
-        raise DesignError("trade_off", f"{name!r} is no limit of this problem", nearest(name, known))
-    return name, [amount(bound, known[name], "trade_off") for bound in bounds]
+def _traded(limits: Sequence[Limit], name: str, bounds: Sequence[float | str]) -> tuple[str, list[float]]:
+    """The limit that is traded off, the first of several on one number, and its further bounds in SI."""
+    for limit in limits:
+        if name in (limit.name, limit.name.removesuffix(f" {limit.sense}")):
+            return limit.name, [amount(bound, limit.term.unit, "trade_off") for bound in bounds]
+    known = [limit.name for limit in limits]
+    raise DesignError("trade_off", f"{name!r} is no limit of this problem", nearest(name, known))
 
 
 def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ...]) -> Optimum:
@@ -201,20 +214,31 @@ def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ..
     limits: dict[str, Met] = {}
     for i, weights in zip(order, certificate.weights, strict=True):
         kind, block = problem.kinds[i], point.blocks[i]
-        at = [float(a) for a in block.angle[weights > 1e-9] if np.isfinite(a)]
+        weights = np.where(weights > HELD, weights, 0.0)
+        at = [float(a) for a in block.angle[weights > 0] if np.isfinite(a)]
         if kind.role == "objective":
             angles += at
         else:
             multiplier = float(np.sum(weights)) * goal.scale / kind.scale
             limits[kind.label] = Met(block.value, kind.bound, multiplier, tuple(sorted(set(at))))
     missed = violated(problem, point)
-    pulls = (certificate.lower + certificate.upper) * goal.scale / (problem.upper - problem.lower)
+    held = certificate.lower + certificate.upper
+    pulls = np.where(held > HELD, held, 0.0) * goal.scale / (problem.upper - problem.lower)
     return Optimum(
         problem.scene, problem.design(x), problem, x, objective(problem, begin), objective(problem, point), limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
-        certificate.residual, not missed, _clash(problem, point, missed), starts, tuple(path.history),
+        certificate.residual, not missed, _clash(problem, point, missed), tuple(kind.label for kind in missed),
+        _idle(problem, path), starts, tuple(path.history),
         problem.evaluations,
     )  # fmt: skip
+
+
+def _idle(problem: Problem, path: Path) -> tuple[str, ...]:
+    """The free numbers on which neither the objective nor a limit that holds it depends."""
+    every, goals = path.point.every, len(path.point.goals)
+    held = [block for i, (block, weights) in enumerate(zip(every, path.certificate.weights, strict=True))
+            if i < goals or np.sum(weights) > HELD]  # fmt: skip
+    return tuple(v.name for j, v in enumerate(problem.variables) if not any(np.any(b.slope[..., j]) for b in held))
 
 
 def _clash(problem: Problem, point: Point, missed: list[Kind]) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from linkjax.design._problem import Block, Kind, Problem
 
 TIED = 1e-5  # rows this close to the largest may carry a multiplier
 MET = 1e-8  # the excess, scaled, up to which limits count as met
+NOTHING = 1e-10  # a length, scaled, that is none: every direction may be its gradient
 AT_BOUND = 1e-6  # of its range: a variable so close to a bound may carry its multiplier
 
 
@@ -133,7 +134,9 @@ def certify(point: Point) -> Certificate:
     for i, block in enumerate(point.every):
         level = top if i < len(point.goals) else block.level
         tied = np.flatnonzero(block.sizes >= level - TIED)
-        columns.append(block.gradients(tied))
+        nothing = tied[lengths(block.rows[tied]) <= NOTHING] if not block.signed else tied[:0]
+        columns += [block.gradients(tied), *(_directions(block.rows.shape[1]) @ block.slope[row] for row in nothing)]
+        tied = np.concatenate([tied, np.repeat(nothing, len(_directions(block.rows.shape[1])))])
         slacks.append(np.maximum(level - block.sizes[tied], 0.0))
         goal.append(np.full(tied.size, float(i < len(point.goals))))
         homes.append(tied)
@@ -141,7 +144,7 @@ def certify(point: Point) -> Certificate:
     rows = np.concatenate([*columns, -np.eye(n)[low], np.eye(n)[high]]).T
     slack = np.concatenate([*slacks, point.z[low], 1 - point.z[high]])
     goals = np.concatenate([*goal, np.zeros(low.size + high.size)])
-    scale = 1e3 * max(1.0, float(np.max(np.abs(rows))))  # the objective's multipliers add up to one
+    scale = 1e3 * max(1.0, float(np.max(np.abs(rows), initial=0.0)))  # the objective's multipliers add up to one
     matrix = np.concatenate([rows, scale * goals[None], slack[None]])
     found, _ = nnls(matrix, np.concatenate([np.zeros(n), [scale, 0.0]]))
     left = max(
@@ -150,11 +153,19 @@ def certify(point: Point) -> Certificate:
     weights, at = [], 0
     for block, tied in zip(point.every, homes, strict=True):
         weights.append(np.zeros(len(block.rows)))
-        weights[-1][tied] = found[at : at + len(tied)]
+        np.add.at(weights[-1], tied, found[at : at + len(tied)])
         at += len(tied)
     lower, upper = np.zeros(n), np.zeros(n)
     lower[low], upper[high] = found[at : at + len(low)], found[at + len(low) :]
     return Certificate(left, weights, lower, upper)
+
+
+def _directions(parts: int) -> Float[np.ndarray, "directions parts"]:
+    """Directions in all of which a vector that is nothing may grow."""
+    if parts == 2:
+        angle = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.concatenate([np.eye(parts), -np.eye(parts)])
 
 
 def obstacles(point: Point) -> list[np.ndarray]:

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
@@ -16,9 +17,10 @@ from linkjax.design._names import DesignError, Number, changed, number
 from linkjax.design._terms import TODAY, Limit, Term, at_least
 from linkjax.machine import Scene
 from linkjax.measures import NODES, Parts, regime_margin, smallest_margin
-from linkjax.motion import Rows
+from linkjax.motion import Rows, watched
 
 ASSEMBLED = 1e-3  # the least assembly margin of a design that counts as assembled
+SLIGHT = 1e-6  # of what the free numbers can do: a bound so close to zero is no measure
 RUNNING = 1e-3  # the least regime margin of one that counts as running
 
 
@@ -97,7 +99,7 @@ class Problem:
         self._ties = [_tied(scene, v, at) for v, at in zip(self.variables, self.numbers, strict=True)]
         goal = Limit(objective, "at least" if maximise else "at most", 0.0, objective.name)
         self.asked: list[Limit] = [goal, *limits]
-        self._true_motion = False
+        self._true_motion, self._assembled = False, len(self.asked)
         self._shapes()  # learns whether the true motion is needed
         taken = {limit.name for limit in limits}
         needed = [(smallest_margin, ASSEMBLED), *([(regime_margin, RUNNING)] if self._true_motion else [])]
@@ -109,8 +111,9 @@ class Problem:
             (v.size, v.size * self.start.size, a.size, 1) for v, a in ((r.vectors, r.angle) for r, _ in self._kept)
         ]
         self._ends = np.cumsum([size for block in sizes for size in block])[:-1]
+        self._scene, self._scene_of = ravel_pytree(scene)  # one array goes in faster than fifty
         self._run = compiled_soon(self._outputs)
-        self._run.ahead(scene, jnp.asarray(self.start))
+        self._run.ahead(self._scene, jnp.asarray(self.start))
         if meanwhile is not None:
             meanwhile()
         self.evaluations = 0
@@ -123,7 +126,7 @@ class Problem:
     def at(self, x: np.ndarray) -> list[Block]:
         """Everything at one design, in the order of `kinds`: one evaluation."""
         self.evaluations += 1
-        found = np.split(np.asarray(self._run(self.scene, jnp.asarray(x))), self._ends)
+        found = np.split(np.asarray(self._run(self._scene, jnp.asarray(x))), self._ends)
         shapes = [rows.vectors.shape for rows, _ in self._kept]
         return [
             Block(found[4 * i].reshape(shape), found[4 * i + 1].reshape((*shape, -1)), found[4 * i + 2],
@@ -140,10 +143,11 @@ class Problem:
     def _rows(self, scene: Scene, x: Array) -> list[tuple[Rows, Array]]:
         """Rows and exact value of everything asked, case by case."""
         found = []
-        for case in self.cases:
-            parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
-            found += [_rows_for(limit, parts) for limit in self.asked]
-            self._true_motion |= "steady" in vars(parts)
+        with watched() as seen:
+            for case in self.cases:
+                parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
+                found += [_rows_for(limit, parts) for limit in self.asked]
+        self._true_motion |= bool(seen)
         return found
 
     def values(self, x: Array) -> Float[Array, " blocks"]:
@@ -154,8 +158,10 @@ class Problem:
         """The shapes of `_rows`; traced anew, for what is asked may have grown."""
         return jax.eval_shape(lambda scene, x: self._rows(scene, x), self.scene, jnp.asarray(self.start))
 
-    def _outputs(self, scene: Scene, x: Array) -> Array:
-        """Rows, slopes, angles and values of everything asked, case by case, in one array: one transfer."""
+    def _outputs(self, numbers: Array, x: Array) -> Array:
+        """Rows, slopes, angles and values of everything asked, case by case, in one array: one transfer. The scene
+        comes as its numbers in a row."""
+        scene = self._scene_of(numbers)
 
         def vectors(x):
             found = self._rows(scene, x)
@@ -170,23 +176,38 @@ class Problem:
         """Measure the objective by another value (SI)."""
         self.kinds = [dataclasses.replace(k, scale=value) if k.role == "objective" else k for k in self.kinds]
 
+    def _check_today(self, blocks: list[Block]) -> None:
+        """Raise `DesignError` where a limit is what the unchanged machine has, and it has none."""
+        count = len(self.asked)
+        for i, block in enumerate(blocks):
+            limit, margin = self.asked[i % count], blocks[i - i % count + self._assembled].value
+            if limit.bound == TODAY and not (margin >= 0 and np.isfinite(block.value)):
+                problem = f"has no value today: the unchanged machine's smallest margin is {margin:.3g}"
+                raise DesignError(limit.name, problem, "write a number as its bound")
+
     def _kinds(self, limits: int) -> list[Kind]:
         """Bounds and scales, from values and slopes at the start."""
-        found, span = [], self.upper - self.lower
-        for i, (block, (rows, _)) in enumerate(zip(self.at(self.start), self._kept, strict=True)):
+        found, span, blocks = [], self.upper - self.lower, self.at(self.start)
+        self._check_today(blocks)
+        for i, (block, (rows, _)) in enumerate(zip(blocks, self._kept, strict=True)):
             j = i % len(self.asked)
             limit, case = self.asked[j], self.cases[i // len(self.asked)].name
             role = "objective" if j == 0 else "limit" if j <= limits else "sound"
             bound = block.value if limit.bound == TODAY else float(limit.bound)
             sign = 1.0 if limit.sense == "at most" else -1.0
-            scale = abs(bound) or abs(block.value) or 1.0
-            if j == 0:  # a value that happens to be small is no measure: what the free numbers can do to it
-                sizes = block.vectors[:, 0] * sign if rows.signed else np.linalg.norm(block.vectors, axis=1)
-                leading = np.nan_to_num(block.slope[int(np.argmax(sizes))] * span, posinf=0.0, neginf=0.0)
-                scale = max(np.nan_to_num(abs(block.value)), float(np.max(np.abs(leading), initial=0.0))) or 1.0
+            sizes = block.vectors[:, 0] * sign if rows.signed else np.linalg.norm(block.vectors, axis=1)
+            effect = _finite(block.slope[int(np.argmax(sizes))] * span)
+            scale = max(_finite(block.value), effect) or 1.0  # a value that happens to be small is no measure
+            if j > 0 and abs(bound) > SLIGHT * effect:
+                scale = abs(bound)
             found.append(Kind(limit.name, case, limit.term.unit, role, rows.signed, sign, bound, scale))
         common = max(kind.scale for kind in found if kind.role == "objective")  # the worst case counts, by one measure
         return [dataclasses.replace(kind, scale=common) if kind.role == "objective" else kind for kind in found]
+
+
+def _finite(values: Any) -> float:
+    """The largest magnitude of what is finite."""
+    return float(np.max(np.abs(np.nan_to_num(values, posinf=0.0, neginf=0.0)), initial=0.0))
 
 
 def _rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from linkjax.design._cone import Path, descend
-from linkjax.design._point import MET, Certificate, Point, certify, placed, rank
+from linkjax.design._point import MET, NOTHING, Certificate, Point, certify, look, placed, rank
 from linkjax.design._problem import Kind, Problem
 
 SCALINGS = 3  # times that the objective may be measured anew
 NEAR = 10.0  # an objective within this factor of its measure needs none
 SHRINK = 1e-3  # the most by which its measure shrinks at once
 GAINED = 1e-7  # of the objective, and 1e-9 of its first measure: what a new measure must gain to be kept
-INSIDE = 0.1  # of the ranges: how far from their bounds numbers without effect are moved
+IDLE = 1e-6  # of the scales: a number that does less over its whole range has no effect
+INSIDE = 0.1  # of the ranges: how far from their bounds numbers are moved where others have no effect
+SIDES = 4  # numbers without effect of which both sides are tried, all together
 CERTIFIED = 1e-7  # the residual with which a new measure is kept though it gained nothing
 ROUNDING = 1e-9  # relative difference of two objectives that is none
 
@@ -62,7 +65,7 @@ class Run:
     def __init__(self, problem: Problem, starts: int, told: Callable[[Progress], None] | None):
         self.problem, self.starts, self.told = problem, starts, told
         self.paths: list[Path] = []
-        self.evaluations: list[int] = []
+        self.ended: list[Start] = []
         self.seen: Point | None = None
         self.stopped, self.number, self.step = False, 0, 0
 
@@ -72,33 +75,38 @@ class Run:
         self.paths.append(descend(self.problem, z, told=self._told))
         self._moved_inside(descend)
         self._measured_anew()
-        self._see(self.paths[-1].point)
-        self.evaluations.append(self.problem.evaluations - before)
+        path = self.paths[-1]
+        self._see(path.point)
+        self.ended.append(
+            Start(objective(self.problem, path.point), not violated(self.problem, path.point),
+                  path.certificate.residual, self.problem.evaluations - before)
+        )  # fmt: skip
 
     def interrupted(self) -> None:
         """The best design so far stands for what was not finished. Raises `KeyboardInterrupt` where there is none."""
         if self.seen is None:
             raise KeyboardInterrupt
         self.stopped = True
-        self.paths = self.paths[: len(self.evaluations)]
+        self.paths = self.paths[: len(self.ended)]
         self.paths.append(Path(self.seen, certify(self.seen), [(self.seen.value, self.seen.violation)], False))
 
-    def found(self) -> tuple[Start, ...]:
-        """What every finished start came to."""
-        found = []
-        for path, count in zip(self.paths, self.evaluations, strict=False):
-            feasible = bool(path.point.violation <= MET)
-            found.append(Start(objective(self.problem, path.point), feasible, path.certificate.residual, count))
-        return tuple(found)
+    def best(self) -> Path:
+        """The best of all paths; of those that came to the same, the best certified."""
+        ranks = [rank(path.point) for path in self.paths]
+        first = min(ranks)
+        same = [path for path, each in zip(self.paths, ranks, strict=True) if not _worse(each, first)]
+        return min(same, key=lambda path: path.certificate.residual)
 
     def _moved_inside(self, descend: Descent) -> None:
         """Where a free number has no effect, as the place of a counterweight without mass, and others are at a bound,
-        the conditions of an optimum hold trivially: once more from inside the bounds, the better counts."""
+        the conditions of an optimum hold trivially: once more from inside the bounds and from the side that looks
+        best, the better counts."""
         point = self.paths[-1].point
-        idle = [not any(np.any(block.slope[..., j]) for block in point.every) for j in range(point.z.size)]
-        inside = np.clip(point.z, INSIDE, 1 - INSIDE)
-        if any(idle) and not np.array_equal(inside, point.z):
-            self._taken(descend(self.problem, inside, told=self._told))
+        moves = np.max([np.max(np.abs(block.slope), axis=(0, 1), initial=0.0) for block in point.every], axis=0)
+        idle, inside = np.flatnonzero(moves <= IDLE), np.clip(point.z, INSIDE, 1 - INSIDE)
+        if idle.size and not np.array_equal(inside, point.z):
+            sides = (look(self.problem, z) for z in _mirrored(inside, idle))
+            self._taken(descend(self.problem, min(sides, key=rank).z, told=self._told))
 
     def _measured_anew(self) -> None:
         """An objective that has become small, or large, beside its measure is given another, and followed further by
@@ -110,7 +118,7 @@ class Run:
                 return
             size = abs(objective(self.problem, point))
             new = max(size, SHRINK * old)
-            if old / NEAR <= new <= NEAR * old:
+            if old / NEAR <= new <= NEAR * old or size <= NOTHING * first:
                 return
             self._rescale(new)
             self._taken(descend(self.problem, point.z, told=self._told))
@@ -125,8 +133,7 @@ class Run:
         good and better certified."""
         path = self.paths[-1]
         old, new = rank(path.point), rank(further.point)
-        better = new[0] < old[0] or (new[0] == old[0] and new[1] < old[1] - ROUNDING * max(1.0, abs(old[1])))
-        if better or (new <= old and further.certificate.residual < path.certificate.residual):
+        if _worse(old, new) or (new <= old and further.certificate.residual < path.certificate.residual):
             further.history[:0] = path.history
             self.paths[-1] = further
 
@@ -155,6 +162,21 @@ class Run:
                                _goal(self.problem).unit, names, certificate.residual, best))  # fmt: skip
 
 
+def _worse(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether a rank is worse than another by more than rounding."""
+    return one[0] > other[0] or (one[0] == other[0] and one[1] > other[1] + ROUNDING * max(1.0, abs(other[1])))
+
+
+def _mirrored(z: np.ndarray, which: np.ndarray) -> Iterator[np.ndarray]:
+    """A design with some of its numbers on either side of their ranges' middles, in every combination; on both sides
+    at once where there are many."""
+    sides = itertools.product((False, True), repeat=which.size) if which.size <= SIDES else ((False,), (True,))
+    for turned in sides:
+        found = z.copy()
+        found[which] = np.where(turned, 1 - z[which], z[which])
+        yield found
+
+
 def _goal(problem: Problem) -> Kind:
     return next(kind for kind in problem.kinds if kind.role == "objective")
 
@@ -176,15 +198,16 @@ def trade(problem: Problem, paths: list[Path], name: str, bounds: list[float]) -
     """The optimum for every bound of one limit, each from the design before and from the ends of several starts, and
     whether it was interrupted."""
     kinds, ends, found = problem.kinds, [path.point.z for path in paths], []
-    z, span, stopped = ends[0], problem.upper - problem.lower, False
+    before, span, stopped = [], problem.upper - problem.lower, False
     try:
         for bound in bounds:
             problem.kinds = [
-                dataclasses.replace(kind, bound=bound) if kind.name == name and kind.role == "limit" else kind
+                dataclasses.replace(kind, bound=bound, scale=abs(bound) or kind.scale)
+                if kind.name == name and kind.role == "limit" else kind
                 for kind in kinds
-            ]
-            point = min((descend(problem, each).point for each in (z, *ends)), key=rank)
-            x, z = problem.lower + point.z * span, point.z
+            ]  # fmt: skip
+            point = min((descend(problem, each).point for each in (*before, *ends)), key=rank)
+            x, before = problem.lower + point.z * span, [point.z]
             found.append(Traded(bound, objective(problem, point), point.violation <= MET, tuple(map(float, x))))
     except KeyboardInterrupt:
         stopped = True

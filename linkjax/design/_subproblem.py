@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from linkjax.design._point import Scaled, lengths
 
-TOLERANCE = 1e-13  # more than it reaches: it stops where rounding stops it
-FEW = 4  # rows of a block put in at once
+ROUGH, FINE = 1e-9, 1e-13  # tolerances; the finer is more than the solver reaches: it stops where rounding stops it
+FEW = 6  # rows of a block put in at once
 HELD = 1e-6  # a multiplier of a step before that is no rounding
 MISSED = 1e-10  # a row so far above the others, in the solver's scale, is put in
 LOOSE = 0.02  # and so many times what the step gains
@@ -39,6 +39,7 @@ def solve(
     bend: np.ndarray,
     penalty: float,
     like: Step | None = None,
+    tolerance: float = ROUGH,
 ) -> Step | None:
     """The best step within `radius` and the unit box: the largest row of the goals, plus half d' bend d, plus the
     penalised excess of every limit. None where the solver finds no answer.
@@ -56,7 +57,7 @@ def solve(
     step = None
     merit = max((goal.top for goal in goals), default=0.0) + penalty * sum(max(one.excess(), 0.0) for one in limits)
     for _ in range(ROUNDS):
-        found = _solve(blocks, len(goals), chosen, low, high, bend, penalty)
+        found = _solve(blocks, len(goals), chosen, low, high, bend, penalty, tolerance)
         if found is None:
             return None
         step, tops = found
@@ -101,7 +102,7 @@ def _leading(sizes: np.ndarray, some: np.ndarray) -> np.ndarray:
     return beside & some
 
 
-def _solve(blocks, goals: int, chosen, low, high, bend, penalty) -> tuple[Step, list[float]] | None:
+def _solve(blocks, goals: int, chosen, low, high, bend, penalty, tolerance) -> tuple[Step, list[float]] | None:
     """The subproblem with the rows chosen: the step, and how high each block's rows may come in it."""
     import clarabel as _clarabel  # a compiled library, loaded when something is optimised
 
@@ -142,7 +143,7 @@ def _solve(blocks, goals: int, chosen, low, high, bend, penalty) -> tuple[Step, 
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.iterative_refinement_enable = False  # a third of the time, for digits that nothing needs
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     found = clarabel.DefaultSolver(
         _sparse(quadratic), linear, _sparse(np.concatenate(matrix)), np.concatenate(right), cones, settings
     ).solve()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -37,9 +38,12 @@ def amount(value: Any, unit: str, element: str) -> float:
         except QuantityError as error:
             raise DesignError(element, f"{value!r}: {error.problem}", error.remedy) from error
     try:
-        return float(value)
+        found = float(value)
     except (TypeError, ValueError) as error:
         raise DesignError(element, f"{value!r} is no number", f"write one in {unit}, or a text with unit") from error
+    if not math.isfinite(found):
+        raise DesignError(element, f"{value!r} is no finite number", f"write one in {unit}, or a text with unit")
+    return found
 
 
 def variable(scene: Scene, name: str, given: Range, tied: tuple[str, ...] = ()) -> Variable:
@@ -56,8 +60,8 @@ def variable(scene: Scene, name: str, given: Range, tied: tuple[str, ...] = ()) 
         return Variable(name, max(low, at.least), high, tied)
     if ends := FROM_TO.fullmatch(text):
         low, high = ends[1].strip(), ends[2].strip()
-        if re.fullmatch(r"[+-]?[\d.eE+-]+", low):  # the unit stands once, behind the second
-            low += re.sub(r"^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", "", high)
+        if re.fullmatch(r"[\d._eE+-]+", low):  # the unit stands once, behind the second
+            low += re.sub(r"^[+-]?[\d_]*\.?[\d_]*(?:[eE][+-]?\d+)?", "", high)
         return _possible(Variable(name, amount(low, at.unit, name), amount(high, at.unit, name), tied), at)
     raise DesignError(name, f"{given!r} is no range", 'write e.g. "0 to 40 kg m^2", "± 8 %" or "± 20 mm"')
 
@@ -80,6 +84,8 @@ def _around(text: str, value: float, at: Number) -> tuple[float, float]:
             raise DesignError(at.name, "is zero, so a percentage leaves it no room", 'write e.g. "0 to 40 kg m^2"')
     else:
         reach = amount(text, at.unit, at.name)
+    if not reach > 0:
+        raise DesignError(at.name, f"± {text} leaves it no room", 'write e.g. "± 8 %"')
     return value - reach, value + reach
 
 
@@ -106,6 +112,8 @@ def settled_term(scene: Scene, asked: Asked) -> Term:
 
 def settled_limit(scene: Scene, given: Limit | str) -> Limit:
     """A limit with its unit known and its bound a number (SI), or "today"."""
+    if not isinstance(given, Limit | str):
+        raise DesignError("limits", f"{given!r} is no limit", 'write at_most(function, bound), or "delta <= 0.15"')
     asked = limit(given) if isinstance(given, str) else given
     term = settled_term(scene, asked.term)
     bound = TODAY if asked.bound == TODAY else amount(asked.bound, term.unit, asked.name)

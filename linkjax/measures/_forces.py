@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import collections
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -47,6 +49,7 @@ def table(scene: Scene, forces: Forces) -> Float[Array, "*motions quantities 2"]
     """Shaking force, frame force, shaking moment, drive torque and all reactions, in the order of `peak_names`."""
     zero = jnp.zeros_like(forces.drive_torque)
     rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (forces.drive_torque, zero)]
+    rows += [forces.net_frame[:2]] if _net(scene) else []
     rows += [forces.reactions[joint][link][:2] for joint, link in reaction_names(scene)]
     return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
 
@@ -54,13 +57,23 @@ def table(scene: Scene, forces: Forces) -> Float[Array, "*motions quantities 2"]
 def peak_names(scene: Scene) -> list[str]:
     """Names of the rows of `table`; a reaction is `reaction.<joint>.<link>`."""
     joints = [f"reaction.{joint}.{link}" for joint, link in reaction_names(scene)]
-    return ["shaking_force", "frame_force", "shaking_moment", "drive_torque", *joints]
+    net = ["net_frame_force"] if _net(scene) else []
+    return ["shaking_force", "frame_force", "shaking_moment", "drive_torque", *net, *joints]
+
+
+def _net(scene: Scene) -> bool:
+    """Whether the foundation feels something else than the frame."""
+    return any(load.reacts_on == "frame" for load in scene.loads)
 
 
 def reaction_names(scene: Scene) -> list[tuple[str, str]]:
-    """One (joint, link) for every joint: the link that joins, the other side being equal and opposite."""
+    """One (joint, link) for every joint: the link that joins, the other side being equal and opposite; where several
+    join one pin, also the link that carries it, which takes their sum."""
     joints = [joint for group in scene.mechanism.groups for joint in group.joints()]
-    return list(dict.fromkeys((joint.name, joint.link) for joint in joints))
+    names = list(dict.fromkeys((joint.name, joint.link) for joint in joints))
+    owners = scene.mechanism.owners()
+    carried = collections.Counter((joint.name, joint.by or owners[joint.point]) for joint in joints)
+    return names + [(joint, link) for (joint, link), count in carried.items() if count > 1 and link != "frame"]
 
 
 def _forces(regime: Regime, place: Place) -> Forces:

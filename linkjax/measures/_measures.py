@@ -16,7 +16,23 @@ from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
-from linkjax.motion import Components, Place, Regime, Rows, flywheel_on, peaks, rows, summits
+from linkjax.motion import (
+    LEAST,
+    Components,
+    Grid,
+    Place,
+    Regime,
+    Rows,
+    flywheel_on,
+    peaks,
+    rows,
+    steady_on,
+    summits,
+    with_flywheel,
+)
+from linkjax.reduction import Reduced
+
+SLOW = 0.1  # of the fastest: the least rate at which a flywheel counts as calming a pair of speeds
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +132,24 @@ def smallest_speed(of: Parts) -> Array:
     return of.steady.speed_min
 
 
-@measure("1")
+def _least_energies(of: Parts) -> Rows:
+    """Regime margins by every kinetic energy that may be the smallest."""
+    steady, place = of.steady, jax.tree.map(jnp.ravel, of.grid.node_places())
+    inertia = jnp.maximum(of.reduced.inertia, steady.inertia_floor)
+    mean = jnp.sum(of.grid.half[:, None] * of.grid.rule.w[None] * inertia) / of.scene.cycle
+    per_joule = 1 / (0.5 * mean * of.scene.speed**2)
+    work = jax.vmap(steady.work.at)(place).reshape(of.grid.nodes.shape)
+    above = 2 * jax.lax.stop_gradient(jnp.max(jnp.abs(steady.energy + work)))
+
+    def missing(regime: Regime, place: Place) -> Array:
+        assert regime.steady is not None
+        return (above - regime.steady.energy - regime.steady.work.at(place)).reshape((1, 1))
+
+    found = summits(of.true_motion, missing, (above - steady.energy - work)[None, None])
+    return Rows((above - found.vectors[0]) * per_joule - LEAST, found.angle[0], signed=True)
+
+
+@measure("1", _least_energies, smallest=True)
 def regime_margin(of: Parts) -> Array:
     """Least kinetic energy of the true motion over ½ J̄ ω², less the least that counts as running."""
     return of.steady.regime_margin
@@ -134,11 +167,32 @@ def mean_drive_torque(of: Parts) -> Array:
     return of.steady.drive_torque
 
 
-@measure("kg m^2")
+def _flywheels(of: Parts) -> Rows:
+    """The flywheel by every pair of a largest and a smallest speed that may swing most: to first order about the one
+    found, so that those tied there are exact."""
+    needed, here = flywheel_for_target_delta.function(of), (of.scene, of.grid, of.reduced)
+    swings, (fixed, still) = _swings_with(needed, *here), jax.lax.stop_gradient((here, needed))
+    _, rate = jax.jvp(lambda inertia: _swings_with(inertia, *fixed).vectors, (still,), (jnp.ones_like(still),))
+    steep = jnp.maximum(-rate, SLOW * jnp.max(-rate))
+    return Rows(needed + (swings.vectors - _target(of.scene)) / steep, swings.angle, signed=True)
+
+
+def _swings_with(inertia: Array, scene: Scene, grid: Grid, here: Reduced) -> Rows:
+    """`_swings` with another flywheel: the same grid, for neither positions nor loads depend on it."""
+    made = Parts(with_flywheel(scene, inertia), 0)
+    made.grid, made.reduced = grid, here._replace(inertia=here.inertia - scene.mechanism.flywheel.inertia + inertia)
+    made.steady = steady_on(made.scene, grid, made.reduced)
+    return _swings(made)
+
+
+def _target(scene: Scene) -> Array:
+    return jnp.asarray(0.05) if scene.target_delta is None else scene.target_delta
+
+
+@measure("kg m^2", _flywheels)
 def flywheel_for_target_delta(of: Parts) -> Array:
     """Flywheel inertia that gives the scene's target δ (0.05 where it names none)."""
-    target = jnp.asarray(0.05) if of.scene.target_delta is None else of.scene.target_delta
-    return flywheel_on(of.scene, target, of.grid, of.reduced)
+    return flywheel_on(of.scene, _target(of.scene), of.grid, of.reduced)
 
 
 @smallest("1")

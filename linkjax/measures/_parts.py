@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion import Grid, Regime, Steady, make_grid, node_poses, node_values, steady_on
+from linkjax.motion import Grid, Regime, Steady, asked_for, make_grid, node_poses, node_values, steady_on
 from linkjax.reduction import Reduced, mass_sums
 
 NODES = 96  # nodes on the cycle grid unless asked otherwise
@@ -40,6 +40,7 @@ class Parts:
     @functools.cached_property
     def steady(self) -> Steady:
         """The steady periodic motion."""
+        asked_for(self.scene)
         return steady_on(self.scene, self.grid, self.reduced)
 
     @functools.cached_property

@@ -4,6 +4,7 @@ from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
 from linkjax.motion._diffrax import run_in_time as run_in_time
 from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax
+from linkjax.motion._flow import LEAST as LEAST
 from linkjax.motion._flow import Primitive as Primitive
 from linkjax.motion._flow import primitive as primitive
 from linkjax.motion._flywheel import flywheel_for as flywheel_for
@@ -21,7 +22,9 @@ from linkjax.motion._regime import peaks as peaks
 from linkjax.motion._regime import rows as rows
 from linkjax.motion._regime import summits as summits
 from linkjax.motion._steady import Steady as Steady
+from linkjax.motion._steady import asked_for as asked_for
 from linkjax.motion._steady import node_poses as node_poses
 from linkjax.motion._steady import node_values as node_values
 from linkjax.motion._steady import steady as steady
 from linkjax.motion._steady import steady_on as steady_on
+from linkjax.motion._steady import watched as watched

@@ -7,6 +7,10 @@ Source: energy equation of a machine, Artobolevsky, Theory of Mechanisms and Mac
 
 from __future__ import annotations
 
+import contextlib
+import contextvars
+from collections.abc import Iterator
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,6 +24,26 @@ from linkjax.motion._error import delta_error
 from linkjax.motion._flow import LEAST, Flow, Primitive, primitive
 from linkjax.motion._grid import Grid, Place, make_grid
 from linkjax.reduction import Reduced, reduce, reduce_pose
+
+_WATCHED: contextvars.ContextVar[list[Scene] | None] = contextvars.ContextVar("watched", default=None)
+
+
+@contextlib.contextmanager
+def watched() -> Iterator[list[Scene]]:
+    """The scenes whose true motion is asked for meanwhile; inside `jax.jit` while it is traced."""
+    seen: list[Scene] = []
+    token = _WATCHED.set(seen)
+    try:
+        yield seen
+    finally:
+        _WATCHED.reset(token)
+
+
+def asked_for(scene: Scene) -> None:
+    """Tell who watches that the true motion of this scene is asked for."""
+    seen = _WATCHED.get()
+    if seen is not None:
+        seen.append(scene)
 
 
 class Steady(eqx.Module):
@@ -70,6 +94,7 @@ def steady(scene: Scene, nodes: int = 96) -> Steady:
 
     Never raises: where there is no regime, `regime_margin` is negative and every value finite.
     """
+    asked_for(scene)
     grid = make_grid(scene, nodes)
     return steady_on(scene, grid, node_values(scene, grid))
 

@@ -42,27 +42,31 @@ def measures(show: Numbers, optimum: Data) -> str:
 
 def variables(show: Numbers, optimum: Data) -> str:
     """The free numbers: before, after, their bounds, and which bound holds them."""
-    held = any(v["active"] for v in optimum["variables"].values())
+    held = any(v["active"] or v.get("idle") for v in optimum["variables"].values())
     rows = []
     for name, v in optimum["variables"].items():
         row = [words(name), *show.several([v["before"], v["after"]], v["unit"], 6)]
         row += [Cell(show.bound(v[end], v["unit"]), True) for end in ("lower", "upper")]
         if held:
-            row.append(Cell(f"at {v['active']} bound" if v["active"] else "", look="s"))
+            idle = "no effect on the optimum" if v.get("idle") else ""
+            row.append(Cell(f"at {v['active']} bound" if v["active"] else idle, look="s"))
             row.append(Cell(_plain_number(show, v.get("pull")) if v["active"] else "", True))
         rows.append(row)
+        for tie, values in (v.get("tied") or {}).items():
+            row = [words(f"tied to it: {tie}"), *show.several([values["before"], values["after"]], values["unit"], 6)]
+            rows.append([*row, *[Cell("")] * (len(rows[-1]) - len(row))])
     head = ["free number", "before", "after", "lower bound", "upper bound"]
     return table([*head, "", "gain per unit (SI)"] if held else head, rows, "Free numbers")
 
 
 def limits(show: Numbers, optimum: Data) -> str:
-    """The limits: value, bound, multiplier, whether active, and the crank angles that tie there."""
-    rows = []
+    """The limits: value, bound, multiplier, whether active or not met, and the crank angles that tie there."""
+    rows, feasible = [], (optimum.get("result") or {}).get("code", 0) == 0
     for label, limit in optimum["limits"].items():
         cells = show.several([limit.get("before"), limit["value"]], limit["unit"])
         cells.append(Cell(f"{limit['sense']} {show.bound(limit['limit'], limit['unit'])}", True))
-        price = Cell(_plain_number(show, limit.get("multiplier")), True)
-        state = Cell("active" if limit["active"] else "")
+        price = Cell(_plain_number(show, limit.get("multiplier")) if feasible else "", True)
+        state = Cell("not met" if not limit.get("met", True) else "active" if limit["active"] and feasible else "")
         rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit.get("tied_angles")))])
     head = ["limit", "before", "after", "bound", "multiplier (SI)", "", "tied at"]
     return table(head, rows, "Limits") if rows else ""
@@ -78,7 +82,8 @@ def outcome(show: Numbers, optimum: Data) -> str:
         text = f"{optimum.get('reached', NONE)} of {len(starts)} reached the best; {feasible} met every limit"
         rows.append(["starts", text])
     if goal.get("tied_angles"):
-        rows.append(["the objective ties at", angles(show, goal["tied_angles"])])
+        how = "ties" if len(goal["tied_angles"]) > 1 else "peaks"
+        rows.append([f"the objective {how} at", angles(show, goal["tied_angles"])])
     if optimum.get("scene_after"):
         rows.append(["scene of the new machine", str(optimum["scene_after"])])
     text = table(["search", ""], [[words(name), words(value)] for name, value in rows])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,6 +12,7 @@ from linkjax._vec import Vec
 from linkjax.design import Case, numbers
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
+from linkjax.measures import MEASURES
 from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError
 from linkjax.scenes import _models as file
 from linkjax.scenes._check import check
@@ -74,6 +76,10 @@ def _no_plain_angles(source: str, scene: Scene, asked: Optimise) -> None:
     found = [(f"optimise.free.{name}", value) for name, ends in ranges.items() if name in angles for value in ends]
     for i, case in enumerate(asked.cases):
         found += [(f"optimise.cases[{i}].changes.{name}", v) for name, v in case.changes.items() if name in angles]
+    if asked.trade_off is not None:
+        name = re.sub(" at (most|least)$", "", asked.trade_off.limit)
+        if name in angles or (name in MEASURES and MEASURES[name].unit == "rad"):
+            found += [("optimise.trade_off.bounds", value) for value in asked.trade_off.bounds]
     for key, value in found:
         if not isinstance(value, str) and value != 0:
             raise SceneError(source, key, value, "an angle without a unit", f'write "{value:.12g} deg"')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import Case, Counterweight, DesignError, Vec, at_least, at_most
+from linkjax.design import changed, settled
 from linkjax.scenes import SceneError
 from tests.design.test_optimise import AT, rotor
 
@@ -43,11 +45,13 @@ def test_a_start_that_happens_to_be_large_is_none_either():
     assert found.kkt_residual <= 1e-6
 
 
-def test_a_weight_without_mass_on_the_wrong_side():
-    """Its place has no effect and a little mass does harm, so that the conditions of an optimum hold; it is none."""
+@pytest.mark.parametrize(("mass", "at"), [(0.0, (0.03, 0.0)), (0.5, (0.1, 0.1)), (0.5, (0.09, 0.05))])
+def test_a_weight_without_mass_on_the_wrong_side(mass, at):
+    """Its place has no effect and a little mass does harm, so that the conditions of an optimum hold; it is none. One
+    with a mass at first loses it, all but rounding, on the way."""
     scene = rotor()
     crank = scene.mechanism.links["crank"]
-    weight = Counterweight(0.0, Vec(0.03, 0.0), thickness=0.02, density=7850.0)
+    weight = Counterweight(mass, Vec(*at), thickness=0.02, density=7850.0)
     crank = dataclasses.replace(crank, counterweights={"W": weight})
     scene = scene.with_mechanism(dataclasses.replace(scene.mechanism, links={"crank": crank}))
     free = {f"{AT}.along": "-100 to 100 mm", f"{AT}.across": "-100 to 100 mm"}
@@ -122,3 +126,116 @@ def test_changes_by_hand_come_last():
     assert asked["starts"] == 3
     with pytest.raises(SceneError, match="an angle without a unit"):
         lj.load_task("hay-press", {"optimise.free": {"loads.hay.window.on": [80, 100]}})
+
+
+PEAK = "peak_shaking_force_constant_speed"
+MASS = f"{AT.removesuffix('.at')}.mass"
+BALANCING = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1), MASS: (0.0, 3.0)}
+
+
+@pytest.mark.parametrize("mass", [0.2, 0.3, 0.5])
+def test_the_last_digits(mass):
+    """2 (0.03, 0.01) kg m of the rotor against a mass within ± 0.1 m: (0.06 - 0.1 m) 20², by hand, from every start."""
+    found = lj.optimise(rotor(), BALANCING, PEAK, limits=[f"{MASS} <= {mass} kg"], starts=3)
+    by_hand = 400 * math.hypot(max(0.06 - 0.1 * mass, 0.0), max(0.02 - 0.1 * mass, 0.0))
+    assert found.objective == pytest.approx(by_hand, rel=1e-8)
+    assert all(start.residual <= 1e-7 for start in found.starts)
+    assert found.x == pytest.approx([-0.1, -0.02 / mass, mass], rel=1e-6)
+
+
+def test_nothing_left_is_certified():
+    """A rotor balanced exactly: the length of a vector that vanishes has every slope. A limit that does not act, and
+    other starts, change nothing."""
+    found = lj.optimise(rotor(), BALANCING, PEAK, limits=[f"{MASS} <= 2 kg"], starts=3)
+    assert found.objective < 1e-9 * found.objective_before
+    assert found.kkt_residual <= 1e-7
+    assert all(start.residual <= 1e-7 for start in found.starts)
+    assert found.limits[MASS].multiplier == 0.0
+
+
+def test_rounding_is_no_scale():
+    """A bound of zero on what is 5.5e-17 at the start: priced as from exactly zero."""
+    scene = rotor()
+    crank = scene.mechanism.links["crank"]
+    crank = dataclasses.replace(crank, counterweights={"W": Counterweight(1.0, Vec(0.0, 5.5e-17), inertia=0.0)})
+    scene = scene.with_mechanism(dataclasses.replace(scene.mechanism, links={"crank": crank}))
+    free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
+    found = lj.optimise(scene, free, PEAK, limits=[f"{AT}.across >= 0 m"])
+    assert found.limits[f"{AT}.across"].multiplier == pytest.approx(400.0, rel=1e-6)
+    assert found.kkt_residual <= 1e-7
+
+
+def test_an_own_function_of_the_true_motion_needs_one():
+    """At 20 rpm the pump has no steady motion, whoever asks for it."""
+    scene = lj.load("slider-crank", {"speed": "300 rpm"})
+    found = lj.optimise(scene, {"speed": "20 to 400 rpm"}, lambda s: lj.measures.peak_reaction(s))
+    assert found.limits["regime_margin"].value >= 1e-3 * (1 - 1e-8)
+    still = lj.optimise(rotor(), {WHEEL: (0.0, 2.0)}, WHEEL)
+    assert "regime_margin" not in still.limits
+
+
+def test_rows_that_are_no_number():
+    """A vector that is NaN is not of length zero."""
+
+    def lost(scene):
+        return jnp.stack([scene.mechanism.flywheel.inertia, jnp.nan * scene.speed])[:, None]
+
+    assert not np.isfinite(lj.optimise(rotor(), {WHEEL: (0.0, 2.0)}, lost).kkt_residual)
+
+
+def test_a_start_without_bound():
+    """x + 1/x from x = 0, where it is infinite: 2."""
+    scene = rotor()
+    scene = scene.with_mechanism(dataclasses.replace(scene.mechanism, flywheel=lj.Flywheel(0.0)))
+
+    def wall(scene):
+        x = scene.mechanism.flywheel.inertia
+        return 1 / x + x
+
+    found = lj.optimise(scene, {WHEEL: (0.0, 2.0)}, wall, starts=3)
+    assert found.objective == pytest.approx(2.0, rel=1e-9)
+    assert found.reached == 3
+    assert found.kkt_residual <= 1e-6
+
+
+def test_what_depends_on_nothing_is_named():
+    """The flywheel does nothing to the shaking force at constant speed."""
+    found = lj.optimise(rotor(), {WHEEL: (0.0, 2.0), f"{AT}.along": (-0.1, 0.1)}, PEAK)
+    assert found.idle == (WHEEL,)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"limits": [at_most("speed", np.inf)]}, "speed: inf is no finite number"),
+        ({"limits": ["speed <= 30 rad/s", "speed <= 40 rad/s"]}, "speed: is limited 2 times"),
+        ({"limits": [at_most(PEAK, "today")], "scene": {"links.rod.length": 0.02}}, "has no value today"),
+        ({"cases": [Case("a", {WHEEL: 1.0})]}, f"{WHEEL}: is free, but the case 'a' sets it"),
+        ({"cases": [Case("a", {"speed": math.nan})]}, "speed: nan is no finite number"),
+        ({"minimise": ""}, "neither a measure nor a number"),
+        ({"free": {WHEEL: "± -5 %"}}, f"{WHEEL}: ± -5 % leaves it no room"),
+        ({"trade_off": ("delat", [0.1]), "limits": ["delta <= 0.2"]}, "did you mean 'delta'"),
+    ],
+)
+def test_refused_at_once(change, says):
+    asked = {"free": {WHEEL: (0.0, 2.0)}, "minimise": "delta", **change}
+    scene = lj.load("slider-crank")
+    for name, value in asked.pop("scene", {}).items():
+        scene = changed(scene, {name: value})
+    with pytest.raises(DesignError, match=says):
+        lj.optimise(scene, **asked)
+
+
+def test_a_name_with_underscores_in_its_numbers():
+    assert settled(lj.load("slider-crank"), {"links.rod.length": "1 to 2_000 mm"}, "delta")["free"][0].upper == 2.0
+    with pytest.raises(SceneError, match="an angle without a unit"):
+        changes = {"optimise.trade_off": {"limit": "smallest_transmission_angle", "bounds": [60, 50]}}
+        lj.load_task("hay-press", changes)
+
+
+def test_both_senses_traded_off():
+    """A limit of the other sense on the same number, as `--limit` adds one, leaves the trade-off of the first."""
+    limits = [f"{MASS} <= 0.5 kg", f"{MASS} >= 0.01 kg"]
+    found = lj.optimise(rotor(), BALANCING, PEAK, limits=limits, trade_off=(MASS, ["0.3 kg"]))
+    assert found.trade_off[0].objective == pytest.approx(12.0, rel=1e-7)
+    assert found.traded == f"{MASS} at most"

@@ -67,7 +67,7 @@ def solve(scene, phi, speed, acceleration) -> Solution:
     phi, speed, acceleration = (np.asarray(x, dtype=float) for x in (phi, speed, acceleration))
     mechanism = scene.mechanism
     here, every = oracle.rates(mechanism, phi), joints(mechanism)
-    bodies = oracle.bodies(mechanism)
+    bodies = oracle.numbers(mechanism).bodies
     row = {name: 3 * i for i, name in enumerate(bodies)}
     size = 3 * len(bodies)
     assert size == 2 * len(every) + 1, "as many equations as unknowns"

@@ -51,15 +51,41 @@ def body(link, m=np) -> Body:
     return Body(mass, inertia, {link.centre_name: centre, **place})
 
 
-def bodies(mechanism: Mechanism, m=np) -> dict[str, Body]:
-    return {name: body(link, m) for name, link in mechanism.links.items()}
+class Numbers(NamedTuple):
+    """What is read of a mechanism: its links, their lengths, its fixed points, and the pins of each group."""
+
+    bodies: dict[str, Body]
+    length: dict[str, Any]
+    fixed: dict[str, Any]
+    pins: list[dict[str, tuple[str, str | None]]]
+
+
+_READ: dict[int, tuple[Mechanism, Numbers]] = {}  # the mechanism too: while it is here its id is no other's
+
+
+def numbers(mechanism: Mechanism, m=np) -> Numbers:
+    """What a mechanism is; NumPy's, which thousands of evaluations ask for, are kept for the last few."""
+    if m is np and id(mechanism) in _READ:
+        return _READ[id(mechanism)][1]
+    n = reader(m)
+    found = Numbers(
+        {name: body(link, m) for name, link in mechanism.links.items()},
+        {name: n(link.length) for name, link in mechanism.links.items()},
+        {name: n(at.x) + 1j * n(at.y) for name, at in mechanism.fixed.items()},
+        [group.pins() for group in mechanism.groups],
+    )
+    if m is np:
+        if len(_READ) >= 4:
+            _READ.clear()
+        _READ[id(mechanism)] = mechanism, found
+    return found
 
 
 def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str, Any]]:
     """Points and link directions at the crank angle `phi`: complex numbers of NumPy or mpmath."""
     n = reader(m)
-    length = {name: n(link.length) for name, link in mechanism.links.items()}
-    points = {name: n(at.x) + 1j * n(at.y) for name, at in mechanism.fixed.items()}
+    links, length, fixed, _ = numbers(mechanism, m)
+    points = dict(fixed)
     directions: dict[str, Any] = {}
     for g in mechanism.groups:
         if isinstance(g, Crank):
@@ -83,7 +109,7 @@ def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str,
             new = {g.links[0]: (g.from_, first), g.links[1]: (g.to, (points[g.meet] - points[g.to]) / two)}
         for name, (origin, direction) in new.items():
             directions[name] = direction
-            for point, at in body(mechanism.links[name], m).places.items():
+            for point, at in links[name].places.items():
                 points[point] = points[origin] + at * direction
     return points, directions
 
@@ -122,6 +148,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
     """Rates at an array of crank angles, from the loop equations of each group solved as linear systems."""
     phi = np.asarray(phi, dtype=float)
     at, directions = assemble(mechanism, phi)
+    bodies, length, _, pins = numbers(mechanism)
     none = np.zeros_like(phi)
     points = {name: Jet(at[name] + none, none + 0j, none + 0j) for name in mechanism.fixed}
     links: dict[str, Jet] = {}
@@ -130,7 +157,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
         arm = place * link.r
         return Jet(origin.r + arm, origin.v + 1j * link.v * arm, origin.a + (1j * link.a - link.v**2) * arm)
 
-    for g in mechanism.groups:
+    for g, held in zip(mechanism.groups, pins, strict=True):
         if isinstance(g, Crank):
             links[g.link] = Jet(directions[g.link], none + g.turns, none)
         elif isinstance(g, RRP):
@@ -146,10 +173,10 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
             e1, e2 = _solve(1j * p, -1j * q, b.a - a.a + w1**2 * p - w2**2 * q)
             for name, w, e in zip(g.links, (w1, w2), (e1, e2), strict=True):
                 links[name] = Jet(directions[name], w, e)
-        for name, (origin, far) in g.pins().items():
-            places = body(mechanism.links[name]).places
+        for name, (origin, far) in held.items():
+            places = bodies[name].places
             if far is not None and far not in points:
-                places = {far: complex(mechanism.links[name].length), **places}
+                places = {far: complex(length[name]), **places}
             for point, place in places.items():
                 points[point] = carried(points[origin], links[name], place)
     return Rates(points, links)
@@ -174,7 +201,7 @@ def applied(scene, phi, here: Rates) -> dict[str, tuple[str, str, Any, Any]]:
     """Weights and loads by name: link, point, force (complex) and couple."""
     gravity = complex(float(scene.gravity.x), float(scene.gravity.y))
     found = {}
-    for name, b in bodies(scene.mechanism).items():
+    for name, b in numbers(scene.mechanism).bodies.items():
         found[f"weight of {name}"] = (name, next(iter(b.places)), b.mass * gravity + 0 * phi, 0 * phi)
     for load in scene.loads:
         on = active(load, phi, scene.cycle)
@@ -207,7 +234,7 @@ def reduction(scene, phi) -> Reduction:
     phi = np.asarray(phi, dtype=float)
     here = rates(scene.mechanism, phi)
     inertia, slope = np.full_like(phi, float(scene.mechanism.flywheel.inertia)), np.zeros_like(phi)
-    for name, b in bodies(scene.mechanism).items():
+    for name, b in numbers(scene.mechanism).bodies.items():
         s, turn = here.points[next(iter(b.places))], here.links[name]
         inertia = inertia + b.mass * abs(s.v) ** 2 + b.inertia * turn.v**2
         slope = slope + 2 * b.mass * (s.v.conjugate() * s.a).real + 2 * b.inertia * turn.v * turn.a

@@ -94,7 +94,7 @@ def test_shaking_is_the_loss_of_momentum(name):
     def momentum(phi):
         here = oracle.rates(mechanism, phi)
         linear, angular = 0j, float(mechanism.flywheel.inertia) * here.links[mechanism.crank].v
-        for link, b in oracle.bodies(mechanism).items():
+        for link, b in oracle.numbers(mechanism).bodies.items():
             s = here.points[next(iter(b.places))]
             linear = linear + b.mass * s.v
             angular = angular + b.mass * ((s.r - about).conjugate() * s.v).imag + b.inertia * here.links[link].v
@@ -227,12 +227,15 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     here = oracle.rates(mechanism, phi)
     about = here.points[mechanism.groups[0].pivot].r
     moment = 0.0
-    for name, b in oracle.bodies(mechanism).items():
+    for name, b in oracle.numbers(mechanism).bodies.items():
         s = here.points[next(iter(b.places))]
         moment = moment + ((s.r - about).conjugate() * known.momentum_rate[name]).imag + known.spin_rate[name]
     frame = sum(known.reactions[j.name, j.link][0] for j in newton_euler.joints(mechanism) if j.by == "frame")
     found = {"shaking_force": sum(known.momentum_rate.values()), "frame_force": frame}
     found |= {"shaking_moment": moment, "drive_torque": known.drive}
+    own = [load.name for load in scene.loads if load.reacts_on == "frame"]
+    acting = oracle.applied(scene, phi, here)
+    found["net_frame_force"] = frame + sum(acting[name][2] for name in own)
     found |= {f"reaction.{joint}.{link}": force for (joint, link), (force, _) in known.reactions.items()}
     return np.abs(np.stack([found[name] + 0 * phi for name in peak_names(scene)]))
 
