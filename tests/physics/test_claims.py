@@ -218,7 +218,7 @@ def test_checks_where_everything_is_balanced(scene):
 
 def test_a_flywheel_for_what_runs_steadily_by_itself():
     """None is needed: the most that may be taken away, half the inertia there is, and a finite derivative."""
-    value, slope = jax.value_and_grad(lambda d: lj.flywheel_for(rotor(), d))(jnp.asarray(0.05))
+    value, slope = compiled_soon(jax.value_and_grad(lambda d: lj.flywheel_for(rotor(), d)))(jnp.asarray(0.05))
     assert float(value) == pytest.approx(-0.5 * (0.01 + 2.0 * (0.03**2 + 0.01**2)), rel=1e-9)
     assert np.isfinite(slope)
 
@@ -240,7 +240,7 @@ def test_a_lost_machine_under_grad():
         links = {**scene.mechanism.links, "rocker": Link(length=length, mass=1.0)}
         return lj.analyse(scene.with_mechanism(dataclasses.replace(scene.mechanism, links=links)), angles=4).delta
 
-    assert np.isfinite(jax.grad(delta)(jnp.asarray(0.02)))
+    assert np.isfinite(compiled_soon(jax.grad(delta))(jnp.asarray(0.02)))
 
 
 def test_a_jump_at_a_whole_degree():

@@ -215,7 +215,7 @@ def test_a_measure_of_ones_own():
             return of.steady.speed_max - of.steady.speed_min
 
         scene = machine("four-bar")
-        got = measures.evaluate(scene, [MEASURES[name], measures.delta], 32)
+        got = compiled_soon(lambda scene: measures.evaluate(scene, [MEASURES[name], measures.delta], 32))(scene)
         assert float(got[name]) == pytest.approx(float(got["delta"] * scene.speed), rel=1e-12)
         assert speed_range.unit == "rad/s" and "smallest" in speed_range.meaning
     finally:
