@@ -11,6 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from linkjax._compile import compiled_soon
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "linkjax"
 
@@ -37,13 +39,13 @@ def assert_gradients_agree(
         return function(rebuild(flat + scale * x))
 
     origin = jnp.zeros_like(flat)
-    reverse = np.asarray(jax.jit(jax.grad(scaled))(origin))
-    ahead = np.asarray(jax.jit(jax.jacfwd(scaled))(origin))
+    reverse = np.asarray(compiled_soon(jax.grad(scaled))(origin))
+    ahead = np.asarray(compiled_soon(jax.jacfwd(scaled))(origin))
     size = np.linalg.norm(reverse)
     assert np.all(np.isfinite(reverse)), "the gradient is not finite"
     assert size > 0, "the gradient is zero"
     assert np.linalg.norm(reverse - ahead) <= forward * size, "reverse and forward mode differ"
-    value = jax.jit(scaled)
+    value = compiled_soon(scaled)
     for _ in range(directions):
         d = rng.normal(size=flat.shape)
         d /= np.linalg.norm(d)

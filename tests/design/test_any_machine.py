@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax
 import numpy as np
 import pytest
 
 import linkjax as lj
+from linkjax._compile import compiled_soon
 from linkjax.measures import delta, peak_shaking_force_constant_speed, smallest_transmission_angle
 from tests.physics.machines import composed_at_random
 
@@ -39,7 +39,7 @@ def test_optimised(machine):
     assert np.isfinite([(start.objective, start.residual) for start in found.starts]).all()
     assert found.kkt_residual <= 1e-6
     assert found.objective < 0.999 * found.objective_before
-    measured = jax.jit(lambda scene: [m(scene, 160) for m in MEASURES])
+    measured = compiled_soon(lambda scene: [m(scene, 160) for m in MEASURES])
     before, after = ([float(value) for value in measured(each)] for each in (found.before, found.after))
     assert after[0] == pytest.approx(found.objective, rel=1e-7)
     assert before[0] == pytest.approx(found.objective_before, rel=1e-7)

@@ -13,6 +13,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import Counterweight, Link, StructureError, Vec
+from linkjax._compile import compiled_soon
 from tests.physics.machines import machine
 
 W = dict[str, dict[str, Counterweight]]
@@ -101,7 +102,7 @@ def test_gradients_of_a_counterweight():
         piece = Counterweight(x[0], Vec(x[1], x[2]), thickness=0.03, density=7850.0)
         return lj.measures.peak_shaking_force_constant_speed(fitted(scene, {"crank": {"W": piece}}))
 
-    value, slope = jax.jit(jax.vmap(peak)), jax.jit(jax.grad(peak))
+    value, slope = compiled_soon(jax.vmap(peak)), compiled_soon(jax.grad(peak))
     steps = 1e-6 * jnp.eye(3)
     for x in (jnp.asarray([0.4, -0.06, 0.01]), jnp.asarray([0.0, -0.06, 0.01])):
         differences = (value(x[None] + steps) - value(x[None] - steps)) / 2e-6

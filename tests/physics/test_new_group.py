@@ -172,8 +172,8 @@ def test_gradients_flow_through_it(shaper):
         return lj.measures.delta(eqx.tree_at(lambda scene: scene.mechanism, shaper, changed))
 
     x, h = jnp.asarray([0.75, -0.35]), 1e-5
-    slope = jax.jit(jax.grad(delta))(x)
-    value = jax.jit(jax.vmap(delta))
+    slope = compiled_soon(jax.grad(delta))(x)
+    value = compiled_soon(jax.vmap(delta))
     steps = h * jnp.eye(2)
     differences = (value(x[None] + steps) - value(x[None] - steps)) / (2 * h)
     np.testing.assert_allclose(slope, differences, rtol=1e-6)
