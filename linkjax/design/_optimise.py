@@ -12,7 +12,7 @@ from linkjax._units import nearest
 from linkjax.design._cone import Path, descend
 from linkjax.design._many import many
 from linkjax.design._names import DesignError, numbers
-from linkjax.design._point import Point, look, obstacles, rank
+from linkjax.design._point import HELD, Point, look, obstacles, rank
 from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
 from linkjax.design._starts import Progress, Run, Start, Traded, objective, trade, violated
@@ -22,7 +22,6 @@ from linkjax.machine import Scene
 from linkjax.measures import MEASURES, NODES
 
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
-HELD = 1e-9  # scaled: a smaller multiplier is rounding
 OTHERS = 5  # starts whose ends the points of a trade-off begin from
 SOLVERS: dict[str, Callable[..., Path]] = {"cone": descend, "slsqp": slsqp, "trust-constr": trust, "many": many}
 

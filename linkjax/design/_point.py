@@ -12,6 +12,7 @@ from linkjax.design._problem import Block, Kind, Problem
 
 TIED = 1e-5  # rows this close to the largest may carry a multiplier
 MET = 1e-8  # the excess, scaled, up to which limits count as met
+HELD = 1e-9  # a multiplier, scaled, below which it is rounding
 NOTHING = 1e-10  # a length, scaled, that is none: every direction may be its gradient
 AT_BOUND = 1e-6  # of its range: a variable so close to a bound may carry its multiplier
 

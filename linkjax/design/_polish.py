@@ -11,11 +11,10 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from linkjax.design._point import MET, Certificate, Point, Scaled, certify, lengths, look
+from linkjax.design._point import HELD, MET, Certificate, Point, Scaled, certify, lengths, look
 from linkjax.design._problem import Problem
 
 STEPS = 4
-ACTIVE = 1e-9  # a multiplier above is no rounding
 FAR = 1e-3  # of the ranges: a longer step is none of the last digits
 
 
@@ -43,13 +42,13 @@ def _newton(point: Point, certificate: Certificate, bend: np.ndarray) -> Float[n
     """The step to where the conditions hold to first order: the active rows level, the Lagrangian stationary."""
     n, bent, rows, gaps, goal = point.z.size, bend.copy(), [], [], []
     for i, (block, weights) in enumerate(zip(point.every, certificate.weights, strict=True)):
-        held = np.flatnonzero(weights > ACTIVE)
+        held = np.flatnonzero(weights > HELD)
         rows.append(block.gradients(held))
         gaps.append(block.sizes[held] - (point.value if i < len(point.goals) else block.level))
         goal.append(np.full(held.size, float(i < len(point.goals))))
         bent += _curvature(block, held, weights[held])
     active, gap, goals = np.concatenate(rows), np.concatenate(gaps), np.concatenate(goal)
-    free = np.flatnonzero((certificate.lower <= ACTIVE) & (certificate.upper <= ACTIVE))
+    free = np.flatnonzero((certificate.lower <= HELD) & (certificate.upper <= HELD))
     count, m = free.size, gap.size
     # unknown: the step, the level of the goals, the multipliers
     matrix = np.zeros((count + 1 + m,) * 2)

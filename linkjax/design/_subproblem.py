@@ -16,7 +16,7 @@ from linkjax.design._point import Scaled, lengths
 
 ROUGH, FINE = 1e-9, 1e-13  # tolerances; the finer is more than the solver reaches: it stops where rounding stops it
 FEW = 6  # rows of a block put in at once
-HELD = 1e-6  # a multiplier of a step before that is no rounding
+KEPT = 1e-6  # a multiplier of a step before that puts its row in
 MISSED = 1e-10  # a row so far above the others, in the solver's scale, is put in
 LOOSE = 0.02  # and so many times what the step gains
 FAR = 1e-2  # while that is more than so much
@@ -53,7 +53,7 @@ def solve(
     chosen = [_leading(block.sizes, some) for block, some in zip(blocks, able, strict=True)]
     for rows, some, before in zip(chosen, able, like.weights if like else (), strict=False):
         if before.shape == rows.shape:
-            rows |= (before > HELD) & some
+            rows |= (before > KEPT) & some
     step = None
     merit = max((goal.top for goal in goals), default=0.0) + penalty * sum(max(one.excess(), 0.0) for one in limits)
     for _ in range(ROUNDS):

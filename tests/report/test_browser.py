@@ -71,6 +71,11 @@ def drawn(page, group: str) -> dict[str, tuple[float, float]]:
     return {name: (x, y) for name, x, y in found}
 
 
+def rounded(decimals: int) -> float:
+    """The most by which a number printed with so many decimals can be off."""
+    return 0.5 * 10.0**-decimals + 1e-9
+
+
 def shown_angle(page) -> float:
     return float(page.locator("#angle-shown").text_content().rstrip("°"))
 
@@ -79,7 +84,7 @@ def shown_angle(page) -> float:
 def test_pins_stand_where_the_mechanism_puts_them(page, case, angle):
     """Against the closed-form pose: to a hundredth of a picture's point, of which the machine is some 500 long."""
     turn(page, angle)
-    assert shown_angle(page) == pytest.approx(angle, abs=0.0501)  # shown with one decimal
+    assert shown_angle(page) == pytest.approx(angle, abs=rounded(1))
     data = view(page)
     for group, scene in (("machine", case.scene), ("before", case.before)):
         pose = lj.pose(scene.mechanism, jnp.asarray(math.radians(angle)))
@@ -141,9 +146,7 @@ def test_every_diagram_has_a_cursor_at_the_angle(page, angle):
     assert len(found) == 6 + 6 + 4 + 2 + 2 + 2 + 7 + 2 + 2
     for (left, _, right, _), end, x in found:
         assert end == 360
-        assert x == pytest.approx(
-            left + (right - left) * angle / 360, abs=0.01
-        )  # of a point: two decimals, rounded at either end
+        assert x == pytest.approx(left + (right - left) * angle / 360, abs=rounded(2))
     # and against what is written under the axis of the speeds
     speed = page.locator("svg[aria-label^='Speed and angular']")
     label = speed.get_by_text(f"{angle:.0f}", exact=True).last.bounding_box()
@@ -159,9 +162,7 @@ def test_dots_run_along_the_hodographs(page):
     assert len(found) == 7 + 7 + 2 * 7 + 2
     for spot, ends in found:
         assert len(ends) == 361
-        assert spot == pytest.approx(
-            ends[90], abs=0.011
-        )  # of a point: the path and the dot are rounded to two decimals each
+        assert spot == pytest.approx(ends[90], abs=rounded(2))
 
 
 def test_a_click_in_a_diagram_sets_the_angle(page):
