@@ -8,6 +8,7 @@ Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 6 and 18.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -148,8 +149,8 @@ def _pull(point: Point, step: Step) -> np.ndarray:
     """Gradient of the Lagrangian, sizes of rows weighted by the multipliers of a step."""
     total = np.zeros(point.z.size)
     for block, weights in zip(point.every, step.weights, strict=True):
-        if block.rows.shape[0] == weights.size:
-            held = np.flatnonzero(weights)
+        held = np.flatnonzero(weights)
+        if held.size:
             total = total + weights[held] @ block.gradients(held)
     return total
 
@@ -175,7 +176,7 @@ def _sr1(bend: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
     if not np.isfinite(miss).all():
         return bend
     below = float(miss @ s)
-    if abs(below) < 1e-8 * float(np.linalg.norm(s) * np.linalg.norm(miss)) or not np.any(miss):
+    if abs(below) < 1e-8 * math.sqrt(float(s @ s) * float(miss @ miss)) or not miss.any():
         return bend
     return bend + np.outer(miss, miss) / below
 

@@ -55,8 +55,7 @@ def lengths(vectors: Float[np.ndarray, "rows parts"]) -> Float[np.ndarray, " row
 def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
     """A block by its kind's scale, with slopes by variables that run from 0 to 1."""
     factor = (kind.sign if kind.signed else 1.0) / kind.scale
-    rows, slope = block.vectors * factor, np.nan_to_num(block.slope * (factor * span), posinf=0.0, neginf=0.0)
-    value = block.value * (kind.sign if kind.signed else 1.0) / kind.scale
+    rows, slope, value = block.vectors * factor, block.slope * (factor * span), block.value * factor
     sizes = rows[:, 0] if kind.signed else lengths(rows)
     level = 0.0 if kind.role == "objective" else kind.bound * factor
     shift = value - float(np.max(sizes))
@@ -135,9 +134,15 @@ def certify(point: Point) -> Certificate:
     for i, block in enumerate(point.every):
         level = top if i < len(point.goals) else block.level
         tied = np.flatnonzero(block.sizes >= level - TIED)
-        nothing = tied[lengths(block.rows[tied]) <= NOTHING] if not block.signed else tied[:0]
-        columns += [block.gradients(tied), *(_directions(block.rows.shape[1]) @ block.slope[row] for row in nothing)]
-        tied = np.concatenate([tied, np.repeat(nothing, len(_directions(block.rows.shape[1])))])
+        if not tied.size:
+            homes.append(tied)
+            continue
+        columns.append(block.gradients(tied))
+        if not block.signed:
+            for row in tied[lengths(block.rows[tied]) <= NOTHING]:
+                directions = _directions(block.rows.shape[1])
+                columns.append(directions @ block.slope[row])
+                tied = np.append(tied, [row] * len(directions))
         slacks.append(np.maximum(level - block.sizes[tied], 0.0))
         goal.append(np.full(tied.size, float(i < len(point.goals))))
         homes.append(tied)

@@ -169,6 +169,7 @@ class Problem:
             return every, (every, [rows.angle for rows, _ in found], [value for _, value in found])
 
         slopes, (every, angles, values) = jax.jacfwd(vectors, has_aux=True)(x)
+        slopes = [jnp.nan_to_num(slope, posinf=0.0, neginf=0.0) for slope in slopes]  # none where there is no value
         parts = [part.ravel() for each in zip(every, slopes, angles, values, strict=True) for part in each]
         return jnp.concatenate(parts)
 
@@ -196,7 +197,7 @@ class Problem:
             bound = block.value if limit.bound == TODAY else float(limit.bound)
             sign = 1.0 if limit.sense == "at most" else -1.0
             sizes = block.vectors[:, 0] * sign if rows.signed else np.linalg.norm(block.vectors, axis=1)
-            effect = _finite(block.slope[int(np.argmax(sizes))] * span)
+            effect = float(np.max(np.abs(block.slope[int(np.argmax(sizes))] * span)))
             scale = max(_finite(block.value), effect) or 1.0  # a value that happens to be small is no measure
             if j > 0 and abs(bound) > SLIGHT * effect:
                 scale = abs(bound)

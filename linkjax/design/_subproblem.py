@@ -63,10 +63,10 @@ def solve(
         step, tops = found
         fresh, room = False, MISSED + (LOOSE * (merit - step.model) if merit - step.model > FAR else 0.0)
         for block, rows, some, top in zip(blocks, chosen, able, tops, strict=True):
-            if np.any(some):
+            if some.any():
                 sizes = block.after(step.d)
                 missed = (sizes > top + room) & some & ~rows
-                if np.any(missed):
+                if missed.any():
                     rows |= _leading(sizes, (sizes > top + room) & some) & missed
                     fresh = True
         if not fresh:
@@ -90,8 +90,10 @@ def _reach(block: Scaled, reach: np.ndarray) -> Float[np.ndarray, " rows"]:
 
 def _leading(sizes: np.ndarray, some: np.ndarray) -> np.ndarray:
     """Of some rows, the highest few of those higher than their neighbours, and these neighbours: a peak moves."""
-    heights = np.where(some, sizes, -np.inf)
     tops = some.copy()
+    if not some.any():
+        return tops
+    heights = np.where(some, sizes, -np.inf)
     tops[1:] &= heights[1:] >= heights[:-1]
     tops[:-1] &= heights[:-1] >= heights[1:]
     if np.count_nonzero(tops) > FEW:
@@ -108,71 +110,79 @@ def _solve(blocks, goals: int, chosen, low, high, bend, penalty, tolerance) -> t
 
     clarabel: Any = _clarabel  # it has no types
 
-    n = low.size
-    slacks = [i for i in range(goals, len(blocks)) if np.any(chosen[i])]  # blocks that need one
-    wide = n + 1 + len(slacks)
-    lines = 2 * n + len(slacks) + 1
-    box = np.zeros((lines, wide))
-    box[:n, :n], box[n : 2 * n, :n], box[2 * n : -1, n + 1 :] = np.eye(n), -np.eye(n), -np.eye(len(slacks))
-    box[-1, n] = 0.0 if goals else -1.0  # without goals nothing else bounds t
-    matrix, right = [box], [high, -low, np.zeros(len(slacks) + 1)]
-    cones, homes, at = [clarabel.NonnegativeConeT(lines)], [], lines
-    for i, (block, rows) in enumerate(zip(blocks, chosen, strict=True)):
-        homes.append(at)
-        held = np.flatnonzero(rows)
-        if not held.size:
-            continue
-        column = n if i < goals else n + 1 + slacks.index(i)
-        vectors, slope, level = block.rows[held], block.slope[held], block.level - block.shift
-        size = 1 if block.signed else vectors.shape[1] + 1
-        a = np.zeros((held.size, size, wide))
-        a[:, 0, column] = -1.0
-        if block.signed:
-            a[:, 0, :n] = slope[:, 0]
-            right.append(level - vectors[:, 0])
-            cones.append(clarabel.NonnegativeConeT(held.size))
-        else:
-            a[:, 1:, :n] = -slope
-            right.append(np.concatenate([np.full((held.size, 1), level), vectors], axis=1).ravel())
-            cones += [clarabel.SecondOrderConeT(size)] * held.size
-        matrix.append(a.reshape((-1, wide)))
-        at += held.size * size
-    quadratic = np.zeros((wide, wide))
-    quadratic[:n, :n] = np.triu(bend)
+    n, held = low.size, [np.flatnonzero(rows) for rows in chosen]
+    slacks = [i for i in range(goals, len(blocks)) if held[i].size]  # blocks that need one
+    matrix, right, homes = _lines(blocks, goals, held, slacks, low, high)
+    cones = [clarabel.NonnegativeConeT(2 * n + len(slacks) + (not goals))]
+    for block, some in zip(blocks, held, strict=True):
+        if some.size:
+            size = block.rows.shape[1] + 1
+            many = [clarabel.SecondOrderConeT(size)] * some.size
+            cones += [clarabel.NonnegativeConeT(some.size)] if block.signed else many
     linear = np.concatenate([np.zeros(n), [1.0 if goals else 0.0], np.full(len(slacks), penalty)])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.iterative_refinement_enable = False  # a third of the time, for digits that nothing needs
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
-    found = clarabel.DefaultSolver(
-        _sparse(quadratic), linear, _sparse(np.concatenate(matrix)), np.concatenate(right), cones, settings
-    ).solve()
+    found = clarabel.DefaultSolver(_quadratic(bend, linear.size), linear, matrix, right, cones, settings).solve()
     x, dual = np.asarray(found.x), np.asarray(found.z)
     if not (np.isfinite(x).all() and np.isfinite(dual).all()) or "Infeasible" in str(found.status):
         return None
     d, over = np.clip(x[:n], low, high), np.maximum(x[n + 1 :], 0.0)
     top = float(x[n]) if goals else 0.0
-    weights = [_multipliers(*home, dual) for home in zip(blocks, chosen, homes, strict=True)]
+    weights = [np.zeros(len(rows)) for rows in chosen]
+    for one, some, home in zip(weights, held, homes, strict=True):
+        one[some] = dual[home]  # that of a cone is the first part of its dual
     model = top + 0.5 * float(d @ bend @ d) + penalty * float(np.sum(over))
     excess = dict(zip(slacks, over, strict=True))
     tops = [top if i < goals else block.level + excess.get(i, 0.0) for i, block in enumerate(blocks)]
     return Step(d, weights, model), tops
 
 
-def _sparse(matrix: np.ndarray) -> Any:
-    """A matrix by its columns, zeros left out; several times faster than SciPy's own way."""
-    from scipy import sparse
+def _lines(blocks, goals: int, held, slacks, low, high) -> tuple[Any, np.ndarray, list[np.ndarray]]:
+    """The constraints of a subproblem, matrix x + s = right with s in the cones, and the line of every row held.
 
-    turned = matrix.T
-    held = turned != 0
-    column, row = np.nonzero(held)
-    starts = np.searchsorted(column, np.arange(matrix.shape[1] + 1))
-    return sparse.csc_matrix((turned[held], row, starts), shape=matrix.shape)
+    Unknown are the step, the level of the goals, the slacks. Lines: the box, slacks that are not negative, the level
+    too where there are no goals, then every row, a cone's level before its vector. The matrix is written by columns
+    at once: several times faster than SciPy's own way from a full one.
+    """
+    from scipy.sparse import csc_matrix
+
+    n, at = low.size, 2 * low.size + len(slacks) + (not goals)
+    box = np.arange(at, dtype=np.int32)
+    right, slopes, lines, homes = [high, -low, np.zeros(at - 2 * n)], [np.empty((0, n))], [box[:0]], []
+    rising = [[] if goals else [box[-1:]], *([box[2 * n + i :][:1]] for i in range(len(slacks)))]  # level, slacks
+    for i, (block, some) in enumerate(zip(blocks, held, strict=True)):
+        level, vectors = block.level - block.shift, block.rows[some]
+        size = 1 if block.signed else vectors.shape[1] + 1
+        every = np.arange(at, at + some.size * size, dtype=np.int32).reshape((-1, size))
+        homes.append(every[:, 0])
+        if not some.size:
+            continue
+        if block.signed:
+            right.append(level - vectors[:, 0])
+            slopes.append(block.slope[some, 0])
+            lines.append(every[:, 0])
+        else:
+            right.append(np.concatenate([np.full((some.size, 1), level), vectors], axis=1).ravel())
+            slopes.append(-block.slope[some].reshape((-1, n)))
+            lines.append(every[:, 1:].ravel())
+        rising[0 if i < goals else 1 + slacks.index(i)].append(every[:, 0])
+        at += every.size
+    body, ends = np.concatenate(slopes), [np.concatenate(one) for one in rising]
+    values, places = np.empty((n, 2 + len(body))), np.empty((n, 2 + len(body)), np.int32)
+    values[:, 0], values[:, 1], values[:, 2:] = 1.0, -1.0, body.T
+    places[:, 0], places[:, 1], places[:, 2:] = box[:n], box[n : 2 * n], np.concatenate(lines)
+    starts = np.cumsum([0, *[2 + len(body)] * n, *(len(one) for one in ends)], dtype=np.int32)
+    values = np.concatenate([values.ravel(), np.full(sum(len(one) for one in ends), -1.0)])
+    matrix = csc_matrix((values, np.concatenate([places.ravel(), *ends]), starts), shape=(at, n + len(ends)))
+    return matrix, np.concatenate(right), homes
 
 
-def _multipliers(block: Scaled, rows: np.ndarray, at: int, dual: np.ndarray) -> np.ndarray:
-    """Multipliers of every row; that of a cone is the first part of its dual."""
-    count, size = int(np.sum(rows)), 1 if block.signed else block.rows.shape[1] + 1
-    weights = np.zeros(len(rows))
-    weights[rows] = dual[at : at + count * size : size]
-    return weights
+def _quadratic(bend: np.ndarray, wide: int) -> Any:
+    """Half of a curvature, its upper triangle by columns, in so many unknowns."""
+    from scipy.sparse import csc_matrix
+
+    half = np.tri(len(bend), dtype=bool)  # the lower one by rows
+    starts = np.cumsum([0, *range(1, len(bend) + 1), *[0] * (wide - len(bend))], dtype=np.int32)
+    return csc_matrix((bend[half], np.nonzero(half)[1].astype(np.int32), starts), shape=(wide, wide))
