@@ -99,6 +99,7 @@ def test_the_whole_story(call, scene, tmp_path):
     assert limit["value"] == pytest.approx(data["after"]["delta"], rel=1e-9)
     assert data["before"]["delta"] == pytest.approx(float(delta(lj.load(scene))), rel=1e-9)
     assert data["kkt_residual"] <= 1e-6
+    assert data["before_is"] == "the machine"
     assert (len(data["starts"]), data["reached"]) == (3, 3)
     assert data["evaluations"] > sum(start["evaluations"] for start in data["starts"])
     assert data["result"]["name"] == "optimal"
@@ -196,11 +197,17 @@ def test_interrupted_before_anything_is_found(call, scene, tmp_path, monkeypatch
 
 
 def test_ties_stay_with_another_range(call, scene, tmp_path):
+    """And so do the changes of the section, which make what is told as before."""
+    changes = "optimise.changes={'links.rod.mass_properties' = 'scaled'}"
     tied = "optimise.free={'flywheel.inertia' = '0 to 50 kg m^2', 'links.rod.length' = "
     tied += "{ range = '± 20 %', tied = ['links.crank.length'] }}"
-    code, told, _ = call(scene, "--set", tied, "--free", "links.rod.length=± 10 %", "--json", tmp_path / "all.json")
+    options = ("--set", tied, "--set", changes, "--free", "links.rod.length=± 10 %", "--json", tmp_path / "all.json")
+    code, told, _ = call(scene, *options)
     assert code == 0
-    rod = json.loads((tmp_path / "all.json").read_text())["variables"]["links.rod.length"]
+    data = json.loads((tmp_path / "all.json").read_text())
+    assert data["before_is"] == "the machine with the changes of its section [optimise]"
+    assert f"before: {data['before_is']}" in told
+    rod = data["variables"]["links.rod.length"]
     assert rod["upper"] == pytest.approx(0.44)
     crank = rod["tied"]["links.crank.length"]
     assert crank["after"] / crank["before"] == pytest.approx(rod["after"] / rod["before"])

@@ -27,6 +27,7 @@ from linkjax.design import DesignError, Progress, document, limit, optimise, set
 from linkjax.scenes import load, load_task, text_of
 
 ANGLES = 360
+CHANGED = "the machine with the changes of its section [optimise]"
 
 Starts = Annotated[int | None, typer.Option(min=1, max=10_000, help="Starts: the scene itself, the others at random.")]
 Limits = Annotated[
@@ -72,15 +73,16 @@ def optimise_command(
         asked = settled(machine, **asked)
     except DesignError as error:
         raise DesignError(f"{scene}: {error.element}", error.problem, error.remedy) from error
-    if text_of(machine) != text_of(load(scene, changes_of(scene, set_))):
-        console.print("before: the machine with the changes of its section [optimise]", highlight=False, markup=False)
+    changed = text_of(machine) != text_of(load(scene, changes_of(scene, set_)))
+    if changed:
+        console.print(f"before: {CHANGED}", highlight=False, markup=False)
     make_folders(out, None, json_file)
     clock = time.perf_counter()
     with _Told(shown) as told:
         analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
         found = optimise(machine, **asked, nodes=nodes, told=told, meanwhile=analysis)
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
-    data = document(found, before, after, scene, __version__)
+    data = document(found, before, after, scene, __version__) | {"before_is": CHANGED if changed else "the machine"}
     _print(data, shown, time.perf_counter() - clock)
     if out:
         (out / "optimised.toml").write_text(text_of(found.after, _comment(data)), encoding="utf-8")
@@ -137,7 +139,7 @@ class _Told:
 
     def __call__(self, now: Progress) -> None:
         self.first = self.first or time.perf_counter()
-        if self.last is not None and now.start != self.last.start:
+        if self.last is not None and (now.traded, now.start) != (self.last.traded, self.last.start):
             self._start_ends(self.last)
         self.last = now
         if self.status is not None:
@@ -145,18 +147,22 @@ class _Told:
 
     def _line(self, now: Progress) -> str:
         spent = time.perf_counter() - self.begin
+        if now.traded and not (self.last and self.last.traded):
+            self.first = time.perf_counter()
         left = (time.perf_counter() - self.first) * (now.starts - now.start) / now.start if now.start else math.nan
         violated = f", violated: {', '.join(now.violated)}" if now.violated else ""
         best = "none yet" if now.best is None else amount(now.best, now.unit, self.shown)
         ahead = f", about {left:.0f} s left" if now.start else ""
         at = amount(now.objective, now.unit, self.shown)
-        return (
-            f"start {now.start + 1} of {now.starts}, step {now.step}: {at}, best {best}{violated}; {spent:.0f} s{ahead}"
-        )
+        return f"{_stage(now)} of {now.starts}, step {now.step}: {at}, best {best}{violated}; {spent:.0f} s{ahead}"
 
     def _start_ends(self, at: Progress | None) -> None:
         if at is None or self.status is not None:
             return
         violated = f", violated: {', '.join(at.violated)}" if at.violated else ""
         value = amount(at.objective, at.unit, self.shown)
-        console.print(f"start {at.start + 1:3d}: {value} after {at.step} steps{violated}", highlight=False)
+        console.print(f"{_stage(at)}: {value} after {at.step} steps{violated}", highlight=False)
+
+
+def _stage(at: Progress) -> str:
+    return f"{at.traded}, bound {at.start + 1}" if at.traded else f"start {at.start + 1:3d}"

@@ -11,7 +11,6 @@ from linkjax.design._names import numbers as numbers
 from linkjax.design._optimise import Optimum as Optimum
 from linkjax.design._optimise import optimise as optimise
 from linkjax.design._optimise import settled as settled
-from linkjax.design._point import MET as MET
 from linkjax.design._problem import Case as Case
 from linkjax.design._problem import Problem as Problem
 from linkjax.design._problem import Variable as Variable

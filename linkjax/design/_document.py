@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ MESSAGES = {
     "optimal": "An optimum is found: every limit is met, and its multipliers certify the first-order conditions.",
     "uncertified": "A feasible design is found, but its certificate is weak: run more starts, or check that the limits "
     "are smooth there.",
+    "no value": "The objective is no number at any design that was tried: look at the unchanged machine with "
+    "`linkjax analyse`, or at your own function.",
     "interrupted": "Interrupted; this is the best design so far.",
     "infeasible": "No start came to a design that meets every limit; this one violates them least. Give way at one of "
     "the limits that clash, free more, or try more starts.",
@@ -33,6 +36,8 @@ def outcome(found: Optimum) -> str:
     """How it went, in a word: a key of `MESSAGES`."""
     if found.interrupted:
         return "interrupted"
+    if not math.isfinite(found.objective):
+        return "no value"
     if not found.feasible:
         return "infeasible"
     return "optimal" if found.kkt_residual <= CERTIFIED else "uncertified"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -133,7 +134,7 @@ def optimise(
     points, stopped = (), run.stopped
     if traded is not None and not stopped:
         ends = sorted(run.paths, key=lambda path: rank(path.point))[:OTHERS]
-        points, stopped = trade(problem, ends, *traded)
+        points, stopped = trade(problem, ends, *traded, told)
     return dataclasses.replace(
         found, solver=solver, interrupted=stopped, trade_off=points, traded=traded[0] if traded else "",
         evaluations=problem.evaluations,
@@ -226,9 +227,8 @@ def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ..
     return Optimum(
         problem.scene, problem.design(x), problem, x, objective(problem, begin), objective(problem, point), limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
-        certificate.residual, not missed, _clash(problem, point, missed), tuple(kind.label for kind in missed),
-        _idle(problem, path), starts, tuple(path.history),
-        problem.evaluations,
+        certificate.residual, not missed and math.isfinite(point.value), _clash(problem, point, missed),
+        tuple(kind.label for kind in missed), _idle(problem, path), starts, tuple(path.history), problem.evaluations,
     )  # fmt: skip
 
 

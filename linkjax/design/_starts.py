@@ -44,7 +44,8 @@ class Traded(NamedTuple):
 
 class Progress(NamedTuple):
     """Where a run of many starts is: the start and how many there are, the steps it took, its objective (SI) with the
-    unit, the limits it violates, its certificate, scaled, and the best feasible objective so far."""
+    unit, the limits it violates, its certificate, scaled, and the best feasible objective so far. In a trade-off,
+    `traded` is the limit, and the starts are its bounds."""
 
     start: int
     starts: int
@@ -54,6 +55,7 @@ class Progress(NamedTuple):
     violated: tuple[str, ...]
     residual: float
     best: float | None
+    traded: str = ""
 
 
 Descent = Callable[..., Path]
@@ -156,10 +158,15 @@ class Run:
         self._see(point)
         self.step += 1
         if self.told is not None and self.seen is not None:
-            best = objective(self.problem, self.seen) if self.seen.violation <= MET else None
-            names = tuple(kind.label for kind in violated(self.problem, point))
-            self.told(Progress(self.number, self.starts, self.step, objective(self.problem, point),
-                               _goal(self.problem).unit, names, certificate.residual, best))  # fmt: skip
+            self.told(_progress(self.problem, point, self.seen, certificate)._replace(
+                start=self.number, starts=self.starts, step=self.step))  # fmt: skip
+
+
+def _progress(problem: Problem, point: Point, best: Point, certificate: Certificate) -> Progress:
+    """Where a search is: at a point, with the best one so far."""
+    names = tuple(kind.label for kind in violated(problem, point))
+    found = objective(problem, best) if best.violation <= MET else None
+    return Progress(0, 1, 0, objective(problem, point), _goal(problem).unit, names, certificate.residual, found)
 
 
 def _worse(one: tuple[float, float], other: tuple[float, float]) -> bool:
@@ -194,19 +201,22 @@ def violated(problem: Problem, point: Point) -> list[Kind]:
     return [kind for kind, limit in zip(kinds, every, strict=True) if not limit.excess() <= MET]
 
 
-def trade(problem: Problem, paths: list[Path], name: str, bounds: list[float]) -> tuple[tuple[Traded, ...], bool]:
+def trade(
+    problem: Problem, paths: list[Path], name: str, bounds: list[float], told: Callable[[Progress], None] | None = None
+) -> tuple[tuple[Traded, ...], bool]:
     """The optimum for every bound of one limit, each from the design before and from the ends of several starts, and
     whether it was interrupted."""
     kinds, ends, found = problem.kinds, [path.point.z for path in paths], []
     before, span, stopped = [], problem.upper - problem.lower, False
     try:
-        for bound in bounds:
+        for number, bound in enumerate(bounds):
             problem.kinds = [
                 dataclasses.replace(kind, bound=bound, scale=abs(bound) or kind.scale)
                 if kind.name == name and kind.role == "limit" else kind
                 for kind in kinds
             ]  # fmt: skip
-            point = min((descend(problem, each).point for each in (*before, *ends)), key=rank)
+            heard = _heard(problem, told, number, len(bounds), name)
+            point = min((descend(problem, each, told=heard).point for each in (*before, *ends)), key=rank)
             x, before = problem.lower + point.z * span, [point.z]
             found.append(Traded(bound, objective(problem, point), point.violation <= MET, tuple(map(float, x))))
     except KeyboardInterrupt:
@@ -214,3 +224,18 @@ def trade(problem: Problem, paths: list[Path], name: str, bounds: list[float]) -
     finally:
         problem.kinds = kinds
     return tuple(found), stopped
+
+
+def _heard(problem: Problem, told: Callable[[Progress], None] | None, number: int, bounds: int, name: str) -> Callable:
+    """What tells of every step towards one point of a trade-off."""
+    best, step = [], 0
+
+    def heard(point: Point, certificate: Certificate) -> None:
+        nonlocal step
+        step += 1
+        best[:] = [min((*best, point), key=rank)]
+        if told is not None:
+            told(_progress(problem, point, best[0], certificate)._replace(
+                start=number, starts=bounds, step=step, traded=name))  # fmt: skip
+
+    return heard

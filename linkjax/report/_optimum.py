@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from linkjax.design import MET
 from linkjax.report._cells import NONE, Cell, Numbers, table, words
 
 Data = dict[str, Any]
@@ -22,6 +21,8 @@ def asked(show: Numbers, optimum: Data) -> str:
     limits = [f"{plain(label)} {limit['sense']} {show.bound(limit['limit'], limit['unit'])}"
               for label, limit in optimum["limits"].items()]  # fmt: skip
     rows.append(["limits", "; ".join(limits) or "none"])
+    if optimum.get("before_is"):
+        rows.append(["before", optimum["before_is"]])
     if optimum.get("cases"):
         rows.append(["cases, the worst counts", ", ".join(optimum["cases"])])
     if solver:
@@ -108,9 +109,7 @@ def clash(optimum: Data) -> str:
 def _missed(limit: Data | None) -> str:
     if limit is None or limit["value"] is None:
         return ""
-    bound = float(limit["limit"])
-    over = (float(limit["value"]) - bound) * (1 if limit["sense"] == "at most" else -1)
-    return "met" if over <= MET * abs(bound) else "not met"
+    return "met" if limit["met"] else "not met"
 
 
 def angles(show: Numbers, found: list[float] | None) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import Case, Counterweight, DesignError, Vec, at_least, at_most
-from linkjax.design import changed, settled
+from linkjax.design import changed, outcome, settled
 from linkjax.scenes import SceneError
 from tests.design.test_optimise import AT, rotor
 
@@ -68,6 +68,8 @@ def test_what_is_no_number_is_no_optimum():
     assert found.clash == ("nothing",)
     lost = lj.optimise(rotor(), free, lambda s: jnp.log(s.mechanism.flywheel.inertia - 3), starts=2)
     assert not np.isfinite(lost.kkt_residual)
+    assert not lost.feasible
+    assert outcome(lost) == "no value"
     steep = lj.optimise(rotor(), free, maximise=lambda s: jnp.sqrt(s.mechanism.flywheel.inertia))
     assert steep.objective == pytest.approx(np.sqrt(2.0), rel=1e-9)
 
@@ -236,6 +238,10 @@ def test_a_name_with_underscores_in_its_numbers():
 def test_both_senses_traded_off():
     """A limit of the other sense on the same number, as `--limit` adds one, leaves the trade-off of the first."""
     limits = [f"{MASS} <= 0.5 kg", f"{MASS} >= 0.01 kg"]
-    found = lj.optimise(rotor(), BALANCING, PEAK, limits=limits, trade_off=(MASS, ["0.3 kg"]))
+    heard = []
+    found = lj.optimise(rotor(), BALANCING, PEAK, limits=limits, trade_off=(MASS, ["0.3 kg"]), told=heard.append)
     assert found.trade_off[0].objective == pytest.approx(12.0, rel=1e-7)
     assert found.traded == f"{MASS} at most"
+    last = heard[-1]  # the trade-off is heard of as the starts are
+    assert (last.traded, last.start, last.starts) == (found.traded, 0, 1)
+    assert last.best == pytest.approx(12.0, rel=1e-3)

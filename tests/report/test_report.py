@@ -191,6 +191,7 @@ def test_optimisation(compared):
     assert page.row("limits") == ["peak drive torque at most 52 kN·m; smallest margin at least 0.01"]
     assert page.row("free numbers") == ["links.rod.length (0.95 m … 1.15 m); points.E.turned (20° … 40°)"]
     assert page.row("solver") == ["cone: largest magnitudes"]
+    assert page.row("before") == ["the machine as it was"]
     assert page.row("cases, the worst counts") == ["full, empty"]
     assert page.row("peak shaking force, worst case") == ["400.00 kN", "300.00 kN", "−25.0 %", "objective"]
     assert page.row("regime margin", cells=5) == ["–", "0.20000", "–", ""]
