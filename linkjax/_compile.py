@@ -179,7 +179,7 @@ def _load(content: tuple) -> Callable:
 
 def _compile(lowered: Any, file: Path | None, shapes: Any) -> Callable:
     """Compile, and keep what was compiled."""
-    made = _compiled_sooner(lowered, SOONER)
+    made = compiled_sooner(lowered)
     if file is not None:
         try:
             content = pickle.dumps((serialize_executable.serialize(made), shapes))
@@ -189,15 +189,16 @@ def _compile(lowered: Any, file: Path | None, shapes: Any) -> Callable:
     return made
 
 
-def _compiled_sooner(lowered: Any, options: dict[str, bool | str]) -> Any:
-    """Compiled with those of the options that the installed XLA knows."""
+def compiled_sooner(lowered: Any, options: dict[str, bool | str] | None = None) -> Any:
+    """A lowered program compiled for one use, with those of the options that the installed XLA knows."""
+    options = SOONER if options is None else options
     try:
         return lowered.compile(compiler_options=options)
     except Exception as error:
         known = {name: value for name, value in options.items() if name not in str(error)}
         if known == options:
             raise
-        return _compiled_sooner(lowered, known)
+        return compiled_sooner(lowered, known)
 
 
 def _write(file: Path, content: bytes) -> None:

@@ -99,13 +99,13 @@ def test_a_kept_program_that_does_not_run_is_made_anew(folder, ours):
 
 def test_never_read_from_jaxs_own_cache(folder, ours, monkeypatch):
     """What another process has just compiled there is an executable that cannot be written again whole."""
-    names, compiled = [], _compile._compiled_sooner
+    names, compiled = [], _compile.compiled_sooner
 
-    def seen(lowered, options):
+    def seen(lowered):
         names.append(lowered.as_text().split("@", 1)[1].split()[0])
-        return compiled(lowered, options)
+        return compiled(lowered)
 
-    monkeypatch.setattr(_compile, "_compiled_sooner", seen)
+    monkeypatch.setattr(_compile, "compiled_sooner", seen)
     for _ in range(2):
         make([])({"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, power=2)
         (file,) = folder.glob("linkjax-*")
@@ -171,7 +171,7 @@ def test_what_failed_once_may_work_later(monkeypatch):
         raise MemoryError
 
     with monkeypatch.context() as patch:
-        patch.setattr(_compile, "_compiled_sooner", fail)
+        patch.setattr(_compile, "compiled_sooner", fail)
         with pytest.raises(MemoryError):
             doubled(jnp.asarray(4.0))
     assert float(doubled(jnp.asarray(4.0))) == 8.0

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from linkjax._compile import SOONER
+from linkjax._compile import compiled_sooner
 from linkjax._population import over_designs
 from linkjax.design._cone import PENALTY, Path, descend
 from linkjax.design._point import rank
@@ -36,7 +36,7 @@ def many(
     are for. Every design evaluated counts as an evaluation."""
     drawn = np.random.default_rng(np.abs(z).view(np.uint64)).random((CROWD - 1, z.size))
     crowd = np.concatenate([z[None], drawn])
-    ended, merits = map(np.asarray, _descent(problem)(jnp.asarray(crowd), _levels(problem)))
+    ended, merits = map(np.asarray, _descent(problem)((jnp.asarray(crowd), _levels(problem))))
     problem.evaluations += CROWD * (TURNS + 1)
     chosen: list[np.ndarray] = []
     for one in ended[np.argsort(merits)]:
@@ -84,10 +84,6 @@ def _descent(problem: Problem) -> Callable:
         _, _, best, least = jax.lax.scan(functools.partial(turn, levels), begin, None, length=TURNS + 1)[0]
         return best, least
 
-    run = jax.jit(over_designs(one, block=BLOCK), compiler_options=SOONER)
-
-    def descent(crowd, levels):
-        with jax.numpy_dtype_promotion("standard"):  # optax relies on it
-            return run((crowd, levels))
-
-    return descent
+    begin = jnp.zeros((CROWD, lower.size)), _levels(problem)
+    with jax.numpy_dtype_promotion("standard"):  # optax relies on it
+        return compiled_sooner(jax.jit(over_designs(one, block=BLOCK)).lower(begin))
