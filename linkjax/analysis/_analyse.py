@@ -25,6 +25,7 @@ from linkjax.kinematics import (
     dead_centres,
     margins,
     pose,
+    strokes,
     transmission_angles,
 )
 from linkjax.machine import Scene
@@ -112,16 +113,15 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
     motion, here, work = _motion(scene, nodes, road)
     at_nodes, at = _everywhere(scene, motion, angles)
     tops = _peaks(scene, motion, at_nodes)
-    limits, dead, spans = _limits(scene)
+    limits, dead, covered, spans = _limits(scene)
     checks, code = _checks(scene, motion, here, angles, at, limits)
     return Cycle(
         scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, transmission_ends=spans, margins=limits,
-        dead_centres=dead, reduced=at.reduced, steady=motion, speed=at.speed[0], acceleration=at.acceleration[0],
-        time=at.time, forces=at.forces[1 if constant_speed else 0], forces_constant_speed=at.forces[1], peaks=tops[0],
-        peaks_constant_speed=tops[1], rms_shaking_force_constant_speed=tops[2],
-        flywheel=_flywheels(scene, motion, here), work=work,
-        checks=checks, assembled=at.assembled, result=code,
-        constant_speed=constant_speed, road=road,
+        dead_centres=dead, strokes=covered, reduced=at.reduced, steady=motion, speed=at.speed[0],
+        acceleration=at.acceleration[0], time=at.time, forces=at.forces[1 if constant_speed else 0],
+        forces_constant_speed=at.forces[1], peaks=tops[0], peaks_constant_speed=tops[1],
+        rms_shaking_force_constant_speed=tops[2], flywheel=_flywheels(scene, motion, here), work=work,
+        checks=checks, assembled=at.assembled, result=code, constant_speed=constant_speed, road=road,
     )  # fmt: skip
 
 
@@ -213,14 +213,15 @@ def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak, A
 
 
 @compiled_soon
-def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals], dict[str, Array]]:
-    """Least margins, dead centres, and the transmission angles at those margins, where they are extreme."""
+def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals], dict[str, Array], dict[str, Array]]:
+    """Least margins, dead centres, strokes, and the transmission angles at those margins, where they are extreme."""
     mechanism, turns = scene.mechanism, scene.cycle_turns
     limits = assembly_margins(mechanism, turns)
     at = {group: jnp.stack([least.angle for least in sides.values()]) for group, sides in limits.items()}
     turned = {group: jax.vmap(lambda phi: transmission_angles(mechanism, phi))(phi) for group, phi in at.items()}
     spans = {group: angles[group] for group, angles in turned.items() if group in angles}
-    return limits, dead_centres(mechanism, turns), spans
+    dead = dead_centres(mechanism, turns)
+    return limits, dead, strokes(mechanism, dead, turns), spans
 
 
 def _pair(tree) -> tuple:

@@ -42,6 +42,7 @@ class Flywheels(eqx.Module):
 class Cycle(eqx.Module):
     """A working cycle, computed. Arrays run over `angles` (rad); SI units throughout.
 
+    `strokes` are what sliders (m) and links (rad) cover between their `dead_centres`.
     `forces` belong to the motion asked for, `forces_constant_speed` to constant nominal speed; `peaks` and
     `peaks_constant_speed` hold the continuous cycle's peaks in the order of `peak_names`; `transmission_ends` are the
     transmission angles (rad) where the margins are least; `work` is what drive, weight and each load do in a cycle (J).
@@ -54,6 +55,7 @@ class Cycle(eqx.Module):
     transmission_ends: dict[str, Float[Array, " sides"]]
     margins: Margins
     dead_centres: dict[str, Reversals]
+    strokes: dict[str, Array]
     reduced: Reduced
     steady: Steady
     speed: Float[Array, " angles"]

@@ -11,7 +11,7 @@ import numpy as np
 from linkjax._results import MESSAGES, Result
 from linkjax.analysis._cycle import Cycle
 from linkjax.forces import Forces, JointForce, other_sides
-from linkjax.kinematics import named_groups
+from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import peak_names
 from linkjax.motion import Peak
 
@@ -46,6 +46,7 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
         },
         "groups": _groups(cycle),
         "dead_centres": _dead_centres(cycle),
+        "strokes": _strokes(cycle),
         "reduced": {
             "inertia": cycle.reduced.inertia, "inertia_slope": cycle.reduced.slope, "torque": cycle.reduced.torque,
             "torque_by_load": dict(cycle.reduced.by_load),
@@ -128,11 +129,27 @@ def _groups(cycle: Cycle) -> dict[str, Any]:
 
 
 def _dead_centres(cycle: Cycle) -> list[dict[str, Any]]:
-    points, rows = set(cycle.pose.points), []
-    for name, found in cycle.dead_centres.items():
-        true = np.asarray(found.present) & (np.asarray(found.distance) < 1e-6)
-        for angle in np.sort(np.mod(np.asarray(found.angle)[true], cycle.scene.cycle)):
-            rows.append({"point" if name in points else "link": name, "angle": float(angle)})
+    points = cycle.pose.points
+    return [{"point" if name in points else "link": name, "angle": float(angle)}
+            for name, found in cycle.dead_centres.items() for angle in _stops(cycle, found)]  # fmt: skip
+
+
+def _stops(cycle: Cycle, found: Reversals) -> np.ndarray:
+    """Crank angles of the true dead centres, in order."""
+    return np.sort(np.mod(np.asarray(found.angle)[np.asarray(found.true)], cycle.scene.cycle))
+
+
+def _strokes(cycle: Cycle) -> dict[str, Any]:
+    """What sliders and links cover, and how much longer one way takes than the other at constant speed."""
+    rows = {}
+    for name, value in cycle.strokes.items():
+        stops = _stops(cycle, cycle.dead_centres[name])
+        if stops.size < 2:
+            continue
+        ways = sorted((stops[1] - stops[0], cycle.scene.cycle - stops[1] + stops[0]))
+        ratio = float(ways[1] / ways[0]) if stops.size == 2 else None
+        unit = "m" if name in cycle.pose.points else "rad"
+        rows[name] = {"value": float(value), "unit": unit, "time_ratio": ratio}
     return rows
 
 

@@ -139,7 +139,17 @@ def _print_limits(data: dict[str, Any]) -> None:
     for entry in data["dead_centres"]:
         stops.setdefault(entry.get("point") or entry["link"], []).append(f"{math.degrees(entry['angle']):.4f}°")
     for name, places in stops.items():
-        console.print(f"dead centres of {name}: {', '.join(places)}", highlight=False)
+        covered = data["strokes"].get(name)
+        console.print(f"dead centres of {name}: {', '.join(places)}{_stroke(covered)}", highlight=False)
+
+
+def _stroke(covered: dict[str, Any] | None) -> str:
+    if covered is None:
+        return ""
+    point = covered["unit"] == "m"
+    value = f"stroke {1e3 * covered['value']:.6g} mm" if point else f"swing {math.degrees(covered['value']):.6g}°"
+    ratio = "" if covered["time_ratio"] is None else f", time ratio {covered['time_ratio']:.4f}"
+    return f"; {value}{ratio}"
 
 
 def print_at(data: dict[str, Any], degrees: float) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from linkjax._numerics import repeat, safe_divide, safe_sqrt, wrapped
+from linkjax._numerics import nearest_turn, repeat, safe_divide, safe_sqrt, wrapped
 from linkjax.groups import Margin
 from linkjax.kinematics._pose import margins, named_groups, pose
 from linkjax.mechanism import Mechanism
@@ -18,6 +18,7 @@ from linkjax.mechanism import Mechanism
 DEAD_CENTRES = 8  # looked for per link and crank turn
 MARGIN_SCAN = 64  # scan points per turn for the least margins
 SHARPEN = 4  # Newton steps from the best scan point
+REAL = 1e-6  # distance from the real axis up to which a reversal is one
 BEND = 30.0  # 1/rad: Newton's step squared times this bounds what is left of the distance to a reversal
 
 
@@ -39,6 +40,11 @@ class Reversals(NamedTuple):
     left: Float[Array, " slots"]
     rate: Float[Array, " slots"]
     overflow: Bool[Array, ""]
+
+    @property
+    def true(self) -> Any:
+        """Which slots hold a reversal, and not only a slowing down."""
+        return self.present & (self.distance < REAL)
 
 
 def find_reversals(
@@ -133,6 +139,39 @@ def dead_centres(mechanism: Mechanism, turns: int = 1) -> dict[str, Reversals]:
 
     found = jax.vmap(one)(jnp.arange(len(ends)))
     return {name: Reversals(*(leaf[i] for leaf in found)) for i, name in enumerate(ends)}
+
+
+def strokes(mechanism: Mechanism, found: dict[str, Reversals], turns: int = 1) -> dict[str, Array]:
+    """What the ends of `dead_centres` cover between them: a slider's pin the distance of its outermost dead centres
+    (m), a link its swing (rad). Zero for what never stops."""
+    if not found:
+        return {}
+    ends = _stopping_ends(mechanism)
+    scan = scan_angles(turns, 2 * MARGIN_SCAN)
+    whole = jax.vmap(lambda phi: _places(mechanism, ends, phi))(scan)  # (scan, ends, 2)
+    at = jnp.stack([found[name].angle for name in ends])
+    there = jax.vmap(jax.vmap(lambda phi: _places(mechanism, ends, phi)))(at)  # (ends, slots, ends, 2)
+    covered = {}
+    for i, (name, slides) in enumerate(ends.items()):
+        true, place = found[name].true, there[i, :, i]
+        both = true[:, None] & true[None, :]
+        if slides:
+            apart = place[:, None] - place[None, :]
+            reach = safe_sqrt(jnp.sum(apart * apart, axis=-1))
+        else:
+            coarse = jnp.unwrap(jnp.arctan2(whole[:, i, 1], whole[:, i, 0]))
+            near = coarse[jnp.round(at[i] / scan[1]).astype(int) % scan.size]
+            turned = near + nearest_turn(jnp.arctan2(place[:, 1], place[:, 0]) - near, 2 * math.pi)
+            reach = turned[:, None] - turned[None, :]
+        covered[name] = jnp.max(jnp.where(both, reach, 0.0))
+    return covered
+
+
+def _places(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Float[Array, "ends 2"]:
+    """Position (m) of every pin, direction of every link that stops."""
+    here = pose(mechanism, phi)
+    at = [here.points[name].r if slides else here.links[name].u for name, slides in ends.items()]
+    return jnp.stack([jnp.stack([v.x, v.y]) for v in at])
 
 
 def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:

@@ -171,13 +171,21 @@ def groups(show: Numbers, data: Data) -> str:
 
 
 def dead_centres(show: Numbers, data: Data) -> str:
-    """Crank angles at which a point or link reverses."""
+    """Crank angles at which a point or link reverses, and what it covers between them."""
     found: dict[str, list[str]] = {}
     for entry in data.get("dead_centres", []):
         name = f"point {entry['point']}" if "point" in entry else f"link {entry['link']}"
         found.setdefault(name, []).append(show.turned(float(entry["angle"])))
-    rows = [[words(name), words(",  ".join(angles))] for name, angles in found.items()]
-    return table(["reverses", "at crank angle"], rows) if rows else "<p>Nothing reverses over the cycle.</p>"
+    rows = []
+    for name, angles in found.items():
+        covered = data.get("strokes", {}).get(name.split(maxsplit=1)[1])
+        ends = [Cell(NONE, True)] * 2
+        if covered:
+            ratio = NONE if covered["time_ratio"] is None else f"{covered['time_ratio']:.4f}"
+            ends = [*show.several([covered["value"]], covered["unit"], 6), Cell(ratio, True)]
+        rows.append([words(name), words(",  ".join(angles)), *ends])
+    head = ["reverses", "at crank angle", "stroke or swing", "time ratio"]
+    return table(head, rows) if rows else "<p>Nothing reverses over the cycle.</p>"
 
 
 def loads(show: Numbers, scene: Scene) -> str:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -13,12 +14,13 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from linkjax import RRP, RRR, Crank, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import LinkState, PointState
-from linkjax.kinematics import dead_centres, margins, pose, transmission_angles
+from linkjax.kinematics import dead_centres, margins, pose, strokes, transmission_angles
 from tests.physics import oracle
 from tests.physics.machines import BUILT_IN, COMPOSED, machine, mirrored, moved, resized
 
@@ -239,9 +241,11 @@ def test_errors_near_a_dead_position_are_those_of_the_problem(case):
 
 @pytest.mark.parametrize("name", ["hay-press", "four-bar", "two-on-one-crank", "clockwise"])
 def test_dead_centres(name):
-    """Where sliders and rockers stop: sign changes on a fine scan, bisected."""
+    """Where sliders and rockers stop: sign changes on a fine scan, bisected; what they cover: the speed's integral."""
     mechanism = machine(name).mechanism
-    found = jax.device_get(compiled_soon(dead_centres)(mechanism))
+    found = compiled_soon(dead_centres)(mechanism)
+    covered = compiled_soon(strokes)(mechanism, found)
+    found = jax.device_get(found)
     begin = -0.1
     scan = np.linspace(begin, begin + 2 * np.pi, 2001)
     expected = set()
@@ -264,4 +268,6 @@ def test_dead_centres(name):
             got = np.sort(begin + np.mod(got - begin, 2 * np.pi))
             assert not found[key].overflow and len(truth) >= 2
             np.testing.assert_allclose(got, truth, atol=1e-11)
-    assert set(found) == expected
+            ways = [quad(speed, *ends, epsabs=1e-13, epsrel=1e-13)[0] for ends in itertools.pairwise(truth)]
+            assert float(covered[key]) == pytest.approx(np.ptp(np.cumsum([0.0, *ways])), rel=1e-12)
+    assert set(found) == set(covered) == expected

@@ -106,8 +106,11 @@ def test_links_groups_and_dead_centres(report):
             assert f"{side} {PLAIN.quantity(least['value'], '', 4)}" in margins
     for entry in data["dead_centres"]:
         kind = "point" if "point" in entry else "link"
-        angles = page.row(f"{kind} {entry[kind]}")[0]
+        angles, covered, ratio = page.row(f"{kind} {entry[kind]}", cells=4)
         assert f"{math.degrees(entry['angle']):.3f}°" in angles
+        stroke = data["strokes"][entry[kind]]
+        assert_printed(covered, stroke["value"], *(("m",) if kind == "point" else ("°", 180 / math.pi)))
+        assert_printed(ratio, stroke["time_ratio"], "")
 
 
 def test_checks_pass_or_fail(tmp_path):
