@@ -63,14 +63,14 @@ def test_damaged_files_are_replaced(folder, ours):
     assert len(file.read_bytes()) > 100
 
 
-def test_inside_transformations_it_is_a_plain_jit(folder):
+def test_inside_transformations_it_is_a_plain_jit(folder, ours):
     raised = make([])
     slope = jax.grad(lambda a: raised({"a": a, "b": jnp.asarray(1.0)}, 2)["sum"])(jnp.asarray(3.0))
     assert float(slope) == 6.0
     assert list(folder.glob("linkjax-*")) == []
 
 
-def test_callbacks_into_python_are_not_kept(folder):
+def test_callbacks_into_python_are_not_kept(folder, ours):
     seen = []
 
     @_compile.compiled_soon

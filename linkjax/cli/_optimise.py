@@ -19,6 +19,7 @@ from linkjax.analysis import document as analysis_document
 from linkjax.cli._app import app
 from linkjax.cli._console import console
 from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, changes_of, make_folders
+from linkjax.cli._print import print_warnings
 from linkjax.cli._print_optimum import Display, amount
 from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
@@ -84,6 +85,9 @@ def optimise_command(
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
     data = document(found, before, after, scene, __version__) | {"before_is": CHANGED if changed else "the machine"}
     _print(data, shown, time.perf_counter() - clock)
+    told_before, told_after = (analysis_document(cycle, scene, __version__) for cycle in (before, after))
+    print_warnings(told_before, "before")
+    print_warnings(told_after, "after")
     if out:
         (out / "optimised.toml").write_text(text_of(found.after, _comment(data)), encoding="utf-8")
     for file in (json_file, out and out / "optimum.json"):
@@ -91,7 +95,6 @@ def optimise_command(
             data["scene_after"] = os.path.relpath(out / "optimised.toml", file.parent) if out else None
             file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
     if out:
-        told_before, told_after = (analysis_document(cycle, scene, __version__) for cycle in (before, after))
         write_out(told_after, found.after, out, before=(told_before, found.before), optimum=data, units=units)
     if found.interrupted:
         raise typer.Exit(130)
@@ -138,7 +141,8 @@ class _Told:
         self._start_ends(self.last)
 
     def __call__(self, now: Progress) -> None:
-        self.first = self.first or time.perf_counter()
+        if self.last is None or now.traded != self.last.traded:
+            self.first = time.perf_counter()
         if self.last is not None and (now.traded, now.start) != (self.last.traded, self.last.start):
             self._start_ends(self.last)
         self.last = now
@@ -147,8 +151,6 @@ class _Told:
 
     def _line(self, now: Progress) -> str:
         spent = time.perf_counter() - self.begin
-        if now.traded and not (self.last and self.last.traded):
-            self.first = time.perf_counter()
         left = (time.perf_counter() - self.first) * (now.starts - now.start) / now.start if now.start else math.nan
         violated = f", violated: {', '.join(now.violated)}" if now.violated else ""
         best = "none yet" if now.best is None else amount(now.best, now.unit, self.shown)

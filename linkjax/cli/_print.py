@@ -14,6 +14,7 @@ from linkjax.loads import Force, Torque
 from linkjax.machine import Scene
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
+EVEN = 1e-9  # error of δ that needs no advice, however even the motion
 
 
 def print_scene(machine: Scene, name: str) -> None:
@@ -93,16 +94,21 @@ def print_summary(data: dict[str, Any], machine: Scene) -> None:
     _print_limits(data)
     residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks.items())
     console.print(f"\nchecks     {residuals}", highlight=False)
-    limit = check_limit(data)
-    if not all(value <= limit for value in checks.values()):  # a NaN is no pass either
-        console.print(f"WARNING: a check is above {limit:g}; do not trust these figures", style="bold red")
-    if data["result"]["code"]:
-        console.print(f"WARNING: {data['result']['message']}", style="bold", markup=False)
+    print_warnings(data)
     model = data["model"]
-    if run["delta_error"] > COARSE * run["delta"]:
+    if run["delta_error"] > max(COARSE * run["delta"], EVEN):
         more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
         console.print(f"WARNING: {more}", style="bold", highlight=False)
     console.print(f"model      {model['motion']}, {model['nodes']} nodes: {model['why']}", highlight=False)
+
+
+def print_warnings(data: dict[str, Any], which: str = "") -> None:
+    """What is wrong with an analysis, or with `which` of several."""
+    limit, of = check_limit(data), f"{which}: " if which else ""
+    if not all(value <= limit for value in data["checks"].values()):  # a NaN is no pass either
+        console.print(f"WARNING: {of}a check is above {limit:g}; do not trust these figures", style="bold red")
+    if data["result"]["code"]:
+        console.print(f"WARNING: {of}{data['result']['message']}", style="bold", markup=False)
 
 
 def _digits(value: float, error: float) -> str:

@@ -53,8 +53,7 @@ def document(
     """
     problem, word = found.problem, outcome(found)
     goal = next(kind for kind in problem.kinds if kind.role == "objective")
-    begin = problem.at(problem.start)
-    first = {kind.label: block.value for kind, block in zip(problem.kinds, begin, strict=True)}
+    first = {kind.label: block.value for kind, block in zip(problem.kinds, problem.first, strict=True)}
     asked = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
     missed = set(found.missed)
     return {
@@ -85,13 +84,18 @@ def document(
         "reached": found.reached,
         "kkt_residual": found.kkt_residual,
         "trade_off": _trade_off(found, goal.unit),
-        "cases": [case.name or "as it is" for case in problem.cases if case != Case() or len(problem.cases) > 1],
+        "cases": [_case_name(case, i) for i, case in enumerate(problem.cases, 1)
+                  if case != Case() or len(problem.cases) > 1],
         "solver": {"name": found.solver, "why": WHY[found.solver]},
         "scene_after": scene_after,
         "result": {
             "code": 0 if found.feasible else 1, "name": word, "message": MESSAGES[word], "clash": list(found.clash),
         },
     }  # fmt: skip
+
+
+def _case_name(case: Case, place: int) -> str:
+    return case.name or (f"case {place}" if case.changes else "as it is")
 
 
 def _variable(found: Optimum, i: int) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_sooner
 from linkjax._population import over_designs
@@ -36,7 +35,7 @@ def many(
     are for. Every design evaluated counts as an evaluation."""
     drawn = np.random.default_rng(np.abs(z).view(np.uint64)).random((CROWD - 1, z.size))
     crowd = np.concatenate([z[None], drawn])
-    ended, merits = map(np.asarray, _descent(problem)((jnp.asarray(crowd), _levels(problem))))
+    ended, merits = map(np.asarray, _descent(problem)(jnp.asarray(crowd)))
     problem.evaluations += CROWD * (TURNS + 1)
     chosen: list[np.ndarray] = []
     for one in ended[np.argsort(merits)]:
@@ -46,44 +45,36 @@ def many(
     return min(paths, key=lambda path: rank(path.point))
 
 
-def _levels(problem: Problem) -> Float[Array, "designs blocks"]:
-    """What every block is to stay below, scaled, once for every design of the crowd."""
-    levels = [
-        0.0 if k.role == "objective" else k.bound * (k.sign if k.signed else 1.0) / k.scale for k in problem.kinds
-    ]
-    return jnp.broadcast_to(jnp.asarray(levels), (CROWD, len(levels)))
-
-
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=1)
 def _descent(problem: Problem) -> Callable:
-    """The descent of a crowd, compiled once for a problem: designs and levels to the designs they end at, the best each
-    has met, with their merits."""
+    """The descent of a crowd, compiled once for a problem: designs to the designs they end at, the best each has met,
+    with their merits."""
     import optax
 
     factors = jnp.asarray([(k.sign if k.signed else 1.0) / k.scale for k in problem.kinds])
     goals = jnp.asarray([k.role == "objective" for k in problem.kinds])
+    levels = factors * jnp.asarray([0.0 if k.role == "objective" else k.bound for k in problem.kinds])
     lower, span = jnp.asarray(problem.lower), jnp.asarray(problem.upper - problem.lower)
     rule = optax.adam(optax.cosine_decay_schedule(PACE, TURNS))
 
-    def merit(z, levels):
+    def merit(z):
         values = problem.values(lower + z * span) * factors
         excess = jnp.where(goals, 0.0, jnp.maximum(values - levels, 0.0))
         return jnp.max(jnp.where(goals, values, -jnp.inf)) + PENALTY * jnp.sum(excess)
 
-    def turn(levels, state, _):
+    def turn(state, _):
         z, held, best, least = state
-        slope, value = jax.jacfwd(lambda z: (merit(z, levels),) * 2, has_aux=True)(z)  # compiles sooner than reverse
+        slope, value = jax.jacfwd(lambda z: (merit(z),) * 2, has_aux=True)(z)  # compiles sooner than reverse
         better = value < least  # false where it is no number
         best, least = jnp.where(better, z, best), jnp.where(better, value, least)
         change, held = rule.update(jnp.nan_to_num(slope), held)
         return (jnp.clip(z + change, 0.0, 1.0), held, best, least), None
 
-    def one(given):
-        z, levels = given
+    def one(z):
         begin = z, rule.init(z), z, jnp.full((), jnp.inf)
-        _, _, best, least = jax.lax.scan(functools.partial(turn, levels), begin, None, length=TURNS + 1)[0]
+        _, _, best, least = jax.lax.scan(turn, begin, None, length=TURNS + 1)[0]
         return best, least
 
-    begin = jnp.zeros((CROWD, lower.size)), _levels(problem)
+    begin = jnp.zeros((CROWD, lower.size))
     with jax.numpy_dtype_promotion("standard"):  # optax relies on it
         return compiled_sooner(jax.jit(over_designs(one, block=BLOCK)).lower(begin))

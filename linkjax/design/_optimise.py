@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -13,10 +12,10 @@ from linkjax._units import nearest
 from linkjax.design._cone import Path, descend
 from linkjax.design._many import many
 from linkjax.design._names import DesignError, numbers
-from linkjax.design._point import HELD, Point, look, obstacles, rank
+from linkjax.design._point import HELD, Point, obstacles, placed, rank
 from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
-from linkjax.design._starts import Progress, Run, Start, Traded, objective, trade, violated
+from linkjax.design._starts import Progress, Run, Start, Traded, feasible, objective, trade, violated
 from linkjax.design._terms import Asked, Limit
 from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene
@@ -122,15 +121,14 @@ def optimise(
                       meanwhile)  # fmt: skip
     run = Run(problem, starts, told)
     rng = np.random.default_rng(seed)
-    today = (problem.start - problem.lower) / (problem.upper - problem.lower)
-    first = np.clip(today, 0.0, 1.0)
+    first = np.clip(_unit(problem, problem.start), 0.0, 1.0)
     try:
         for number in range(starts):
             run.follow(descend, first if number == 0 else rng.random(first.size), number)
     except KeyboardInterrupt:
         run.interrupted()
     best = run.best()
-    found = _optimum(problem, best, look(problem, today), tuple(run.ended))
+    found = _optimum(problem, best, tuple(run.ended))
     points, stopped = (), run.stopped
     if traded is not None and not stopped:
         ends = sorted(run.paths, key=lambda path: rank(path.point))[:OTHERS]
@@ -204,8 +202,9 @@ def _traded(limits: Sequence[Limit], name: str, bounds: Sequence[float | str]) -
     raise DesignError("trade_off", f"{name!r} is no limit of this problem", nearest(name, known))
 
 
-def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ...]) -> Optimum:
+def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum:
     point, certificate = path.point, path.certificate
+    begin = placed(problem, _unit(problem, problem.start), problem.first)
     x = problem.lower + point.z * (problem.upper - problem.lower)
     roles = ("objective", "limit", "sound")
     order = [i for role in roles for i, kind in enumerate(problem.kinds) if kind.role == role]
@@ -227,9 +226,14 @@ def _optimum(problem: Problem, path: Path, begin: Point, starts: tuple[Start, ..
     return Optimum(
         problem.scene, problem.design(x), problem, x, objective(problem, begin), objective(problem, point), limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
-        certificate.residual, not missed and math.isfinite(point.value), _clash(problem, point, missed),
+        certificate.residual, feasible(problem, point), _clash(problem, point, missed),
         tuple(kind.label for kind in missed), _idle(problem, path), starts, tuple(path.history), problem.evaluations,
     )  # fmt: skip
+
+
+def _unit(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """A design (SI) in units of the variables' ranges."""
+    return (x - problem.lower) / (problem.upper - problem.lower)
 
 
 def _idle(problem: Problem, path: Path) -> tuple[str, ...]:

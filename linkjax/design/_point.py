@@ -18,14 +18,13 @@ AT_BOUND = 1e-6  # of its range: a variable so close to a bound may carry its mu
 
 
 class Scaled(NamedTuple):
-    """A block in the solver's own scale: its rows, of value or length `sizes`, are to stay below `level`; `shift` is
-    what the interpolants miss, `top` the largest size."""
+    """A block in the solver's own scale: its rows, of value or length `sizes`, are to stay below `level`; `top` is the
+    largest size."""
 
     rows: Float[np.ndarray, "rows parts"]
     slope: Float[np.ndarray, "rows parts n"]
     signed: bool
     level: float
-    shift: float
     sizes: Float[np.ndarray, " rows"]
     top: float
 
@@ -40,7 +39,7 @@ class Scaled(NamedTuple):
     def after(self, d: np.ndarray) -> Float[np.ndarray, " rows"]:
         """Sizes of all rows after a step, by the linear model of the vectors."""
         rows = self.rows + self.slope @ d
-        return (rows[:, 0] if self.signed else lengths(rows)) + self.shift
+        return rows[:, 0] if self.signed else lengths(rows)
 
     def excess(self) -> float:
         """How far the largest row lies above the level."""
@@ -55,11 +54,10 @@ def lengths(vectors: Float[np.ndarray, "rows parts"]) -> Float[np.ndarray, " row
 def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
     """A block by its kind's scale, with slopes by variables that run from 0 to 1."""
     factor = (kind.sign if kind.signed else 1.0) / kind.scale
-    rows, slope, value = block.vectors * factor, block.slope * (factor * span), block.value * factor
+    rows, slope = block.vectors * factor, block.slope * (factor * span)
     sizes = rows[:, 0] if kind.signed else lengths(rows)
     level = 0.0 if kind.role == "objective" else kind.bound * factor
-    shift = value - float(np.max(sizes))
-    return Scaled(rows, slope, kind.signed, level, shift, sizes + shift, value)
+    return Scaled(rows, slope, kind.signed, level, sizes, float(np.max(sizes)))
 
 
 @dataclasses.dataclass
@@ -79,8 +77,8 @@ class Point:
 
     @property
     def value(self) -> float:
-        """The objective, scaled."""
-        return max(goal.top for goal in self.goals)
+        """The objective, scaled; no number where it is none in one case."""
+        return float(np.max([goal.top for goal in self.goals]))
 
     @property
     def violation(self) -> float:
@@ -89,8 +87,8 @@ class Point:
 
     @property
     def unsound(self) -> float:
-        """What is missing to a machine that can be assembled and runs, scaled; zero when nothing is."""
-        return sum(max(limit.excess(), 0.0) for limit in self.sound)
+        """What is missing to a machine that can be assembled and runs, scaled; zero when it is none but rounding."""
+        return sum(max(limit.excess() - MET, 0.0) for limit in self.sound)
 
 
 def rank(point: Point) -> tuple[float, float]:
@@ -125,8 +123,6 @@ class Certificate(NamedTuple):
 
 def certify(point: Point) -> Certificate:
     """The multipliers that come nearest to the conditions, by non-negative least squares over what is tied."""
-    from scipy.optimize import nnls
-
     n, top = point.z.size, point.value
     if not np.isfinite([top, point.violation]).all():
         return Certificate(np.inf, [np.zeros(len(block.rows)) for block in point.every], np.zeros(n), np.zeros(n))
@@ -152,7 +148,7 @@ def certify(point: Point) -> Certificate:
     goals = np.concatenate([*goal, np.zeros(low.size + high.size)])
     scale = 1e3 * max(1.0, float(np.max(np.abs(rows), initial=0.0)))  # the objective's multipliers add up to one
     matrix = np.concatenate([rows, scale * goals[None], slack[None]])
-    found, _ = nnls(matrix, np.concatenate([np.zeros(n), [scale, 0.0]]))
+    found = _non_negative(matrix, np.concatenate([np.zeros(n), [scale, 0.0]]))
     left = max(
         float(np.max(np.abs(rows @ found))), abs(float(goals @ found) - 1), float(slack @ found), point.violation
     )
@@ -166,6 +162,16 @@ def certify(point: Point) -> Certificate:
     return Certificate(left, weights, lower, upper)
 
 
+def _non_negative(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The non-negative least squares; nothing, which certifies nothing, where they are too degenerate to be found."""
+    from scipy.optimize import nnls
+
+    try:
+        return nnls(matrix, right, maxiter=30 * matrix.shape[1])[0]
+    except RuntimeError:
+        return np.zeros(matrix.shape[1])
+
+
 def _directions(parts: int) -> Float[np.ndarray, "directions parts"]:
     """Directions in all of which a vector that is nothing may grow."""
     if parts == 2:
@@ -177,8 +183,6 @@ def _directions(parts: int) -> Float[np.ndarray, "directions parts"]:
 def obstacles(point: Point) -> list[np.ndarray]:
     """Where limits are violated: multipliers of every row of every block with which the violation itself cannot be made
     less, those of every violated block adding up to one; the objective has no say."""
-    from scipy.optimize import nnls
-
     n, columns, homes, sums = point.z.size, [], [], []
     for i, block in enumerate(point.every):
         missed = block.excess() > MET
@@ -194,7 +198,7 @@ def obstacles(point: Point) -> list[np.ndarray]:
     add = np.zeros((len(sums), rows.shape[1]))
     for line, (at, count) in zip(add, sums, strict=True):
         line[at : at + count] = scale
-    found, _ = nnls(np.concatenate([rows, add]), np.concatenate([np.zeros(n), np.full(len(sums), scale)]))
+    found = _non_negative(np.concatenate([rows, add]), np.concatenate([np.zeros(n), np.full(len(sums), scale)]))
     weights, at = [], 0
     for block, tied in zip(point.every, homes, strict=True):
         weights.append(np.zeros(len(block.rows)))

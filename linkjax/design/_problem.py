@@ -117,6 +117,7 @@ class Problem:
         if meanwhile is not None:
             meanwhile()
         self.evaluations = 0
+        self.first = self.at(self.start)
         self.kinds = self._kinds(len(limits))
 
     def design(self, x: Array | np.ndarray) -> Scene:
@@ -181,16 +182,29 @@ class Problem:
         """Raise `DesignError` where a limit is what the unchanged machine has, and it has none."""
         count = len(self.asked)
         for i, block in enumerate(blocks):
-            limit, margin = self.asked[i % count], blocks[i - i % count + self._assembled].value
-            if limit.bound == TODAY and not (margin >= 0 and np.isfinite(block.value)):
-                problem = f"has no value today: the unchanged machine's smallest margin is {margin:.3g}"
-                raise DesignError(limit.name, problem, "write a number as its bound")
+            limit, first = self.asked[i % count], i - i % count
+            if limit.bound != TODAY:
+                continue
+            margins = [each.value for each in blocks[first + self._assembled : first + count]]
+            why = "" if np.isfinite(block.value) else f"it is {block.value}"
+            if not margins[0] >= 0:
+                why = f"the unchanged machine cannot be assembled, its smallest margin is {margins[0]:.3g}"
+            elif not all(margin >= 0 for margin in margins) and self._of_motion(limit):
+                why = f"the unchanged machine does not run, its regime margin is {margins[1]:.3g}"
+            if why:
+                raise DesignError(limit.name, f"has no value today: {why}", "write a number as its bound")
+
+    def _of_motion(self, limit: Limit) -> bool:
+        """Whether a limit asks for the true motion."""
+        with watched() as seen:
+            jax.eval_shape(lambda scene: _rows_for(limit, Parts(scene, self.nodes)), self.scene)
+        return bool(seen)
 
     def _kinds(self, limits: int) -> list[Kind]:
         """Bounds and scales, from values and slopes at the start."""
-        found, span, blocks = [], self.upper - self.lower, self.at(self.start)
-        self._check_today(blocks)
-        for i, (block, (rows, _)) in enumerate(zip(blocks, self._kept, strict=True)):
+        found, span = [], self.upper - self.lower
+        self._check_today(self.first)
+        for i, (block, (rows, _)) in enumerate(zip(self.first, self._kept, strict=True)):
             j = i % len(self.asked)
             limit, case = self.asked[j], self.cases[i // len(self.asked)].name
             role = "objective" if j == 0 else "limit" if j <= limits else "sound"

@@ -92,7 +92,7 @@ def _followed(run: Callable, problem: Problem, z, tolerance: float, steps: int, 
     epigraph = _Epigraph(problem, path, tolerance, told)
     for _ in range(AGAIN):
         residual = path.certificate.residual
-        if path.point.unsound > MET or residual <= tolerance:
+        if path.point.unsound > 0 or residual <= tolerance:
             break
         with warnings.catch_warnings(), contextlib.suppress(np.linalg.LinAlgError, ValueError):
             warnings.simplefilter("ignore")  # of values out of bounds; and a solver may lose itself: what it saw counts

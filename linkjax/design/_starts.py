@@ -78,9 +78,9 @@ class Run:
         self._moved_inside(descend)
         self._measured_anew()
         path = self.paths[-1]
-        self._see(path.point)
+        self._told(path.point, path.certificate)
         self.ended.append(
-            Start(objective(self.problem, path.point), not violated(self.problem, path.point),
+            Start(objective(self.problem, path.point), feasible(self.problem, path.point),
                   path.certificate.residual, self.problem.evaluations - before)
         )  # fmt: skip
 
@@ -100,13 +100,13 @@ class Run:
         return min(same, key=lambda path: path.certificate.residual)
 
     def _moved_inside(self, descend: Descent) -> None:
-        """Where a free number has no effect, as the place of a counterweight without mass, and others are at a bound,
+        """Where a free number has no effect, as the place of a counterweight without mass, and others are near a bound,
         the conditions of an optimum hold trivially: once more from inside the bounds and from the side that looks
         best, the better counts."""
         point = self.paths[-1].point
         moves = np.max([np.max(np.abs(block.slope), axis=(0, 1), initial=0.0) for block in point.every], axis=0)
         idle, inside = np.flatnonzero(moves <= IDLE), np.clip(point.z, INSIDE, 1 - INSIDE)
-        if idle.size and not np.array_equal(inside, point.z):
+        if idle.size and np.any((inside != point.z) & (moves > IDLE)):
             sides = (look(self.problem, z) for z in _mirrored(inside, idle))
             self._taken(descend(self.problem, min(sides, key=rank).z, told=self._told))
 
@@ -165,7 +165,7 @@ class Run:
 def _progress(problem: Problem, point: Point, best: Point, certificate: Certificate) -> Progress:
     """Where a search is: at a point, with the best one so far."""
     names = tuple(kind.label for kind in violated(problem, point))
-    found = objective(problem, best) if best.violation <= MET else None
+    found = objective(problem, best) if feasible(problem, best) else None
     return Progress(0, 1, 0, objective(problem, point), _goal(problem).unit, names, certificate.residual, found)
 
 
@@ -201,6 +201,11 @@ def violated(problem: Problem, point: Point) -> list[Kind]:
     return [kind for kind, limit in zip(kinds, every, strict=True) if not limit.excess() <= MET]
 
 
+def feasible(problem: Problem, point: Point) -> bool:
+    """Whether a design meets every limit, and its objective is a number."""
+    return bool(np.isfinite(point.value)) and not violated(problem, point)
+
+
 def trade(
     problem: Problem, paths: list[Path], name: str, bounds: list[float], told: Callable[[Progress], None] | None = None
 ) -> tuple[tuple[Traded, ...], bool]:
@@ -218,7 +223,7 @@ def trade(
             heard = _heard(problem, told, number, len(bounds), name)
             point = min((descend(problem, each, told=heard).point for each in (*before, *ends)), key=rank)
             x, before = problem.lower + point.z * span, [point.z]
-            found.append(Traded(bound, objective(problem, point), point.violation <= MET, tuple(map(float, x))))
+            found.append(Traded(bound, objective(problem, point), feasible(problem, point), tuple(map(float, x))))
     except KeyboardInterrupt:
         stopped = True
     finally:

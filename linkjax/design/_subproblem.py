@@ -153,7 +153,7 @@ def _lines(blocks, goals: int, held, slacks, low, high) -> tuple[Any, np.ndarray
     right, slopes, lines, homes = [high, -low, np.zeros(at - 2 * n)], [np.empty((0, n))], [box[:0]], []
     rising = [[] if goals else [box[-1:]], *([box[2 * n + i :][:1]] for i in range(len(slacks)))]  # level, slacks
     for i, (block, some) in enumerate(zip(blocks, held, strict=True)):
-        level, vectors = block.level - block.shift, block.rows[some]
+        level, vectors = block.level, block.rows[some]
         size = 1 if block.signed else vectors.shape[1] + 1
         every = np.arange(at, at + some.size * size, dtype=np.int32).reshape((-1, size))
         homes.append(every[:, 0])

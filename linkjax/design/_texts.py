@@ -131,10 +131,22 @@ def settled_case(scene: Scene, case: Case) -> Case:
     return Case(case.name, values)
 
 
+def _check_range(name: str, given: Mapping[str, Any]) -> None:
+    """Raise `DesignError` where a mapping is no range with what is tied to it."""
+    unknown, tied = sorted(set(given) - {"range", "tied"}), given.get("tied", ())
+    if unknown or "range" not in given:
+        problem = f"unknown key {unknown[0]!r}" if unknown else "no range"
+        raise DesignError(name, problem, 'write {"range": "± 8 %", "tied": ["links.link4.length"]}')
+    if isinstance(tied, str) or not all(isinstance(other, str) for other in tied):
+        raise DesignError(name, f"tied is {tied!r}, no list of names", 'write e.g. "tied": ["links.link4.length"]')
+
+
 def settled_free(scene: Scene, free: Mapping[str, Range] | Any) -> list[Variable]:
     """The free numbers with bounds in SI: of a mapping from names to ranges (or to a range and
     what is tied to it, `{"range": "± 8 %", "tied": [...]}`), or of variables."""
     if isinstance(free, Mapping):
         full = {name: given if isinstance(given, Mapping) else {"range": given} for name, given in free.items()}
+        for name, each in full.items():
+            _check_range(name, each)
         return [variable(scene, name, each["range"], tuple(each.get("tied", ()))) for name, each in full.items()]
     return [variable(scene, v.name, (v.lower, v.upper), v.tied) for v in free]

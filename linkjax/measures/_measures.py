@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._numerics import safe_sqrt
 from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
@@ -30,7 +31,7 @@ from linkjax.motion import (
     summits,
     with_flywheel,
 )
-from linkjax.reduction import Reduced
+from linkjax.reduction import Reduced, reduce
 
 SLOW = 0.1  # of the fastest: the least rate at which a flywheel counts as calming a pair of speeds
 
@@ -136,8 +137,7 @@ def _least_energies(of: Parts) -> Rows:
     """Regime margins by every kinetic energy that may be the smallest."""
     steady, place = of.steady, jax.tree.map(jnp.ravel, of.grid.node_places())
     inertia = jnp.maximum(of.reduced.inertia, steady.inertia_floor)
-    mean = jnp.sum(of.grid.half[:, None] * of.grid.rule.w[None] * inertia) / of.scene.cycle
-    per_joule = 1 / (0.5 * mean * of.scene.speed**2)
+    per_joule = 1 / (0.5 * _mean(of, inertia) * of.scene.speed**2)
     work = jax.vmap(steady.work.at)(place).reshape(of.grid.nodes.shape)
     above = 2 * jax.lax.stop_gradient(jnp.max(jnp.abs(steady.energy + work)))
 
@@ -155,7 +155,24 @@ def regime_margin(of: Parts) -> Array:
     return of.steady.regime_margin
 
 
-@measure("1")
+def _mean(of: Parts, at_nodes: Array) -> Array:
+    """Mean over the cycle of what is known at the nodes, shape (panels, n)."""
+    return jnp.sum(of.grid.half[:, None] * of.grid.rule.w[None] * at_nodes) / of.scene.cycle
+
+
+def _light_places(of: Parts) -> Rows:
+    """Reduced inertias over their mean that may be the smallest."""
+    inertia = of.reduced.inertia
+    above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
+
+    def missing(regime: Regime, place: Place) -> Array:
+        return (above - reduce(regime.scene, place.phi, regime.side(place)).inertia).reshape((1, 1))
+
+    found = summits(of.constant_speed, missing, (above - inertia)[None, None])
+    return Rows((above - found.vectors[0]) / _mean(of, inertia), found.angle[0], signed=True)
+
+
+@measure("1", _light_places, smallest=True)
 def least_inertia(of: Parts) -> Array:
     """Least reduced inertia over its mean: near zero the crank all but stops mattering there, and its speed runs up."""
     return of.steady.least_inertia
@@ -223,12 +240,16 @@ def peak_shaking_force_constant_speed(of: Parts) -> Peaked:
     return of.constant_speed, _forces.shaking, of.shaking(of.constant_speed)
 
 
-@measure("N")
+def _all_shaking(of: Parts) -> Rows:
+    """The shaking forces of the whole cycle as one vector, whose length is their root mean square."""
+    share = of.grid.half[:, None] * of.grid.rule.w[None] / of.scene.cycle
+    return Rows((safe_sqrt(share)[None] * of.shaking(of.constant_speed)[0]).reshape((1, -1)), jnp.full(1, jnp.nan))
+
+
+@measure("N", _all_shaking)
 def rms_shaking_force_constant_speed(of: Parts) -> Array:
     """Root mean square over the cycle of the shaking force at constant nominal speed."""
-    force = of.shaking(of.constant_speed)[0]
-    weights = of.grid.half[:, None] * of.grid.rule.w[None]
-    return jnp.sqrt(jnp.sum(weights * jnp.sum(force * force, axis=0)) / of.scene.cycle)
+    return _all_shaking(of).size()[0]
 
 
 @peak("N")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -20,9 +21,10 @@ from linkjax.motion._steady import Steady
 
 FOLLOW = 3  # steps on the interpolants
 RIVALS = 2  # panels whose summits are compared on the quantity itself
-NEAR = 3e-3  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself
+NEAR = 2e-4  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself; in single
+COARSE = 9.0  # precision so many times the square root of its rounding
 ROUNDINGS = 4000.0  # of a peak: the least error stated
-FAR = 10.0  # the most it may move, in these
+FAR = 3e-2  # the most it may move
 
 
 class Regime(eqx.Module):
@@ -125,12 +127,13 @@ def _follow(rows: Array, summit: Summit) -> Array:
 
 def _sharpened(squared: Callable[[Array], Array], followed: Array) -> tuple[Array, Array]:
     """The place of a summit by the parabola through the quantity itself, and by how much that raises its square."""
-    centre = jnp.clip(followed, -1.0 + NEAR, 1.0 - NEAR)
-    y = jax.vmap(squared)(centre + NEAR * jnp.asarray([-1.0, 0.0, 1.0]))
+    near = max(NEAR, COARSE * math.sqrt(jnp.finfo(followed.dtype).eps))
+    centre = jnp.clip(followed, -1.0 + near, 1.0 - near)
+    y = jax.vmap(squared)(centre + near * jnp.asarray([-1.0, 0.0, 1.0]))
     bend, tilt = y[2] - 2 * y[1] + y[0], 0.5 * (y[2] - y[0])
-    step = jnp.where(bend < 0, -safe_divide(tilt, bend), jnp.sign(tilt) / NEAR)
-    x = jnp.clip(centre + NEAR * jnp.clip(step, -FAR, FAR), -1.0, 1.0)
-    gained = jnp.abs(tilt * (jnp.clip(centre + NEAR * step, -1.0, 1.0) - followed)) / NEAR
+    step = jnp.where(bend < 0, -near * safe_divide(tilt, bend), jnp.sign(tilt))
+    x = jnp.clip(centre + jnp.clip(step, -FAR, FAR), -1.0, 1.0)
+    gained = jnp.abs(tilt * (jnp.clip(centre + step, -1.0, 1.0) - followed)) / near
     return jax.lax.stop_gradient(x), gained
 
 
@@ -183,9 +186,8 @@ def summits(regime: Regime, components: Components, at_nodes: Float[Array, "quan
         falls = jnp.concatenate([height[:-1] >= height[1:], jnp.ones(1, bool)])
         other = jnp.where(rises & falls & (jnp.abs(fine - first) > 2.5 / n), height, 0.0)
         both = jnp.stack([first, _follow(coefficients, highest_in(fine, other, panel))])
-        return jax.vmap(lambda x: _sharpened(squared, _sharpened(squared, x)[0])[0])(
-            both
-        )  # to rounding: an optimiser sees it
+        # twice, to rounding: an optimiser sees it
+        return jax.vmap(lambda x: _sharpened(squared, _sharpened(squared, x)[0])[0])(both)
 
     def at(which, panel, x):
         place = settle(grid, panel, x)

@@ -111,7 +111,7 @@ def write_report(
         title=escape(title),
         css=(HERE / "page.css").read_text(encoding="utf-8"),
         lead=escape(f"{scene.mechanism.formula()}, at {_tables.nominal(show, scene)}"),
-        verdict="\n".join(_verdict(of.get("result") or {}) for of in (optimum, data) if of),
+        verdict="\n".join(_verdicts(optimum, data, before)),
         nav=" ".join(f'<a href="#{name.lower()}">{name}</a>' for name in sections),
         body="\n".join(f'<section id="{n.lower()}"><h2>{n}</h2>\n{text}</section>' for n, text in sections.items()),
         program=_program(view) if view else "",
@@ -138,6 +138,15 @@ def _figure(text: str, name: str, caption: str) -> str:
 def _verdict(result: Data) -> str:
     look = "good" if int(result.get("code", 0)) == 0 else "bad"
     return f'<p class="verdict {look}">{escape(str(result.get("message", "")))}</p>'
+
+
+def _verdicts(optimum: Data | None, data: Data, before: tuple[Data, Scene] | None) -> list[str]:
+    """How the search went, the machine itself, and what is wrong with the one before, if anything is."""
+    found = [of.get("result") or {} for of in (optimum, data) if of]
+    old = before[0].get("result") or {} if before else {}
+    if old.get("code"):
+        found.append({**old, "message": f"Before: {old['message']}"})
+    return [_verdict(result) for result in found]
 
 
 def _optimisation(show: Numbers, optimum: Data) -> str:

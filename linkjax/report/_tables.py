@@ -47,7 +47,8 @@ def _values(show: Numbers, data: Data) -> dict[str, str]:
         found["duration of the cycle"] = show.quantity(float(motion["period"]), "s")
     found["flywheel, given"] = show.amount(wheel.get("given"), "kg·m²").text
     if wheel.get("for_target_delta") is not None:
-        found["flywheel, needed"] = show.quantity(float(wheel["for_target_delta"]), "kg·m²")
+        need = float(wheel["for_target_delta"])
+        found["flywheel, needed"] = show.quantity(need, "kg·m²") if need > 0 else "none"
     if wheel.get("textbook") is not None:
         found["flywheel by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
     return found | {"regime margin": show.quantity(float(motion["regime_margin"]), digits=4)}
@@ -60,6 +61,8 @@ def _remarks(show: Numbers, data: Data, scene: Scene) -> dict[str, str]:
     mean = "mean over time" if scene.mean == "time" else "mean of largest and smallest"
     wanted = data.get("flywheel", {}).get("target_delta", scene.target_delta)
     runs = float(motion["regime_margin"]) > 0
+    need = data.get("flywheel", {}).get("for_target_delta") or 0.0
+    exactly = "exactly" if need > 0 else "it is steadier without"
     return {
         "coefficient of speed fluctuation δ": f"{error}, of the {mean}",
         "mean speed": f"{mean}; {Numbers().quantity(float(motion['mean_speed']), '', 6)} rad/s",
@@ -68,7 +71,7 @@ def _remarks(show: Numbers, data: Data, scene: Scene) -> dict[str, str]:
         "drive torque, constant": "balances the cycle",
         "drive power, mean": "over the cycle",
         "flywheel, given": "on the crank shaft",
-        "flywheel, needed": "" if wanted is None else f"for δ = {float(wanted):g}, exactly",
+        "flywheel, needed": "" if wanted is None else f"for δ = {float(wanted):g}, {exactly}",
         "flywheel by ΔA/(δω²)": "textbook, for comparison",
         "regime margin": f"{'positive: there is a' if runs else 'no'} periodic regime at this speed",
     }

@@ -70,6 +70,10 @@ def test_what_is_no_number_is_no_optimum():
     assert not np.isfinite(lost.kkt_residual)
     assert not lost.feasible
     assert outcome(lost) == "no value"
+    cases = [Case("slow", {"speed": 1.0}), Case("fast", {"speed": 3.0})]
+    for both in (cases, cases[::-1]):  # no number in one of them, wherever it stands
+        lost = lj.optimise(rotor(), free, lambda s: jnp.log(2 - s.speed) + s.mechanism.flywheel.inertia, cases=both)
+        assert outcome(lost) == "no value"
     steep = lj.optimise(rotor(), free, maximise=lambda s: jnp.sqrt(s.mechanism.flywheel.inertia))
     assert steep.objective == pytest.approx(np.sqrt(2.0), rel=1e-9)
 
@@ -81,6 +85,18 @@ def test_prices_of_bounds(low, high, side):
     found = lj.optimise(rotor(), {WHEEL: (low, high)}, lambda s: (s.mechanism.flywheel.inertia - best) ** 2)
     assert found.x == pytest.approx([2.0])
     assert found.pull[WHEEL] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_too_degenerate_to_certify(monkeypatch):
+    """A point at which the multipliers are not found ends nothing; it only certifies nothing."""
+
+    def lost(*_, **__):
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    monkeypatch.setattr("scipy.optimize.nnls", lost)
+    found = lj.optimise(rotor(), {WHEEL: (0.5, 2.0)}, WHEEL)
+    assert found.objective == pytest.approx(0.5)
+    assert outcome(found) == "uncertified"
 
 
 def test_the_clash_is_named_where_the_objective_does_not_care():
@@ -105,6 +121,9 @@ def test_limits_of_one_name_are_told_apart():
         ({"limits": ["delta <= 0.1", "delta <= 0.2"]}, "delta: is limited 2 times"),
         ({"cases": [Case("a"), Case("a")]}, "cases: two have the name 'a'"),
         ({"cases": [Case("a", {"speed": "-3 rpm"})]}, "speed: must not be less than 0"),
+        ({"free": {WHEEL: {"rnge": "0 to 2 kg m^2"}}}, f"{WHEEL}: unknown key 'rnge'"),
+        ({"free": {WHEEL: {"tied": ["speed"]}}}, f"{WHEEL}: no range"),
+        ({"free": {WHEEL: {"range": "0 to 2 kg m^2", "tied": "speed"}}}, "tied is 'speed', no list of names"),
         ({"seed": -1}, "seed: is -1; write a whole number of zero or more"),
         ({"free": {WHEEL: "-2 to 4 kg m^2"}}, "must not be less than 0, but its bounds begin at -2"),
         ({"free": {"links.piston.length": (0.0, 1.0)}}, "links.piston.length: is no number of this scene"),
@@ -212,6 +231,7 @@ def test_what_depends_on_nothing_is_named():
         ({"limits": [at_most("speed", np.inf)]}, "speed: inf is no finite number"),
         ({"limits": ["speed <= 30 rad/s", "speed <= 40 rad/s"]}, "speed: is limited 2 times"),
         ({"limits": [at_most(PEAK, "today")], "scene": {"links.rod.length": 0.02}}, "has no value today"),
+        ({"limits": ["delta <= today"], "scene": {"speed": 1.0}}, "has no value today: .* does not run"),
         ({"cases": [Case("a", {WHEEL: 1.0})]}, f"{WHEEL}: is free, but the case 'a' sets it"),
         ({"cases": [Case("a", {"speed": math.nan})]}, "speed: nan is no finite number"),
         ({"minimise": ""}, "neither a measure nor a number"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,13 +10,16 @@ import pytest
 import linkjax as lj
 from linkjax import Case, Counterweight, DesignError, Variable, Vec, at_least, at_most
 from linkjax._compile import compiled_soon
+from linkjax.design._problem import _rows_for
 from linkjax.measures import (
     delta,
     flywheel_for_target_delta,
     largest_speed,
+    least_inertia,
     peak_reaction_constant_speed,
     peak_shaking_force_constant_speed,
     regime_margin,
+    rms_shaking_force_constant_speed,
     smallest_margin,
     smallest_transmission_angle,
 )
@@ -172,6 +173,8 @@ def test_what_cannot_be_asked(change, says):
         ("four-bar", delta),
         ("slider-crank", regime_margin),
         ("four-bar", flywheel_for_target_delta),
+        ("hay-press", least_inertia),
+        ("slider-crank", rms_shaking_force_constant_speed),
     ],
 )
 def test_rows_hold_the_peak(name, one):
@@ -185,29 +188,36 @@ def test_rows_hold_the_peak(name, one):
 
     def numbers(shares):
         leaves, tree = jax.tree.flatten(scene)
-        rows, exact = both(jax.tree.unflatten(tree, [leaf * (1 + by) for leaf, by in zip(leaves, shares, strict=True)]))
+        moved = [leaf + jnp.where(leaf == 0, 1.0, leaf) * by for leaf, by in zip(leaves, shares, strict=True)]
+        rows, exact = both(jax.tree.unflatten(tree, moved))
         return (rows.size(), exact), (rows, exact)
 
     shares = [jnp.zeros(())] * len(jax.tree.leaves(scene))
     slopes, (rows, exact) = compiled_soon(jax.jacfwd(numbers, has_aux=True))(shares)
-    assert np.isfinite(rows.angle).all()
+    assert one is rms_shaking_force_constant_speed or np.isfinite(rows.angle).all()
     sizes = np.asarray(rows.size())
     first = np.argmin(sizes) if one.smallest else np.argmax(sizes)
     assert sizes[first] == pytest.approx(float(exact), rel=1e-10)
     each, whole = (np.stack(part) for part in slopes)
-    np.testing.assert_allclose(each[:, first], whole, rtol=0, atol=1e-7 * np.max(np.abs(whole)))
+    np.testing.assert_allclose(each[:, first], whole, rtol=0, atol=1e-8 * np.max(np.abs(whole)))
 
 
 def test_every_extreme_has_rows():
-    """A measure that is the largest or smallest of several numbers has a kink where two of them tie."""
-    one_number = {"least_inertia", "mean_drive_torque", "rms_shaking_force_constant_speed"}
-    assert {name for name, each in lj.measures.MEASURES.items() if each.rows is None} == one_number
+    """A measure that is the largest or smallest of several numbers has a kink where two of them tie; a length has one
+    where it vanishes."""
+    assert {name for name, each in lj.measures.MEASURES.items() if each.rows is None} == {"mean_drive_torque"}
 
 
-def test_limits_by_name():
-    """`at_least` on what has peaks is one number; on the smallest of several, each."""
-    assert at_least(smallest_margin, 0.1).term.smallest
-    assert dataclasses.asdict(at_most(delta, 0.1))["bound"] == 0.1
+def test_rows_only_where_the_sense_is_theirs():
+    """`at_least` on what has peaks is one number; on the smallest of several, each; and the other way round."""
+    asked = [limit(one, 0.1) for one in (peak_shaking_force_constant_speed, smallest_margin)
+             for limit in (at_most, at_least)]  # fmt: skip
+    scene = lj.load("four-bar")
+    found = jax.eval_shape(lambda scene: [_rows_for(one, lj.measures.Parts(scene, 32)) for one in asked], scene)
+    force, one_force, one_margin, margins = (rows.vectors.shape for rows, _ in found)
+    assert force[0] > 32 and force[1] == 2
+    assert one_force == one_margin == (1, 1)
+    assert margins == (2, 1)  # a dyad has two dead positions
 
 
 def test_tied_speeds():
