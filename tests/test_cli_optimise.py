@@ -17,6 +17,7 @@ from linkjax.design import _optimise
 from linkjax.design._point import certify, look
 from linkjax.measures import delta
 from tests.helpers import ROOT
+from tests.report.optimum import OPTIMUM
 from tests.test_cli import run
 
 SCENE = """
@@ -88,6 +89,13 @@ def test_the_whole_story(call, scene, tmp_path):
     beside = json.loads((out / "optimum.json").read_text())
     assert (data.pop("scene_after"), beside.pop("scene_after")) == ("made/optimised.toml", "optimised.toml")
     assert data == beside
+    assert set(data) == set(OPTIMUM) - {"scene_after"}  # what the report's own tests are written for
+    for of in ("objective", "result", "solver"):
+        assert set(data[of]) == set(OPTIMUM[of])
+    for of in ("variables", "limits"):
+        assert {frozenset(each) for each in (*data[of].values(), *OPTIMUM[of].values())} == {
+            frozenset(next(iter(OPTIMUM[of].values())))
+        }
     after = lj.load(out / "optimised.toml")
     assert float(delta(after)) == pytest.approx(0.02, rel=1e-8)
     rod = data["variables"]["links.rod.length"]

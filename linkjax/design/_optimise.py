@@ -105,11 +105,14 @@ def optimise(
     limit is a measure, the name of one or of a number of the scene, or any jax function of the scene; limits come from
     `at_most` and `at_least`, or are texts: `"delta <= 0.15"`, `"smallest_transmission_angle >= today"`. Every limit
     holds in every one of the `cases`, and the worst of them counts. The first start is the scene itself, the others are
-    drawn at random within the bounds. `trade_off` names a limit and further bounds for it, each optimised from the
-    design before and the ends of the best starts. Machines that cannot be assembled, or do not run, are led back;
-    nothing throws. The optimum of a problem without a feasible design is the least violated one; `feasible` and `clash`
-    tell. `told` hears of every step, `meanwhile` is called while the problem compiles; interrupted
-    (Ctrl-C), the best design so far is returned. Raises `DesignError` for what cannot be asked.
+    drawn at random, from `seed`, within the bounds. `solver` is "cone", "slsqp", "trust-constr" or "many" (a crowd,
+    drawn anew from every start); `nodes` are those of the cycle grid, per crank turn. `trade_off` names a limit and
+    further bounds for it, each optimised by the cone solver from the design before and the ends of the best starts.
+    Machines that cannot be assembled, or do not run, are led back; nothing throws. The optimum of a problem without a
+    feasible design is the least violated one; `feasible` and `clash` tell. `told` hears of every step, `meanwhile` is
+    called while the problem compiles; interrupted (Ctrl-C), the best design so far is returned, or
+    `KeyboardInterrupt` raised where there is none. Raises `DesignError` for what cannot be asked. Source: see
+    `linkjax.design.descend`.
     """
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")

@@ -12,9 +12,8 @@ Data = dict[str, Any]
 
 def asked(show: Numbers, optimum: Data) -> str:
     """What was asked: objective, free numbers, limits, cases; and how it was solved."""
-    goal, solver = optimum["objective"], optimum.get("solver") or {}
-    sense = str(goal.get("sense") or "minimise")
-    rows = [["objective", f"{sense} {plain(goal['name'])}"]]
+    goal, solver = optimum["objective"], optimum["solver"]
+    rows = [["objective", f"{goal['sense']} {plain(goal['name'])}"]]
     free = [f"{name} ({show.bound(v['lower'], v['unit'])} … {show.bound(v['upper'], v['unit'])})"
             for name, v in optimum["variables"].items()]  # fmt: skip
     rows.append(["free numbers", "; ".join(free) or NONE])
@@ -23,37 +22,36 @@ def asked(show: Numbers, optimum: Data) -> str:
     rows.append(["limits", "; ".join(limits) or "none"])
     if optimum.get("before_is"):
         rows.append(["before", optimum["before_is"]])
-    if optimum.get("cases"):
+    if optimum["cases"]:
         rows.append(["cases, the worst counts", ", ".join(optimum["cases"])])
-    if solver:
-        rows.append(["solver", ": ".join(filter(None, (solver.get("name"), solver.get("why"))))])
+    rows.append(["solver", f"{solver['name']}: {solver['why']}"])
     return table(["asked", ""], [[words(name), words(text)] for name, text in rows])
 
 
 def measures(show: Numbers, optimum: Data) -> str:
     """The objective and every measure before and after."""
-    goal, units = optimum["objective"], optimum.get("units") or {}
-    name = f"{plain(goal['name'])}, worst case" if optimum.get("cases") else plain(goal["name"])
+    goal, units = optimum["objective"], optimum["units"]
+    name = f"{plain(goal['name'])}, worst case" if optimum["cases"] else plain(goal["name"])
     rows = [_change(show, name, goal["before"], goal["after"], goal["unit"], "objective")]
     for name, after in optimum["after"].items():
-        if name != goal["name"] or optimum.get("cases"):  # a measure is of the scene as it is, without the cases
+        if name != goal["name"] or optimum["cases"]:  # a measure is of the scene as it is, without the cases
             rows.append(_change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), ""))
     return table(["measure", "before", "after", "change", ""], rows, "Before and after")
 
 
 def variables(show: Numbers, optimum: Data) -> str:
     """The free numbers: before, after, their bounds, and which bound holds them."""
-    held = any(v["active"] or v.get("idle") for v in optimum["variables"].values())
+    held = any(v["active"] or v["idle"] for v in optimum["variables"].values())
     rows = []
     for name, v in optimum["variables"].items():
         row = [words(name), *show.several([v["before"], v["after"]], v["unit"], 6)]
         row += [Cell(show.bound(v[end], v["unit"]), True) for end in ("lower", "upper")]
         if held:
-            idle = "no effect on the optimum" if v.get("idle") else ""
+            idle = "no effect on the optimum" if v["idle"] else ""
             row.append(Cell(f"at {v['active']} bound" if v["active"] else idle, look="s"))
-            row.append(Cell(_plain_number(show, v.get("pull")) if v["active"] else "", True))
+            row.append(Cell(_plain_number(show, v["pull"]) if v["active"] else "", True))
         rows.append(row)
-        for tie, values in (v.get("tied") or {}).items():
+        for tie, values in v["tied"].items():
             row = [words(f"tied to it: {tie}"), *show.several([values["before"], values["after"]], values["unit"], 6)]
             rows.append([*row, *[Cell("")] * (len(rows[-1]) - len(row))])
     head = ["free number", "before", "after", "lower bound", "upper bound"]
@@ -62,38 +60,38 @@ def variables(show: Numbers, optimum: Data) -> str:
 
 def limits(show: Numbers, optimum: Data) -> str:
     """The limits: value, bound, multiplier, whether active or not met, and the crank angles that tie there."""
-    rows, feasible = [], (optimum.get("result") or {}).get("code", 0) == 0
+    rows, feasible = [], optimum["result"]["code"] == 0
     for label, limit in optimum["limits"].items():
-        cells = show.several([limit.get("before"), limit["value"]], limit["unit"])
+        cells = show.several([limit["before"], limit["value"]], limit["unit"])
         cells.append(Cell(f"{limit['sense']} {show.bound(limit['limit'], limit['unit'])}", True))
-        price = Cell(_plain_number(show, limit.get("multiplier")) if feasible else "", True)
-        state = Cell("not met" if not limit.get("met", True) else "active" if limit["active"] and feasible else "")
-        rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit.get("tied_angles")))])
+        price = Cell(_plain_number(show, limit["multiplier"]) if feasible else "", True)
+        state = Cell("not met" if not limit["met"] else "active" if limit["active"] and feasible else "")
+        rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit["tied_angles"]))])
     head = ["limit", "before", "after", "bound", "multiplier (SI)", "", "tied at"]
     return table(head, rows, "Limits") if rows else ""
 
 
 def outcome(show: Numbers, optimum: Data) -> str:
     """How the search went: starts, residual of the optimality conditions, evaluations, angles that tie."""
-    starts, goal = optimum.get("starts") or [], optimum["objective"]
-    rows = [["residual of the optimality conditions (KKT)", _plain_number(show, optimum.get("kkt_residual"), 2)],
-            ["evaluations of a cycle", str(optimum.get("evaluations", NONE))]]  # fmt: skip
+    starts, goal = optimum["starts"], optimum["objective"]
+    rows = [["residual of the optimality conditions (KKT)", _plain_number(show, optimum["kkt_residual"], 2)],
+            ["evaluations of a cycle", str(optimum["evaluations"])]]  # fmt: skip
     if starts:
         feasible = sum(bool(start["feasible"]) for start in starts)
-        text = f"{optimum.get('reached', NONE)} of {len(starts)} reached the best; {feasible} met every limit"
+        text = f"{optimum['reached']} of {len(starts)} reached the best; {feasible} met every limit"
         rows.append(["starts", text])
-    if goal.get("tied_angles"):
+    if goal["tied_angles"]:
         how = "ties" if len(goal["tied_angles"]) > 1 else "peaks"
         rows.append([f"the objective {how} at", angles(show, goal["tied_angles"])])
-    if optimum.get("scene_after"):
+    if optimum["scene_after"]:
         rows.append(["scene of the new machine", str(optimum["scene_after"])])
     text = table(["search", ""], [[words(name), words(value)] for name, value in rows])
     if len(starts) > 1:
         reached = show.several([start["objective"] for start in starts], goal["unit"], 6)
         each = []
         for i, (start, cell) in enumerate(zip(starts, reached, strict=True)):
-            residual = Cell(_plain_number(show, start.get("residual"), 2), True)
-            count = Cell(str(start.get("evaluations", NONE)), True)
+            residual = Cell(_plain_number(show, start["residual"], 2), True)
+            count = Cell(str(start["evaluations"]), True)
             each.append([words(i + 1), cell, words("yes" if start["feasible"] else "no"), residual, count])
         text += table(["start", "objective", "meets every limit", "residual", "evaluations"], each, "Starts")
     return text
@@ -101,7 +99,7 @@ def outcome(show: Numbers, optimum: Data) -> str:
 
 def clash(optimum: Data) -> str:
     """The limits that cannot hold together, in a list; nothing when there are none."""
-    names = (optimum.get("result") or {}).get("clash") or []
+    names = optimum["result"]["clash"]
     rows = [[words(plain(name)), words(_missed(optimum["limits"].get(name)))] for name in names]
     return table(["limits that clash", ""], rows) if rows else ""
 
@@ -112,9 +110,9 @@ def _missed(limit: Data | None) -> str:
     return "met" if limit["met"] else "not met"
 
 
-def angles(show: Numbers, found: list[float] | None) -> str:
+def angles(show: Numbers, found: list[float]) -> str:
     """Crank angles in a row, a dash for none."""
-    return ", ".join(show.turned(angle) for angle in found or ()) or NONE
+    return ", ".join(show.turned(angle) for angle in found) or NONE
 
 
 def plain(name: str) -> str:

@@ -33,8 +33,8 @@ OPTIMUM = {
     "reached": 1,
     "kkt_residual": 3e-10,
     "trade_off": {"limit": "peak_drive_torque", "unit": "N m", "objective_unit": "N",
-                  "points": [{"limit": 40e3 + 4e3 * k, "objective": 400e3 - 12e3 * k, "feasible": k > 0}
-                             for k in range(7)]},
+                  "points": [{"limit": 40e3 + 4e3 * k, "objective": 400e3 - 12e3 * k, "feasible": k > 0,
+                              "variables": {}} for k in range(7)]},
     "before_is": "the machine as it was",
     "cases": ["full", "empty"],
     "solver": {"name": "cone", "why": "largest magnitudes"},
