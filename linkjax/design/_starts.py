@@ -106,7 +106,8 @@ class Run:
         point = self.paths[-1].point
         moves = np.max([np.max(np.abs(block.slope), axis=(0, 1), initial=0.0) for block in point.every], axis=0)
         idle, inside = np.flatnonzero(moves <= IDLE), np.clip(point.z, INSIDE, 1 - INSIDE)
-        if idle.size and np.any((inside != point.z) & (moves > IDLE)):
+        told = (moves > IDLE) | ~np.isfinite(point.value)  # an objective without bound says nothing of any number
+        if idle.size and np.any((inside != point.z) & told):
             sides = (look(self.problem, z) for z in _mirrored(inside, idle))
             self._taken(descend(self.problem, min(sides, key=rank).z, told=self._told))
 
