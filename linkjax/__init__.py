@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from linkjax.kinematics import dead_centres as dead_centres
     from linkjax.kinematics import margins as margins
     from linkjax.kinematics import pose as pose
+    from linkjax.kinematics import strokes as strokes
     from linkjax.kinematics import transmission_angles as transmission_angles
     from linkjax.loads import Force as Force
     from linkjax.loads import OpposingForce as OpposingForce
@@ -58,7 +59,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "_vec": ("Vec",),
     "groups": ("RRP", "RRR", "Crank"),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError"),
-    "kinematics": ("dead_centres", "margins", "pose", "transmission_angles"),
+    "kinematics": ("dead_centres", "margins", "pose", "strokes", "transmission_angles"),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),
     "reduction": ("reduce",),
