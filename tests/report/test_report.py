@@ -109,7 +109,8 @@ def test_links_groups_and_dead_centres(report):
         angles, covered, ratio = page.row(f"{kind} {entry[kind]}", cells=4)
         assert f"{math.degrees(entry['angle']):.3f}°" in angles
         stroke = data["strokes"][entry[kind]]
-        assert_printed(covered, stroke["value"], *(("m",) if kind == "point" else ("°", 180 / math.pi)))
+        unit, scale = ("m", 1.0) if kind == "point" else ("°", 180 / math.pi)
+        assert_printed(covered, stroke["value"], unit, scale)
         assert_printed(ratio, stroke["time_ratio"], "")
 
 
