@@ -135,7 +135,7 @@ def optimise(
     points, stopped = (), run.stopped
     if traded is not None and not stopped:
         ends = sorted(run.paths, key=lambda path: rank(path.point))[:OTHERS]
-        points, stopped = trade(problem, ends, *traded, told)
+        points, stopped = trade(problem, ends, traded[0], traded[1], told)
     return dataclasses.replace(
         found, solver=solver, interrupted=stopped, trade_off=points, traded=traded[0] if traded else "",
         evaluations=problem.evaluations,
