@@ -222,7 +222,9 @@ def trade(
                 for kind in kinds
             ]  # fmt: skip
             heard = _heard(problem, told, number, len(bounds), name)
-            point = min((descend(problem, each, told=heard).point for each in (*before, *ends)), key=rank)
+            ways = (descend(problem, each, told=heard) for each in (*before, *ends))
+            point, certificate = min(((path.point, path.certificate) for path in ways), key=lambda of: rank(of[0]))
+            heard(point, certificate)
             x, before = problem.lower + point.z * span, [point.z]
             found.append(Traded(bound, objective(problem, point), feasible(problem, point), tuple(map(float, x))))
     except KeyboardInterrupt:

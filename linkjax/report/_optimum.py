@@ -47,7 +47,7 @@ def variables(show: Numbers, optimum: Data) -> str:
         row = [words(name), *show.several([v["before"], v["after"]], v["unit"], 6)]
         row += [Cell(show.bound(v[end], v["unit"]), True) for end in ("lower", "upper")]
         if held:
-            idle = "no effect on the optimum" if v["idle"] else ""
+            idle = "no effect" if v["idle"] else ""
             row.append(Cell(f"at {v['active']} bound" if v["active"] else idle, look="s"))
             row.append(Cell(_plain_number(show, v["pull"]) if v["active"] else "", True))
         rows.append(row)
