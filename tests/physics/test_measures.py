@@ -24,9 +24,9 @@ NAMES = sorted(MEASURES)
 
 
 def varied(scene: lj.Scene, by: jax.Array) -> lj.Scene:
-    """The scene with every number changed by its share of itself, of one where it is zero."""
+    """The scene with every number changed by its share of itself, of 0.3 (of the size of a link) where it is zero."""
     leaves, tree = jax.tree.flatten(scene)
-    return jax.tree.unflatten(tree, [leaf + jnp.where(leaf == 0, 1.0, leaf) * by[i] for i, leaf in enumerate(leaves)])
+    return jax.tree.unflatten(tree, [leaf + jnp.where(leaf == 0, 0.3, leaf) * by[i] for i, leaf in enumerate(leaves)])
 
 
 GROUPS = {  # measures that share most of their work, compiled together; the last takes what is left
