@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import linkjax as lj
+from linkjax.cli._print import print_warnings
 from linkjax.design import _optimise
 from linkjax.design._point import certify, look
 from linkjax.measures import delta
@@ -246,3 +248,14 @@ def test_a_real_signal(scene, tmp_path):
         assert program.wait(60) == 130
     assert "Interrupted; this is the best design so far." in told
     assert json.loads((tmp_path / "all.json").read_text())["limits"]["delta"]["value"] <= 0.02 * (1 + 1e-8)
+
+
+def test_warnings_name_the_machine(capsys):
+    """A machine before that does not run, and one after whose checks fail."""
+    stuck = {"checks": {"energy_closure": 0.0}, "precision": "float64", "result": {"code": 3, "message": "Stuck."}}
+    wrong = {"checks": {"energy_closure": math.nan}, "precision": "float64", "result": {"code": 0, "message": ""}}
+    print_warnings(stuck, "before")
+    print_warnings(wrong, "after")
+    before, after = capsys.readouterr().out.splitlines()
+    assert before == "WARNING: before: Stuck."
+    assert after.startswith("WARNING: after: a check is above")

@@ -125,6 +125,18 @@ def test_checks_pass_or_fail(tmp_path):
     assert page.counts["svg"] == 1
 
 
+def test_what_the_machine_before_cannot_do(tmp_path):
+    """Said beside the machine after, which is steadier than asked without any flywheel."""
+    scene, data = analysed("slider-crank")
+    stuck = {**data, "result": {"code": 3, "message": "It does not run."}}
+    even = {**data, "flywheel": {**data["flywheel"], "for_target_delta": -0.1}}
+    page = read(write_report(even, scene, tmp_path / "report.html", figures=[], before=(stuck, scene)))
+    assert "Before: It does not run." in page.text
+    needed = page.row("flywheel, needed", cells=4)
+    assert needed[1] == "none"
+    assert "exactly" not in needed[2]
+
+
 def test_names_are_escaped(tmp_path):
     scene, data = analysed("slider-crank")
     evil = '<script>alert(1)</script> & "quoted" $body'
