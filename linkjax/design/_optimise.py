@@ -134,7 +134,7 @@ def optimise(
     found = _optimum(problem, best, tuple(run.ended))
     points, stopped = (), run.stopped
     if traded is not None and not stopped:
-        ends = sorted(run.paths, key=lambda path: rank(path.point))[:OTHERS]
+        ends = _different(run.paths)[:OTHERS]
         points, stopped = trade(problem, ends, traded[0], traded[1], told)
     return dataclasses.replace(
         found, solver=solver, interrupted=stopped, trade_off=points, traded=traded[0] if traded else "",
@@ -232,6 +232,16 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
         certificate.residual, feasible(problem, point), _clash(problem, point, missed),
         tuple(kind.label for kind in missed), _idle(problem, path), starts, tuple(path.history), problem.evaluations,
     )  # fmt: skip
+
+
+def _different(paths: list[Path]) -> list[Path]:
+    """The best of the paths that came to the same objective, best first."""
+    found: list[Path] = []
+    for path in sorted(paths, key=lambda path: rank(path.point)):
+        value = path.point.value
+        if not found or not abs(value - found[-1].point.value) <= REACHED * max(1.0, abs(value)):
+            found.append(path)
+    return found
 
 
 def _unit(problem: Problem, x: np.ndarray) -> np.ndarray:
