@@ -15,6 +15,7 @@ from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import peak_names
 from linkjax.motion import Peak
 
+SAME = 1e-6  # rad: dead centres so close are one
 WHY = {
     "quadrature": "torques depend on position only, so the energy equation is integrated and no differential equation "
     "is solved",
@@ -144,10 +145,12 @@ def _strokes(cycle: Cycle) -> dict[str, Any]:
     rows = {}
     for name, value in cycle.strokes.items():
         stops = _stops(cycle, cycle.dead_centres[name])
-        if stops.size < 2:
+        if stops.size < 2 or not np.isfinite(value):
             continue
-        ways = sorted((stops[1] - stops[0], cycle.scene.cycle - stops[1] + stops[0]))
-        ratio = float(ways[1] / ways[0]) if stops.size == 2 else None
+        turn = np.sort(np.mod(stops, 2 * math.pi))
+        ways = np.diff(turn, append=turn[0] + 2 * math.pi)
+        ways = ways[ways > SAME]  # the same dead centre in every turn counts once
+        ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 else None
         unit = "m" if name in cycle.pose.points else "rad"
         rows[name] = {"value": float(value), "unit": unit, "time_ratio": ratio}
     return rows

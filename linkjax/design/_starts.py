@@ -106,8 +106,10 @@ class Run:
         point = self.paths[-1].point
         moves = np.max([np.max(np.abs(block.slope), axis=(0, 1), initial=0.0) for block in point.every], axis=0)
         idle, inside = np.flatnonzero(moves <= IDLE), np.clip(point.z, INSIDE, 1 - INSIDE)
-        told = (moves > IDLE) | ~np.isfinite(point.value)  # an objective without bound says nothing of any number
-        if idle.size and np.any((inside != point.z) & told):
+        # to move what alone has no effect changes nothing; several may have one together, and where the objective has
+        # no bound nothing is known of any
+        matters = (moves > IDLE) | (idle.size > 1) | ~np.isfinite(point.value)
+        if idle.size and np.any((inside != point.z) & matters):
             sides = (look(self.problem, z) for z in _mirrored(inside, idle))
             self._taken(descend(self.problem, min(sides, key=rank).z, told=self._told))
 
@@ -224,9 +226,9 @@ def trade(
             heard = _heard(problem, told, number, len(bounds), name)
             ways = (descend(problem, each, told=heard) for each in (*before, *ends))
             point, certificate = min(((path.point, path.certificate) for path in ways), key=lambda of: rank(of[0]))
-            heard(point, certificate)
             x, before = problem.lower + point.z * span, [point.z]
             found.append(Traded(bound, objective(problem, point), feasible(problem, point), tuple(map(float, x))))
+            heard(point, certificate)
     except KeyboardInterrupt:
         stopped = True
     finally:

@@ -143,7 +143,7 @@ def dead_centres(mechanism: Mechanism, turns: int = 1) -> dict[str, Reversals]:
 
 def strokes(mechanism: Mechanism, found: dict[str, Reversals], turns: int = 1) -> dict[str, Array]:
     """What the ends of `dead_centres` cover between them: a slider's pin the distance of its outermost dead centres
-    (m), a link its swing (rad). Zero for what never stops."""
+    (m), a link its swing (rad): NaN where it also comes round. Zero for what never stops."""
     if not found:
         return {}
     ends = _stopping_ends(mechanism)
@@ -162,7 +162,9 @@ def strokes(mechanism: Mechanism, found: dict[str, Reversals], turns: int = 1) -
             coarse = jnp.unwrap(jnp.arctan2(whole[:, i, 1], whole[:, i, 0]))
             near = coarse[jnp.round(at[i] / scan[1]).astype(int) % scan.size]
             turned = near + nearest_turn(jnp.arctan2(place[:, 1], place[:, 0]) - near, 2 * math.pi)
-            reach = turned[:, None] - turned[None, :]
+            rest = nearest_turn(coarse[0] - coarse[-1], 2 * math.pi)
+            net = jnp.abs(coarse[-1] + rest - coarse[0])  # a link that comes round has no swing
+            reach = jnp.where(net < math.pi, turned[:, None] - turned[None, :], jnp.nan)
         covered[name] = jnp.max(jnp.where(both, reach, 0.0))
     return covered
 

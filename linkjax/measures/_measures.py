@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import safe_sqrt
+from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
@@ -162,14 +162,15 @@ def _mean(of: Parts, at_nodes: Array) -> Array:
 
 def _light_places(of: Parts) -> Rows:
     """Reduced inertias over their mean that may be the smallest."""
-    inertia = of.reduced.inertia
+    inertia, mean = of.reduced.inertia, _mean(of, jnp.maximum(of.reduced.inertia, of.steady.inertia_floor))
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
 
     def missing(regime: Regime, place: Place) -> Array:
         return (above - reduce(regime.scene, place.phi, regime.side(place)).inertia).reshape((1, 1))
 
     found = summits(of.constant_speed, missing, (above - inertia)[None, None])
-    return Rows((above - found.vectors[0]) / _mean(of, inertia), found.angle[0], signed=True)
+    light = safe_divide(above - found.vectors[0], mean)
+    return Rows(jnp.where(mean > 0, light, jnp.minimum(light, -1.0)), found.angle[0], signed=True)
 
 
 @measure("1", _light_places, smallest=True)

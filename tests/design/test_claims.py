@@ -45,7 +45,9 @@ def test_a_start_that_happens_to_be_large_is_none_either():
     assert found.kkt_residual <= 1e-6
 
 
-@pytest.mark.parametrize(("mass", "at"), [(0.0, (0.03, 0.0)), (0.5, (0.1, 0.1)), (0.5, (0.09, 0.05))])
+@pytest.mark.parametrize(
+    ("mass", "at"), [(0.0, (0.03, 0.0)), (0.5, (0.1, 0.1)), (0.5, (0.09, 0.05)), (0.0, (0.0, 0.0))]
+)
 def test_a_weight_without_mass_on_the_wrong_side(mass, at):
     """Its place has no effect and a little mass does harm, so that the conditions of an optimum hold; it is none. One
     with a mass at first loses it, all but rounding, on the way."""

@@ -202,6 +202,14 @@ def test_rows_hold_the_peak(name, one):
     np.testing.assert_allclose(each[:, first], whole, rtol=0, atol=1e-8 * np.max(np.abs(whole)))
 
 
+def test_root_mean_square():
+    """Against the forces of an analysis at equal steps, whose mean is exact for what is smooth and periodic."""
+    scene = lj.load("slider-crank")
+    force = lj.analyse(scene, angles=180).forces_constant_speed.shaking
+    rms = float(compiled_soon(rms_shaking_force_constant_speed)(scene))
+    assert rms == pytest.approx(float(np.sqrt(np.mean(force.fx**2 + force.fy**2))), rel=1e-10)
+
+
 def test_every_extreme_has_rows():
     """A measure that is the largest or smallest of several numbers has a kink where two of them tie; a length has one
     where it vanishes."""

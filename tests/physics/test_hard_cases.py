@@ -160,6 +160,8 @@ def test_two_turns_a_cycle():
     assert float(got.steady.period) == pytest.approx(4 * math.pi / float(scene.speed), rel=1e-12)
     assert float(got.steady.drive_torque) == pytest.approx(known.drive, rel=1e-8)
     assert abs(math.remainder(float(got.steady.angle_of_min) - known.slowest[1], 4 * math.pi)) < 1e-6
+    stroke = document(got)["strokes"]["D"]  # of a slider in line with its crank, in either turn
+    assert (stroke["value"], stroke["time_ratio"]) == pytest.approx((0.6, 1.0), rel=1e-12)
 
 
 def test_windows_that_touch():
