@@ -19,7 +19,9 @@ import linkjax
 from tests.helpers import PACKAGE, ROOT
 
 RANKS = {
-    **dict.fromkeys(("_types", "_units", "_results", "_numerics", "_vec", "_compile", "_config", "_population"), 0),
+    **dict.fromkeys(
+        ("_types", "_units", "_results", "_numerics", "_vec", "_compile", "_config", "_population", "_display"), 0
+    ),
     **{
         "groups": 1,
         "mechanism": 2,

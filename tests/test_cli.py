@@ -13,6 +13,7 @@ from rich.console import Console
 
 import linkjax as lj
 from linkjax import cli
+from linkjax._display import Numbers, number
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._print import print_summary
 from linkjax.motion import steady
@@ -46,8 +47,13 @@ def test_show_tells_what_the_scene_holds(call):
     code, out, _ = call("show", "hay-press", "--set", 'links.rod.length="1.1 m"')
     assert code == 0
     assert "700 rpm" in out
-    assert "1.1" in out
-    assert "hay: 30000 N on rocker S5 against its motion, from 90 to 335 degrees" in out
+    assert "rod     1100 mm" in out
+    assert "hay: 30 kN against the motion, on rocker S5, from 90° to 335°" in out
+    code, out, _ = call("show", "hay-press", "--units", "m,rad/s,N,rad")
+    assert code == 0
+    assert "73.3038 rad/s" in out
+    assert "1.02 m " in out
+    assert "30000 N against the motion, on rocker S5, from 1.5708 rad to 5.84685 rad" in out
 
 
 def test_new_writes_a_scene_that_loads_and_never_overwrites(call, tmp_path):
@@ -116,13 +122,13 @@ def test_figures_not_to_be_trusted_are_announced(analysed, capsys, monkeypatch):
     data = json.loads((analysed[1] / "all.json").read_text())
     machine = lj.load("hay-press")
     monkeypatch.setattr(console, "quiet", False)
-    print_summary(data, machine)
+    print_summary(data, machine, Numbers())
     assert "WARNING" not in capsys.readouterr().out
     for wrong in (1e-9, math.nan):
-        print_summary({**data, "checks": {**data["checks"], "energy_closure": wrong}}, machine)
+        print_summary({**data, "checks": {**data["checks"], "energy_closure": wrong}}, machine, Numbers())
         assert "WARNING: a check is above 1e-10; do not trust these figures" in capsys.readouterr().out
     told = {"code": 1, "name": "TOO_MANY_REVERSALS", "message": "Too many."}
-    print_summary({**data, "result": told}, machine)
+    print_summary({**data, "result": told}, machine, Numbers())
     assert "WARNING: Too many." in capsys.readouterr().out
 
 
@@ -167,17 +173,20 @@ def test_the_roads_to_the_motion_agree(call, tmp_path):
 
 
 def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path):
-    """`--at`, `--constant-speed` and `--set` in one call, against the document and a hand calculation."""
-    data, out = analyse_to_json(call, tmp_path, "--at", 90, "--constant-speed", "--set", "speed=600 rpm")
+    """`--at`, `--constant-speed`, `--units` and `--set` in one call, against the document and a hand calculation."""
+    words = ("--at", "0.25 rev", "--constant-speed", "--units", "m,rad/s,N m,W", "--set", "speed=600 rpm")
+    data, out = analyse_to_json(call, tmp_path, *words)
     assert math.isclose(data["motion"]["mean_speed"], 600 * math.pi / 30, rel_tol=1e-12)
     assert data["forces"] == data["forces_constant_speed"]
-    assert "at 90° of crank angle" in out
+    assert "at 90.000° of crank angle" in out
     crank_pin = next(line.split() for line in out.splitlines() if line.startswith("C "))
     assert crank_pin[:5] == ["C", "0", "0.04", "-0.04", "0"]  # straight up, r' to the left
     reduced = next(line for line in out.splitlines() if line.startswith("J "))
-    assert f"J {data['reduced']['inertia'][9]:.7g} kg m²" in reduced
-    assert f"ω {600 * math.pi / 30:.7g} rad/s" in reduced
-    assert f"drive torque {data['forces']['drive_torque'][9]:.7g} N m" in reduced
+    drive = data["forces"]["drive_torque"][9]
+    assert f"J {number(data['reduced']['inertia'][9], 7)} kg·m²" in reduced
+    assert f"ω {number(600 * math.pi / 30, 7)} rad/s" in reduced
+    assert f"drive torque {number(drive, 7)} N·m" in reduced
+    assert f"mean power             {number(data['motion']['mean_power'], 6)} W" in out
 
 
 @pytest.mark.parametrize(
@@ -188,7 +197,8 @@ def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path
         (["analyse", "hay-press", "--set", "links.rod.length"], 2, "KEY=VALUE"),
         (["analyse", "hay-press", "--set", "links.rod.length=-1 m"], 2, "links.rod.length"),
         (["analyse", "hay-press", "--motion", "magic"], 2, "magic"),
-        (["analyse", "hay-press", "--at", "nan"], 2, "is no angle"),
+        (["analyse", "hay-press", "--at", "nan"], 2, "not a finite number"),
+        (["analyse", "hay-press", "--at", "5 kg"], 2, "a mass where an angle is needed"),
         (["new", "no-such-folder/mine"], 2, "choose another place"),
         (["analyse", "hay-press", "--out", "pyproject.toml/here"], 2, "choose another place"),
         (["analyse", "hay-press", "--angles", "72", "--set", "links.rocker.length=0.1 m"], 1, "link4-rocker"),

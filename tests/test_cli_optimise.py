@@ -113,8 +113,8 @@ def test_the_whole_story(call, scene, tmp_path):
     assert (len(data["starts"]), data["reached"]) == (3, 3)
     assert data["evaluations"] > sum(start["evaluations"] for start in data["starts"])
     assert data["result"]["name"] == "optimal"
-    assert f"{1e3 * rod['after']:.6g} mm" in told
-    assert f"{data['objective']['after']:.6g} kg m²" in told
+    assert f"{1e3 * rod['after']:#.6g} mm" in told
+    assert f"{data['objective']['after']:#.6g} kg·m²" in told
     assert "3 of 3 starts reached it" in told
     assert {"report.html", "machine.png", "machine.svg", "machine.gif", "optimised.toml"} <= {
         p.name for p in out.iterdir()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shlex
 from enum import StrEnum
 from pathlib import Path
@@ -16,8 +15,9 @@ from rich.text import Text
 from linkjax import __version__
 from linkjax._compile import keep_in
 from linkjax._config import cache_folder, enable_x64
+from linkjax._display import Numbers
 from linkjax._types import as_float
-from linkjax._units import display_units
+from linkjax._units import QuantityError, display_units, quantity
 from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, Units, changes_of, make_folders
@@ -79,9 +79,9 @@ def schema() -> None:
 
 
 @app.command()
-def show(scene: SceneName, set_: Set = None) -> None:
+def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
     """Show a scene: structure, links, loads."""
-    print_scene(load(scene, changes_of(scene, set_)), scene)
+    print_scene(load(scene, changes_of(scene, set_)), scene, Numbers(display_units(units)))
 
 
 @app.command(name="analyse")
@@ -91,7 +91,9 @@ def analyse_command(
     json_file: JsonFile = None,
     csv_folder: CsvFolder = None,
     angles: Annotated[int, typer.Option(min=2, help="Uniform crank angles over the cycle.")] = 360,
-    at: Annotated[float | None, typer.Option(metavar="DEG", help="Also print everything at this crank angle.")] = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="ANGLE", help="Also print everything at a crank angle: degrees, or 1.2rad.")
+    ] = None,
     constant_speed: Annotated[bool, typer.Option("--constant-speed", help="Forces at constant nominal speed.")] = False,
     motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
     nodes: Nodes = 96,
@@ -102,12 +104,10 @@ def analyse_command(
     """Analyse a working cycle: kinematics, motion, forces, flywheel."""
     console.quiet = quiet
     machine = load(scene, changes_of(scene, set_))
-    if at is not None and not math.isfinite(at):
-        raise SceneError("--at", "", at, "is no angle", "give degrees of crank angle, e.g. --at 90")
-    display_units(units)  # what cannot be shown is refused before anything is computed
+    shown = Numbers(display_units(units))  # what cannot be shown is refused before anything is computed
     make_folders(out, csv_folder, json_file)
+    extra = [] if at is None else [_angle(at)]
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
-    extra = [] if at is None else [math.radians(at)]
     with elapsed("analysing"):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed,
                         motion=motion.value, throw=False)  # fmt: skip
@@ -118,8 +118,17 @@ def analyse_command(
     if csv_folder:
         write_csv(data, csv_folder)
     explain(cycle)
-    print_summary(data, machine)
+    print_summary(data, machine, shown)
     if at is not None:
-        print_at(document(pick(whole, slice(angles, angles + 1)), scene, __version__), at)
+        print_at(document(pick(whole, slice(angles, angles + 1)), scene, __version__), shown)
     if out:
         write_out(data, machine, out, units=units)
+
+
+def _angle(text: str) -> float:
+    """A crank angle in radians: degrees, or with a unit."""
+    try:
+        plain_number = text.strip().lstrip("+-")[-1:].isdigit() or text.strip().endswith(".")
+        return quantity(f"{text} deg" if plain_number else text, "angle")
+    except QuantityError as error:
+        raise SceneError("--at", "", text, error.problem, "give degrees of crank angle, e.g. --at 90") from error

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from linkjax import __version__
+from linkjax._display import Numbers
 from linkjax._units import display_units, nearest
 from linkjax.analysis import analyse, compile_ahead, plain
 from linkjax.analysis import document as analysis_document
@@ -20,7 +21,7 @@ from linkjax.cli._app import app
 from linkjax.cli._console import console
 from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, changes_of, make_folders
 from linkjax.cli._print import print_warnings
-from linkjax.cli._print_optimum import Display, amount
+from linkjax.cli._print_optimum import amount
 from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
 from linkjax.cli._write import write_out
@@ -63,7 +64,7 @@ def optimise_command(
 ) -> None:
     """Optimise a machine as the section [optimise] of its scene asks, or as the options do."""
     console.quiet = quiet
-    shown = {**display_units("deg,rpm,kN"), **display_units(units)}
+    shown = Numbers(display_units(units))
     machine, asked = load_task(scene, changes_of(scene, set_))
     _change(asked, limits, free)
     if minimise is not None or maximise is not None:
@@ -125,7 +126,7 @@ def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | N
 class _Told:
     """Progress on the screen: a line that changes on a terminal, one line for every start elsewhere."""
 
-    def __init__(self, shown: Display):
+    def __init__(self, shown: Numbers):
         self.shown, self.begin, self.first = shown, time.perf_counter(), 0.0
         self.status = console.status("compiling …") if console.is_terminal else None
         self.last: Progress | None = None

@@ -20,7 +20,7 @@ Set = Annotated[
 Out = Annotated[Path | None, typer.Option(help="Folder for report, figures and animation.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write everything as JSON.")]
 CsvFolder = Annotated[Path | None, typer.Option("--csv", help="Folder for tables over the crank angle.")]
-Units = Annotated[str, typer.Option(metavar="UNITS", help="Units of report and figures, e.g. mm,rpm,kN (data: SI).")]
+Units = Annotated[str, typer.Option(metavar="UNITS", help="Units of all but JSON and CSV (SI), e.g. mm,rpm,kN.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Nodes = Annotated[int, typer.Option(min=8, help="Nodes of the cycle grid per crank turn.")]
 

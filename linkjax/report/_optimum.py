@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from linkjax.report._cells import NONE, Cell, Numbers, table, words
+from linkjax._display import NONE
+from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
 
 
-def asked(show: Numbers, optimum: Data) -> str:
+def asked(show: Cells, optimum: Data) -> str:
     """What was asked: objective, free numbers, limits, cases; and how it was solved."""
     goal, solver = optimum["objective"], optimum["solver"]
     rows = [["objective", f"{goal['sense']} {plain(goal['name'])}"]]
@@ -28,7 +29,7 @@ def asked(show: Numbers, optimum: Data) -> str:
     return table(["asked", ""], [[words(name), words(text)] for name, text in rows])
 
 
-def measures(show: Numbers, optimum: Data) -> str:
+def measures(show: Cells, optimum: Data) -> str:
     """The objective and every measure before and after."""
     goal, units = optimum["objective"], optimum["units"]
     name = f"{plain(goal['name'])}, worst case" if optimum["cases"] else plain(goal["name"])
@@ -39,7 +40,7 @@ def measures(show: Numbers, optimum: Data) -> str:
     return table(["measure", "before", "after", "change", ""], rows, "Before and after")
 
 
-def variables(show: Numbers, optimum: Data) -> str:
+def variables(show: Cells, optimum: Data) -> str:
     """The free numbers: before, after, their bounds, and which bound holds them."""
     held = any(v["active"] or v["idle"] for v in optimum["variables"].values())
     rows = []
@@ -58,7 +59,7 @@ def variables(show: Numbers, optimum: Data) -> str:
     return table([*head, "", "gain per unit (SI)"] if held else head, rows, "Free numbers")
 
 
-def limits(show: Numbers, optimum: Data) -> str:
+def limits(show: Cells, optimum: Data) -> str:
     """The limits: value, bound, multiplier, whether active or not met, and the crank angles that tie there."""
     rows, feasible = [], optimum["result"]["code"] == 0
     for label, limit in optimum["limits"].items():
@@ -71,7 +72,7 @@ def limits(show: Numbers, optimum: Data) -> str:
     return table(head, rows, "Limits") if rows else ""
 
 
-def outcome(show: Numbers, optimum: Data) -> str:
+def outcome(show: Cells, optimum: Data) -> str:
     """How the search went: starts, residual of the optimality conditions, evaluations, angles that tie."""
     starts, goal = optimum["starts"], optimum["objective"]
     rows = [["residual of the optimality conditions (KKT)", _plain_number(show, optimum["kkt_residual"], 2)],
@@ -110,7 +111,7 @@ def _missed(limit: Data | None) -> str:
     return "met" if limit["met"] else "not met"
 
 
-def angles(show: Numbers, found: list[float]) -> str:
+def angles(show: Cells, found: list[float]) -> str:
     """Crank angles in a row, a dash for none."""
     return ", ".join(show.turned(angle) for angle in found) or NONE
 
@@ -120,12 +121,12 @@ def plain(name: str) -> str:
     return str(name).replace("_", " ")
 
 
-def _change(show: Numbers, name: str, before: Any, after: Any, unit: str, mark: str) -> list[Cell]:
+def _change(show: Cells, name: str, before: Any, after: Any, unit: str, mark: str) -> list[Cell]:
     old, new = (math.nan if value is None else float(value) for value in (before, after))
     share = 100 * (new - old) / abs(old) if old and math.isfinite(old) and math.isfinite(new) else math.nan
     text = NONE if math.isnan(share) else f"{share:+.1f} %".replace("-", "−")
     return [words(name), *show.several([before, after], unit), Cell(text, True), words(mark)]
 
 
-def _plain_number(show: Numbers, value: Any, digits: int = 4) -> str:
+def _plain_number(show: Cells, value: Any, digits: int = 4) -> str:
     return NONE if value is None else show.quantity(float(value), "", digits)

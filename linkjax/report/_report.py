@@ -14,7 +14,7 @@ import numpy as np
 from linkjax._units import display_units
 from linkjax.machine import Scene
 from linkjax.report import _optimum, _tables
-from linkjax.report._cells import Numbers
+from linkjax.report._cells import Cells
 from linkjax.report._embed import inline_svg
 from linkjax.viz import PICTURES, courses, drawn, machine_view, svg
 
@@ -85,7 +85,7 @@ def write_report(
         counts = f"{np.size(before[0]['angles'])} and {np.size(data['angles'])}"
         raise ValueError(f"before and after have other crank angles ({counts}); analyse both at the same `angles`")
     chosen = display_units(units)
-    show = Numbers(chosen)
+    show = Cells(chosen)
     captions = {picture.name: picture.caption for picture in PICTURES}
     if figures is None:
         old = before[0] if before else None
@@ -149,7 +149,7 @@ def _verdicts(optimum: Data | None, data: Data, before: tuple[Data, Scene] | Non
     return [_verdict(result) for result in found]
 
 
-def _optimisation(show: Numbers, optimum: Data) -> str:
+def _optimisation(show: Cells, optimum: Data) -> str:
     """What was asked, what came of it, and how it was found."""
     tables = (_optimum.asked(show, optimum), _optimum.clash(optimum), _optimum.measures(show, optimum),
               _optimum.variables(show, optimum), _optimum.limits(show, optimum))  # fmt: skip

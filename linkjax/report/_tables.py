@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from linkjax.analysis import check_limit
-from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
+from linkjax._display import NONE, turning
+from linkjax.analysis import check_limit, load_size, peak_unit
 from linkjax.machine import Scene
-from linkjax.report._cells import NONE, Cell, Numbers, table, words
-from linkjax.viz import turning
+from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
 CONSTANT = "_constant_speed"
@@ -21,7 +20,7 @@ CHECKS = {
 }
 
 
-def results(show: Numbers, data: Data, scene: Scene, before: Data | None = None) -> str:
+def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -> str:
     """Speed fluctuation, speeds, flywheel and drive; the same of the machine before in a column of its own."""
     old = _values(show, before) if before else {}
     remarks = _remarks(show, data, scene)
@@ -32,7 +31,7 @@ def results(show: Numbers, data: Data, scene: Scene, before: Data | None = None)
     return table(["quantity", *(["before", "after"] if before else ["value"]), "remark"], rows)
 
 
-def _values(show: Numbers, data: Data) -> dict[str, str]:
+def _values(show: Cells, data: Data) -> dict[str, str]:
     """The results of an analysis as they are printed, by name."""
     motion, wheel = data["motion"], data.get("flywheel", {})
     found = {
@@ -54,7 +53,7 @@ def _values(show: Numbers, data: Data) -> dict[str, str]:
     return found | {"regime margin": show.quantity(float(motion["regime_margin"]), digits=4)}
 
 
-def _remarks(show: Numbers, data: Data, scene: Scene) -> dict[str, str]:
+def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
     """What is said beside the results."""
     motion = data["motion"]
     error = show.measured(float(motion["delta"]), float(motion["delta_error"]))[1]
@@ -65,7 +64,7 @@ def _remarks(show: Numbers, data: Data, scene: Scene) -> dict[str, str]:
     exactly = "exactly" if need > 0 else "it is steadier without"
     return {
         "coefficient of speed fluctuation δ": f"{error}, of the {mean}",
-        "mean speed": f"{mean}; {Numbers().quantity(float(motion['mean_speed']), '', 6)} rad/s",
+        "mean speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s",
         "largest speed": f"at {show.turned(motion['angle_of_max'])}",
         "smallest speed": f"at {show.turned(motion['angle_of_min'])}",
         "drive torque, constant": "balances the cycle",
@@ -77,13 +76,13 @@ def _remarks(show: Numbers, data: Data, scene: Scene) -> dict[str, str]:
     }
 
 
-def nominal(show: Numbers, scene: Scene) -> str:
+def nominal(show: Cells, scene: Scene) -> str:
     """The wanted mean speed in words."""
     factor, label = turning(show.units)
     return f"{show.shown(factor * float(scene.speed))} {label} mean speed"
 
 
-def peaks(show: Numbers, data: Data, before: Data | None = None) -> str:
+def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     """Largest magnitudes over the continuous cycle, in both motions: side by side, or each beside that of before."""
     found = data.get("peaks", {})
     names = list(dict.fromkeys(name.removesuffix(CONSTANT) for name in found))
@@ -100,7 +99,7 @@ def peaks(show: Numbers, data: Data, before: Data | None = None) -> str:
     return text
 
 
-def _peak(show: Numbers, data: Data, key: str) -> list[Cell]:
+def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     """Value, error and crank angle of a peak."""
     if key not in data["peaks"]:
         return [Cell(NONE, True)] * 3
@@ -118,13 +117,7 @@ def peak_name(name: str) -> str:
     return name.replace("_", " ")
 
 
-def peak_unit(name: str) -> str:
-    """SI unit of a peak."""
-    turning = not name.startswith("reaction.") and any(word in name for word in ("torque", "moment"))
-    return "N·m" if turning else "N"
-
-
-def links(show: Numbers, scene: Scene) -> str:
+def links(show: Cells, scene: Scene) -> str:
     """Links with their lengths and masses."""
     rows, kinds = [], {"fixed": "as given", "scaled": "follow the length", "section": "from the section"}
     for name in scene.mechanism.link_names:
@@ -146,7 +139,7 @@ def links(show: Numbers, scene: Scene) -> str:
     return table(["link", "length", "mass", "mass centre, along the link", "inertia about it", "mass properties"], rows)
 
 
-def points(show: Numbers, scene: Scene) -> str:
+def points(show: Cells, scene: Scene) -> str:
     """Points of the frame, and further points marked on links."""
     frame = scene.mechanism.fixed.items()
     rows = [[words(p), words("frame"), show.given(at.x, "m"), show.given(at.y, "m")] for p, at in frame]
@@ -156,7 +149,7 @@ def points(show: Numbers, scene: Scene) -> str:
     return table(["point", "on", "x, or along the link", "y, or across it"], rows)
 
 
-def groups(show: Numbers, data: Data) -> str:
+def groups(show: Cells, data: Data) -> str:
     """Assembly margins and transmission angles of the structural groups."""
     rows = []
     for name, group in data.get("groups", {}).items():
@@ -173,7 +166,7 @@ def groups(show: Numbers, data: Data) -> str:
     return table(["group", "kind", "assembly margin, least over the cycle", "transmission angle"], rows)
 
 
-def dead_centres(show: Numbers, data: Data) -> str:
+def dead_centres(show: Cells, data: Data) -> str:
     """Crank angles at which a point or link reverses, and what it covers between them."""
     found: dict[str, list[str]] = {}
     for entry in data.get("dead_centres", []):
@@ -191,20 +184,11 @@ def dead_centres(show: Numbers, data: Data) -> str:
     return table(head, rows) if rows else "<p>Nothing reverses over the cycle.</p>"
 
 
-def loads(show: Numbers, scene: Scene) -> str:
+def loads(show: Cells, scene: Scene) -> str:
     """Working loads and gravity."""
     rows = []
     for load in scene.loads:
-        if isinstance(load, Force):
-            size = f"({show.shown(load.force.x, 'N')}, {show.shown(load.force.y, 'N')})"
-        elif isinstance(load, OpposingForce):
-            size = f"{show.shown(load.magnitude, 'N')} against the motion"
-        elif isinstance(load, Torque):
-            size = show.shown(load.torque, "N·m")
-        elif isinstance(load, OpposingTorque):
-            size = f"{show.shown(load.magnitude, 'N·m')} against the rotation"
-        else:
-            size = NONE
+        size = load_size(show, load)
         window = load.window
         acts = "always"
         if window is not None:
@@ -217,7 +201,7 @@ def loads(show: Numbers, scene: Scene) -> str:
     return table(["load", "on", "amount", "acts", "reacts on"], rows)
 
 
-def checks(show: Numbers, data: Data) -> str:
+def checks(show: Cells, data: Data) -> str:
     """The analysis's own checks, passed or failed."""
     limit = check_limit(data)
     rows = []

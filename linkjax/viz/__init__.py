@@ -16,10 +16,6 @@ from linkjax.viz._kinematics import velocity_hodographs_figure as velocity_hodog
 from linkjax.viz._machine import machine_figure as machine_figure
 from linkjax.viz._optimum import history_figure as history_figure
 from linkjax.viz._optimum import trade_off_figure as trade_off_figure
-from linkjax.viz._style import number as number
-from linkjax.viz._style import prefixed as prefixed
-from linkjax.viz._style import superscript as superscript
-from linkjax.viz._style import turning as turning
 from linkjax.viz._view import machine_view as machine_view
 from linkjax.viz._write import PICTURES as PICTURES
 from linkjax.viz._write import Picture as Picture

@@ -11,10 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from PIL import Image
 
+from linkjax._display import turning
 from linkjax.machine import Scene
 from linkjax.viz._machine import Stage, draw_frame, draw_links, make_stage
 from linkjax.viz._skeleton import arrows, places, skeleton
-from linkjax.viz._style import BLUE, FAINT, GREY, INK, TEXT, Data, closed, degrees, shade, styled, turning
+from linkjax.viz._style import BLUE, FAINT, GREY, INK, TEXT, Data, closed, degrees, shade, styled
 
 WIDTH, DPI = 5.0, 100  # inches, dots per inch
 COLOURS = 96

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from linkjax._display import Units, number, prefixed, turning
 from linkjax.machine import Scene
 from linkjax.viz._style import (
     BLACK,
@@ -16,7 +17,6 @@ from linkjax.viz._style import (
     GREY,
     VERMILION,
     Data,
-    Units,
     before_keys,
     behind,
     closed,
@@ -25,12 +25,9 @@ from linkjax.viz._style import (
     label,
     largest,
     line,
-    number,
     over_crank,
-    prefixed,
     sheet,
     styled,
-    turning,
     window_keys,
 )
 

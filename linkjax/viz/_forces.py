@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from linkjax._display import Units, prefixed
 from linkjax.machine import Scene
 from linkjax.viz._curves import frame_equal, hodograph
 from linkjax.viz._style import (
@@ -18,7 +19,6 @@ from linkjax.viz._style import (
     GREY,
     VERMILION,
     Data,
-    Units,
     behind,
     blank,
     closed,
@@ -28,7 +28,6 @@ from linkjax.viz._style import (
     largest,
     mark_keys,
     over_crank,
-    prefixed,
     sheet,
     styled,
     window_keys,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from linkjax._display import Units, prefixed
 from linkjax.machine import Scene
 from linkjax.viz._curves import frame_equal, hodograph, moving
 from linkjax.viz._style import (
@@ -13,7 +14,6 @@ from linkjax.viz._style import (
     INK,
     VERMILION,
     Data,
-    Units,
     before_keys,
     behind,
     blank,
@@ -25,7 +25,6 @@ from linkjax.viz._style import (
     line,
     mark_keys,
     over_crank,
-    prefixed,
     sheet,
     styled,
     window_keys,

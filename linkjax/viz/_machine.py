@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Polygon, Wedge
 from matplotlib.path import Path
 
+from linkjax._display import Units, prefixed
 from linkjax.machine import Scene
 from linkjax.viz._labels import along, place_labels
 from linkjax.viz._skeleton import (
@@ -39,12 +40,10 @@ from linkjax.viz._style import (
     VERMILION,
     WIDTH,
     Data,
-    Units,
     before_keys,
     canvas,
     key,
     legend_columns,
-    prefixed,
     styled,
 )
 

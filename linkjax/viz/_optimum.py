@@ -8,19 +8,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
+from linkjax._display import Units, prefixed, superscript
 from linkjax._units import label_of
 from linkjax.viz._style import (
     BLUE,
     GREY,
     VERMILION,
-    Units,
     key,
     label,
     largest,
-    prefixed,
     sheet,
     styled,
-    superscript,
 )
 
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linkjax._display import Units, prefixed
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
-from linkjax.viz._style import Data, Units, closed, lost, prefixed
+from linkjax.viz._style import Data, closed, lost
 
 Place = tuple[float, float]
 Places = dict[str, np.ndarray]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import matplotlib
@@ -19,7 +19,6 @@ from linkjax.machine import Scene
 
 Data = dict[str, Any]
 Plot = Callable[..., Figure]
-Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
 
 # Okabe and Ito, Color universal design (2008): told apart with every kind of colour vision.
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -32,7 +31,6 @@ INK, GREY, FAINT = "#222222", "#6b6b6b", "#dcdcdc"
 WINDOWS = (ORANGE, SKY, GREEN, PURPLE)
 WIDTH, TEXT = 7.2, 8.5  # inches, points
 BEFORE: dict[str, Any] = {"color": "#8a8a8a", "linewidth": 0.9, "linestyle": (0, (3.5, 1.6)), "zorder": 1.8}
-PLAIN = str.maketrans({"·": " ", "²": "^2", "³": "^3"})
 
 STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
@@ -193,34 +191,6 @@ def largest(values: Iterable[Any]) -> float:
     return max((float(v.max()) for v in finite if v.size), default=0.0)
 
 
-def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float, str]:
-    """Factor and label that bring numbers up to `size` (SI) into reading range: (1e-3, "kN") for 2000 N.
-
-    A unit that was chosen in `units` is taken whatever the size. Otherwise metres become millimetres below 10 m; units
-    that take no prefix get a power of ten.
-    """
-    chosen = (units or {}).get(unit.translate(PLAIN))
-    if chosen:
-        return chosen
-    if unit in ("m", "m/rad", "m/rad²"):
-        for limit, factor, prefix in ((10.0, 1.0, ""), (1e-3, 1e3, "m"), (0.0, 1e6, "µ")):
-            if size >= limit and (size > 0 or limit == 0.0):
-                return (factor, prefix + unit) if size > 0 else (1e3, "m" + unit)
-    if size == 0 or unit == "":
-        return 1.0, unit
-    power = 3 * math.floor(math.log10(size) / 3)
-    if unit.startswith("kg"):
-        return (1.0, unit) if -3 <= power < 3 else (10.0**-power, f"10{superscript(power)} {unit}")
-    power = min(max(power, -9), 9)
-    prefix = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}[power]
-    return 10.0**-power, prefix + unit
-
-
-def superscript(power: int) -> str:
-    """An integer in superior figures."""
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
 def label(quantity: str, unit: str) -> str:
     """Heading of a panel: quantity and unit."""
     return f"{quantity}  ({unit})" if unit else quantity
@@ -278,17 +248,3 @@ def blank(axes: Iterable[Axes]) -> None:
     """Take panels that are not needed off the sheet."""
     for ax in axes:
         ax.remove()
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number of so many significant digits, without an exponent where it reads well."""
-    if value == 0 or not math.isfinite(value):
-        return "0" if value == 0 else str(value)
-    places = digits - 1 - math.floor(math.log10(abs(value)))
-    text = f"{value:.{max(places, 0)}f}" if -4 < places < digits + 5 else f"{value:.{digits - 1}e}"
-    return text.replace("-", "−")
-
-
-def turning(units: Units | None = None) -> tuple[float, str]:
-    """Factor and label of speeds of rotation: revolutions per minute, unless another unit was chosen."""
-    return (units or {}).get("rad/s", (30 / math.pi, "rpm"))

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_hex
 
+from linkjax._display import Units
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.viz._machine import MARGIN, colour, scale_mark, tint
 from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, outline, path, places, skeleton
-from linkjax.viz._style import Data, Units, lost
+from linkjax.viz._style import Data, lost
 
 WIDE, TALLEST = 560.0, 400.0  # typographic points
 DIGITS = 9  # significant, of coordinates: a billionth of the machine

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import matplotlib
 from matplotlib.figure import Figure
 
+from linkjax._display import Units
 from linkjax._units import display_units
 from linkjax.machine import Scene
 from linkjax.viz._dynamics import speed_figure, torque_figure
@@ -24,7 +25,7 @@ from linkjax.viz._kinematics import (
 )
 from linkjax.viz._machine import machine_figure
 from linkjax.viz._optimum import history_figure, trade_off_figure
-from linkjax.viz._style import STYLE, Data, Units
+from linkjax.viz._style import STYLE, Data
 
 
 class Picture(NamedTuple):

@@ -228,6 +228,7 @@ def test_rows_only_where_the_sense_is_theirs():
     assert margins == (2, 1)  # a dyad has two dead positions
 
 
+@pytest.mark.slow
 def test_tied_speeds():
     """Seven lengths against δ: two largest speeds tie at the optimum, which a search on δ itself never reaches."""
     press = lj.load("hay-press", {"flywheel.inertia": "10 kg m^2"})

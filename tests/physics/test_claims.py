@@ -59,7 +59,9 @@ def test_moment_on_the_frame():
     np.testing.assert_allclose(got, moment, rtol=0, atol=1e-10 * np.max(np.abs(moment)))
 
 
-@pytest.mark.parametrize("name", ["hay-press", pytest.param("hay-press-slider", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["slider-crank", *(pytest.param(n, marks=pytest.mark.slow) for n in ("hay-press", "hay-press-slider"))]
+)
 @pytest.mark.parametrize(
     "nodes", [pytest.param(32, marks=pytest.mark.slow), pytest.param(48, marks=pytest.mark.slow), 96]
 )
@@ -74,6 +76,7 @@ def test_peaks_lie_within_their_bounds(name, nodes):
             assert np.median(loose) < 1e-5 and np.max(loose) < 1e-2
 
 
+@pytest.mark.slow
 def test_the_general_road_states_its_own_error():
     scene = machine("hay-press-slider")
     run = jax.jit(steady_by_diffrax, static_argnames="nodes")

@@ -240,9 +240,7 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     return np.abs(np.stack([found[name] + 0 * phi for name in peak_names(scene)]))
 
 
-@pytest.mark.parametrize(
-    "name", [n if n in ("hay-press", "two-on-one-crank") else pytest.param(n, marks=pytest.mark.slow) for n in MACHINES]
-)
+@pytest.mark.parametrize("name", [n if n == "hay-press" else pytest.param(n, marks=pytest.mark.slow) for n in MACHINES])
 def test_peaks_and_checks(name):
     """Suprema over 20 000 angles and both sides of every jump, each looked at more closely around the highest."""
     scene = machine(name)

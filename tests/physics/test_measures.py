@@ -58,10 +58,13 @@ def values(scene: lj.Scene, names: tuple[str, ...], nodes: int) -> jax.Array:
 
 
 @compiled_soon(static=("names",))
-def forward(scene: lj.Scene, directions: jax.Array, names: tuple[str, ...]) -> jax.Array:
-    """Derivatives of measures along many directions: (directions, measures)."""
-    none = jnp.zeros_like(directions[0])
-    return jax.lax.map(lambda u: jax.jvp(lambda x: every(varied(scene, x), names, MANY), (none,), (u,))[1], directions)
+def around(scene: lj.Scene, shifts: jax.Array, directions: jax.Array, names: tuple[str, ...]):
+    """Measures of many designs around a scene, (designs, measures), and their derivatives along one direction each."""
+
+    def one(pair):
+        return jax.jvp(lambda x: every(varied(scene, x), names, MANY), pair[:1], pair[1:])
+
+    return jax.lax.map(one, (shifts, directions))
 
 
 @compiled_soon(static=("names",))
@@ -69,12 +72,6 @@ def backward(scene: lj.Scene, none: jax.Array, names: tuple[str, ...]) -> jax.Ar
     """Gradients of measures: (measures, numbers)."""
     _, pull = jax.vjp(lambda x: every(varied(scene, x), names, MANY), none)
     return jax.lax.map(lambda one: pull(one)[0], jnp.eye(len(names)))
-
-
-@compiled_soon(static=("names",))
-def around(scene: lj.Scene, shifts: jax.Array, names: tuple[str, ...]) -> jax.Array:
-    """Measures of many designs around a scene: (designs, measures)."""
-    return jax.lax.map(lambda x: every(varied(scene, x), names, MANY), shifts)
 
 
 @functools.cache
@@ -92,11 +89,15 @@ H = 3e-4  # step of the differences
 
 
 @functools.cache
-def neighbours(name: str, group: str) -> np.ndarray:
-    """Measures with every number two steps down, one down, one up and two up, and (last row) as it is."""
+def neighbours(name: str, group: str) -> tuple[np.ndarray, np.ndarray]:
+    """Measures with every number two steps down, one down, one up and two up, and (last row) as it is; and their
+    derivatives by every number, forwards: (numbers, measures). One program for both."""
     count = len(jax.tree.leaves(machine(name)))
     steps = np.concatenate([*(k * H * np.eye(count) for k in (-2, -1, 1, 2)), np.zeros((1, count))])
-    return np.asarray(around(machine(name), jnp.asarray(steps), names=GROUPS[group]))
+    shifts = jnp.asarray(np.concatenate([steps, np.zeros((count, count))]))
+    directions = jnp.asarray(np.concatenate([np.zeros_like(steps), np.eye(count)]))
+    values, slopes = around(machine(name), shifts, directions, names=GROUPS[group])
+    return np.asarray(values[: len(steps)]), np.asarray(slopes[len(steps) :])
 
 
 @pytest.mark.parametrize(("name", "group"), CASES)
@@ -107,10 +108,10 @@ def test_gradients(name, group):
     assert np.all(np.any(reverse != 0, axis=1))
     size = np.linalg.norm(reverse, axis=1, keepdims=True)
     count = reverse.shape[1]
-    ahead = np.asarray(forward(machine(name), jnp.eye(count), names=names)).T
-    wrong = np.max(np.abs(ahead - reverse) / size, axis=1)
+    f, ahead = neighbours(name, group)
+    wrong = np.max(np.abs(ahead.T - reverse) / size, axis=1)
     assert {n: w for n, w in zip(names, wrong, strict=True) if not w <= 1e-10} == {}
-    f = neighbours(name, group)[:-1].reshape((4, count, len(names)))
+    f = f[:-1].reshape((4, count, len(names)))
     differences = ((f[0] - f[3]) + 8 * (f[2] - f[1])).T / (12 * H)
     wrong = np.max(np.abs(differences - reverse) / size, axis=1)
     assert {n: w for n, w in zip(names, wrong, strict=True) if not w <= 1e-6} == {}
@@ -120,7 +121,7 @@ def test_gradients(name, group):
 def test_independent_of_the_number_of_nodes(name):
     many = {}
     for group, names in GROUPS.items():
-        many |= dict(zip(names, neighbours(name, group)[-1], strict=True))
+        many |= dict(zip(names, neighbours(name, group)[0][-1], strict=True))
     np.testing.assert_allclose(all_values(name), [many[n] for n in NAMES], rtol=1e-8, atol=1e-8)
 
 

@@ -221,7 +221,7 @@ def test_no_periodic_regime(name):
     assert abs(where) < 0.1
 
 
-@pytest.mark.parametrize("name", ["hay-press", "slider-crank"])
+@pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "slider-crank"])
 def test_flywheel_for_a_wanted_fluctuation(name):
     scene = machine(name)
     target = float(scene.target_delta)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from linkjax import viz
+from linkjax._display import number
 from linkjax._units import display_units
 from linkjax.viz import PICTURES
 from linkjax.viz._forces import cases, joints
@@ -114,7 +115,7 @@ def test_extremes_of_the_speed_are_marked(name):
     wanted = [(math.degrees(motion[f"angle_of_{w}"]), motion[f"speed_{w}"] * 30 / math.pi) for w in ("max", "min")]
     assert np.allclose(marks, wanted, rtol=1e-12)
     texts = [text.get_text() for text in figure.axes[0].texts]
-    assert f"δ = {viz.number(motion['delta'])}" in texts
+    assert f"δ = {number(motion['delta'])}" in texts
 
 
 def test_every_joint_is_shown_once():
@@ -219,7 +220,7 @@ def test_units_that_were_chosen():
     assert all(title.endswith("(MN)") for title in titles["reactions"])
     assert titles["torque"][1].endswith("(kJ)")
     top = PICTURE["speed"].draw(data, scene, units=units).axes[0]
-    assert f"ω max {viz.number(data['motion']['speed_max'])} rad/s" in " ".join(text.get_text() for text in top.texts)
+    assert f"ω max {number(data['motion']['speed_max'])} rad/s" in " ".join(text.get_text() for text in top.texts)
 
 
 def test_course_of_an_optimisation():
@@ -236,32 +237,3 @@ def test_course_of_an_optimisation():
     calm = {**OPTIMUM, "history": [{"objective": None, "violation": 0.0}], "trade_off": None}
     ((_, history),) = viz.courses(calm, {})
     assert_tidy(history)
-
-
-@pytest.mark.parametrize(
-    ("size", "unit", "factor", "shown"),
-    [
-        (0.3, "m", 1e3, "mm"),
-        (25.0, "m", 1.0, "m"),
-        (2e-5, "m/rad²", 1e6, "µm/rad²"),
-        (0.0, "m", 1e3, "mm"),
-        (30e3, "N", 1e-3, "kN"),
-        (999.0, "N·m", 1.0, "N·m"),
-        (2e7, "W", 1e-6, "MW"),
-        (0.02, "N", 1e3, "mN"),
-        (0.02, "kg·m²", 1.0, "kg·m²"),
-        (2e-5, "kg·m²", 1e6, "10⁻⁶ kg·m²"),
-        (4e5, "kg·m²", 1e-3, "10³ kg·m²"),
-        (3.0, "", 1.0, ""),
-    ],
-)
-def test_prefixes(size, unit, factor, shown):
-    assert viz.prefixed(size, unit) == (pytest.approx(factor, rel=1e-12), shown)
-
-
-@pytest.mark.parametrize(
-    ("value", "digits", "text"),
-    [(1.121524, 4, "1.122"), (-0.0144957, 4, "−0.01450"), (99999.6, 4, "100000"), (0.0, 4, "0"), (3e-12, 2, "3.0e−12")],
-)
-def test_numbers(value, digits, text):
-    assert viz.number(value, digits) == text

@@ -1,0 +1,137 @@
+"""Numbers as people read them: SI in, out in the units chosen, with prefixes where none was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple, SupportsFloat
+
+from linkjax._units import label_of
+
+NONE = "–"
+PLAIN = str.maketrans({"·": " ", "²": "^2", "³": "^3"})
+Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
+
+
+class Numbers(NamedTuple):
+    """How numbers are written: SI in, out in the units chosen, with prefixes where none was.
+
+    Units are written as they are printed ("kN·m") or as measures have them ("kN m").
+    """
+
+    units: Units = MappingProxyType({})
+
+    def quantity(self, value: float, unit: str = "", digits: int = 5) -> str:
+        """A number to so many significant digits, with its unit."""
+        return self.alike([value], unit, digits)[0]
+
+    def alike(self, values: Iterable[float], unit: str = "", digits: int = 5) -> list[str]:
+        """Numbers to so many significant digits, all in the unit that suits the largest."""
+        values = list(values)
+        size = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+        factor, label = prefixed(size, unit, self.units)
+        return [_number(factor * value, label, digits) for value in values]
+
+    def shown(self, value: SupportsFloat, unit: str = "") -> str:
+        """A number that was put in, with its unit and without idle zeros."""
+        factor, label = prefixed(abs(float(value)), unit, self.units)
+        mantissa, _, power = f"{factor * float(value):.6g}".partition("e")
+        scale = f"·10{superscript(int(power))}" if power else ""
+        return f"{mantissa}{scale} {label}".rstrip().replace("-", "−")
+
+    def place(self, at: tuple[SupportsFloat, SupportsFloat], unit: str = "m") -> str:
+        """Two numbers that were put in and belong together, "(0.3, −0.1) m"."""
+        x, y = (float(value) for value in at)
+        factor, label = prefixed(max(abs(x), abs(y)), unit, self.units)
+        return f"({factor * x:.6g}, {factor * y:.6g}) {label}".rstrip().replace("-", "−")
+
+    def turned(self, value: float | None) -> str:
+        """An angle, in degrees unless another unit was chosen."""
+        if value is None or not math.isfinite(value):
+            return NONE
+        factor, label = self.units.get("rad", (180 / math.pi, "°"))
+        return (f"{factor * value:.3f}°" if label == "°" else f"{factor * value:.5f} {label}").replace("-", "−")
+
+    def speed(self, value: float, digits: int = 6) -> str:
+        """A speed of rotation (rad/s in), in revolutions per minute unless another unit was chosen."""
+        factor, label = turning(self.units)
+        return _number(factor * float(value), label, digits)
+
+    def measured(self, value: float, error: float, unit: str = "", most: int = 10) -> tuple[str, str]:
+        """A value and the bound of its error, the value in one unit to the digits the error leaves it (3 at least)."""
+        if not (math.isfinite(value) and math.isfinite(error)):
+            return NONE, ""
+        factor, label = prefixed(abs(value), unit, self.units)
+        ratio = abs(value) / error if error > 0 else math.inf
+        digits = most if ratio > 10.0**most else max(3, min(most, math.floor(math.log10(max(ratio, 1.0))) + 1))
+        return f"{number(factor * value, digits)} {label}".rstrip(), f"± {self.quantity(error, unit, 2)}"
+
+    def bound(self, value: SupportsFloat | None, unit: str) -> str:
+        """A bound that was put in, unit as measures write it: as short as it is."""
+        if value is None or not math.isfinite(float(value)):
+            return NONE
+        if unit not in ("rad", "rad/s"):
+            return self.shown(value, label_of(unit))
+        factor, label = turning(self.units) if unit == "rad/s" else self.units.get("rad", (180 / math.pi, "°"))
+        return f"{factor * float(value):.6g}{'' if label == '°' else ' '}{label}".replace("-", "−")
+
+    def told(self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5) -> list[str]:
+        """One quantity several times, unit as measures write it ("N m", "1", "rad"), all in the unit that suits the
+        largest. A dash for None."""
+        numbers = [math.nan if value is None else float(value) for value in values]
+        if unit == "rad":
+            return [self.turned(value) for value in numbers]
+        if unit == "rad/s":
+            return [self.speed(value) for value in numbers]
+        return self.alike(numbers, label_of(unit), digits)
+
+
+def _number(value: float, label: str, digits: int) -> str:
+    if not math.isfinite(value):
+        return NONE
+    mantissa, _, power = number(value, digits).partition("e")
+    scale = f"·10{superscript(int(power.replace('−', '-')))}" if power else ""
+    return f"{mantissa}{scale} {label}".rstrip()
+
+
+def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float, str]:
+    """Factor and label that bring numbers up to `size` (SI) into reading range: (1e-3, "kN") for 2000 N.
+
+    A unit that was chosen in `units` is taken whatever the size. Otherwise metres become millimetres below 10 m; units
+    that take no prefix get a power of ten.
+    """
+    chosen = (units or {}).get(unit.translate(PLAIN))
+    if chosen:
+        return chosen
+    if unit in ("m", "m/rad", "m/rad²"):
+        for limit, factor, prefix in ((10.0, 1.0, ""), (1e-3, 1e3, "m"), (0.0, 1e6, "µ")):
+            if size >= limit and (size > 0 or limit == 0.0):
+                return (factor, prefix + unit) if size > 0 else (1e3, "m" + unit)
+    if size == 0 or unit == "":
+        return 1.0, unit
+    power = 3 * math.floor(math.log10(size) / 3)
+    if unit.startswith("kg"):
+        return (1.0, unit) if -3 <= power < 3 else (10.0**-power, f"10{superscript(power)} {unit}")
+    power = min(max(power, -9), 9)
+    prefix = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}[power]
+    return 10.0**-power, prefix + unit
+
+
+def superscript(power: int) -> str:
+    """An integer in superior figures."""
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number of so many significant digits, without an exponent where it reads well."""
+    if value == 0 or not math.isfinite(value):
+        return "0" if value == 0 else str(value)
+    places = digits - 1 - math.floor(math.log10(abs(value)))
+    text = f"{value:.{max(places, 0)}f}" if -4 < places < digits + 5 else f"{value:.{digits - 1}e}"
+    return text.replace("-", "−")
+
+
+def turning(units: Units | None = None) -> tuple[float, str]:
+    """Factor and label of speeds of rotation: revolutions per minute, unless another unit was chosen."""
+    return (units or {}).get("rad/s", (30 / math.pi, "rpm"))
