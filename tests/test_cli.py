@@ -6,13 +6,13 @@ import json
 import math
 import time
 
-import jax
 import numpy as np
 import pytest
 from rich.console import Console
 
 import linkjax as lj
 from linkjax import cli
+from linkjax._compile import compiled_soon
 from linkjax._display import Numbers, number
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._print import print_summary
@@ -101,7 +101,7 @@ def test_analyse_writes_the_whole_document(analysed):
 
 def test_the_document_agrees_with_python(analysed):
     data = json.loads((analysed[1] / "all.json").read_text())
-    motion = jax.jit(lambda scene: steady(scene))(lj.load("hay-press"))
+    motion = compiled_soon(steady)(lj.load("hay-press"))
     assert math.isclose(data["motion"]["delta"], float(motion.delta), rel_tol=1e-12)
     # dead centres of the slider are those of a crank in line with its guide
     slider = sorted(entry["angle"] for entry in data["dead_centres"] if entry.get("point") == "D")

@@ -107,7 +107,11 @@ def test_accuracy_for_the_evaluations(nodes, evaluations, error):
 
 
 @pytest.mark.parametrize(
-    ("name", "mean"), [("hay-press-slider", "time"), ("hay-press", "time"), ("four-bar", "midrange")]
+    ("name", "mean"),
+    [
+        ("hay-press-slider", "time"),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in (("hay-press", "time"), ("four-bar", "midrange"))),
+    ],
 )
 def test_evaluations_are_counted_honestly(name, mean, monkeypatch):
     """Every pose begins with the crank: count at run time how often it is asked for its place."""
@@ -144,7 +148,7 @@ def test_the_time_mean_is_honoured(name):
     assert float(regime(name).period) == pytest.approx(period, rel=1e-12 if name != "hay-press" else 1e-11)
 
 
-@pytest.mark.parametrize("name", ["hay-press", "clockwise"])
+@pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "clockwise"])
 def test_the_midrange_is_honoured(name):
     """(ω_max + ω_min) / 2, with the extremes looked for by another search."""
     scene = dataclasses.replace(machine(name), mean="midrange")
@@ -195,7 +199,7 @@ def test_the_equation_of_motion_holds(name):
     np.testing.assert_allclose(speed * slope, acceleration, rtol=0, atol=1e-6 * size)
 
 
-@pytest.mark.parametrize("name", ["hay-press", "four-bar"])
+@pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "four-bar"])
 def test_no_periodic_regime(name):
     """Below the lowest mean speed the energy runs out; just above it does not. Nothing is ever NaN."""
     scene = refitted(machine(name), jnp.asarray(0.0))

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from linkjax._compile import compiled_soon
 from linkjax._vec import Vec
 from linkjax.groups import KINDS, RRP, RRR, Crank
 from linkjax.kinematics import pose
@@ -79,7 +80,7 @@ def test_a_table_of_the_thesis():
 def test_invented_machines_are_plausible(name):
     """They turn steadily at their speed, not far from the wanted fluctuation."""
     scene = load(name)
-    regime = steady(scene)
+    regime = compiled_soon(steady)(scene)
     assert float(regime.regime_margin) > 0.5
     assert scene.target_delta is not None and 0.5 < float(regime.delta / scene.target_delta) < 5
     assert float(regime.delta_error) < 1e-5
@@ -87,7 +88,7 @@ def test_invented_machines_are_plausible(name):
 
 def test_the_known_answer_of_the_benchmark():
     """baselines/hay_press.py, a program of its own in plain NumPy."""
-    regime = steady(load("hay-press-slider"))
+    regime = compiled_soon(steady)(load("hay-press-slider"))
     assert float(regime.delta) == pytest.approx(0.0903376817, abs=1e-9)
     assert float(regime.drive_torque) == pytest.approx(3909.79995, abs=1e-4)
 
