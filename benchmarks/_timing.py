@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import time
@@ -12,20 +13,25 @@ import jax
 import numpy as np
 
 ROUNDS = 15
+TURN = 0.05  # s
 
 
-def seconds(run: Callable[[], object]) -> float:
-    """Wall time of one call, results waited for."""
+def seconds(run: Callable[[], object], calls: int = 1) -> float:
+    """Wall time of one call, results waited for; the mean of several in a row."""
     start = time.perf_counter()
-    jax.block_until_ready(run())
-    return time.perf_counter() - start
+    for _ in range(calls):
+        jax.block_until_ready(run())
+    return (time.perf_counter() - start) / calls
 
 
 def by_turns(*runs: Callable[[], object], rounds: int = ROUNDS) -> list[np.ndarray]:
-    """Wall times (s) of several programs run by turns; one round before the clock starts."""
+    """Wall times (s) of one call of several programs, run by turns; what takes milliseconds is called again until a
+    turn lasts `TURN`, for the first call after another program finds caches and threads cold. Two rounds before the
+    clock starts."""
     for run in runs:
         seconds(run)
-    times = np.asarray([[seconds(run) for run in runs] for _ in range(rounds)])
+    calls = [max(1, math.ceil(TURN / seconds(run))) for run in runs]
+    times = np.asarray([[seconds(run, n) for run, n in zip(runs, calls, strict=True)] for _ in range(rounds)])
     return list(times.T)
 
 

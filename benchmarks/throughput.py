@@ -26,7 +26,7 @@ from benchmarks._timing import by_turns, line, processes, ratio
 from linkjax._config import use_compilation_cache
 from linkjax.measures import delta, evaluate, peak_shaking_force_constant_speed
 
-BLOCKS = {"kinematics": 50, "cycle": 50, "gradient": 20}
+BLOCKS = {"kinematics": 50, "cycle": 50, "gradient": 25}
 REFERENCE = 0.0903376816582  # δ of hay-press-slider
 
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
     from linkjax.design import optimise as optimise
+    from linkjax.groups import RPR as RPR
     from linkjax.groups import RRP as RRP
     from linkjax.groups import RRR as RRR
     from linkjax.groups import Crank as Crank
@@ -57,7 +58,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "_population": ("over_designs",),
     "_results": ("MachineError", "Result"),
     "_vec": ("Vec",),
-    "groups": ("RRP", "RRR", "Crank"),
+    "groups": ("RPR", "RRP", "RRR", "Crank"),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError"),
     "kinematics": ("dead_centres", "margins", "pose", "strokes", "transmission_angles"),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),

@@ -206,6 +206,7 @@ def test_interrupted_before_anything_is_found(call, scene, tmp_path, monkeypatch
     assert not interrupted(call, scene, "--limit", "delta <= 0.001")["limits"]["delta"]["met"]
 
 
+@pytest.mark.slow
 def test_ties_stay_with_another_range(call, scene, tmp_path):
     """And so do the changes of the section, which make what is told as before."""
     changes = "optimise.changes={'links.rod.mass_properties' = 'scaled'}"

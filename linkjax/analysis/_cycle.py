@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.kinematics import Least, Pose, Reversals
+from linkjax.kinematics import Least, Pose, Reversals, named_groups
 from linkjax.machine import Scene
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
@@ -105,11 +105,7 @@ def explain(cycle: Cycle) -> None:
     code = Result(int(cycle.result))
     title = f"Scene {cycle.scene.title!r}: " if cycle.scene.title else ""
     if code is Result.CANNOT_BE_ASSEMBLED:
-        worst = min(
-            ((group, side, at) for group, sides in cycle.margins.items() for side, at in sides.items()),
-            key=lambda item: float(item[2].value),
-        )
-        group, side, at = worst
+        group, side, at = _first_lost(cycle)
         degrees, short = float(jnp.degrees(at.angle)), -float(at.value)
         place = f"{degrees:.2f} degrees of crank angle ({side})"
         what = (
@@ -132,3 +128,10 @@ def explain(cycle: Cycle) -> None:
             f"{MESSAGES[code]}",
             code,
         )
+
+
+def _first_lost(cycle: Cycle) -> tuple[str, str, Least]:
+    """The first group that cannot be assembled, at its worst: those behind it hang on what is none."""
+    names = [name for name in named_groups(cycle.scene.mechanism) if name in cycle.margins]
+    worst = [(name, *min(cycle.margins[name].items(), key=lambda side: float(side[1].value))) for name in names]
+    return next((each for each in worst if not float(each[2].value) > 0), worst[0])

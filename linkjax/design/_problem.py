@@ -71,6 +71,12 @@ class Kind:
         """Name, with the case where there are several."""
         return f"{self.name} ({self.case})" if self.case else self.name
 
+    def bounded(self, bound: float) -> Kind:
+        """The same with another bound, which is its measure unless it is close to zero."""
+        return dataclasses.replace(
+            self, bound=bound, scale=abs(bound) if abs(bound) > SLIGHT * self.scale else self.scale
+        )
+
 
 class Problem:
     """Variables, objective, limits and cases of a scene; `at(x)` evaluates a design, one compiled call.

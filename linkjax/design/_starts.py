@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -219,10 +218,8 @@ def trade(
     try:
         for number, bound in enumerate(bounds):
             problem.kinds = [
-                dataclasses.replace(kind, bound=bound, scale=abs(bound) or kind.scale)
-                if kind.name == name and kind.role == "limit" else kind
-                for kind in kinds
-            ]  # fmt: skip
+                kind.bounded(bound) if kind.name == name and kind.role == "limit" else kind for kind in kinds
+            ]
             heard = _heard(problem, told, number, len(bounds), name)
             ways = (descend(problem, each, told=heard) for each in (*before, *ends))
             point, certificate = min(((path.point, path.certificate) for path in ways), key=lambda of: rank(of[0]))

@@ -99,7 +99,7 @@ class AbstractGroup(eqx.Module):
         """Signed margins by the name of the dead position."""
 
     @abc.abstractmethod
-    def transmission(self, states: dict[str, LinkState]) -> Array | None:
+    def transmission(self, states: dict[str, LinkState], points: dict[str, PointState]) -> Array | None:
         """Transmission angle (rad, 0 to π), None for a driver."""
 
     @abc.abstractmethod

@@ -55,7 +55,7 @@ class Crank(AbstractGroup):
     def margins(self, links, points):
         return {}
 
-    def transmission(self, states):
+    def transmission(self, states, points):
         return None
 
     def joints(self):

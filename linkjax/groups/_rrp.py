@@ -83,7 +83,7 @@ class RRP(AbstractGroup):
             "right": Margin((length + q) / length, dq / length, ddq / length),
         }
 
-    def transmission(self, states):
+    def transmission(self, states, points):
         u, t = states[self.link].u, unit(self.along)
         return jnp.atan2(jnp.abs(u.dot(t)), t.cross(u))
 

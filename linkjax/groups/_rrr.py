@@ -79,7 +79,7 @@ class RRR(AbstractGroup):
             "folded": Margin((r - jnp.abs(l1 - l2)) / total, dr / total, ddr / total),
         }
 
-    def transmission(self, states):
+    def transmission(self, states, points):
         u, v = states[self.links[0]].u, states[self.links[1]].u
         return jnp.atan2(jnp.abs(u.cross(v)), u.dot(v))
 

@@ -81,7 +81,7 @@ def named_groups(mechanism: Mechanism):
 
 def transmission_angles(mechanism: Mechanism, phi: Scalar) -> dict[str, Array]:
     """Transmission angle (rad, 0…π) of every Assur group: between the two links of an RRR, between rod and the normal
-    of the guide in an RRP."""
-    links = pose(mechanism, phi).links
-    angles = {name: group.transmission(links) for name, group in named_groups(mechanism).items()}
+    of the guide in an RRP, between the line from pivot to pin and the normal of the guide in an RPR."""
+    here = pose(mechanism, phi)
+    angles = {name: group.transmission(here.links, here.points) for name, group in named_groups(mechanism).items()}
     return {name: angle for name, angle in angles.items() if angle is not None}

@@ -109,11 +109,16 @@
     };
   }
   function block(parent, machine, link, edge, fill) {
-    const turn = (-link.angle * 180) / Math.PI;
+    const turn = (at) => {
+      if (!link.along) return (-link.angle * 180) / Math.PI;
+      const [[x1, y1], [x2, y2]] = link.along.map((name) => position(machine, name, at));
+      return (-Math.atan2(y2 - y1, x2 - x1) * 180) / Math.PI;
+    };
     const box = link.block
       ? make(parent, "rect", { x: -10.5, y: -7, width: 21, height: 14, fill: fill, stroke: edge, "stroke-width": 1.3 })
       : make(parent, "circle", { r: 7, fill: fill, stroke: edge, "stroke-width": 1.3 });
-    return (at) => box.setAttribute("transform", `translate(${spot(position(machine, link.pin, at))}) rotate(${turn})`);
+    return (at) =>
+      box.setAttribute("transform", `translate(${spot(position(machine, link.pin, at))}) rotate(${turn(at)})`);
   }
   function weight(parent, machine, link, name, radius, edge, fill) {
     const arm = make(parent, "line", { stroke: fill, "stroke-width": 4.5 });
@@ -269,7 +274,8 @@
       drawPaths(parent, machine, { stroke: "#b5b5b5", "stroke-width": 0.8, "stroke-dasharray": "3 2" });
     }
     const solid = make(parent, "g", {});
-    const order = [...machine.links].sort((a, b) => (b.corners.length === 1) - (a.corners.length === 1));
+    const layer = (link) => (link.along ? 2 : link.corners.length === 1 ? 0 : 1); // a block lies upon the link it is on
+    const order = [...machine.links].sort((a, b) => layer(a) - layer(b));
     for (const link of order) {
       const [edge, fill, dark] = old ? ["#a8a8a8", "#f3f3f3", "#f3f3f3"] : [link.colour, link.fill, link.dark];
       for (const name in link.weights) moves.push(weight(solid, machine, link, name, link.weights[name], edge, dark));

@@ -149,11 +149,50 @@ class RRRTable(GroupTable):
             yield ("to",), "the same point as `from`", "name the point that the second link starts from"
 
 
+class RPRTable(GroupTable):
+    """A lever and a block, one sliding along the other."""
+
+    kind: Literal["RPR"] = Field(description="a lever and a block that slides along it", examples=["RPR"])
+    link: Name = Field(description="the lever", examples=["lever"])
+    about: Name = Field(description="the point the lever starts from", examples=["P"])
+    end: Name = Field(description="name for the lever's far pin", examples=["E"])
+    block: Name = Field(description="the sliding block", examples=["die"])
+    from_: Name = Field(alias="from", description="the point that is the block's pin", examples=["B"])
+    offset: Length = Field(
+        0.0, description="shift of the pin's path on the lever to the left of its axis", examples=["10 mm"]
+    )
+    side: Literal["+", "-"] = Field(
+        "+", description="pin ahead of (+) or behind (-) the lever's first pin", examples=["-"]
+    )
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        side = 1 if self.side == "+" else -1
+        return groups.RPR(self.link, self.block, self.from_, self.about, self.end, side, self.offset)
+
+    @staticmethod
+    def keys_of(group: groups.RPR) -> dict[str, Any]:
+        return {"link": group.link, "about": group.about, "end": group.end, "block": group.block, "from": group.from_,
+                "offset": f"{float(group.offset)!r} m", "side": "+" if group.side > 0 else "-"}  # fmt: skip
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return (self.link,)
+
+    def blocks(self) -> tuple[str, ...]:
+        return (self.block,)
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        if self.about == self.from_:
+            yield ("from",), "the same point as `about`", "name the point that the block is pinned to"
+
+
 def _angle(value: Any) -> str:
     return f"{float(value)!r} rad"
 
 
-TABLES: dict[str, type[GroupTable]] = {"crank": CrankTable, "RRP": RRPTable, "RRR": RRRTable}
+TABLES: dict[str, type[GroupTable]] = {"crank": CrankTable, "RRP": RRPTable, "RRR": RRRTable, "RPR": RPRTable}
 
 
 def _kind(value: Any) -> str | None:
@@ -162,6 +201,9 @@ def _kind(value: Any) -> str | None:
 
 
 Group = Annotated[
-    Annotated[CrankTable, Tag("#crank")] | Annotated[RRPTable, Tag("#RRP")] | Annotated[RRRTable, Tag("#RRR")],
+    Annotated[CrankTable, Tag("#crank")]
+    | Annotated[RRPTable, Tag("#RRP")]
+    | Annotated[RRRTable, Tag("#RRR")]
+    | Annotated[RPRTable, Tag("#RPR")],
     Discriminator(_kind),
 ]

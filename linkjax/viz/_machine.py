@@ -245,14 +245,14 @@ def _counterweights(stage: Stage, shape: Shape, at: Places, index: int) -> list[
 
 
 def _block(stage: Stage, look: Skeleton, shape: Shape, at: Places, index: int) -> list[Artist]:
-    """A block, turned along its guide."""
-    angle = next((g.angle for g in look.guides if g.block == shape.link), 0.0)
+    """A block, turned along its guide; upon the link that it slides on."""
+    angle = shape.turned(look.guides, at)
     t = stage.unit * np.array([math.cos(angle), math.sin(angle)])
     n = np.array([-t[1], t[0]])
     a, b = BLOCK[0] * t, BLOCK[1] * n
     corners = at[shape.pins[0]] + np.stack([a + b, b - a, -a - b, a - b])
     return [Polygon(corners, closed=True, edgecolor=colour(index), facecolor=tint(colour(index)), linewidth=1.3,
-                    zorder=2.5)]  # fmt: skip
+                    zorder=5.0 if shape.along else 2.5)]  # fmt: skip
 
 
 def _quartered(stage: Stage, centre: Place) -> list[Artist]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkjax._display import Units, prefixed
+from linkjax.groups import AbstractGroup
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -18,8 +19,9 @@ Places = dict[str, np.ndarray]
 
 
 class Shape(NamedTuple):
-    """A link to draw: its pins, its further marked points, its mass centre (None without mass), block or bar, and its
-    counterweights with their radii (m; None where they are no discs)."""
+    """A link to draw: its pins, its further marked points, its mass centre (None without mass), block or bar, its
+    counterweights with their radii (m; None where they are no discs), and for a block on a moving link the two pins
+    of that link, along which it lies."""
 
     link: str
     pins: tuple[str, ...]
@@ -27,6 +29,14 @@ class Shape(NamedTuple):
     centre: str | None
     block: bool
     weights: dict[str, float | None]
+    along: tuple[str, str] | None = None
+
+    def turned(self, guides: tuple[Guide, ...], at: Places) -> float:
+        """The angle (rad) at which a block is drawn."""
+        if self.along is not None:
+            x, y = at[self.along[1]] - at[self.along[0]]
+            return math.atan2(y, x)
+        return next((guide.angle for guide in guides if guide.block == self.link), 0.0)
 
 
 class Guide(NamedTuple):
@@ -68,12 +78,13 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     mechanism = scene.mechanism
     shapes, joints = [], []
     for group in mechanism.groups:
+        slots = _slots(group)
         for name, ends in group.pins().items():
             link = mechanism.links[name]
             pins = tuple(p for p in ends if p is not None)
-            heavy = float(link.actual().mass) > 0
+            heavy, block = float(link.actual().mass) > 0, name in group.translating() or name in slots
             shapes.append(Shape(name, pins, tuple(link.points), link.centre_name if heavy else None,
-                                name in group.translating(), _weights(link)))  # fmt: skip
+                                block, _weights(link), slots.get(name)))  # fmt: skip
             joints += [p for p in pins if p not in joints]
     drawn = {p for s in shapes for p in (*s.pins, *s.marked, *s.weights, *([s.centre] if s.centre else []))}
     paths = {p: path(data, p) for p in data["points"] if p in drawn}
@@ -87,9 +98,19 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     loaded = {load.point for load in scene.loads}
     traced = tuple(p for s in shapes for p in (*s.pins[1:], *s.marked, s.centre)
                    if p and (p != s.centre or p in loaded) and p in paths)  # fmt: skip
-    guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block) if g)
+    guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block and not shape.along) if g)
     low, high = sound.min(axis=1), sound.max(axis=1)
     return Skeleton(tuple(shapes), pivots, tuple(joints), guides, tuple(dict.fromkeys(traced)), low, high)
+
+
+def _slots(group: AbstractGroup) -> dict[str, tuple[str, str]]:
+    """For every block that slides along another link of its group: that link's two pins."""
+    pins, slots = group.pins(), {}
+    for joint in group.joints():
+        first, far = pins.get(joint.by or "", ("", None))
+        if joint.name.endswith(".guide") and far is not None:
+            slots[joint.link] = first, far
+    return slots
 
 
 def _weights(link: Link) -> dict[str, float | None]:

@@ -58,11 +58,11 @@ def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Unit
     at = places(data, scene, clearest(data, scene, look))
     links = []
     for i, shape in enumerate(look.shapes):
-        guide = next((g.angle for g in look.guides if g.block == shape.link), 0.0)
         links.append({
             "name": shape.link, "colour": to_hex(colour(i)), "fill": to_hex(tint(colour(i))),
             "dark": to_hex(tint(colour(i), 0.5)), "corners": outline(shape, at, 3 / scale), "block": shape.block,
-            "angle": guide, "pin": shape.pins[0], "weights": shape.weights,
+            "angle": shape.turned(look.guides, at), "along": shape.along, "pin": shape.pins[0],
+            "weights": shape.weights,
         })  # fmt: skip
     dots = sorted({p for shape in look.shapes for p in shape.marked} - set(look.joints))
     return {

@@ -12,6 +12,7 @@ import pytest
 import linkjax as lj
 from linkjax import Case, Counterweight, DesignError, Vec, at_least, at_most
 from linkjax.design import changed, outcome, settled
+from linkjax.design._problem import Kind
 from linkjax.scenes import SceneError
 from tests.design.test_optimise import AT, rotor
 
@@ -255,6 +256,12 @@ def test_a_name_with_underscores_in_its_numbers():
     with pytest.raises(SceneError, match="an angle without a unit"):
         changes = {"optimise.trade_off": {"limit": "smallest_transmission_angle", "bounds": [60, 50]}}
         lj.load_task("hay-press", changes)
+
+
+def test_a_bound_close_to_zero_is_no_measure():
+    kind = Kind("length", "", "m", "limit", True, 1.0, bound=2.0, scale=2.0)
+    assert [kind.bounded(bound).scale for bound in (-3.0, 0.0, 1e-9)] == [3.0, 2.0, 2.0]
+    assert [kind.bounded(bound).bound for bound in (-3.0, 0.0, 1e-9)] == [-3.0, 0.0, 1e-9]
 
 
 def test_both_senses_traded_off():

@@ -13,6 +13,7 @@ import numpy as np
 
 import linkjax as lj
 from linkjax import (
+    RPR,
     RRP,
     RRR,
     Crank,
@@ -28,8 +29,8 @@ from linkjax import (
 )
 from linkjax.kinematics import least_margin
 
-BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar")
-COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise")
+BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return")
+COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers")
 
 
 def turn(degrees: float) -> float:
@@ -118,10 +119,38 @@ def _clockwise() -> lj.Scene:
     )
 
 
+def _slotted_levers() -> lj.Scene:
+    """A lever with an eccentric slot about the frame drives a ram; a cylinder swings about the ram, its rod on a point
+    of the lever, taken backwards."""
+    links = {
+        "crank": Link(length=0.12, mass=3.0, inertia=0.01, centre=Vec(0.03, 0.01)),
+        "lever": Link(length=0.75, mass=6.0, inertia=0.3, centre=Vec(0.35, 0.02), points={"K": Vec(0.5, 0.1)}),
+        "die": Link(mass=1.2, inertia=0.004, centre=Vec(0.02, -0.01)),
+        "rod": Link(length=0.3, mass=1.5, inertia=0.01, centre=Vec(0.15, 0.0)),
+        "ram": Link(mass=20.0, centre=Vec(0.05, 0.02)),
+        "barrel": Link(length=0.2, mass=2.5, inertia=0.02, centre=Vec(-0.1, 0.01), points={"N": Vec(0.1, 0.05)}),
+        "piston": Link(mass=1.0, inertia=0.01, centre=Vec(0.1, 0.0)),
+    }
+    groups = [
+        Crank("crank", "O", "B"),
+        RPR("lever", "die", "B", "P", "E", offset=0.03),
+        RRP("rod", "ram", "E", "R", "T", -1),
+        RPR("barrel", "piston", "K", "R", "Q", -1, offset=-0.02),
+    ]
+    fixed = {"O": Vec(0.0, 0.0), "P": Vec(0.02, -0.35), "T": Vec(0.0, 0.38)}
+    loads = (
+        OpposingForce("cut", "ram", "R", magnitude=2000.0, window=Window(turn(20.0), turn(160.0)), reacts_on="frame"),
+        Force("pull", "barrel", "N", force=Vec(-30.0, 40.0)),
+        OpposingTorque("rub", "lever", magnitude=12.0),
+        Torque("twist", "piston", torque=3.0, window=Window(turn(200.0), turn(300.0))),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(2.0)), loads, Vec(0.0, -9.81), 12.0, 0.05, title="Levers")
+
+
 @functools.cache
 def machine(name: str) -> lj.Scene:
     """A built-in scene, or one composed here."""
-    made = dict(zip(COMPOSED, (_two_on_one_crank, _coupler_points, _clockwise), strict=True))
+    made = dict(zip(COMPOSED, (_two_on_one_crank, _coupler_points, _clockwise, _slotted_levers), strict=True))
     return made[name]() if name in made else lj.load(name)
 
 
@@ -140,6 +169,8 @@ def mirrored(mechanism: Mechanism) -> Mechanism:
             return dataclasses.replace(old, turns=-old.turns, phase=-old.phase)
         if isinstance(old, RRP):
             return dataclasses.replace(old, along=-old.along, offset=-old.offset)
+        if isinstance(old, RPR):
+            return dataclasses.replace(old, offset=-old.offset)
         return dataclasses.replace(old, side=-old.side)
 
     links = {name: link(mechanism.links[name]) for name in mechanism.link_names}
@@ -161,7 +192,7 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
         )  # fmt: skip
 
     def group(old):
-        return dataclasses.replace(old, offset=old.offset * lengths) if isinstance(old, RRP) else old
+        return dataclasses.replace(old, offset=old.offset * lengths) if isinstance(old, RRP | RPR) else old
 
     def load(old):
         if isinstance(old, Force):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkjax.groups import RRP, RRR, Crank
+from linkjax.groups import RPR, RRP, RRR, Crank
 from tests.physics import oracle
 
 
@@ -36,6 +36,13 @@ def joints(mechanism) -> list[Joint]:
                 Joint(g.from_, g.from_, g.link, owner[g.from_]),
                 Joint(g.end, g.end, g.block, g.link),
                 Joint(f"{g.block}.guide", g.end, g.block, "frame", guide=True),
+            ]
+            owner[g.end] = g.link
+        elif isinstance(g, RPR):
+            found += [
+                Joint(g.about, g.about, g.link, owner[g.about]),
+                Joint(g.from_, g.from_, g.block, owner[g.from_]),
+                Joint(f"{g.block}.guide", g.from_, g.block, g.link, guide=True),
             ]
             owner[g.end] = g.link
         else:
@@ -73,7 +80,7 @@ def solve(scene, phi, speed, acceleration) -> Solution:
     assert size == 2 * len(every) + 1, "as many equations as unknowns"
     matrix, right = np.zeros((*phi.shape, size, size)), np.zeros((*phi.shape, size))
     centre = {name: here.points[next(iter(b.places))] for name, b in bodies.items()}
-    normal = {g.block: 1j * here.links[g.block].r for g in mechanism.groups if isinstance(g, RRP)}
+    normal = {g.block: 1j * here.links[g.block].r for g in mechanism.groups if isinstance(g, RRP | RPR)}
 
     def act(link: str, point: str, column: int, force: Any, couple: Any = 0.0):
         """A unit unknown that gives `force` at the point and `couple`, on a link."""

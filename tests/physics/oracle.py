@@ -15,7 +15,7 @@ import mpmath
 import numpy as np
 from scipy.optimize import brentq
 
-from linkjax.groups import RRP, RRR, Crank
+from linkjax.groups import RPR, RRP, RRR, Crank
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.mechanism import Mechanism
 
@@ -98,6 +98,12 @@ def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str,
             rod = along * m.exp(1j * (lean if g.side > 0 else m.pi - lean))
             points[g.end] = points[g.from_] + length[g.link] * rod
             new = {g.link: (g.from_, rod), g.block: (g.end, along + 0 * rod)}
+        elif isinstance(g, RPR):
+            d = points[g.from_] - points[g.about]
+            lean = m.asin(n(g.offset) / abs(d))  # of the pin over the lever's axis
+            lever = d / abs(d) * m.exp(-1j * (lean if g.side > 0 else m.pi - lean))
+            points[g.end] = points[g.about] + length[g.link] * lever
+            new = {g.link: (g.about, lever), g.block: (g.from_, lever)}
         else:
             assert isinstance(g, RRR)
             one, two = (length[name] for name in g.links)
@@ -166,6 +172,12 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
             e, s2 = _solve(1j * rod, -along, -b.a + w**2 * rod)
             points[g.end] = Jet(at[g.end], s * along, s2 * along)
             links[g.link], links[g.block] = Jet(directions[g.link], w, e), Jet(along, none, none)
+        elif isinstance(g, RPR):
+            a, b, u = points[g.about], points[g.from_], directions[g.link]
+            d = b.r - a.r
+            w, s = _solve(1j * d, u, b.v - a.v)
+            e, _ = _solve(1j * d, u, b.a - a.a + w**2 * d - 2j * w * s * u)
+            links[g.link] = links[g.block] = Jet(u, w, e)
         else:
             a, b = points[g.from_], points[g.to]
             p, q = at[g.meet] - a.r, at[g.meet] - b.r

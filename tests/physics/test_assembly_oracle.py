@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from linkjax._compile import compiled_soon
-from linkjax.groups import RRP, Crank
+from linkjax.groups import RPR, RRP, Crank
 from linkjax.kinematics import assembly_margins
 from linkjax.measures import delta, peak_shaking_force_constant_speed, smallest_margin
 from linkjax.mechanism import Mechanism
@@ -54,6 +54,8 @@ def margins_at(mechanism: Mechanism, phi: np.ndarray) -> dict[tuple[str, str], n
         if isinstance(g, RRP):
             height = ((points[g.from_] - points[g.through]) / np.exp(1j * float(g.along))).imag - float(g.offset)
             found[group, "left"], found[group, "right"] = 1 - height / one, 1 + height / one
+        elif isinstance(g, RPR):
+            found[group, "pivot"] = (np.abs(points[g.from_] - points[g.about]) - abs(float(g.offset))) / one
         else:
             two = np.asarray(mechanism.links[g.link_names()[1]].length)
             r = np.abs(points[g.to] - points[g.from_])

@@ -14,6 +14,9 @@ import pytest
 import linkjax as lj
 from linkjax import Counterweight, Link, StructureError, Vec
 from linkjax._compile import compiled_soon
+from linkjax.forces import kinetostatics
+from linkjax.kinematics import pose
+from linkjax.reduction import reduce
 from tests.physics.machines import machine
 
 W = dict[str, dict[str, Counterweight]]
@@ -44,35 +47,57 @@ def cast(link: Link, *pieces: Counterweight) -> Link:
     )
 
 
-@pytest.mark.parametrize("name", ["slider-crank", pytest.param("hay-press", marks=pytest.mark.slow)])
-def test_heavy_ones_are_part_of_their_link(name):
-    """Everything that the analysis says, on a crank, a rod, a block, and a rocker where there is one."""
-    scene = machine(name)
-    block, rocker = scene.mechanism.link_names[2], scene.mechanism.link_names[-1]
+ANGLES = np.arange(24) * (2 * np.pi / 24)
+
+
+@compiled_soon
+def loaded(scene: lj.Scene, angles: jax.Array, acceleration: jax.Array):
+    """Pose, reduction and forces at the nominal speed."""
+
+    def at(phi):
+        return pose(scene.mechanism, phi), reduce(scene, phi), kinetostatics(scene, phi, scene.speed, acceleration)
+
+    return jax.vmap(at)(angles)
+
+
+def heavy() -> tuple[lj.Scene, lj.Scene]:
+    """The hay press with pieces on its crank, rod, block and rocker, and with castings instead of them."""
+    scene = machine("hay-press")
     pieces: W = {
         "crank": {"W1": Counterweight(20.0, Vec(-0.2, 0.03), thickness=0.05, density=7850.0)},
         "rod": {"W2": Counterweight(3.0, Vec(-0.1, 0.02), inertia=0.01), "W3": Counterweight(2.0, Vec(0.3, -0.1))},
-        block: {"W4": Counterweight(4.0, Vec(0.05, 0.02), inertia=0.02)},
+        "slider": {"W4": Counterweight(4.0, Vec(0.05, 0.02), inertia=0.02)},
+        "rocker": {"W5": Counterweight(9.0, Vec(-0.15, 0.05), thickness=0.04, density=7100.0)},
     }
-    if rocker != block:
-        pieces[rocker] = {"W5": Counterweight(9.0, Vec(-0.15, 0.05), thickness=0.04, density=7100.0)}
     links = {
         name: cast(link, *pieces[name].values()) if name in pieces else link
         for name, link in scene.mechanism.links.items()
     }
-    one = lj.analyse(fitted(scene, pieces), angles=24)
-    two = lj.analyse(scene.with_mechanism(dataclasses.replace(scene.mechanism, links=links)), angles=24)
+    return fitted(scene, pieces), scene.with_mechanism(dataclasses.replace(scene.mechanism, links=links))
+
+
+def alike(one, two) -> None:
+    """Every number of two results."""
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(two), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * float(np.max(np.abs(b))) + 1e-9)
+
+
+def test_heavy_ones_are_part_of_their_link():
+    """Reduction and every force, while the crank speeds up."""
+    one, two = (loaded(scene, jnp.asarray(ANGLES), jnp.asarray(300.0)) for scene in heavy())
+    alike(one[1:], two[1:])
+    assert {"W1", "W2", "W3", "W4", "W5"} <= one[0].points.keys()
+
+
+@pytest.mark.slow
+def test_a_whole_analysis_with_heavy_ones():
+    """Everything that it says."""
+    one, two = (lj.analyse(scene, angles=24) for scene in heavy())
     for got in (one, two):
         assert max(float(check) for check in jax.tree.leaves(got.checks)) < 1e-10
     assert float(one.delta) == pytest.approx(float(two.delta), rel=1e-9)
-    pairs = zip(
-        jax.tree.leaves((one.reduced, one.forces, one.forces_constant_speed, one.work)),
-        jax.tree.leaves((two.reduced, two.forces, two.forces_constant_speed, two.work)),
-        strict=True,
-    )
-    for a, b in pairs:
-        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * float(np.max(np.abs(b))) + 1e-9)
-    assert {place for each in pieces.values() for place in each} <= one.pose.points.keys()
+    for part in ("reduced", "forces", "forces_constant_speed", "work"):
+        alike(getattr(one, part), getattr(two, part))
 
 
 def test_ideal_ones_add_the_product_alone():
@@ -80,20 +105,19 @@ def test_ideal_ones_add_the_product_alone():
     scene = machine("hay-press")
     product = {"crank": Vec(-3.0, 0.7), "rocker": Vec(-0.8, -0.3)}
     pieces: W = {name: {f"W{name}": Counterweight(1.0, at, ideal=True)} for name, at in product.items()}
-    before, after = (lj.analyse(s, angles=36) for s in (scene, fitted(scene, pieces)))
-    assert max(float(check) for check in jax.tree.leaves(after.checks)) < 1e-10
-    np.testing.assert_allclose(after.reduced.inertia, before.reduced.inertia, rtol=1e-12)
-    speed, phi = float(scene.speed), np.asarray(before.angles)
+    machines = (scene, fitted(scene, pieces))
+    (here, before, one), (_, after, two) = (loaded(s, jnp.asarray(ANGLES), jnp.asarray(0.0)) for s in machines)
+    np.testing.assert_allclose(after.inertia, before.inertia, rtol=1e-12)
+    speed, phi = float(scene.speed), ANGLES
     crank = np.exp(1j * phi) * (-3.0 + 0.7j)
-    rocker = before.pose.links["rocker"]
+    rocker = here.links["rocker"]
     u = np.asarray(rocker.u.x) + 1j * np.asarray(rocker.u.y)
     second = -crank + (1j * np.asarray(rocker.e) - np.asarray(rocker.w) ** 2) * u * (-0.8 - 0.3j)
-    one, two = before.forces_constant_speed, after.forces_constant_speed
     gained = np.asarray(two.shaking.fx - one.shaking.fx) + 1j * np.asarray(two.shaking.fy - one.shaking.fy)
     np.testing.assert_allclose(gained, -(speed**2) * second, rtol=0, atol=1e-9 * np.max(np.abs(second)) * speed**2)
     np.testing.assert_allclose(two.weight.fy, one.weight.fy, rtol=1e-12)
     first = 1j * crank + 1j * np.asarray(rocker.w) * u * (-0.8 - 0.3j)
-    torque = np.asarray(after.reduced.by_load["gravity"] - before.reduced.by_load["gravity"])
+    torque = np.asarray(after.by_load["gravity"] - before.by_load["gravity"])
     np.testing.assert_allclose(torque, -9.8 * first.imag, rtol=0, atol=1e-10)
 
 

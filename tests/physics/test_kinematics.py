@@ -17,7 +17,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from linkjax import RRP, RRR, Crank, Link, Mechanism, Vec
+from linkjax import RPR, RRP, RRR, Crank, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import LinkState, PointState
 from linkjax.kinematics import dead_centres, margins, pose, strokes, transmission_angles
@@ -109,7 +109,7 @@ def test_coefficients_against_50_digits(name):
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_transmission_angles(name):
-    """Angle between the two links; between the rod and the normal of the guide."""
+    """Angle between the two links; between the rod, or the line from pivot to pin, and the normal of the guide."""
     got, mechanism = computed(name), machine(name).mechanism
     directions = oracle.assemble(mechanism, ANGLES)[1]
     seen = 0
@@ -119,12 +119,15 @@ def test_transmission_angles(name):
         truth = np.abs(np.angle(turn))
         if isinstance(g, RRP):  # from the left normal of the guide: 90 degrees when the rod lies along it
             truth = np.abs(np.angle(directions[one] / (1j * directions[two])))
+        if isinstance(g, RPR):  # from the left normal of the lever: 90 degrees where the pin runs on its axis
+            points = oracle.assemble(mechanism, ANGLES)[0]
+            truth = np.abs(np.angle((points[g.from_] - points[g.about]) / (1j * directions[one])))
         np.testing.assert_allclose(got.transmission["-".join((one, two))], truth, atol=1e-12)
         seen += 1
     assert seen == len(got.transmission) > 0
 
 
-@pytest.mark.parametrize("name", ["hay-press", "coupler-points", "clockwise"])
+@pytest.mark.parametrize("name", ["hay-press", "coupler-points", "clockwise", "slotted-levers"])
 def test_mirror_image(name):
     """Rotation the other way is the mirror image."""
     got = computed(name)

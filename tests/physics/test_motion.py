@@ -24,7 +24,8 @@ from linkjax.motion import with_flywheel as refitted
 from tests.physics import oracle, shooting
 from tests.physics.machines import BUILT_IN, COMPOSED, machine
 
-MACHINES = [*BUILT_IN, *COMPOSED]
+LEVERS = [pytest.param(name, marks=pytest.mark.slow) for name in ("quick-return", "slotted-levers")]
+MACHINES = [*(name for name in (*BUILT_IN, *COMPOSED) if name not in ("quick-return", "slotted-levers")), *LEVERS]
 FINE = 352
 TRUTH = 0.0903376816582  # δ of hay-press-slider, by DOP853 with shooting at rtol 1e-13 and by panels: see the issue
 

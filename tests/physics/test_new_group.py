@@ -1,4 +1,4 @@
-"""A structural group that linkjax does not have, written here: nothing else has to change for it.
+"""A structural group written outside linkjax, as a user would: nothing else has to change for it.
 
 The slotted lever of a shaper: a block on the crank pin slides along a lever that swings about the frame, and the lever
 drives the ram.
@@ -25,10 +25,10 @@ from linkjax.kinematics import pose, transmission_angles
 from linkjax.measures import peak_names
 
 
-class RPR(AbstractGroup):
-    """II3: a `block` pinned at `from_` slides along a `lever` pinned at `about`, the origin of the lever."""
+class SlottedLever(AbstractGroup):
+    """A `block` pinned at `from_` slides along a `lever` pinned at `about`, the origin of the lever."""
 
-    kind: ClassVar[str] = "RPR"
+    kind: ClassVar[str] = "slotted lever"
     formula: ClassVar[str] = "II3"
     dead_positions: ClassVar[tuple[str, ...]] = ("pivot",)
 
@@ -68,7 +68,7 @@ class RPR(AbstractGroup):
         length = links[self.lever].length
         return {"pivot": Margin(r / length, dr / length, ddr / length)}
 
-    def transmission(self, states):
+    def transmission(self, states, points):
         return jnp.full_like(states[self.lever].w, math.pi / 2)
 
     def joints(self):
@@ -98,7 +98,7 @@ def shaper() -> lj.Scene:
     }
     groups = [
         Crank("crank", "O", "B"),
-        RPR("block", "lever", "B", "P", "E"),
+        SlottedLever("block", "lever", "B", "P", "E"),
         RRP("rod", "ram", "E", "R", "T", -1),
     ]
     fixed = {"O": Vec(0.0, 0.0), "P": Vec(0.0, -0.35), "T": Vec(0.0, 0.38)}

@@ -21,8 +21,8 @@ from tests.physics import oracle, shooting
 from tests.physics.machines import machine
 
 in_angle, in_time = compiled_soon(run_in_angle), compiled_soon(run_in_time)
-STATES = [("hay-press", 1.3, 80.0, 400.0), ("clockwise", -7.9, 43.0, -2.0)]
-STATES += [pytest.param("four-bar", 20.0, 15.0, 0.5, marks=pytest.mark.slow)]
+OTHERS = [("hay-press", 1.3, 80.0, 400.0), ("four-bar", 20.0, 15.0, 0.5)]
+STATES = [("clockwise", -7.9, 43.0, -2.0), *(pytest.param(*one, marks=pytest.mark.slow) for one in OTHERS)]
 
 
 def by_scipy(scene: lj.Scene, angles: np.ndarray, speed: float, drive: float) -> tuple[np.ndarray, np.ndarray]:

@@ -35,7 +35,7 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
     "missing key": (edit('speed = "700 rpm"', ""), "speed", "", "missing", 'add speed = "700 rpm"'),
     "missing key of a group": (edit('pivot = "A"', ""), "groups[0].pivot", "", "missing", 'add pivot = "A"'),
     "missing key of a load": (edit('link = "rocker"', ""), "loads[0].link", "", "missing", 'add link = "slider"'),
-    "missing kind": (edit('kind = "RRP"', ""), "groups[1].kind", "", "missing", '"RRP" or "RRR"'),
+    "missing kind": (edit('kind = "RRP"', ""), "groups[1].kind", "", "missing", '"RRP" or "RPR"'),
     "missing table": ("speed = 1", "fixed", "", "missing", "add a table [fixed]"),
     "missing links": ("speed = 1\n[fixed]", "links", "", "missing", "[links.crank]"),
     "missing groups": ("speed = 1\n[fixed]\n[links]", "groups", "", "missing", "add a table [[groups]]"),
@@ -195,7 +195,11 @@ def test_unknown_before_missing():
     [
         ("hay-pres", "no such scene file", "did you mean 'hay-press'?"),
         ("hay-press.toml", "no such scene file", "did you mean 'hay-press'?"),
-        ("missing.toml", "no such scene file", "built-in scene: four-bar, hay-press, hay-press-slider, slider-crank"),
+        (
+            "missing.toml",
+            "no such scene file",
+            "built-in scene: four-bar, hay-press, hay-press-slider, quick-return, slider-",
+        ),
         ("mine", "no such scene file", "did you mean 'mine.toml'?"),
         ("folder", "cannot be read: a folder", "path of a .toml file"),
         ("latin.toml", "not a text in UTF-8 (byte 10)", "save the file as UTF-8"),

@@ -1,0 +1,94 @@
+"""II3 (RPR): a block that slides along a lever: the slotted lever of a shaper, a swinging cylinder.
+
+Source: any text on Assur groups, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4 (closure) and
+ch. 13 (reactions).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from linkjax._numerics import once, safe_divide, safe_sqrt
+from linkjax._types import as_float
+from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
+
+
+class RPR(AbstractGroup):
+    """A lever `link` pinned at the point `about`, and a `block` pinned at the point `from_` that slides along it.
+
+    The pin of the block runs on a line of the lever that is parallel to its axis, shifted to its left by `offset` (m).
+    `side` is +1 when it lies ahead of the lever's pivot, -1 when behind. `end` is the lever's far pin, on its axis.
+    """
+
+    kind: ClassVar[str] = "RPR"
+    formula: ClassVar[str] = "II3"
+    dead_positions: ClassVar[tuple[str, ...]] = ("pivot",)
+
+    link: str = eqx.field(static=True)
+    block: str = eqx.field(static=True)
+    from_: str = eqx.field(static=True)
+    about: str = eqx.field(static=True)
+    end: str = eqx.field(static=True)
+    side: int = eqx.field(static=True, default=1)
+    offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self):
+        if self.side not in (1, -1):
+            raise ValueError(f"side of an {self.kind} must be 1 or -1, but is {self.side!r}")
+
+    def link_names(self):
+        return (self.link, self.block)
+
+    def needs(self):
+        return (self.from_, self.about)
+
+    def pins(self):
+        return {self.link: (self.about, self.end), self.block: (self.from_, None)}
+
+    def solve(self, links, points, phi):
+        length = links[self.link].length
+        a, b = points[self.about], points[self.from_]
+        d, v, c = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
+        r = once(safe_sqrt(d.squared(), 1.0))
+        squared = (r - self.offset) * (r + self.offset)
+        s = once(jnp.where(squared > 0, safe_sqrt(squared, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder
+        u = (d * s - d.perp() * self.offset) / (r * safe_sqrt(s * s + self.offset**2, 1.0))
+        n = u.perp()
+        w = v.dot(n) / s  # b - a = s u + h n, its rate s' u + s w n - h w u
+        slide = v.dot(u) + self.offset * w
+        e = (c.dot(n) - 2 * slide * w + self.offset * w * w) / s
+        state, arm = LinkState(u, w, e), u * length
+        end = PointState(a.r + arm, a.dr + arm.perp() * w, a.ddr + arm.perp() * e - arm * (w * w))
+        return {self.link: state, self.block: state}, {self.end: end}
+
+    def margins(self, links, points):
+        length = links[self.link].length
+        a, b = points[self.about], points[self.from_]
+        d, v, c = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
+        r = safe_sqrt(d.squared())
+        dr = safe_divide(d.dot(v), r)
+        ddr = safe_divide(d.dot(c) + v.squared() - dr * dr, r)
+        return {"pivot": Margin((r - jnp.abs(self.offset)) / length, dr / length, ddr / length)}
+
+    def transmission(self, states, points):
+        d = points[self.from_].r - points[self.about].r
+        return jnp.atan2(jnp.abs(d.dot(states[self.link].u)), self.offset)
+
+    def joints(self):
+        return (
+            Joint(self.about, self.about, self.link),
+            Joint(self.from_, self.from_, self.block),
+            Joint(f"{self.block}.guide", self.from_, self.block, self.link),
+        )
+
+    def react(self, loads, states, points):
+        u = states[self.link].u
+        on_lever, on_block = loads[self.link], loads[self.block]
+        s = (points[self.from_].r - points[self.about].r).dot(u)
+        normal = u.perp() * ((on_lever.moment + on_block.moment) / s)
+        none = jnp.zeros_like(s)
+        pivot, pin = normal - on_lever.force, -(on_block.force + normal)
+        return (Wrench(pivot, none), Wrench(pin, none), Wrench(normal, -on_block.moment)), None

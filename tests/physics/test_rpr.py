@@ -1,0 +1,122 @@
+"""A block on a lever (RPR): closed forms of the quick return, and where a linkage of this kind breaks."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import RPR, Crank, Link, Mechanism, Vec
+from linkjax._compile import compiled_soon
+from linkjax.analysis import document
+from linkjax.kinematics import assembly_margins, pose
+from linkjax.measures import smallest_margin
+
+REST = math.asin(120 / 350)  # the lever's lean when the crank stands at right angles to it
+
+
+def geneva(crank: float, apart: float, offset: float = 0.0, side: int = 1) -> Mechanism:
+    """A crank about the origin and a lever about a point below it."""
+    links = {"crank": Link(length=crank, mass=1.0), "lever": Link(length=0.5, mass=2.0), "die": Link(mass=0.5)}
+    groups = [Crank("crank", "O", "B"), RPR("lever", "die", "B", "P", "E", side, offset)]
+    return Mechanism({"O": Vec(0.0, 0.0), "P": Vec(0.0, -apart)}, links, groups)
+
+
+def test_the_quick_return():
+    """Swing, dead centres and time ratio of the shaper in closed form."""
+    data = document(lj.analyse(lj.load("quick-return"), angles=36))
+    lever, ram = data["strokes"]["lever"], data["strokes"]["R"]
+    assert lever["value"] == pytest.approx(2 * REST, rel=1e-12)
+    assert lever["time_ratio"] == pytest.approx((math.pi + 2 * REST) / (math.pi - 2 * REST), rel=1e-9)
+    assert ram["value"] == pytest.approx(2 * 0.75 * 120 / 350, rel=1e-12)  # the ends of its stroke are alike
+    stops = sorted(each["angle"] for each in data["dead_centres"] if each.get("link") == "lever")
+    assert stops == pytest.approx([math.pi + REST, 2 * math.pi - REST], abs=1e-12)
+    assert max(data["checks"].values()) < 1e-12
+    margin = data["groups"]["lever-die"]["margins"]["pivot"]
+    assert margin["value"] == pytest.approx((350 - 120) / 750, rel=1e-12)
+    assert margin["angle"] == pytest.approx(1.5 * math.pi, abs=1e-7)
+
+
+def test_a_lever_that_comes_round():
+    """A crank longer than the frame (Whitworth): both turn; angle and rates in closed form."""
+    mechanism, phi = geneva(0.2, 0.08), jnp.linspace(0.0, 6.2, 14)
+    at = compiled_soon(jax.vmap(pose, in_axes=(None, 0)))(mechanism, phi).links["lever"]
+    phi = np.asarray(phi)
+    x, y = 0.2 * np.cos(phi), 0.08 + 0.2 * np.sin(phi)
+    np.testing.assert_allclose(np.asarray(at.u.x) * y, np.asarray(at.u.y) * x, rtol=0, atol=1e-16)
+    reach = x**2 + y**2
+    np.testing.assert_allclose(at.w, (0.04 + 0.016 * np.sin(phi)) / reach, rtol=1e-13)
+    slope = 0.016 * np.cos(phi) * (reach - 2 * (0.04 + 0.016 * np.sin(phi))) / reach**2
+    np.testing.assert_allclose(at.e, slope, rtol=0, atol=1e-12 * np.max(np.abs(slope)))
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_an_eccentric_slot(side):
+    """The pin stays on the shifted line, ahead of or behind the pivot, however the numbers are scaled."""
+    for scale in (1e-6, 1.0, 1e6):
+        mechanism = geneva(0.1 * scale, 0.3 * scale, 0.04 * scale, side)
+        mechanism = eqx.tree_at(lambda m: m.links["lever"].length, mechanism, jnp.asarray(0.5 * scale))
+        here = compiled_soon(jax.vmap(pose, in_axes=(None, 0)))(mechanism, jnp.linspace(0.0, 6.0, 9))
+        d, u = here.points["B"].r - here.points["P"].r, here.links["lever"].u
+        np.testing.assert_allclose(u.cross(d), 0.04 * scale, rtol=1e-14)
+        assert np.all(side * np.asarray(u.dot(d)) > 0.15 * scale)
+
+
+@pytest.mark.parametrize(
+    ("crank", "apart", "offset"), [(0.1, 0.12, 0.03), (0.1, 0.1, 0.0), (0.1, 0.1, 0.02), (0.1, 0.0, 0.2)]
+)
+def test_where_it_cannot_be(crank, apart, offset):
+    """The pin closer to the pivot than the slot is: told by the margin, everything finite, and the gradient leads out;
+    the pin right on the pivot is no better."""
+    mechanism = geneva(crank, apart, offset)
+    least = compiled_soon(assembly_margins)(mechanism)["lever-die"]["pivot"]
+    assert float(least.value) == pytest.approx((abs(crank - apart) - offset) / 0.5, abs=1e-9)
+    assert float(least.value) <= 0 or (offset == 0 and float(least.value) < 1e-9)
+    scene = lj.Scene(mechanism, speed=10.0)
+    slope = compiled_soon(jax.grad(lambda s: smallest_margin(s)))(scene).mechanism
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
+    if offset:
+        assert float(slope.groups[1].offset) == pytest.approx(-1 / 0.5, rel=1e-9)
+    whole = compiled_soon(jax.value_and_grad(lambda s: jnp.sum(pose(s.mechanism, jnp.asarray(4.712)).points["E"].dr.x)))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(whole(scene)))
+    if float(least.value) < 0:
+        with pytest.raises(lj.MachineError, match="lever-die"):
+            lj.analyse(scene, angles=8)
+
+
+def test_what_is_wrong_is_told():
+    """The group that fails, not the one behind it, which only hangs on what is none."""
+    with pytest.raises(lj.MachineError, match=r"'lever-die' cannot be assembled at 270.00 degrees .* short by 0.0133"):
+        lj.analyse(lj.load("quick-return", {"groups[1].offset": "240 mm"}), angles=8)
+    with pytest.raises(ValueError, match="side of an RPR must be 1 or -1"):
+        RPR("lever", "die", "B", "P", "E", 0)
+    with pytest.raises(lj.SceneError, match=r'groups\[1\].from = "P": the same point as `about`'):
+        lj.load("quick-return", {"groups[1].from": "P"})
+
+
+def test_gradients_of_a_cycle():
+    """δ of the shaper by the pivot's place, the lever's length and the offset, against differences."""
+
+    def found(x):
+        scene = lj.load("quick-return")
+        m = scene.mechanism
+        lever = dataclasses.replace(m.links["lever"], length=x[0])
+        group = dataclasses.replace(m.groups[1], offset=x[1])
+        fixed = {**m.fixed, "P": Vec(x[2], x[3])}
+        groups = (m.groups[0], group, m.groups[2])
+        return lj.measures.delta(
+            scene.with_mechanism(Mechanism(fixed, {**m.links, "lever": lever}, groups, m.flywheel)), 96
+        )
+
+    x = jnp.asarray([0.75, 0.02, 0.01, -0.35])
+    slope = np.asarray(compiled_soon(jax.grad(found))(x))
+    steps = jnp.concatenate([k * 1e-3 * jnp.eye(4) for k in (-2, -1, 1, 2)])
+    f = np.asarray(compiled_soon(lambda x: jax.lax.map(found, x))(x[None] + steps)).reshape((4, 4))
+    differences = (f[0] - f[3] + 8 * (f[2] - f[1])) / (12 * 1e-3)
+    np.testing.assert_allclose(slope, differences, rtol=0, atol=1e-6 * float(np.linalg.norm(slope)))
