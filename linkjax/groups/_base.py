@@ -57,6 +57,12 @@ class Joint(NamedTuple):
     by: str | None = None
 
 
+def check_side(kind: str, side: int) -> None:
+    """Raise ValueError for a side that is none."""
+    if side not in (1, -1):
+        raise ValueError(f"side of an {kind} must be 1 or -1, but is {side!r}")
+
+
 class AbstractGroup(eqx.Module):
     """A structural group: closes one or more links onto points that are already known."""
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_divide, safe_sqrt
 from linkjax._types import as_float
-from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
+from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench, check_side
 
 
 class RPR(AbstractGroup):
@@ -36,8 +36,7 @@ class RPR(AbstractGroup):
     offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
-        if self.side not in (1, -1):
-            raise ValueError(f"side of an {self.kind} must be 1 or -1, but is {self.side!r}")
+        check_side(self.kind, self.side)
 
     def link_names(self):
         return (self.link, self.block)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from linkjax._numerics import once, safe_sqrt
 from linkjax._types import as_float
 from linkjax._vec import unit
-from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
+from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench, check_side
 
 
 class RRP(AbstractGroup):
@@ -34,8 +34,7 @@ class RRP(AbstractGroup):
     offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
-        if self.side not in (1, -1):
-            raise ValueError(f"side of an {self.kind} must be 1 or -1, but is {self.side!r}")
+        check_side(self.kind, self.side)
 
     def link_names(self):
         return (self.link, self.block)

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax._numerics import safe_divide, safe_sqrt
-from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
+from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench, check_side
 
 
 class RRR(AbstractGroup):
@@ -32,8 +32,7 @@ class RRR(AbstractGroup):
     side: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
-        if self.side not in (1, -1):
-            raise ValueError(f"side of an {self.kind} must be 1 or -1, but is {self.side!r}")
+        check_side(self.kind, self.side)
 
     def link_names(self):
         return self.links
