@@ -70,7 +70,8 @@ class RPR(AbstractGroup):
         r = safe_sqrt(d.squared())
         dr = safe_divide(d.dot(v), r)
         ddr = safe_divide(d.dot(c) + v.squared() - dr * dr, r)
-        return {"pivot": Margin((r - jnp.abs(self.offset)) / length, dr / length, ddr / length)}
+        off = safe_sqrt(self.offset * self.offset)  # with a slope of zero where it is zero
+        return {"pivot": Margin((r - off) / length, dr / length, ddr / length)}
 
     def transmission(self, states, points):
         d = points[self.from_].r - points[self.about].r
