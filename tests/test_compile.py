@@ -101,9 +101,9 @@ def test_never_read_from_jaxs_own_cache(folder, ours, monkeypatch):
     """What another process has just compiled there is an executable that cannot be written again whole."""
     names, compiled = [], _compile.compiled_sooner
 
-    def seen(lowered):
+    def seen(lowered, options=None):
         names.append(lowered.as_text().split("@", 1)[1].split()[0])
-        return compiled(lowered)
+        return compiled(lowered, options)
 
     monkeypatch.setattr(_compile, "compiled_sooner", seen)
     for _ in range(2):
