@@ -36,7 +36,7 @@ class Numbers(NamedTuple):
     def shown(self, value: SupportsFloat, unit: str = "") -> str:
         """A number that was put in, with its unit and without idle zeros."""
         factor, label = prefixed(abs(float(value)), unit, self.units)
-        mantissa, _, power = f"{factor * float(value):.6g}".partition("e")
+        mantissa, _, power = f"{factor * float(value) + 0.0:.6g}".partition("e")  # + 0: no sign of a zero
         scale = f"·10{superscript(int(power))}" if power else ""
         return f"{mantissa}{scale} {label}".rstrip().replace("-", "−")
 
@@ -44,7 +44,7 @@ class Numbers(NamedTuple):
         """Two numbers that were put in and belong together, "(0.3, −0.1) m"."""
         x, y = (float(value) for value in at)
         factor, label = prefixed(max(abs(x), abs(y)), unit, self.units)
-        return f"({factor * x:.6g}, {factor * y:.6g}) {label}".rstrip().replace("-", "−")
+        return f"({factor * x + 0.0:.6g}, {factor * y + 0.0:.6g}) {label}".rstrip().replace("-", "−")
 
     def turned(self, value: float | None) -> str:
         """An angle, in degrees unless another unit was chosen."""

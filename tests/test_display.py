@@ -57,4 +57,5 @@ def test_without_any_they_suit_the_largest():
     assert show.place((0.0, -9.8), "m/s²") == "(0, −9.8) m/s²"
     assert show.shown(40, "kg·m²") == "40 kg·m²"
     assert show.bound(None, "N") == "–"
+    assert (show.shown(-0.0, "N"), show.place((-0.0, 0.0))) == ("0 N", "(0, 0) mm")
     assert show.measured(1.1215243512, 1e-8) == ("1.12152435", "± 1.0·10⁻⁸")

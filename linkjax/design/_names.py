@@ -116,10 +116,11 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
 
 
 def _group(name: str, group: AbstractGroup, where: Where) -> Iterator[Number]:
-    """The numbers of a group: `guide.` in front of those that a scene file writes there."""
+    """The numbers of a group: `guide.` in front of those of a guide of the frame, as a scene file has them."""
+    table = "guide." if hasattr(group, "through") else ""
     for field in dataclasses.fields(group):
         if not field.metadata.get("static"):
-            shown = {"along": "guide.along", "offset": "guide.offset"}.get(field.name, field.name)
+            shown = f"{table}{field.name}" if field.name in ("along", "offset") else field.name
             unit = "m" if field.name == "offset" else "rad"
             yield Number(f"{name}.{shown}", lambda s, f=field.name: getattr(where(s), f), unit)
 

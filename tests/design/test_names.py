@@ -69,6 +69,13 @@ def test_unknown_names(name, says):
         number(scene(), name)
 
 
+def test_a_slot_has_no_guide_of_the_frame():
+    """Names follow the keys of scene files: `offset` of an RPR stands beside its `kind`, that of an RRP in `guide`."""
+    known = [name for name in numbers(lj.load("quick-return")) if name.startswith("groups.")]
+    guide = [f"groups.rod-ram.guide.{key}" for key in ("along", "offset")]
+    assert known == ["groups.crank.phase", "groups.lever-die.offset", *guide]
+
+
 def test_differentiable():
     machine = scene()
     slope = jax.grad(lambda x: changed(machine, {"links.rod.length": x}).mechanism.links["rod"].length ** 2)
