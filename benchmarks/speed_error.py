@@ -1,7 +1,7 @@
 """Wall time of one steady cycle against the error of its δ: linkjax's roads, SciPy, the textbook, float32.
 
 Run: python -m benchmarks.speed_error [--plot FILE]       the README's plot is docs/images/speed_error.png
-Machine: `hay-press-slider`; one design, compiled; medians of paired rounds. Times of different runs do not compare.
+Machine: `hay-press-slider`; one design, compiled; medians of rounds. Times of different runs do not compare.
 """
 
 from __future__ import annotations

@@ -22,10 +22,16 @@ if TYPE_CHECKING:
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
     from linkjax.design import optimise as optimise
+    from linkjax.groups import PRP as PRP
+    from linkjax.groups import RPP as RPP
     from linkjax.groups import RPR as RPR
     from linkjax.groups import RRP as RRP
     from linkjax.groups import RRR as RRR
     from linkjax.groups import Crank as Crank
+    from linkjax.groups import Guide as Guide
+    from linkjax.groups import Harmonic as Harmonic
+    from linkjax.groups import Slide as Slide
+    from linkjax.groups import Spline as Spline
     from linkjax.kinematics import dead_centres as dead_centres
     from linkjax.kinematics import margins as margins
     from linkjax.kinematics import pose as pose
@@ -58,7 +64,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "_population": ("over_designs",),
     "_results": ("MachineError", "Result"),
     "_vec": ("Vec",),
-    "groups": ("RPR", "RRP", "RRR", "Crank"),
+    "groups": ("PRP", "RPP", "RPR", "RRP", "RRR", "Crank", "Guide", "Harmonic", "Slide", "Spline"),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError"),
     "kinematics": ("dead_centres", "margins", "pose", "strokes", "transmission_angles"),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),

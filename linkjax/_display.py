@@ -35,23 +35,27 @@ class Numbers(NamedTuple):
 
     def shown(self, value: SupportsFloat, unit: str = "") -> str:
         """A number that was put in, with its unit and without idle zeros."""
+        if not math.isfinite(float(value)):
+            return NONE
         factor, label = prefixed(abs(float(value)), unit, self.units)
-        mantissa, _, power = f"{factor * float(value) + 0.0:.6g}".partition("e")  # + 0: no sign of a zero
-        scale = f"·10{superscript(int(power))}" if power else ""
-        return f"{mantissa}{scale} {label}".rstrip().replace("-", "−")
+        return _joined(short(factor * float(value)), label)
 
     def place(self, at: tuple[SupportsFloat, SupportsFloat], unit: str = "m") -> str:
         """Two numbers that were put in and belong together, "(0.3, −0.1) m"."""
         x, y = (float(value) for value in at)
-        factor, label = prefixed(max(abs(x), abs(y)), unit, self.units)
-        return f"({factor * x + 0.0:.6g}, {factor * y + 0.0:.6g}) {label}".rstrip().replace("-", "−")
+        factor, label = prefixed(max((abs(v) for v in (x, y) if math.isfinite(v)), default=0.0), unit, self.units)
+        return _joined(f"({short(factor * x)}, {short(factor * y)})", label)
 
     def turned(self, value: float | None) -> str:
         """An angle, in degrees unless another unit was chosen."""
         if value is None or not math.isfinite(value):
             return NONE
-        factor, label = self.units.get("rad", (180 / math.pi, "°"))
-        return (f"{factor * value:.3f}°" if label == "°" else f"{factor * value:.5f} {label}").replace("-", "−")
+        factor, label = self._angles()
+        places = 3 if label == "°" else 5
+        return _joined(f"{round(factor * value, places) + 0.0:.{places}f}".replace("-", "−"), label)
+
+    def _angles(self) -> tuple[float, str]:
+        return self.units.get("rad", (180 / math.pi, "°"))
 
     def speed(self, value: float, digits: int = 6) -> str:
         """A speed of rotation (rad/s in), in revolutions per minute unless another unit was chosen."""
@@ -65,7 +69,7 @@ class Numbers(NamedTuple):
         factor, label = prefixed(abs(value), unit, self.units)
         ratio = abs(value) / error if error > 0 else math.inf
         digits = most if ratio > 10.0**most else max(3, min(most, math.floor(math.log10(max(ratio, 1.0))) + 1))
-        return f"{number(factor * value, digits)} {label}".rstrip(), f"± {self.quantity(error, unit, 2)}"
+        return _joined(number(factor * value, digits), label), f"± {self.quantity(error, unit, 2)}"
 
     def bound(self, value: SupportsFloat | None, unit: str) -> str:
         """A bound that was put in, unit as measures write it: as short as it is."""
@@ -73,15 +77,16 @@ class Numbers(NamedTuple):
             return NONE
         if unit not in ("rad", "rad/s"):
             return self.shown(value, label_of(unit))
-        factor, label = turning(self.units) if unit == "rad/s" else self.units.get("rad", (180 / math.pi, "°"))
-        return f"{factor * float(value):.6g}{'' if label == '°' else ' '}{label}".replace("-", "−")
+        factor, label = turning(self.units) if unit == "rad/s" else self._angles()
+        return _joined(short(factor * float(value)), label)
 
     def told(self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5) -> list[str]:
         """One quantity several times, unit as measures write it ("N m", "1", "rad"), all in the unit that suits the
         largest. A dash for None."""
         numbers = [math.nan if value is None else float(value) for value in values]
         if unit == "rad":
-            return [self.turned(value) for value in numbers]
+            factor, label = self._angles()
+            return [_number(factor * value, label, digits) for value in numbers]
         if unit == "rad/s":
             return [self.speed(value) for value in numbers]
         return self.alike(numbers, label_of(unit), digits)
@@ -92,7 +97,21 @@ def _number(value: float, label: str, digits: int) -> str:
         return NONE
     mantissa, _, power = number(value, digits).partition("e")
     scale = f"·10{superscript(int(power.replace('−', '-')))}" if power else ""
-    return f"{mantissa}{scale} {label}".rstrip()
+    return _joined(f"{mantissa}{scale}", label)
+
+
+def _joined(text: str, label: str) -> str:
+    """A number and its unit, which may begin with a power of ten."""
+    between = "" if label in ("°", "") else "·" if label.startswith("10") else " "
+    return f"{text}{between}{label}"
+
+
+def short(value: float) -> str:
+    """A number without idle zeros, six digits at most, a dash for none; zero has no sign."""
+    if not math.isfinite(value):
+        return NONE
+    mantissa, _, power = f"{value + 0.0:.6g}".partition("e")
+    return f"{mantissa}{f'·10{superscript(int(power))}' if power else ''}".replace("-", "−")
 
 
 def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float, str]:

@@ -14,6 +14,7 @@ import linkjax as lj
 from linkjax import cli
 from linkjax._compile import compiled_soon
 from linkjax._display import Numbers, number
+from linkjax.cli._app import _angle
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._print import print_summary
 from linkjax.motion import steady
@@ -178,15 +179,36 @@ def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path
     data, out = analyse_to_json(call, tmp_path, *words)
     assert math.isclose(data["motion"]["mean_speed"], 600 * math.pi / 30, rel_tol=1e-12)
     assert data["forces"] == data["forces_constant_speed"]
-    assert "at 90.000° of crank angle" in out
+    assert "at 90° of crank angle" in out
     crank_pin = next(line.split() for line in out.splitlines() if line.startswith("C "))
-    assert crank_pin[:5] == ["C", "0", "0.04", "-0.04", "0"]  # straight up, r' to the left
+    assert crank_pin[:5] == ["C", "0", "0.04", "−0.04", "0"]  # straight up, r' to the left
     reduced = next(line for line in out.splitlines() if line.startswith("J "))
     drive = data["forces"]["drive_torque"][9]
     assert f"J {number(data['reduced']['inertia'][9], 7)} kg·m²" in reduced
     assert f"ω {number(600 * math.pi / 30, 7)} rad/s" in reduced
     assert f"drive torque {number(drive, 7)} N·m" in reduced
     assert f"mean power             {number(data['motion']['mean_power'], 6)} W" in out
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [
+        ("90", 90),
+        ("-90.", -90),
+        ("1e2", 100),
+        ("90°", 90),
+        ("90 deg", 90),
+        ("1.5707963267948966 rad", 90),
+        (".25rev", 90),
+    ],
+)
+def test_crank_angles(text, degrees):
+    assert _angle(text) == pytest.approx(math.radians(degrees), rel=1e-15)
+
+
+def test_nothing_is_written_for_what_is_refused(call, tmp_path):
+    assert call("analyse", "hay-press", "--at", "5 kg", "--out", tmp_path / "new")[0] == 2
+    assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.parametrize(
@@ -199,6 +221,7 @@ def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path
         (["analyse", "hay-press", "--motion", "magic"], 2, "magic"),
         (["analyse", "hay-press", "--at", "nan"], 2, "not a finite number"),
         (["analyse", "hay-press", "--at", "5 kg"], 2, "a mass where an angle is needed"),
+        (["analyse", "hay-press", "--at", "1.2 raad"], 2, "did you mean 'rad'"),
         (["new", "no-such-folder/mine"], 2, "choose another place"),
         (["analyse", "hay-press", "--out", "pyproject.toml/here"], 2, "choose another place"),
         (["analyse", "hay-press", "--angles", "72", "--set", "links.rocker.length=0.1 m"], 1, "link4-rocker"),

@@ -41,7 +41,7 @@ def test_chosen_units_are_taken_everywhere():
     show = Numbers(display_units("m, N, rad/s, rad, N m"))
     assert show.quantity(30e3, "N") == "30000 N"
     assert show.told([0.3, -0.25], "m", 4) == ["0.3000 m", "−0.2500 m"]
-    assert show.told([math.pi, None], "rad") == ["3.14159 rad", "–"]
+    assert show.told([math.pi, None], "rad") == ["3.1416 rad", "–"]
     assert show.told([2.0], "rad/s") == ["2.00000 rad/s"]
     assert show.told([2e-5, 1.0], "N m", 3) == ["0.0000200 N·m", "1.00 N·m"]
     assert show.place((0.3, -0.1)) == "(0.3, −0.1) m"
@@ -52,10 +52,15 @@ def test_without_any_they_suit_the_largest():
     show = Numbers()
     assert show.told([0.3, -0.025], "m", 4) == ["300.0 mm", "−25.00 mm"]
     assert show.told([math.pi / 2], "rad") == ["90.000°"]
+    assert show.told([math.radians(4e-4)], "rad", 3) == ["0.000400°"]
+    assert (show.turned(-1e-9), show.bound(-0.0, "rad"), show.turned(math.pi)) == ("0.000°", "0°", "180.000°")
     assert show.told([math.pi], "rad/s") == ["30.0000 rpm"]
     assert show.told([math.inf], "N") == ["–"]
     assert show.place((0.0, -9.8), "m/s²") == "(0, −9.8) m/s²"
     assert show.shown(40, "kg·m²") == "40 kg·m²"
     assert show.bound(None, "N") == "–"
+    assert show.place((math.nan, 1.0)) == "(–, 1000) mm"
+    assert (show.shown(math.inf, "N"), show.bound(1e-7, "1")) == ("–", "1·10⁻⁷")
+    assert (show.shown(2e-5, "kg·m²"), show.place((0.3, -1e-9))) == ("20·10⁻⁶ kg·m²", "(300, −1·10⁻⁶) mm")
     assert (show.shown(-0.0, "N"), show.place((-0.0, 0.0))) == ("0 N", "(0, 0) mm")
     assert show.measured(1.1215243512, 1e-8) == ("1.12152435", "± 1.0·10⁻⁸")

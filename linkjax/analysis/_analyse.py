@@ -46,6 +46,7 @@ from linkjax.motion import (
 from linkjax.reduction import Reduced, reduce
 
 MOTION = 10.0  # times the error of δ: the relative error of a force in the true motion
+FINE = 256  # nodes a turn, to integrate what the inertia of a machine takes that follows a law
 LIGHTEST = 1e-6  # least reduced inertia over its mean: the crank would turn a thousand times faster there
 
 
@@ -77,6 +78,8 @@ def analyse(
             "1e-6; call linkjax.enable_x64() before loading the scene for full precision",
             stacklevel=2,
         )
+    if scene.mechanism.prescribed and motion == "diffrax":
+        raise ValueError("the driver follows a law: no equation of motion is to be solved; leave motion out")
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
     cycle = _analyse(scene, angles, nodes, constant_speed, motion)
@@ -265,7 +268,7 @@ def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
     power, reach = jnp.abs(forces.drive_torque - sum(parts)), jnp.zeros_like(speed)
     about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
     heavy, size = jnp.zeros_like(speed), sum(jnp.abs(share) for share in at.reduced.by_load.values())
-    size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration)
+    size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration * crank)
     for link, place, body in at.pose.heavy():
         point, turn = at.pose.points[place], at.pose.links[link]
         pull = body.mass * _length(point.ddr * speed**2 + point.dr * acceleration)
@@ -276,7 +279,8 @@ def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
     heavy = jnp.max(functools.reduce(jnp.maximum, [side.magnitude for side in joints], heavy))
     sources = forces.shaking, forces.weight, forces.loads
     rest = [forces.frame[k] - sum(source[k] for source in sources) for k in (0, 1)]
-    moments = crank * forces.drive_torque, *(source.moment for source in sources)
+    drive = jnp.zeros_like(power) if scene.mechanism.prescribed else crank * forces.drive_torque  # a law's is a joint
+    moments = drive, *(source.moment for source in sources)
     turning = jnp.max(sum(jnp.abs(moment) for moment in moments) + reach * heavy)
     twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)))
     balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), heavy), safe_divide(twist, turning))
@@ -288,15 +292,25 @@ def _length(v: Vec) -> Array:
 
 
 def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Array:
-    """Every link's kinetic energy from its own velocities against every load's work, integrated by itself."""
-    speed = at.speed[0]
-    kinetic = 0.5 * scene.mechanism.flywheel.inertia * speed**2
+    """Every link's kinetic energy from its own velocities against every load's work, integrated by itself, and the
+    drive's: that of its constant torque, or of the torque that the law of the driver takes."""
+    speed, grid = at.speed[0], motion.grid
+    spin = at.pose.links[scene.mechanism.crank].w * speed
+    kinetic = 0.5 * scene.mechanism.flywheel.inertia * spin**2
     for name, place, body in at.pose.heavy():
         v, w = at.pose.points[place].dr * speed, at.pose.links[name].w * speed
         kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
-    work = motion.drive_torque * jax.vmap(lambda phi: motion.grid.place(phi).phi)(angles)
-    for share in here.by_load.values():
-        series = primitive(motion.grid, share)
-        work = work + jax.vmap(lambda phi, series=series: series.at(motion.grid.place(phi)))(angles)
+    torques = [(grid, torque) for torque in here.by_load.values()]
+    if scene.mechanism.prescribed:
+        torques += [(grid, -torque) for torque in here.by_load.values()]  # the drive makes up for the loads
+        grid = make_grid(scene, FINE)
+        slope = jax.vmap(lambda phi: reduce(scene, phi).slope)(grid.nodes.ravel()).reshape(grid.nodes.shape)
+        torques.append((grid, 0.5 * slope * scene.speed**2))
+    else:
+        torques.append((grid, jnp.broadcast_to(motion.drive_torque, grid.nodes.shape)))
+    work = jnp.zeros_like(speed)
+    for grid, torque in torques:
+        series = primitive(grid, torque)
+        work = work + jax.vmap(lambda phi, grid=grid, series=series: series.at(grid.place(phi)))(angles)
     closure = jnp.max(jnp.abs((kinetic - kinetic[0]) - (work - work[0])))
     return safe_divide(closure, jnp.max(kinetic))

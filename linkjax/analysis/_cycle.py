@@ -109,7 +109,10 @@ def explain(cycle: Cycle) -> None:
         degrees, short = float(jnp.degrees(at.angle)), -float(at.value)
         place = f"{degrees:.2f} degrees of crank angle ({side})"
         what = (
-            f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
+            f"cannot be assembled over the cycle: at {place} its slots point past each other, on the other side than "
+            "given; change the side, or the slots so that they are never parallel"
+            if side == "parallel"
+            else f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
             if short > CHANGE_POINT
             else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"
         )

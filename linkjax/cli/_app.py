@@ -104,9 +104,9 @@ def analyse_command(
     """Analyse a working cycle: kinematics, motion, forces, flywheel."""
     console.quiet = quiet
     machine = load(scene, changes_of(scene, set_))
-    shown = Numbers(display_units(units))  # what cannot be shown is refused before anything is computed
-    make_folders(out, csv_folder, json_file)
+    shown = Numbers(display_units(units))  # what cannot be shown is refused before anything is computed or written
     extra = [] if at is None else [_angle(at)]
+    make_folders(out, csv_folder, json_file)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     with elapsed("analysing"):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed,
@@ -128,7 +128,11 @@ def analyse_command(
 def _angle(text: str) -> float:
     """A crank angle in radians: degrees, or with a unit."""
     try:
-        plain_number = text.strip().lstrip("+-")[-1:].isdigit() or text.strip().endswith(".")
-        return quantity(f"{text} deg" if plain_number else text, "angle")
+        return quantity(f"{float(text):.17g} deg", "angle")
+    except ValueError as error:
+        if isinstance(error, QuantityError):  # a number, but no finite one
+            raise SceneError("--at", "", text, error.problem, "give degrees of crank angle, e.g. --at 90") from error
+    try:
+        return quantity(text, "angle")
     except QuantityError as error:
-        raise SceneError("--at", "", text, error.problem, "give degrees of crank angle, e.g. --at 90") from error
+        raise SceneError("--at", "", text, error.problem, error.remedy) from error

@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from linkjax._display import NONE, Numbers, prefixed
+from linkjax._display import NONE, Numbers, prefixed, short
 from linkjax.analysis import check_limit, load_size, peak_unit
 from linkjax.cli._console import console
 from linkjax.machine import Scene
@@ -143,7 +143,7 @@ def _stroke(covered: dict[str, Any] | None, show: Numbers) -> str:
 
 def print_at(data: dict[str, Any], show: Numbers) -> None:
     """Everything at the one crank angle of a document."""
-    console.print(f"\nat {show.turned(data['angles'][0])} of crank angle", style="bold", highlight=False)
+    console.print(f"\nat {show.bound(data['angles'][0], 'rad')} of crank angle", style="bold", highlight=False)
     columns = {"x": "m", "y": "m", "dx": "m/rad", "dy": "m/rad", "ddx": "m/rad²", "ddy": "m/rad²"}
     _print_rows({(name,): point for name, point in data["points"].items()}, ("point",), columns, show)
     links = {(name,): link for name, link in data["links"].items()}
@@ -177,7 +177,7 @@ def _print_rows(
         label = scales[unit][1]
         table.add_column(Text(f"{named.get(key, key)} [{label}]" if label else named.get(key, key)))
     for name, row in clean.items():
-        table.add_row(*name, *(_number(scales[columns[key]][0] * value) for key, value in row.items()))
+        table.add_row(*name, *(short(scales[columns[key]][0] * value) for key, value in row.items()))
     console.print(table, highlight=False)
 
 
@@ -192,7 +192,3 @@ def _without_noise(rows: dict[Any, dict[str, Any]]) -> dict[Any, dict[str, float
         return 0.0 if abs(float(value[0])) <= 1e-14 * largest[key.rstrip("xy")] else float(value[0])
 
     return {name: {key: clean(key, value) for key, value in row.items()} for name, row in rows.items()}
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.6g}"  # adding zero drops the sign of a negative zero

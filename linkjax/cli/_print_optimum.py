@@ -49,7 +49,7 @@ def print_optimum(data: Data, show: Numbers, seconds: float) -> None:
 
 def _print_limits(data: Data, show: Numbers) -> None:
     """Objective and limits, with what the objective would gain per unit of room."""
-    table = _table("", "before", "after", "bound", "objective per unit" if data["result"]["code"] == 0 else "")
+    table = _table("", "before", "after", "bound", "objective per unit (SI)" if data["result"]["code"] == 0 else "")
     goal = data["objective"]
     both = show.told([goal["before"], goal["after"]], goal["unit"], 6)
     table.add_row(f"{goal['sense']} {goal['name']}", *both, "", "")
@@ -73,7 +73,7 @@ def _price(limit: Data, unit: str, show: Numbers) -> str:
 
 
 def _print_variables(data: Data, show: Numbers) -> None:
-    table = _table("free", "before", "after", "from", "to", "at its bound: objective per unit")
+    table = _table("free", "before", "after", "from", "to", "at its bound: objective per unit (SI)")
     unit = data["objective"]["unit"]
     for name, v in data["variables"].items():
         parts = show.told([v["before"], v["after"]], v["unit"], 6)

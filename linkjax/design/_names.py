@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup
+from linkjax.groups import AbstractGroup, AbstractLaw, Guide, Slide
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -115,14 +115,30 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
                              UNITS[part], LEAST[part])  # fmt: skip
 
 
-def _group(name: str, group: AbstractGroup, where: Where) -> Iterator[Number]:
-    """The numbers of a group: `guide.` in front of those of a guide of the frame, as a scene file has them."""
-    table = "guide." if hasattr(group, "through") else ""
+def _group(name: str, group: AbstractGroup | Guide, where: Where) -> Iterator[Number]:
+    """The numbers of a group and of its guides, by the keys of a scene file."""
     for field in dataclasses.fields(group):
-        if not field.metadata.get("static"):
-            shown = f"{table}{field.name}" if field.name in ("along", "offset") else field.name
+        value = getattr(group, field.name)
+        if isinstance(value, AbstractLaw):
+            unit = "m" if isinstance(group, Slide) else "rad"
+            yield from _law(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), unit)
+        elif isinstance(value, Guide):
+            yield from _group(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f))
+        elif isinstance(value, tuple) and not field.metadata.get("static"):
+            for i, each in enumerate(value):
+                own = f"{name}.{field.name}[{i}]"
+                yield from _group(own, each, lambda s, f=field.name, i=i: getattr(where(s), f)[i])
+        elif eqx.is_array(value):
             unit = "m" if field.name == "offset" else "rad"
-            yield Number(f"{name}.{shown}", lambda s, f=field.name: getattr(where(s), f), unit)
+            yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit)
+
+
+def _law(name: str, law: AbstractLaw, where: Where, unit: str) -> Iterator[Number]:
+    """The numbers of a law of motion; those of a spline one by one."""
+    for field in dataclasses.fields(law):
+        value = getattr(law, field.name)
+        if eqx.is_array(value) and value.ndim == 0:
+            yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit)
 
 
 def _load(name: str, load: AbstractLoad, where: Where) -> Iterator[Number]:

@@ -55,7 +55,8 @@ class Block(NamedTuple):
 @dataclasses.dataclass(frozen=True)
 class Kind:
     """What is known of a block beforehand. Its rows times `sign` are to be small: below `bound` times `sign` for a
-    limit and for what makes a design sound; `signed` rows count by value, others by length. SI."""
+    limit and for what makes a design sound; `signed` rows count by value, others by length. `own` is its measure apart
+    from any bound, `effect` what the free numbers can do to it. SI."""
 
     name: str
     case: str
@@ -65,6 +66,8 @@ class Kind:
     sign: float
     bound: float
     scale: float
+    own: float = 1.0
+    effect: float = 0.0
 
     @property
     def label(self) -> str:
@@ -73,9 +76,8 @@ class Kind:
 
     def bounded(self, bound: float) -> Kind:
         """The same with another bound, which is its measure unless it is close to zero."""
-        return dataclasses.replace(
-            self, bound=bound, scale=abs(bound) if abs(bound) > SLIGHT * self.scale else self.scale
-        )
+        scale = abs(bound) if abs(bound) > SLIGHT * self.effect else self.own
+        return dataclasses.replace(self, bound=bound, scale=scale)
 
 
 class Problem:
@@ -218,10 +220,9 @@ class Problem:
             sign = 1.0 if limit.sense == "at most" else -1.0
             sizes = block.vectors[:, 0] * sign if rows.signed else np.linalg.norm(block.vectors, axis=1)
             effect = float(np.max(np.abs(block.slope[int(np.argmax(sizes))] * span)))
-            scale = max(_finite(block.value), effect) or 1.0  # a value that happens to be small is no measure
-            if j > 0 and abs(bound) > SLIGHT * effect:
-                scale = abs(bound)
-            found.append(Kind(limit.name, case, limit.term.unit, role, rows.signed, sign, bound, scale))
+            own = max(_finite(block.value), effect) or 1.0  # a value that happens to be small is no measure
+            kind = Kind(limit.name, case, limit.term.unit, role, rows.signed, sign, 0.0, own, own, effect)
+            found.append(kind if role == "objective" else kind.bounded(bound))
         common = max(kind.scale for kind in found if kind.role == "objective")  # the worst case counts, by one measure
         return [dataclasses.replace(kind, scale=common) if kind.role == "objective" else kind for kind in found]
 

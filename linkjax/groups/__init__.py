@@ -2,14 +2,22 @@
 
 from linkjax.groups._base import AbstractGroup as AbstractGroup
 from linkjax.groups._base import Joint as Joint
-from linkjax.groups._base import LinkState as LinkState
 from linkjax.groups._base import Margin as Margin
-from linkjax.groups._base import PointState as PointState
 from linkjax.groups._base import Wrench as Wrench
-from linkjax.groups._crank import Crank as Crank
-from linkjax.groups._crank import at_rest as at_rest
+from linkjax.groups._driver import AbstractDriver as AbstractDriver
+from linkjax.groups._driver import Crank as Crank
+from linkjax.groups._driver import Slide as Slide
+from linkjax.groups._guide import Guide as Guide
+from linkjax.groups._law import AbstractLaw as AbstractLaw
+from linkjax.groups._law import Harmonic as Harmonic
+from linkjax.groups._law import Spline as Spline
+from linkjax.groups._prp import PRP as PRP
+from linkjax.groups._rpp import RPP as RPP
 from linkjax.groups._rpr import RPR as RPR
 from linkjax.groups._rrp import RRP as RRP
 from linkjax.groups._rrr import RRR as RRR
+from linkjax.groups._state import LinkState as LinkState
+from linkjax.groups._state import PointState as PointState
+from linkjax.groups._state import at_rest as at_rest
 
-KINDS = {group.kind: group for group in (Crank, RRR, RRP, RPR)}
+KINDS = {group.kind: group for group in (Crank, Slide, RRR, RRP, RPR, PRP, RPP)}

@@ -14,22 +14,8 @@ import equinox as eqx
 from jaxtyping import Array
 
 from linkjax._vec import Vec
-
-
-class PointState(NamedTuple):
-    """Position of a point and its first and second kinematic coefficients (derivatives by the crank angle φ)."""
-
-    r: Vec
-    dr: Vec
-    ddr: Vec
-
-
-class LinkState(NamedTuple):
-    """Orientation of a link as the unit vector `u` along it, with ω' = dθ/dφ and ε' = d²θ/dφ²."""
-
-    u: Vec
-    w: Array
-    e: Array
+from linkjax.groups._guide import Guide
+from linkjax.groups._state import LinkState, PointState
 
 
 class Wrench(NamedTuple):
@@ -49,18 +35,26 @@ class Margin(NamedTuple):
 
 class Joint(NamedTuple):
     """A joint that a group brings in: its name, the point its moments are referred to, and the two links it joins;
-    `by` is "frame", a link, or None for the link that the point belongs to."""
+    `by` is "frame", a link, or None for the link that the point belongs to. In one that `slides`, called
+    `<link>.guide`, the link moves along a straight line of the other; else it turns about the point."""
 
     name: str
     point: str
     link: str
     by: str | None = None
+    slides: bool = False
 
 
 def check_side(kind: str, side: int) -> None:
     """Raise ValueError for a side that is none."""
     if side not in (1, -1):
         raise ValueError(f"side of an {kind} must be 1 or -1, but is {side!r}")
+
+
+def check_apart(kind: str, one: str, other: str) -> None:
+    """Raise ValueError where both ends of a group hang on the same point."""
+    if one == other:
+        raise ValueError(f"both ends of an {kind} hang on the point {one!r}; name two points")
 
 
 class AbstractGroup(eqx.Module):
@@ -82,8 +76,18 @@ class AbstractGroup(eqx.Module):
     def pins(self) -> Mapping[str, tuple[str, str | None]]:
         """For each link brought in: the point at its origin, and the point at its far end (None where it has none)."""
 
+    def brings(self) -> tuple[str, ...]:
+        """Pins that the group creates."""
+        ends, needed = self.pins().values(), self.needs()
+        new = [*(far for _, far in ends if far is not None), *(first for first, _ in ends if first not in needed)]
+        return tuple(dict.fromkeys(new))
+
     def on_frame(self) -> tuple[str, ...]:
         """Points that must belong to the frame."""
+        return ()
+
+    def guides(self) -> tuple[Guide, ...]:
+        """Guides on the frame or on links attached before; each must run through a point of what it is on."""
         return ()
 
     def translating(self) -> tuple[str, ...]:
@@ -96,12 +100,15 @@ class AbstractGroup(eqx.Module):
 
     @abc.abstractmethod
     def solve(
-        self, links: Mapping[str, Any], points: dict[str, PointState], phi: Array
+        self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
     ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
-        """States of the links brought in and of the pins that the group creates; of `links` only `length` is used."""
+        """States of the links brought in and of the pins that the group creates, from what is known already; of
+        `links` only `length` is used."""
 
     @abc.abstractmethod
-    def margins(self, links: Mapping[str, Any], points: dict[str, PointState]) -> dict[str, Margin]:
+    def margins(
+        self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState]
+    ) -> dict[str, Margin]:
         """Signed margins by the name of the dead position."""
 
     @abc.abstractmethod

@@ -13,14 +13,17 @@ import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_divide, safe_sqrt
 from linkjax._types import as_float
-from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench, check_side
+from linkjax._vec import Vec
+from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
+from linkjax.groups._state import LinkState, PointState
 
 
 class RPR(AbstractGroup):
     """A lever `link` pinned at the point `about`, and a `block` pinned at the point `from_` that slides along it.
 
     The pin of the block runs on a line of the lever that is parallel to its axis, shifted to its left by `offset` (m).
-    `side` is +1 when it lies ahead of the lever's pivot, -1 when behind. `end` is the lever's far pin, on its axis.
+    `side` is +1 when it lies ahead of the lever's pivot, -1 when behind. `end` is the lever's far pin, on its axis;
+    the margin is measured by the distance to it, for the group has no other length. The block has the lever's axes.
     """
 
     kind: ClassVar[str] = "RPR"
@@ -37,6 +40,7 @@ class RPR(AbstractGroup):
 
     def __check_init__(self):
         check_side(self.kind, self.side)
+        check_apart(self.kind, self.about, self.from_)
 
     def link_names(self):
         return (self.link, self.block)
@@ -47,10 +51,15 @@ class RPR(AbstractGroup):
     def pins(self):
         return {self.link: (self.about, self.end), self.block: (self.from_, None)}
 
-    def solve(self, links, points, phi):
+    def _span(self, points):
+        """From the lever's pivot to the block's pin; of length one where they coincide, which the margin tells."""
+        d = points[self.from_].r - points[self.about].r
+        return Vec(jnp.where(d.squared() > 0, d.x, 1.0), d.y)
+
+    def solve(self, links, states, points, phi):
         length = links[self.link].length
         a, b = points[self.about], points[self.from_]
-        d, v, c = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
+        d, v, c = self._span(points), b.dr - a.dr, b.ddr - a.ddr
         r = once(safe_sqrt(d.squared(), 1.0))
         squared = (r - self.offset) * (r + self.offset)
         s = once(jnp.where(squared > 0, safe_sqrt(squared, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder
@@ -63,7 +72,7 @@ class RPR(AbstractGroup):
         end = PointState(a.r + arm, a.dr + arm.perp() * w, a.ddr + arm.perp() * e - arm * (w * w))
         return {self.link: state, self.block: state}, {self.end: end}
 
-    def margins(self, links, points):
+    def margins(self, links, states, points):
         length = links[self.link].length
         a, b = points[self.about], points[self.from_]
         d, v, c = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
@@ -74,20 +83,20 @@ class RPR(AbstractGroup):
         return {"pivot": Margin((r - off) / length, dr / length, ddr / length)}
 
     def transmission(self, states, points):
-        d = points[self.from_].r - points[self.about].r
+        d = self._span(points)
         return jnp.atan2(jnp.abs(d.dot(states[self.link].u)), self.offset)
 
     def joints(self):
         return (
             Joint(self.about, self.about, self.link),
             Joint(self.from_, self.from_, self.block),
-            Joint(f"{self.block}.guide", self.from_, self.block, self.link),
+            Joint(f"{self.block}.guide", self.from_, self.block, self.link, slides=True),
         )
 
     def react(self, loads, states, points):
         u = states[self.link].u
         on_lever, on_block = loads[self.link], loads[self.block]
-        s = (points[self.from_].r - points[self.about].r).dot(u)
+        s = self._span(points).dot(u)
         normal = u.perp() * ((on_lever.moment + on_block.moment) / s)
         none = jnp.zeros_like(s)
         pivot, pin = normal - on_lever.force, -(on_block.force + normal)

@@ -1,4 +1,4 @@
-"""II2 (RRP): a rod and a block that slides on a straight guide of the frame, offset and inclined as one likes."""
+"""II2 (RRP): a rod and a block that slides on a straight guide, offset and inclined, of the frame or of a link."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_sqrt
-from linkjax._types import as_float
-from linkjax._vec import unit
-from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench, check_side
+from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
+from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._state import LinkState, PointState
 
 
 class RRP(AbstractGroup):
     """A rod `link` from point `from_` to the pin `end` of a sliding `block`.
 
-    The path of the pin is the line through the frame point `through`, at `along` (rad) to the x axis, shifted to its
-    left by `offset` (m). `side` is +1 when the pin lies ahead of the foot of the perpendicular, -1 when behind.
+    The path of the pin is the `guide`, or the name of a frame point through which it runs along x.
+
+    `side` is +1 when the pin lies ahead of the foot of the perpendicular on the path, -1 when behind. The block's axes
+    are along the path and to its left.
     """
 
     kind: ClassVar[str] = "RRP"
@@ -28,10 +30,8 @@ class RRP(AbstractGroup):
     block: str = eqx.field(static=True)
     from_: str = eqx.field(static=True)
     end: str = eqx.field(static=True)
-    through: str = eqx.field(static=True)
+    guide: Guide = eqx.field(converter=as_guide)
     side: int = eqx.field(static=True, default=1)
-    along: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
-    offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -40,61 +40,57 @@ class RRP(AbstractGroup):
         return (self.link, self.block)
 
     def needs(self):
-        return (self.from_, self.through)
+        return (self.from_, self.guide.through)
+
+    def guides(self):
+        return (self.guide,)
 
     def pins(self):
         return {self.link: (self.from_, self.end), self.block: (self.end, None)}
 
-    def on_frame(self):
-        return (self.through,)
-
     def translating(self):
-        return (self.block,)
+        return (self.block,) if self.guide.on == "frame" else ()
 
-    def _height(self, points):
-        """Distance of the rod's first pin from the path, along the path's left normal, and its derivatives."""
-        n = unit(self.along).perp()
-        b = points[self.from_]
-        return (b.r - points[self.through].r).dot(n) - self.offset, b.dr.dot(n), b.ddr.dot(n)
-
-    def solve(self, links, points, phi):
+    def solve(self, links, states, points, phi):
         length = links[self.link].length
-        t = unit(self.along)
-        n = t.perp()
-        b = points[self.from_]
-        q = once(self._height(points)[0])
+        line, b = self.guide.line(states, points), points[self.from_]
+        t, n = line.t, line.t.perp()
+        height, along = line.height(b), line.along(b)
+        q = once(height.value)
         squared = (length - q) * (length + q)
         h = once(jnp.where(squared > 0, safe_sqrt(squared, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder
         rod = t * h - n * q
-        w = -b.dr.dot(n) / h  # the pin's velocity has no part normal to the guide: b' . n + w (rod . t) = 0
-        e = -(b.ddr.dot(n) + w * w * q) / h
-        slide = b.dr.dot(t) + w * q
-        slide2 = b.ddr.dot(t) + e * q - w * w * h
-        end = PointState(b.r + rod, t * slide, t * slide2)
-        still = jnp.zeros_like(w)
-        return {self.link: LinkState(rod / length, w, e), self.block: LinkState(t, still, still)}, {self.end: end}
+        w = -height.d / h  # as seen from the guide the pin does not move across it: height' + w h = 0
+        e = -(height.dd + w * w * q) / h
+        carrier = line.state
+        if line.turning is None:
+            end = PointState(b.r + rod, t * (along.d + w * q), t * (along.dd + e * q - w * w * h))
+        else:
+            w, e = w + carrier.w, e + carrier.e
+            end = PointState(b.r + rod, b.dr + rod.perp() * w, b.ddr + rod.perp() * e - rod * (w * w))
+        return {self.link: LinkState(rod / length, w, e), self.block: carrier}, {self.end: end}
 
-    def margins(self, links, points):
+    def margins(self, links, states, points):
         length = links[self.link].length
-        q, dq, ddq = self._height(points)
+        q, dq, ddq = self.guide.line(states, points).height(points[self.from_])
         return {
             "left": Margin((length - q) / length, -dq / length, -ddq / length),
             "right": Margin((length + q) / length, dq / length, ddq / length),
         }
 
     def transmission(self, states, points):
-        u, t = states[self.link].u, unit(self.along)
+        u, t = states[self.link].u, states[self.block].u
         return jnp.atan2(jnp.abs(u.dot(t)), t.cross(u))
 
     def joints(self):
         return (
             Joint(self.from_, self.from_, self.link),
             Joint(self.end, self.end, self.link, self.block),
-            Joint(f"{self.block}.guide", self.end, self.block, "frame"),
+            Joint(f"{self.block}.guide", self.end, self.block, self.guide.on, slides=True),
         )
 
     def react(self, loads, states, points):
-        t = unit(self.along)
+        t = states[self.block].u
         n = t.perp()
         rod = points[self.end].r - points[self.from_].r
         on_rod, on_block = loads[self.link], loads[self.block]

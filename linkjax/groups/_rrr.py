@@ -12,7 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax._numerics import safe_divide, safe_sqrt
-from linkjax.groups._base import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench, check_side
+from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
+from linkjax.groups._state import LinkState, PointState
 
 
 class RRR(AbstractGroup):
@@ -33,6 +34,7 @@ class RRR(AbstractGroup):
 
     def __check_init__(self):
         check_side(self.kind, self.side)
+        check_apart(self.kind, self.from_, self.to)
 
     def link_names(self):
         return self.links
@@ -43,7 +45,7 @@ class RRR(AbstractGroup):
     def pins(self):
         return {self.links[0]: (self.from_, self.meet), self.links[1]: (self.to, self.meet)}
 
-    def solve(self, links, points, phi):
+    def solve(self, links, states, points, phi):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
         span = b.r - a.r
@@ -65,7 +67,7 @@ class RRR(AbstractGroup):
         meet = PointState(a.r + p, a.dr + p.perp() * w1, a.ddr + p.perp() * e1 - p * (w1 * w1))
         return {self.links[0]: first, self.links[1]: second}, {self.meet: meet}
 
-    def margins(self, links, points):
+    def margins(self, links, states, points):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
         s, ds, dds = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr

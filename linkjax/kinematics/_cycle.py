@@ -177,13 +177,12 @@ def _places(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Float[Ar
 
 
 def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
-    """Pins of sliders (True) and links that turn about a point of the frame (False), the crank left out."""
+    """Pins of sliders (True) and links that turn about a point of the frame (False), a turning crank left out."""
     ends = {}
-    for group in mechanism.groups[1:]:
+    for group in mechanism.groups[0 if mechanism.prescribed else 1 :]:
+        ends |= {joint.point: True for joint in group.joints() if joint.slides and joint.by == "frame"}
         for link, (origin, _) in group.pins().items():
-            if link in group.translating():
-                ends[origin] = True
-            elif origin in mechanism.fixed:
+            if origin in mechanism.fixed and link not in group.translating():
                 ends[link] = False
     return ends
 

@@ -43,7 +43,7 @@ def _pose(mechanism: Mechanism, phi: Scalar) -> Pose:
     links: dict[str, LinkState] = {}
     bodies = {}
     for group in mechanism.groups:
-        states, pins = group.solve(mechanism.links, points, phi)
+        states, pins = group.solve(mechanism.links, links, points, phi)
         links |= states
         points |= pins
         for name, (origin, _) in group.pins().items():
@@ -70,8 +70,9 @@ def carried(origin: PointState, link: LinkState, at: Vec, translating: bool = Fa
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
     """Signed margin of every group to its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
-    points = pose(mechanism, phi).points
-    return {name: group.margins(mechanism.links, points) for name, group in named_groups(mechanism).items()}
+    here = pose(mechanism, phi)
+    groups = named_groups(mechanism).items()
+    return {name: group.margins(mechanism.links, here.links, here.points) for name, group in groups}
 
 
 def named_groups(mechanism: Mechanism):
@@ -81,7 +82,8 @@ def named_groups(mechanism: Mechanism):
 
 def transmission_angles(mechanism: Mechanism, phi: Scalar) -> dict[str, Array]:
     """Transmission angle (rad, 0…π) of every Assur group: between the two links of an RRR, between rod and the normal
-    of the guide in an RRP, between the line from pivot to pin and the normal of the guide in an RPR."""
+    of the guide in an RRP, between the line from pivot to pin and the normal of the guide in an RPR, between the slots
+    of a PRP, between slot and guide in an RPP."""
     here = pose(mechanism, phi)
     angles = {name: group.transmission(here.links, here.points) for name, group in named_groups(mechanism).items()}
     return {name: angle for name, angle in angles.items() if angle is not None}

@@ -44,6 +44,15 @@ class Scene(eqx.Module):
             value = known(getattr(self, name))
             if value is not None and not np.all(value > 0):
                 raise StructureError(name, f"is {value}", "write a number above zero; Crank(turns=-1) turns clockwise")
+        law = self.mechanism.driver.follows()
+        if law is not None and abs(self.cycle / law.period() - round(self.cycle / law.period())) > 1e-9:
+            problem = (
+                f"the cycle of {self.cycle:.6g} rad is no multiple of the period of the law, {law.period():.6g} rad"
+            )
+            raise StructureError("cycle_turns", problem, "write the crank turns after which everything repeats")
+        if law is not None and self.target_delta is not None:
+            problem = "has no effect: the driver follows a law, so its speed does not fluctuate"
+            raise StructureError("target_delta", problem, "delete it, or the law")
         owners, seen = self.mechanism.owners(), {"gravity", "drive"}
         for number, load in enumerate(self.loads):
             element = f"loads[{number}] ({load.name})"

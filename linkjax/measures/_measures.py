@@ -31,7 +31,7 @@ from linkjax.motion import (
     summits,
     with_flywheel,
 )
-from linkjax.reduction import Reduced, reduce
+from linkjax.reduction import Reduced, governing, reduce
 
 SLOW = 0.1  # of the fastest: the least rate at which a flywheel counts as calming a pair of speeds
 
@@ -166,7 +166,9 @@ def _light_places(of: Parts) -> Rows:
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
 
     def missing(regime: Regime, place: Place) -> Array:
-        return (above - reduce(regime.scene, place.phi, regime.side(place)).inertia).reshape((1, 1))
+        return (above - governing(regime.scene, reduce(regime.scene, place.phi, regime.side(place))).inertia).reshape(
+            (1, 1)
+        )
 
     found = summits(of.constant_speed, missing, (above - inertia)[None, None])
     light = safe_divide(above - found.vectors[0], mean)
@@ -189,6 +191,8 @@ def _flywheels(of: Parts) -> Rows:
     """The flywheel by every pair of a largest and a smallest speed that may swing most: to first order about the one
     found, so that those tied there are exact."""
     needed, here = flywheel_for_target_delta.function(of), (of.scene, of.grid, of.reduced)
+    if of.scene.mechanism.prescribed:
+        return Rows(needed[None, None], jnp.full(1, jnp.nan), signed=True)
     swings, (fixed, still) = _swings_with(needed, *here), jax.lax.stop_gradient((here, needed))
     _, rate = jax.jvp(lambda inertia: _swings_with(inertia, *fixed).vectors, (still,), (jnp.ones_like(still),))
     steep = jnp.maximum(-rate, SLOW * jnp.max(-rate))
@@ -232,7 +236,8 @@ def smallest_transmission_angle(of: Parts) -> Rows:
         return jnp.stack([*(a - jnp.pi / 2 for a in angles.values()), *([] if angles else [jnp.zeros(())])])[:, None]
 
     found = rows(of.constant_speed, off_square)
-    return Rows(jnp.pi / 2 - jnp.abs(found.vectors), found.angle, signed=True)
+    both = jnp.concatenate([jnp.pi / 2 - found.vectors, jnp.pi / 2 + found.vectors])  # acute or obtuse: no kink between
+    return Rows(both, jnp.concatenate([found.angle, found.angle]), signed=True)
 
 
 @peak("N")

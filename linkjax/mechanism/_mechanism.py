@@ -10,7 +10,7 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, Crank
+from linkjax.groups import AbstractDriver, AbstractGroup, Slide
 from linkjax.mechanism._link import Flywheel, Link
 
 
@@ -46,17 +46,31 @@ class Mechanism(eqx.Module):
         check_structure(self)
 
     @property
+    def driver(self) -> AbstractDriver:
+        """The driver."""
+        first = self.groups[0]
+        assert isinstance(first, AbstractDriver)
+        return first
+
+    @property
     def crank(self) -> str:
         """Name of the driving link."""
-        return self.groups[0].link_names()[0]
+        return self.driver.link_names()[0]
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether the driver follows a law, so that its motion is known before any force."""
+        return self.driver.follows() is not None
 
     def owners(self) -> dict[str, str]:
         """The link each point belongs to: "frame", or the link that brought the point in."""
         owner = dict.fromkeys(self.fixed, "frame")
         for group in self.groups:
-            for link, (_, far) in group.pins().items():
-                if far is not None:
-                    owner.setdefault(far, link)
+            new = group.brings()
+            for link, ends in group.pins().items():
+                for pin in ends:
+                    if pin in new:
+                        owner.setdefault(pin, link)
             for link in group.link_names():
                 for point in (*self.links[link].points, *self.links[link].counterweights):
                     owner.setdefault(point, link)
@@ -66,6 +80,14 @@ class Mechanism(eqx.Module):
     def origins(self) -> dict[str, str]:
         """The point at the origin of each link's frame."""
         return {link: first for group in self.groups for link, (first, _) in group.pins().items()}
+
+    def points_on(self, link: str) -> set[str]:
+        """Points fixed to a link, pins that it shares included; those of the frame for "frame"."""
+        if link == "frame":
+            return set(self.fixed)
+        ends = {pin for group in self.groups for pin in group.pins().get(link, ()) if pin is not None}
+        own = self.links[link]
+        return {*ends, own.centre_name, *own.points, *own.counterweights}
 
     def formula(self) -> str:
         """Structural formula, e.g. `I1(crank) → II2(rod, slider) → II1(link4, rocker)`."""
@@ -78,14 +100,17 @@ def _named(link: Link, name: str) -> Link:
 
 def check_structure(mechanism: Mechanism) -> None:
     """Raise `StructureError` at the first thing wrong with the composition."""
-    if not mechanism.groups or not isinstance(mechanism.groups[0], Crank):
-        raise StructureError("groups", "the first group must be the driving crank", 'begin with kind = "crank"')
+    if not mechanism.groups or not isinstance(mechanism.groups[0], AbstractDriver):
+        raise StructureError("groups", "the first group must be the driver", 'begin with kind = "crank" or "slide"')
+    flywheel = number_of(mechanism.flywheel.inertia)
+    if isinstance(mechanism.groups[0], Slide) and flywheel is not None and np.any(flywheel != 0):
+        raise StructureError("flywheel", "there is no shaft for it: a slide drives", "delete it")
     known, placed = set(mechanism.fixed), set()
     everywhere = _all_points(mechanism)
     for number, group in enumerate(mechanism.groups):
         element = f"groups[{number}] ({group.kind})"
-        if number and isinstance(group, Crank):
-            raise StructureError(element, "there is more than one driver", "keep one crank; mobility is one")
+        if number and isinstance(group, AbstractDriver):
+            raise StructureError(element, "there is more than one driver", "keep one; mobility is one")
         for link in group.link_names():
             if link not in mechanism.links:
                 raise StructureError(element, f"link {link!r} is not defined", nearest(link, mechanism.links))
@@ -102,6 +127,7 @@ def check_structure(mechanism: Mechanism) -> None:
             if point not in mechanism.fixed:
                 problem = f"point {point!r} moves, but must be a point of the frame"
                 raise StructureError(element, problem, nearest(point, mechanism.fixed))
+        _check_guides(mechanism, group, element, placed)
         for link, (origin, far) in group.pins().items():
             length = number_of(mechanism.links[link].length)
             if far is not None and number and length is not None and np.any(length == 0):
@@ -117,6 +143,20 @@ def check_structure(mechanism: Mechanism) -> None:
     idle = [name for name in mechanism.links if name not in placed]
     if idle:
         raise StructureError(f"links.{idle[0]}", "belongs to no group", "add a group that uses it, or delete it")
+
+
+def _check_guides(mechanism, group, element, placed):
+    """Guides are on the frame or on links attached before, and run through points of these."""
+    for guide in group.guides():
+        if guide.on != "frame" and (guide.on not in placed or guide.on in group.link_names()):
+            problem = f"the guide is on link {guide.on!r}, which is not attached yet"
+            known = [name for name in placed if name not in group.link_names()]
+            remedy = "move this group behind the one that brings the link in"
+            raise StructureError(element, problem, remedy if guide.on in mechanism.links else nearest(guide.on, known))
+        if guide.through not in (own := mechanism.points_on(guide.on)):
+            where = "of the frame" if guide.on == "frame" else f"on link {guide.on!r}"
+            problem = f"the guide is {where}, but point {guide.through!r} is not"
+            raise StructureError(element, problem, nearest(guide.through, own))
 
 
 def _check_names(mechanism, points):
@@ -139,22 +179,18 @@ def _check_names(mechanism, points):
 
 
 def _all_points(mechanism):
-    pins = {far for g in mechanism.groups for _, far in g.pins().values() if far}
+    pins = {pin for g in mechanism.groups for pin in g.brings()}
     on_links = {p for link in mechanism.links.values() for p in (*link.points, *link.counterweights)}
     return pins | set(mechanism.fixed) | on_links
 
 
 def _add_points(mechanism, group, element, known):
-    new = []
-    for link, (_, far) in group.pins().items():
-        new += [(far, element)] if far else []
+    new = [(pin, element) for pin in group.brings()]
+    for link in group.pins():
         new += [(p, f"links.{link}.points.{p}") for p in mechanism.links[link].points]
         new += [(p, f"links.{link}.counterweights.{p}") for p in mechanism.links[link].counterweights]
         new.append((mechanism.links[link].centre_name, f"links.{link}"))
-    shared = set()
     for point, where in new:
-        if point in known and not (point in shared and where == element):
+        if point in known:
             raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
         known.add(point)
-        if where == element:
-            shared.add(point)

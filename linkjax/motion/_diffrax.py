@@ -24,7 +24,7 @@ from linkjax.machine import Scene
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, make_grid
 from linkjax.motion._steady import Steady, conclude, node_values, steady_on
-from linkjax.reduction import reduce
+from linkjax.reduction import governing, reduce
 
 MOST_CYCLES = 8  # steps end at the switches of this many cycles from the start; beyond, step control alone finds them
 MOST_STEPS = 16**4
@@ -100,7 +100,8 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     def at(s):
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
-        return width, reduce(scene, grid.edges[panel] + (s - jnp.floor(s)) * width, grid.middle[panel])
+        at = grid.edges[panel] + (s - jnp.floor(s)) * width
+        return width, governing(scene, reduce(scene, at, grid.middle[panel]))
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
     first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)
@@ -210,7 +211,7 @@ def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, 
 
 def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar) -> Scalar:
     """Angular acceleration of the crank (rad/s²)."""
-    here = reduce(scene, phi)
+    here = governing(scene, reduce(scene, phi))
     return (here.torque + drive_torque - 0.5 * here.slope * speed**2) / here.inertia
 
 
@@ -243,7 +244,7 @@ def steady_by_diffrax(
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)
     along = jnp.concatenate([jnp.zeros(1), places.ravel(), jnp.asarray([float(grid.half.size)])])
     adjoint = adjoint or diffrax.ForwardMode()
-    inertia = reduce(scene, grid.edges[0], grid.middle[0]).inertia
+    inertia = governing(scene, reduce(scene, grid.edges[0], grid.middle[0])).inertia
     pace = jax.lax.stop_gradient(scene.speed)
     unit = jax.lax.stop_gradient(inertia) * pace**2
     wanted = scene.cycle * pace / scene.speed

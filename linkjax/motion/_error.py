@@ -22,7 +22,7 @@ from linkjax.kinematics import pose
 from linkjax.loads import Instant
 from linkjax.motion._extremum import doubt, pieces
 from linkjax.motion._flow import End, Flow
-from linkjax.reduction import Reduced, reduce_pose
+from linkjax.reduction import Reduced, governing, reduce_pose
 
 FLOOR, ROUNDINGS = 2e-11, 60.0  # the least error stated: an absolute one, and roundings of the largest speed
 
@@ -83,7 +83,8 @@ def _at_edges(flow: Flow) -> tuple[Array, Array, Array]:
 
     def at(phi, ahead, behind):
         here = pose(scene.mechanism, phi)
-        after, before = (reduce_pose(scene, Instant(phi, side, scene.cycle), here) for side in (ahead, behind))
+        after, before = (governing(scene, reduce_pose(scene, Instant(phi, side, scene.cycle), here))
+                         for side in (ahead, behind))  # fmt: skip
         return jnp.maximum(after.inertia, flow.floor), after.torque, before.torque
 
     return jax.vmap(at)(grid.edges[:-1], ahead, behind)

@@ -23,7 +23,8 @@ def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
 
 def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
     """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged; `nodes` a crank
-    turn. Negative when the machine is steadier than asked for without any flywheel."""
+    turn. Negative when the machine is steadier than asked for without any flywheel; zero where its driver follows a
+    law."""
     grid = make_grid(scene, nodes)
     return flywheel_on(scene, jnp.asarray(delta, dtype=scene.speed.dtype), grid, node_values(scene, grid))
 
@@ -35,6 +36,8 @@ def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array
     depend on the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the least
     reduced inertia) when the machine is steadier than asked for without any flywheel.
     """
+    if scene.mechanism.prescribed:  # steady by itself
+        return jnp.zeros_like(scene.speed)
     bare = here.inertia - scene.mechanism.flywheel.inertia
     least = -0.5 * jnp.min(bare)
 

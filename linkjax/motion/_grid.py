@@ -98,6 +98,7 @@ class Candidates(NamedTuple):
 def make_grid(scene: Scene, nodes: int) -> Grid:
     """Lay the grid for a scene with about `nodes` nodes a crank turn (at least 4 per panel)."""
     windows = [end for load in scene.loads if load.window is not None for end in (load.window.on, load.window.off)]
+    windows += [jnp.asarray(angle) for angle in _breaks(scene)]
     opposing = [load for load in scene.loads if load.opposing]
     groups = len(scene.mechanism.groups) - 1
     turns, slots = scene.cycle_turns, REVERSALS * scene.cycle_turns
@@ -119,11 +120,20 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     return Grid(edges, overflow, doubt, n, scan.size + POLISH * slots * len(opposing))
 
 
+def _breaks(scene: Scene) -> list[float]:
+    """Crank angles where the law of the driver has a kink, over the whole cycle."""
+    law = scene.mechanism.driver.follows()
+    if law is None:
+        return []
+    times = round(scene.cycle / law.period())
+    return [angle + k * law.period() for k in range(times) for angle in law.breaks()]
+
+
 def _scan_at(scene, opposing, phi):
     here = pose(scene.mechanism, phi)
     motions = [motion for load in opposing if (motion := load.opposed(here)) is not None]
     groups = list(named_groups(scene.mechanism).values())[1:]
-    return motions, [list(g.margins(scene.mechanism.links, here.points).values()) for g in groups]
+    return motions, [list(g.margins(scene.mechanism.links, here.links, here.points).values()) for g in groups]
 
 
 def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array, Array]:

@@ -23,7 +23,7 @@ from linkjax.machine import Scene
 from linkjax.motion._error import delta_error
 from linkjax.motion._flow import LEAST, Flow, Primitive, primitive
 from linkjax.motion._grid import Grid, Place, make_grid
-from linkjax.reduction import Reduced, reduce, reduce_pose
+from linkjax.reduction import Reduced, governing, reduce, reduce_pose
 
 _WATCHED: contextvars.ContextVar[list[Scene] | None] = contextvars.ContextVar("watched", default=None)
 
@@ -82,6 +82,8 @@ class Steady(eqx.Module):
 
     def at(self, scene: Scene, place: Place) -> tuple[Array, Array]:
         """Crank speed (rad/s) and acceleration (rad/s²) at a place of the grid."""
+        if scene.mechanism.prescribed:
+            return scene.speed * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
         here = reduce(scene, place.phi, self.grid.middle[place.panel])
         here = here._replace(inertia=jnp.maximum(here.inertia, self.inertia_floor))
         floor = LEAST * 0.5 * here.inertia * scene.speed**2
@@ -109,7 +111,7 @@ def node_values(scene: Scene, grid: Grid, poses: Pose | None = None) -> Reduced:
     sides = jnp.broadcast_to(grid.middle[:, None], grid.nodes.shape).ravel()
 
     def at(phi, side, here):
-        return reduce_pose(scene, Instant(phi, side, scene.cycle), here)
+        return governing(scene, reduce_pose(scene, Instant(phi, side, scene.cycle), here))
 
     flat = jax.vmap(at)(grid.nodes.ravel(), sides, node_poses(scene, grid) if poses is None else poses)
     flat = flat._replace(inertia=once(flat.inertia), slope=once(flat.slope), torque=once(flat.torque))
@@ -123,7 +125,12 @@ def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
     flow = Flow(scene, grid, here, primitive(grid, here.torque + drive), drive)
     energy = flow.energy_for_time_mean()
     clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, here.inertia))
-    return conclude(flow, energy, clock)
+    found = conclude(flow, energy, clock)
+    if not scene.mechanism.prescribed:
+        return found
+    shares = sum(here.by_load.values(), jnp.zeros_like(here.torque))
+    mean = -jnp.sum(flow.weights * shares) / scene.cycle  # inertia takes and gives back the same over a cycle
+    return eqx.tree_at(lambda s: (s.drive_torque, s.delta_error), found, (mean, jnp.zeros_like(mean)))
 
 
 def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:

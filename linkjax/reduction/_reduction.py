@@ -31,6 +31,9 @@ class Reduced(NamedTuple):
 def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
     """Reduce a pose that is known already; see `reduce`."""
     inertia, half_slope, weight = scene.mechanism.flywheel.inertia, jnp.zeros_like(at.phi), jnp.zeros_like(at.phi)
+    if scene.mechanism.prescribed:
+        turn = here.links[scene.mechanism.crank]
+        inertia, half_slope = inertia * turn.w * turn.w, inertia * turn.w * turn.e
     for name, place, body in here.heavy():
         point, turn = here.points[place], here.links[name]
         inertia = inertia + body.mass * point.dr.squared() + body.inertia * (turn.w * turn.w)
@@ -52,6 +55,15 @@ def reduce(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
 def _reduce(scene: Scene, phi: Scalar, side: Scalar) -> Reduced:
     return reduce_pose(scene, Instant(phi, side, scene.cycle), pose(scene.mechanism, phi))
+
+
+def governing(scene: Scene, here: Reduced) -> Reduced:
+    """What rules the motion of the crank: the reduced values themselves; where the driver follows a law, those of a
+    crank that nothing holds up, of inertia one without any torque (the shares of the loads stay what they are)."""
+    if not scene.mechanism.prescribed:
+        return here
+    none = jnp.zeros_like(here.torque)
+    return here._replace(inertia=none + 1.0, slope=none, torque=none)
 
 
 def mass_sums(here: Pose) -> tuple[Vec, Vec]:

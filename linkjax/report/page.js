@@ -33,7 +33,7 @@
     return { i: i, j: (i + 1) % view.angles, t: place - i };
   }
   function position(machine, name, at) {
-    const p = machine.points[name];
+    const p = machine.points[name] || machine.headings[name]; // of a link its direction
     if (!p.dx) return [p.x, p.y];
     const { i, j, t } = cell(at), h = (step * Math.PI) / 180;
     const near = (1 + 2 * t) * (1 - t) * (1 - t), far = t * t * (3 - 2 * t);
@@ -108,17 +108,37 @@
       lines.forEach((line) => line.setAttribute("points", corners));
     };
   }
-  function block(parent, machine, link, edge, fill) {
+  function block(parent, machine, link, edge, fill, dark) {
     const turn = (at) => {
-      if (!link.along) return (-link.angle * 180) / Math.PI;
-      const [[x1, y1], [x2, y2]] = link.along.map((name) => position(machine, name, at));
-      return (-Math.atan2(y2 - y1, x2 - x1) * 180) / Math.PI;
+      if (!link.block) return 0;
+      const [x, y] = position(machine, link.name, at);
+      return (-Math.atan2(y, x) * 180) / Math.PI;
     };
+    const arms = link.arms.map((name) => [name, make(parent, "line", { stroke: dark, "stroke-width": 4.5 })]);
     const box = link.block
       ? make(parent, "rect", { x: -10.5, y: -7, width: 21, height: 14, fill: fill, stroke: edge, "stroke-width": 1.3 })
       : make(parent, "circle", { r: 7, fill: fill, stroke: edge, "stroke-width": 1.3 });
-    return (at) =>
-      box.setAttribute("transform", `translate(${spot(position(machine, link.pin, at))}) rotate(${turn(at)})`);
+    return (at) => {
+      const pin = position(machine, link.pin, at), [x1, y1] = pin;
+      box.setAttribute("transform", `translate(${spot(pin)}) rotate(${turn(at)})`);
+      arms.forEach(([name, arm]) => {
+        const [x2, y2] = position(machine, name, at);
+        set(arm, { x1: X(x1), y1: Y(y1), x2: X(x2), y2: Y(y2) });
+      });
+    };
+  }
+  function slot(parent, machine, entry, edge) { // two rails on a moving link
+    const rails = [1, -1].map(() => make(parent, "line", { stroke: edge, "stroke-width": 1 }));
+    return (at) => {
+      const [c, s] = position(machine, entry.on, at), [ox, oy] = position(machine, entry.origin, at);
+      const size = Math.hypot(c, s), turned = ([x, y]) => [ox + (c * x - s * y) / size, oy + (s * x + c * y) / size];
+      const [[x1, y1], [x2, y2]] = entry.ends.map(turned).map(([x, y]) => [X(x), Y(y)]);
+      const angle = Math.atan2(s, c) + entry.angle, tx = Math.cos(angle), ty = -Math.sin(angle);
+      rails.forEach((rail, k) => {
+        const nx = 7.8 * (1 - 2 * k) * ty, ny = -7.8 * (1 - 2 * k) * tx;
+        set(rail, { x1: x1 - 18.5 * tx + nx, y1: y1 - 18.5 * ty + ny, x2: x2 + 18.5 * tx + nx, y2: y2 + 18.5 * ty + ny });
+      });
+    };
   }
   function weight(parent, machine, link, name, radius, edge, fill) {
     const arm = make(parent, "line", { stroke: fill, "stroke-width": 4.5 });
@@ -274,12 +294,16 @@
       drawPaths(parent, machine, { stroke: "#b5b5b5", "stroke-width": 0.8, "stroke-dasharray": "3 2" });
     }
     const solid = make(parent, "g", {});
-    const layer = (link) => (link.along ? 2 : link.corners.length === 1 ? 0 : 1); // a block lies upon the link it is on
+    const layer = (link) => (link.upon ? 2 : link.corners.length === 1 ? 0 : 1); // a block lies upon the link it is on
     const order = [...machine.links].sort((a, b) => layer(a) - layer(b));
     for (const link of order) {
       const [edge, fill, dark] = old ? ["#a8a8a8", "#f3f3f3", "#f3f3f3"] : [link.colour, link.fill, link.dark];
       for (const name in link.weights) moves.push(weight(solid, machine, link, name, link.weights[name], edge, dark));
-      moves.push((link.block || link.corners.length === 1 ? block : bar)(solid, machine, link, edge, fill));
+      moves.push((link.block || link.corners.length === 1 ? block : bar)(solid, machine, link, edge, fill, dark));
+    }
+    for (const entry of machine.slots) {
+      const on = machine.links.find((link) => link.name === entry.on);
+      moves.push(slot(solid, machine, entry, old ? "#a8a8a8" : on.colour));
     }
     const ink = old ? "#a8a8a8" : INK;
     for (const name of machine.dots) moves.push(dot(solid, machine, name, 2, { fill: ink, stroke: ink }));

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from linkjax.scenes._explain import fault
-from linkjax.scenes._groups import CrankTable, Fault, GroupTable
+from linkjax.scenes._groups import CrankTable, GroupTable, SlideTable
+from linkjax.scenes._guides import Fault
 from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
 
 
@@ -83,14 +84,22 @@ def _centre_names(model: SceneFile) -> Iterator[Fault]:
 
 def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
     path = ("groups", number)
-    if isinstance(group, CrankTable) == bool(number):
-        problem = "there is more than one driver" if number else "the first group must be the driving crank"
-        yield (*path, "kind"), problem, "keep one crank: mobility is one" if number else 'begin with kind = "crank"'
+    if isinstance(group, CrankTable | SlideTable) == bool(number):
+        problem = "there is more than one driver" if number else "the first group must be the driver"
+        remedy = "keep one: mobility is one" if number else 'begin with kind = "crank" or "slide"'
+        yield (*path, "kind"), problem, remedy
+    if isinstance(group, CrankTable) and group.law is not None and model.rotation == "cw":
+        problem = "the crank follows a law, which says which way it turns"
+        yield ("rotation",), problem, "delete rotation"
+    if isinstance(group, SlideTable) and model.flywheel.inertia > 0:
+        yield ("flywheel",), "there is no shaft for it: a slide drives", "delete it"
+    if isinstance(group, SlideTable) and group.guide.on != "frame":
+        yield (*path, "guide", "on"), "a driving slide is on the frame", "delete `on`"
     for name in group.bars():
         if name in model.links and model.links[name].length == 0:
             problem = f"the length is zero, but groups[{number}] needs a bar with two pins"
             yield ("links", name, "length"), problem, 'write the distance between its pins, e.g. length = "300 mm"'
-    for name in group.blocks():
+    for name in group.sliding():
         if name in model.links and model.links[name].length > 0:
             problem = f"a length, but groups[{number}] uses this link as its sliding block"
             yield ("links", name, "length"), problem, "delete it: a block has one pin only"

@@ -94,7 +94,7 @@ def _addition(table: Any, path: Path) -> str:
     if len(path) == 1 and path[0] in ADD:
         return ADD[str(path[0])]
     if path[-1] == "kind":
-        return 'add kind = "crank", "RRR", "RRP" or "RPR"'
+        return 'add kind = "crank", "slide", "RRR", "RRP", "RPR", "PRP" or "RPP"'
     return f"add {path[-1]} = {_example(table, path)}"
 
 

@@ -6,17 +6,15 @@ Each class knows its keys, what else must hold between them (`faults`), and how 
 from __future__ import annotations
 
 import abc
+import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 from linkjax import groups
-from linkjax._units import nearest
 from linkjax.scenes._fields import Angle, Length, Name, Pair, Table
-
-Fault = tuple[tuple[str | int, ...], str, str]
-"""Something wrong: path of the key, problem, remedy."""
+from linkjax.scenes._guides import AngleLaw, Fault, Guide, LengthLaw, in_angle, in_length, law_keys
 
 
 class GroupTable(Table, abc.ABC):
@@ -39,7 +37,7 @@ class GroupTable(Table, abc.ABC):
     def bars(self) -> tuple[str, ...]:
         """Links that need a length."""
 
-    def blocks(self) -> tuple[str, ...]:
+    def sliding(self) -> tuple[str, ...]:
         """Links that slide and have no length."""
         return ()
 
@@ -56,13 +54,19 @@ class CrankTable(GroupTable):
     pivot: Name = Field(description="the fixed point it turns about", examples=["A"])
     end: Name = Field(description="name for its far pin", examples=["B"])
     phase: Angle = Field(0.0, description="angle of the link at crank angle zero", examples=["90 deg"])
+    law: AngleLaw | None = Field(None, description="how it swings", examples=[{"start": "20 deg", "stop": "140 deg"}])
 
     def build(self, turns: int) -> groups.AbstractGroup:
-        return groups.Crank(self.link, self.pivot, self.end, turns, self.phase)
+        law = None if self.law is None else self.law.build()
+        return groups.Crank(self.link, self.pivot, self.end, turns, self.phase, law)
 
     @staticmethod
     def keys_of(group: groups.Crank) -> dict[str, Any]:
-        return {"link": group.link, "pivot": group.pivot, "end": group.end, "phase": _angle(group.phase)}
+        table = {"link": group.link, "pivot": group.pivot, "end": group.end, "phase": in_angle(group.phase)}
+        return table if group.law is None else {**table, "law": law_keys(group.law, in_angle)}
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        yield from () if self.law is None else self.law.faults(("law",))
 
     def pins(self) -> tuple[str, ...]:
         return (self.end,)
@@ -71,12 +75,35 @@ class CrankTable(GroupTable):
         return (self.link,)
 
 
-class Guide(Table):
-    """A straight guide of the frame."""
+class SlideTable(GroupTable):
+    """A driving slide, the first of the groups."""
 
-    through: Name = Field(description="a fixed point", examples=["A"])
-    along: Angle = Field(0.0, description="direction of the guide", examples=["90 deg"])
-    offset: Length = Field(0.0, description="shift of the pin's path to the left of that direction", examples=["10 mm"])
+    kind: Literal["slide"] = Field(description="the driver, along a guide of the frame", examples=["slide"])
+    link: Name = Field(description="the link that slides", examples=["piston"])
+    end: Name = Field(description="name for its own point on the path", examples=["B"])
+    guide: Guide = Field(description="the guide of the frame", examples=[{"through": "A"}])
+    law: LengthLaw = Field(description="how far along the guide it is", examples=[{"start": "0 mm", "stop": "120 mm"}])
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        return groups.Slide(self.link, self.end, self.guide.build(), self.law.build())
+
+    @staticmethod
+    def keys_of(group: groups.Slide) -> dict[str, Any]:
+        return {"link": group.link, "end": group.end, "guide": Guide.keys_of(group.guide),
+                "law": law_keys(group.law, in_length)}  # fmt: skip
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return ()
+
+    def sliding(self) -> tuple[str, ...]:
+        return (self.link,)
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        yield from self.guide.faults(("guide",), fixed)
+        yield from self.law.faults(("law",))
 
 
 class RRPTable(GroupTable):
@@ -93,15 +120,13 @@ class RRPTable(GroupTable):
     )
 
     def build(self, turns: int) -> groups.AbstractGroup:
-        through, along, offset = self.guide.through, self.guide.along, self.guide.offset
         side = 1 if self.side == "+" else -1
-        return groups.RRP(self.link, self.block, self.from_, self.end, through, side, along, offset)
+        return groups.RRP(self.link, self.block, self.from_, self.end, self.guide.build(), side)
 
     @staticmethod
     def keys_of(group: groups.RRP) -> dict[str, Any]:
-        guide = {"through": group.through, "along": _angle(group.along), "offset": f"{float(group.offset)!r} m"}
-        return {"link": group.link, "from": group.from_, "end": group.end, "block": group.block, "guide": guide,
-                "side": "+" if group.side > 0 else "-"}  # fmt: skip
+        return {"link": group.link, "from": group.from_, "end": group.end, "block": group.block,
+                "guide": Guide.keys_of(group.guide), "side": "+" if group.side > 0 else "-"}  # fmt: skip
 
     def pins(self) -> tuple[str, ...]:
         return (self.end,)
@@ -109,13 +134,11 @@ class RRPTable(GroupTable):
     def bars(self) -> tuple[str, ...]:
         return (self.link,)
 
-    def blocks(self) -> tuple[str, ...]:
+    def sliding(self) -> tuple[str, ...]:
         return (self.block,)
 
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
-        if self.guide.through not in fixed:
-            problem = f"{self.guide.through!r} is not a point of the frame"
-            yield ("guide", "through"), problem, nearest(self.guide.through, fixed)
+        yield from self.guide.faults(("guide",), fixed)
 
 
 class RRRTable(GroupTable):
@@ -172,7 +195,7 @@ class RPRTable(GroupTable):
     @staticmethod
     def keys_of(group: groups.RPR) -> dict[str, Any]:
         return {"link": group.link, "about": group.about, "end": group.end, "block": group.block, "from": group.from_,
-                "offset": f"{float(group.offset)!r} m", "side": "+" if group.side > 0 else "-"}  # fmt: skip
+                "offset": in_length(group.offset), "side": "+" if group.side > 0 else "-"}  # fmt: skip
 
     def pins(self) -> tuple[str, ...]:
         return (self.end,)
@@ -180,7 +203,7 @@ class RPRTable(GroupTable):
     def bars(self) -> tuple[str, ...]:
         return (self.link,)
 
-    def blocks(self) -> tuple[str, ...]:
+    def sliding(self) -> tuple[str, ...]:
         return (self.block,)
 
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
@@ -188,11 +211,92 @@ class RPRTable(GroupTable):
             yield ("from",), "the same point as `about`", "name the point that the block is pinned to"
 
 
-def _angle(value: Any) -> str:
-    return f"{float(value)!r} rad"
+class PRPTable(GroupTable):
+    """Two blocks pinned to each other, each in a slot of its own."""
+
+    kind: Literal["PRP"] = Field(description="two blocks pinned to each other in two slots", examples=["PRP"])
+    blocks: Annotated[tuple[Name, Name], Pair] = Field(description="the two blocks", examples=[["die", "stone"]])
+    meet: Name = Field(description="name for the pin between them", examples=["M"])
+    slots: Annotated[tuple[Guide, Guide], Pair] = Field(
+        description="the guide of each, on two links", examples=[[{"on": "lever", "through": "P"}, {"through": "A"}]]
+    )
+    side: Literal["left", "right"] = Field(
+        "left", description="where the second slot points, seen along the first", examples=["right"]
+    )
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        one, two = self.slots
+        return groups.PRP(self.blocks, self.meet, (one.build(), two.build()), 1 if self.side == "left" else -1)
+
+    @staticmethod
+    def keys_of(group: groups.PRP) -> dict[str, Any]:
+        return {"blocks": list(group.blocks), "meet": group.meet, "slots": [Guide.keys_of(s) for s in group.slots],
+                "side": "left" if group.side > 0 else "right"}  # fmt: skip
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.meet,)
+
+    def bars(self) -> tuple[str, ...]:
+        return ()
+
+    def sliding(self) -> tuple[str, ...]:
+        return self.blocks
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        if self.slots[0].on == self.slots[1].on:
+            problem = f"both slots are on {self.slots[0].on!r}, so that nothing could move"
+            yield ("slots", 1), problem, "name the other link with `on`"
+        for i, slot in enumerate(self.slots):
+            yield from slot.faults(("slots", i), fixed)
 
 
-TABLES: dict[str, type[GroupTable]] = {"crank": CrankTable, "RRP": RRPTable, "RRR": RRRTable, "RPR": RPRTable}
+class RPPTable(GroupTable):
+    """A block in the slot of a slide that moves on a guide."""
+
+    kind: Literal["RPP"] = Field(description="a block in the slot of a slide on a straight guide", examples=["RPP"])
+    link: Name = Field(description="the slide", examples=["yoke"])
+    end: Name = Field(description="name for the slide's own point on its path", examples=["E"])
+    guide: Guide = Field(description="the guide of the slide", examples=[{"through": "A"}])
+    block: Name = Field(description="the block in its slot", examples=["die"])
+    from_: Name = Field(alias="from", description="the point that is the block's pin", examples=["B"])
+    slot: Angle = Field(math.pi / 2, description="direction of the slot, from that of the guide", examples=["60 deg"])
+    offset: Length = Field(
+        0.0, description="shift of the slot to the left of its direction, away from `end`", examples=["10 mm"]
+    )
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        guide = self.guide.build()
+        return groups.RPP(self.link, self.block, self.from_, self.end, guide, self.slot, self.offset)
+
+    @staticmethod
+    def keys_of(group: groups.RPP) -> dict[str, Any]:
+        return {"link": group.link, "end": group.end, "guide": Guide.keys_of(group.guide), "block": group.block,
+                "from": group.from_, "slot": in_angle(group.slot), "offset": in_length(group.offset)}  # fmt: skip
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return ()
+
+    def sliding(self) -> tuple[str, ...]:
+        return (self.link, self.block)
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        yield from self.guide.faults(("guide",), fixed)
+        if abs(math.sin(self.slot)) < 1e-9:
+            yield ("slot",), "the slot lies along the guide", 'write another angle, e.g. "90 deg"'
+
+
+TABLES: dict[str, type[GroupTable]] = {
+    "crank": CrankTable,
+    "slide": SlideTable,
+    "RRP": RRPTable,
+    "RRR": RRRTable,
+    "RPR": RPRTable,
+    "PRP": PRPTable,
+    "RPP": RPPTable,
+}
 
 
 def _kind(value: Any) -> str | None:
@@ -202,8 +306,11 @@ def _kind(value: Any) -> str | None:
 
 Group = Annotated[
     Annotated[CrankTable, Tag("#crank")]
+    | Annotated[SlideTable, Tag("#slide")]
     | Annotated[RRPTable, Tag("#RRP")]
     | Annotated[RRRTable, Tag("#RRR")]
-    | Annotated[RPRTable, Tag("#RPR")],
+    | Annotated[RPRTable, Tag("#RPR")]
+    | Annotated[PRPTable, Tag("#PRP")]
+    | Annotated[RPPTable, Tag("#RPP")],
     Discriminator(_kind),
 ]

@@ -24,6 +24,7 @@ from linkjax.viz._skeleton import (
     Places,
     Shape,
     Skeleton,
+    Slot,
     arrows,
     clearest,
     outline,
@@ -192,7 +193,10 @@ def draw_links(stage: Stage, look: Skeleton, at: Places, working: list[Arrow]) -
     artists: list[Artist] = []
     for i, shape in enumerate(look.shapes):
         artists += _counterweights(stage, shape, at, i)
-        artists += _block(stage, look, shape, at, i) if shape.block else _bar(stage, shape, at, i)
+        artists += _block(stage, shape, at, i) if shape.block else _bar(stage, shape, at, i)
+    order = [shape.link for shape in look.shapes]
+    for slot in look.slots:
+        artists += _rails(stage, slot, at, order.index(slot.on))
     dots = {p for shape in look.shapes for p in shape.marked} - set(look.joints)
     marks = [(p, JOINT) for p in look.joints] + [(p, 2.0) for p in sorted(dots)]
     for point, radius in marks:
@@ -244,15 +248,27 @@ def _counterweights(stage: Stage, shape: Shape, at: Places, index: int) -> list[
     return artists
 
 
-def _block(stage: Stage, look: Skeleton, shape: Shape, at: Places, index: int) -> list[Artist]:
-    """A block, turned along its guide; upon the link that it slides on."""
-    angle = shape.turned(look.guides, at)
-    t = stage.unit * np.array([math.cos(angle), math.sin(angle)])
+def _rails(stage: Stage, slot: Slot, at: Places, index: int) -> list[Artist]:
+    """A guide on a moving link, in the colour of that link."""
+    first, last, t = slot.drawn(at)
+    t = stage.unit * t
+    n = np.array([-t[1], t[0]])
+    ends = np.stack([first - (BLOCK[0] + 8) * t, last + (BLOCK[0] + 8) * t])
+    return [Line2D(*(ends + side * (BLOCK[1] + 0.8) * n).T, color=colour(index), linewidth=1.0, zorder=4.8)
+            for side in (1, -1)]  # fmt: skip
+
+
+def _block(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
+    """A block, turned along its guide, with arms to its marked points; upon the link that it slides on."""
+    t = stage.unit * at[shape.link] / (math.hypot(*at[shape.link]) or 1.0)
     n = np.array([-t[1], t[0]])
     a, b = BLOCK[0] * t, BLOCK[1] * n
     corners = at[shape.pins[0]] + np.stack([a + b, b - a, -a - b, a - b])
-    return [Polygon(corners, closed=True, edgecolor=colour(index), facecolor=tint(colour(index)), linewidth=1.3,
-                    zorder=5.0 if shape.along else 2.5)]  # fmt: skip
+    order = 5.0 if shape.upon else 2.5
+    arms = [Line2D(*np.stack([at[shape.pins[0]], at[p]]).T, color=tint(colour(index), 0.6), linewidth=4.5,
+                   zorder=order - 0.1) for p in shape.marked]  # fmt: skip
+    return [*arms, Polygon(corners, closed=True, edgecolor=colour(index), facecolor=tint(colour(index)), linewidth=1.3,
+                           zorder=order)]  # fmt: skip
 
 
 def _quartered(stage: Stage, centre: Place) -> list[Artist]:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from linkjax._display import Units, prefixed
-from linkjax.groups import AbstractGroup
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -20,8 +19,8 @@ Places = dict[str, np.ndarray]
 
 class Shape(NamedTuple):
     """A link to draw: its pins, its further marked points, its mass centre (None without mass), block or bar, its
-    counterweights with their radii (m; None where they are no discs), and for a block on a moving link the two pins
-    of that link, along which it lies."""
+    counterweights with their radii (m; None where they are no discs), and for a block whether what it slides on
+    moves."""
 
     link: str
     pins: tuple[str, ...]
@@ -29,14 +28,7 @@ class Shape(NamedTuple):
     centre: str | None
     block: bool
     weights: dict[str, float | None]
-    along: tuple[str, str] | None = None
-
-    def turned(self, guides: tuple[Guide, ...], at: Places) -> float:
-        """The angle (rad) at which a block is drawn."""
-        if self.along is not None:
-            x, y = at[self.along[1]] - at[self.along[0]]
-            return math.atan2(y, x)
-        return next((guide.angle for guide in guides if guide.block == self.link), 0.0)
+    upon: bool = False
 
 
 class Guide(NamedTuple):
@@ -45,6 +37,22 @@ class Guide(NamedTuple):
     block: str
     angle: float
     ends: tuple[np.ndarray, np.ndarray]
+
+
+class Slot(NamedTuple):
+    """A straight guide on the link `on`, in the axes of that link about its point `origin`: direction (rad), and the
+    two ends of the stroke of the block's pin."""
+
+    on: str
+    origin: str
+    angle: float
+    ends: tuple[np.ndarray, np.ndarray]
+
+    def drawn(self, at: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Its two ends and its direction, where the link stands."""
+        axes = _axes(at[self.on])
+        along = axes @ np.array([math.cos(self.angle), math.sin(self.angle)])
+        return at[self.origin] + axes @ self.ends[0], at[self.origin] + axes @ self.ends[1], along
 
 
 class Arrow(NamedTuple):
@@ -63,6 +71,7 @@ class Skeleton(NamedTuple):
     pivots: tuple[str, ...]
     joints: tuple[str, ...]
     guides: tuple[Guide, ...]
+    slots: tuple[Slot, ...]
     traced: tuple[str, ...]
     low: np.ndarray
     high: np.ndarray
@@ -78,13 +87,13 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     mechanism = scene.mechanism
     shapes, joints = [], []
     for group in mechanism.groups:
-        slots = _slots(group)
+        upon = {joint.link: joint.by for joint in group.joints() if joint.slides}
         for name, ends in group.pins().items():
             link = mechanism.links[name]
             pins = tuple(p for p in ends if p is not None)
-            heavy, block = float(link.actual().mass) > 0, name in group.translating() or name in slots
-            shapes.append(Shape(name, pins, tuple(link.points), link.centre_name if heavy else None,
-                                block, _weights(link), slots.get(name)))  # fmt: skip
+            heavy = float(link.actual().mass) > 0
+            shapes.append(Shape(name, pins, tuple(link.points), link.centre_name if heavy else None, name in upon,
+                                _weights(link), upon.get(name, "frame") != "frame"))  # fmt: skip
             joints += [p for p in pins if p not in joints]
     drawn = {p for s in shapes for p in (*s.pins, *s.marked, *s.weights, *([s.centre] if s.centre else []))}
     paths = {p: path(data, p) for p in data["points"] if p in drawn}
@@ -98,19 +107,36 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     loaded = {load.point for load in scene.loads}
     traced = tuple(p for s in shapes for p in (*s.pins[1:], *s.marked, s.centre)
                    if p and (p != s.centre or p in loaded) and p in paths)  # fmt: skip
-    guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block and not shape.along) if g)
+    guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block and not shape.upon) if g)
     low, high = sound.min(axis=1), sound.max(axis=1)
-    return Skeleton(tuple(shapes), pivots, tuple(joints), guides, tuple(dict.fromkeys(traced)), low, high)
+    return Skeleton(tuple(shapes), pivots, tuple(joints), guides, _slots(data, scene), tuple(dict.fromkeys(traced)),
+                    low, high)  # fmt: skip
 
 
-def _slots(group: AbstractGroup) -> dict[str, tuple[str, str]]:
-    """For every block that slides along another link of its group: that link's two pins."""
-    pins, slots = group.pins(), {}
-    for joint in group.joints():
-        first, far = pins.get(joint.by or "", ("", None))
-        if joint.name.endswith(".guide") and far is not None:
-            slots[joint.link] = first, far
-    return slots
+def _slots(data: Data, scene: Scene) -> tuple[Slot, ...]:
+    """The guides on moving links."""
+    found, origins = [], scene.mechanism.origins()
+    for joint in (joint for group in scene.mechanism.groups for joint in group.joints()):
+        if not joint.slides or joint.by is None or joint.by == "frame":
+            continue
+        heading, origin = data["links"][joint.by]["angle"], origins[joint.by]
+        off = path(data, joint.point) - path(data, origin)
+        turn = closed(data, heading)
+        local = np.stack([np.cos(turn) * off[0] + np.sin(turn) * off[1], np.cos(turn) * off[1] - np.sin(turn) * off[0]])
+        lean = np.asarray(data["links"][joint.link]["angle"], float) - np.asarray(heading, float)
+        good = np.all(np.isfinite(local), axis=0)
+        if not good.any() or not np.isfinite(lean).any():
+            continue
+        local, angle = local[:, good], float(np.ravel(lean)[np.isfinite(np.ravel(lean))][0])
+        stroke = np.array([math.cos(angle), math.sin(angle)]) @ local
+        found.append(Slot(joint.by, origin, angle, (local[:, stroke.argmin()], local[:, stroke.argmax()])))
+    return tuple(found)
+
+
+def _axes(heading: np.ndarray) -> np.ndarray:
+    """The matrix that turns what is given in the axes of a link, whose direction is `heading`."""
+    c, s = heading / (math.hypot(*heading) or 1.0)
+    return np.array([[c, -s], [s, c]])
 
 
 def _weights(link: Link) -> dict[str, float | None]:
@@ -155,7 +181,8 @@ def _guide(data: Data, shape: Shape, paths: Places) -> Guide | None:
 
 
 def places(data: Data, scene: Scene, angle: float) -> Places:
-    """Positions of all points at a crank angle (rad), between the angles given by cubic Hermite interpolation."""
+    """Positions of all points and directions of all links, by name, at a crank angle (rad): between the angles given by
+    cubic Hermite interpolation."""
     angles, cycle = np.asarray(data["angles"], float), scene.cycle
     knots = np.append(angles, angles[0] + cycle)
     angle = angles[0] + (angle - angles[0]) % cycle
@@ -169,7 +196,14 @@ def places(data: Data, scene: Scene, angle: float) -> Places:
         value, slope = (np.broadcast_to(np.asarray(p[k], float), angles.shape) for k in (x, dx))
         return near * value[i] + far * value[j] + leave * slope[i] + arrive * slope[j]
 
-    return {n: np.array([between(p, "x", "dx"), between(p, "y", "dy")]) for n, p in data["points"].items()}
+    ways = {name: heading(data, name) for name in data["links"]}
+    return {n: np.array([between(p, "x", "dx"), between(p, "y", "dy")]) for n, p in {**data["points"], **ways}.items()}
+
+
+def heading(data: Data, link: str) -> dict[str, np.ndarray]:
+    """The unit vector along a link and its first coefficient, keyed as those of a point."""
+    angle, rate = (np.asarray(data["links"][link][key], float) for key in ("angle", "d"))
+    return {"x": np.cos(angle), "y": np.sin(angle), "dx": -np.sin(angle) * rate, "dy": np.cos(angle) * rate}
 
 
 def velocity(data: Data, scene: Scene, point: str, angle: float) -> np.ndarray:

@@ -12,7 +12,7 @@ from linkjax._display import Units
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.viz._machine import MARGIN, colour, scale_mark, tint
-from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, outline, path, places, skeleton
+from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, heading, outline, path, places, skeleton
 from linkjax.viz._style import Data, lost
 
 WIDE, TALLEST = 560.0, 400.0  # typographic points
@@ -61,12 +61,23 @@ def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Unit
         links.append({
             "name": shape.link, "colour": to_hex(colour(i)), "fill": to_hex(tint(colour(i))),
             "dark": to_hex(tint(colour(i), 0.5)), "corners": outline(shape, at, 3 / scale), "block": shape.block,
-            "angle": shape.turned(look.guides, at), "along": shape.along, "pin": shape.pins[0],
+            "upon": shape.upon, "arms": list(shape.marked) if shape.block else [], "pin": shape.pins[0],
             "weights": shape.weights,
         })  # fmt: skip
+    turning = dict.fromkeys([*(s.link for s in look.shapes if s.block), *(slot.on for slot in look.slots)])
     dots = sorted({p for shape in look.shapes for p in shape.marked} - set(look.joints))
     return {
         "points": {p: _point(data, p, at) for p in data["points"]},
+        "headings": {name: _heading(data, name) for name in turning},
+        "slots": [
+            {
+                "on": slot.on,
+                "origin": slot.origin,
+                "angle": slot.angle,
+                "ends": [[*map(float, end)] for end in slot.ends],
+            }
+            for slot in look.slots
+        ],
         "lost": np.flatnonzero(lost(data)).tolist(),
         "links": links,
         "guides": [[*map(float, (*guide.ends[0], *guide.ends[1]))] for guide in look.guides],
@@ -89,6 +100,12 @@ def _point(data: Data, name: str, at: Places) -> dict[str, Any]:
     count = np.size(data["angles"])
     found = data["points"][name]
     return {k: _short(np.broadcast_to(np.asarray(found[k], float), (count,))) for k in ("x", "y", "dx", "dy")}
+
+
+def _heading(data: Data, link: str) -> dict[str, list[float]]:
+    """The unit vector along a link, as `_point` gives a point that moves."""
+    count = np.size(data["angles"])
+    return {key: _short(np.broadcast_to(part, (count,))) for key, part in heading(data, link).items()}
 
 
 def _short(values: np.ndarray) -> list[float]:

@@ -22,7 +22,7 @@ def weighted(scene: lj.Scene) -> lj.Scene:
     return scene.with_mechanism(dataclasses.replace(m, links={**m.links, "crank": crank}))
 
 
-SLOW = [pytest.param(machine, marks=pytest.mark.slow) for machine in ("four-bar", 0, 1, 3)]
+SLOW = [pytest.param(machine, marks=pytest.mark.slow) for machine in ("four-bar", "quick-return", 0, 1, 3)]
 
 
 @pytest.mark.parametrize("machine", ["slider-crank", *SLOW])

@@ -259,8 +259,8 @@ def test_a_name_with_underscores_in_its_numbers():
 
 
 def test_a_bound_close_to_zero_is_no_measure():
-    kind = Kind("length", "", "m", "limit", True, 1.0, bound=2.0, scale=2.0)
-    assert [kind.bounded(bound).scale for bound in (-3.0, 0.0, 1e-9)] == [3.0, 2.0, 2.0]
+    kind = Kind("length", "", "m", "limit", True, 1.0, bound=0.0, scale=0.5, own=0.5, effect=0.1)
+    assert [kind.bounded(bound).scale for bound in (-3.0, 0.0, 1e-9, 1e-5)] == [3.0, 0.5, 0.5, 1e-5]
     assert [kind.bounded(bound).bound for bound in (-3.0, 0.0, 1e-9)] == [-3.0, 0.0, 1e-9]
 
 

@@ -13,12 +13,15 @@ import numpy as np
 
 import linkjax as lj
 from linkjax import (
+    PRP,
+    RPP,
     RPR,
     RRP,
     RRR,
     Crank,
     Flywheel,
     Force,
+    Guide,
     Link,
     Mechanism,
     OpposingForce,
@@ -29,8 +32,9 @@ from linkjax import (
 )
 from linkjax.kinematics import least_margin
 
-BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return")
-COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers")
+BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")
+COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides")
+PRESCRIBED = ("swinging", "hydraulic")  # by a law of motion
 
 
 def turn(degrees: float) -> float:
@@ -50,8 +54,8 @@ def _two_on_one_crank() -> lj.Scene:
     }
     groups = [
         Crank("crank", "A", "B"),
-        RRP("rod1", "ram", "B", "D", "A", 1, along=turn(20.0), offset=0.02),
-        RRP("rod2", "pump", "B", "P", "C", -1, along=turn(-65.0), offset=-0.015),
+        RRP("rod1", "ram", "B", "D", Guide("A", turn(20.0), 0.02)),
+        RRP("rod2", "pump", "B", "P", Guide("C", turn(-65.0), -0.015), -1),
         RRR(("coupler", "rocker"), "B", "F", "G", 1),
     ]
     fixed = {"A": Vec(0.05, -0.02), "C": Vec(0.02, 0.03), "F": Vec(-0.25, -0.2)}
@@ -78,7 +82,7 @@ def _coupler_points() -> lj.Scene:
         Crank("crank", "A", "B", phase=0.4),
         RRR(("coupler", "rocker"), "B", "D", "C", 1),
         RRR(("arm", "lever"), "E", "F", "G", -1),
-        RRP("rod", "slide", "M", "P", "F", 1, along=turn(100.0), offset=0.03),
+        RRP("rod", "slide", "M", "P", Guide("F", turn(100.0), 0.03)),
     ]
     fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.38, 0.02), "F": Vec(0.45, 0.4)}
     loads = (
@@ -105,7 +109,7 @@ def _clockwise() -> lj.Scene:
     }  # fmt: skip
     groups = [
         Crank("crank", "O", "B", -1, phase=0.7),
-        RRP("rod", "block", "B", "D", "O", -1, along=turn(35.0), offset=0.012),
+        RRP("rod", "block", "B", "D", Guide("O", turn(35.0), 0.012), -1),
         RRR(("bar", "rocker"), "E", "F", "G", -1),
     ]
     fixed = {"O": Vec(0.3, -0.2), "F": Vec(-0.05, -0.02)}
@@ -147,11 +151,92 @@ def _slotted_levers() -> lj.Scene:
     return lj.Scene(Mechanism(fixed, links, groups, Flywheel(2.0)), loads, Vec(0.0, -9.81), 12.0, 0.05, title="Levers")
 
 
+def _moving_guides() -> lj.Scene:
+    """On the rocker of a four-bar: a guide with a slider, and a slide with a slot driven by the crank; a pin between
+    a slot of the coupler and one of the frame; a dyad on the slide."""
+    links = {
+        "crank": Link(length=0.1, mass=1.0, inertia=0.004, centre=Vec(0.03, 0.0)),
+        "coupler": Link(length=0.35, mass=1.4, inertia=0.02, centre=Vec(0.16, 0.03), points={"E": Vec(0.2, 0.14)}),
+        "rocker": Link(length=0.25, mass=1.6, inertia=0.012, centre=Vec(0.12, 0.01), points={"H": Vec(0.1, -0.08)}),
+        "rod": Link(length=0.3, mass=0.9, inertia=0.01, centre=Vec(0.14, 0.01)),
+        "block": Link(mass=1.2, inertia=0.003, centre=Vec(0.02, 0.01), points={"K": Vec(0.05, 0.02)}),
+        "slide": Link(mass=2.0, inertia=0.008, centre=Vec(0.03, -0.02), points={"N": Vec(0.06, 0.05)}),
+        "die": Link(mass=0.4, inertia=0.001, centre=Vec(0.01, 0.0)),
+        "stone": Link(mass=0.5, inertia=0.002, centre=Vec(0.0, 0.01)),
+        "shoe": Link(mass=0.7, inertia=0.001, centre=Vec(0.02, 0.0)),
+        "bar": Link(length=0.4, mass=0.8, inertia=0.01, centre=Vec(0.2, 0.0), points={"T": Vec(0.2, 0.06)}),
+        "lever": Link(length=0.3, mass=1.0, inertia=0.009, centre=Vec(0.12, 0.02)),
+    }
+    groups = [
+        Crank("crank", "A", "B", phase=0.4),
+        RRR(("coupler", "rocker"), "B", "D", "C"),
+        RRP("rod", "block", "E", "P", Guide("D", 0.3, 0.02, "rocker"), -1),
+        RPP("slide", "die", "B", "Q", Guide("H", -0.4, 0.03, "rocker"), 1.9, -0.015),
+        PRP(("stone", "shoe"), "M", (Guide("E", 1.2, 0.01, "coupler"), Guide("D", 0.1, -0.02)), -1),
+        RRR(("bar", "lever"), "N", "F", "G", -1),
+    ]
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.38, 0.02), "F": Vec(0.35, 0.45)}
+    loads = (
+        OpposingForce("tool", "shoe", "M", magnitude=60.0, window=Window(turn(30.0), turn(190.0))),
+        Force("push", "block", "K", force=Vec(-40.0, 25.0), window=Window(turn(300.0), turn(80.0)), reacts_on="frame"),
+        OpposingTorque("rub", "lever", magnitude=4.0),
+        Torque("twist", "slide", torque=1.5),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.5)), loads, Vec(1.0, -9.5), 20.0, 0.05, title="Guides")
+
+
+def _swinging() -> lj.Scene:
+    """A crank that swings between two angles moves a four-bar out of line, and a slider."""
+    links = {
+        "crank": Link(length=0.2, mass=1.0, inertia=0.01, centre=Vec(0.1, 0.01)),
+        "coupler": Link(length=0.5, mass=1.4, inertia=0.02, centre=Vec(0.25, 0.03), points={"E": Vec(0.3, 0.1)}),
+        "rocker": Link(length=0.4, mass=1.6, inertia=0.012, centre=Vec(0.2, 0.01)),
+        "rod": Link(length=0.45, mass=0.9, inertia=0.01, centre=Vec(0.2, 0.0)),
+        "ram": Link(mass=3.0, centre=Vec(0.02, 0.01)),
+    }
+    groups = [
+        Crank("crank", "A", "B", phase=0.2, law=lj.Harmonic(0.3, 1.9)),
+        RRR(("coupler", "rocker"), "B", "D", "C"),
+        RRP("rod", "ram", "E", "P", Guide("D", 0.4, 0.1)),
+    ]
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.5, 0.02)}
+    loads = (
+        OpposingForce("press", "ram", "P", magnitude=80.0, window=Window(turn(20.0), turn(150.0))),
+        Force("pull", "coupler", "E", force=Vec(10.0, -20.0)),
+        OpposingTorque("rub", "rocker", magnitude=5.0, reacts_on="frame"),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.3)), loads, Vec(0.0, -9.81), 8.0, title="Swinging")
+
+
+def _hydraulic() -> lj.Scene:
+    """A slide on an inclined, offset guide swings a lever, and a lever with a slot."""
+    links = {
+        "ram": Link(mass=3.0, inertia=0.01, centre=Vec(-0.1, 0.01), points={"K": Vec(0.05, 0.04)}),
+        "bar": Link(length=0.5, mass=1.4, inertia=0.02, centre=Vec(0.25, 0.03)),
+        "lever": Link(length=0.4, mass=1.6, inertia=0.012, centre=Vec(0.2, 0.01), points={"T": Vec(0.3, 0.1)}),
+        "arm": Link(length=0.5, mass=1.1, inertia=0.012, centre=Vec(0.2, 0.0)),
+        "die": Link(mass=0.4, inertia=0.001, centre=Vec(0.01, 0.0)),
+    }
+    groups = [
+        lj.Slide("ram", "B", Guide("A", 0.2, 0.1), lj.Harmonic(0.02, 0.14)),
+        RRR(("bar", "lever"), "B", "D", "C"),
+        RPR("arm", "die", "K", "F", "G", -1, 0.02),
+    ]
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.5, 0.0), "F": Vec(0.1, -0.3)}
+    loads = (
+        OpposingForce("weight", "lever", "T", magnitude=90.0, window=Window(turn(10.0), turn(170.0))),
+        Torque("spring", "arm", torque=-6.0),
+        Force("push", "ram", "K", force=Vec(-30.0, 5.0), window=Window(turn(200.0), turn(300.0)), reacts_on="frame"),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups), loads, Vec(0.5, -9.81), 6.0, title="Hydraulic")
+
+
 @functools.cache
 def machine(name: str) -> lj.Scene:
     """A built-in scene, or one composed here."""
-    made = dict(zip(COMPOSED, (_two_on_one_crank, _coupler_points, _clockwise, _slotted_levers), strict=True))
-    return made[name]() if name in made else lj.load(name)
+    made = _two_on_one_crank, _coupler_points, _clockwise, _slotted_levers, _moving_guides, _swinging, _hydraulic
+    composed = dict(zip((*COMPOSED, *PRESCRIBED), made, strict=True))
+    return composed[name]() if name in composed else lj.load(name)
 
 
 def mirrored(mechanism: Mechanism) -> Mechanism:
@@ -164,13 +249,25 @@ def mirrored(mechanism: Mechanism) -> Mechanism:
         points = {name: flip(at) for name, at in old.points.items()}
         return dataclasses.replace(old, centre=flip(old.centre), points=points)
 
+    def flipped(guide: Guide) -> Guide:
+        return dataclasses.replace(guide, along=-guide.along, offset=-guide.offset)
+
     def group(old):
+        if isinstance(old, Crank) and isinstance(old.law, lj.Harmonic):
+            law = lj.Harmonic(-old.law.start, -old.law.stop)
+            return dataclasses.replace(old, law=law, phase=-old.phase)
+        if isinstance(old, lj.Slide):
+            return dataclasses.replace(old, guide=flipped(old.guide))
         if isinstance(old, Crank):
             return dataclasses.replace(old, turns=-old.turns, phase=-old.phase)
         if isinstance(old, RRP):
-            return dataclasses.replace(old, along=-old.along, offset=-old.offset)
+            return dataclasses.replace(old, guide=flipped(old.guide))
         if isinstance(old, RPR):
             return dataclasses.replace(old, offset=-old.offset)
+        if isinstance(old, RPP):
+            return dataclasses.replace(old, guide=flipped(old.guide), slot=-old.slot, offset=-old.offset)
+        if isinstance(old, PRP):
+            return dataclasses.replace(old, slots=tuple(map(flipped, old.slots)), side=-old.side)
         return dataclasses.replace(old, side=-old.side)
 
     links = {name: link(mechanism.links[name]) for name in mechanism.link_names}
@@ -192,7 +289,17 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
         )  # fmt: skip
 
     def group(old):
-        return dataclasses.replace(old, offset=old.offset * lengths) if isinstance(old, RRP | RPR) else old
+        if isinstance(old, PRP):
+            return dataclasses.replace(old, slots=tuple(group(slot) for slot in old.slots))
+        if isinstance(old, lj.Slide):
+            assert isinstance(old.law, lj.Harmonic)
+            law = lj.Harmonic(old.law.start * lengths, old.law.stop * lengths)
+            return dataclasses.replace(old, guide=group(old.guide), law=law)
+        if isinstance(old, RRP | RPP):
+            old = dataclasses.replace(old, guide=group(old.guide))
+        if isinstance(old, RPR | RPP | Guide):
+            return dataclasses.replace(old, offset=old.offset * lengths)
+        return old
 
     def load(old):
         if isinstance(old, Force):
@@ -270,8 +377,8 @@ def _dimensioned(structure: list[Drawn], rng: np.random.Generator) -> lj.Scene:
     for i, (kind, start, side) in enumerate(structure, 1):
         if kind == "RRP":
             links[f"rod{i}"], links[f"block{i}"] = bar(rng.uniform(0.3, 0.6)), Link(mass=rng.uniform(1, 3))
-            groups.append(RRP(f"rod{i}", f"block{i}", start, f"P{i}", "A", side, along=rng.uniform(-3, 3),
-                              offset=rng.uniform(-0.03, 0.03)))  # fmt: skip
+            guide = Guide("A", rng.uniform(-3, 3), rng.uniform(-0.03, 0.03))
+            groups.append(RRP(f"rod{i}", f"block{i}", start, f"P{i}", guide, side))
             loads.append(OpposingForce(f"load{i}", f"block{i}", f"P{i}", magnitude=rng.uniform(50, 300)))
         else:
             links[f"bar{i}"], links[f"arm{i}"] = bar(rng.uniform(0.25, 0.5)), bar(rng.uniform(0.2, 0.4))

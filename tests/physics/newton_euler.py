@@ -9,18 +9,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkjax.groups import RPR, RRP, RRR, Crank
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, AbstractDriver, Crank, Slide
 from tests.physics import oracle
 
 
 class Joint(NamedTuple):
-    """What `by` exerts on `link`: a force at a point, or normal force and couple of a guide (referred to the point)."""
+    """What `by` exerts on `link`: a force at a point, or normal force and couple of a guide (referred to the point), or
+    what a driver that follows a law is driven by."""
 
     name: str
     point: str
     link: str
     by: str
     guide: bool = False
+    drive: bool = False
 
 
 def joints(mechanism) -> list[Joint]:
@@ -30,12 +32,17 @@ def joints(mechanism) -> list[Joint]:
     for g in mechanism.groups:
         if isinstance(g, Crank):
             found.append(Joint(g.pivot, g.pivot, g.link, owner[g.pivot]))
+            found += [Joint(f"{g.link}.drive", g.pivot, g.link, "frame", drive=True)] if g.law is not None else []
+            owner[g.end] = g.link
+        elif isinstance(g, Slide):
+            found.append(Joint(f"{g.link}.guide", g.end, g.link, "frame", guide=True))
+            found.append(Joint(f"{g.link}.drive", g.end, g.link, "frame", drive=True))
             owner[g.end] = g.link
         elif isinstance(g, RRP):
             found += [
                 Joint(g.from_, g.from_, g.link, owner[g.from_]),
                 Joint(g.end, g.end, g.block, g.link),
-                Joint(f"{g.block}.guide", g.end, g.block, "frame", guide=True),
+                Joint(f"{g.block}.guide", g.end, g.block, g.guide.on, guide=True),
             ]
             owner[g.end] = g.link
         elif isinstance(g, RPR):
@@ -43,6 +50,17 @@ def joints(mechanism) -> list[Joint]:
                 Joint(g.about, g.about, g.link, owner[g.about]),
                 Joint(g.from_, g.from_, g.block, owner[g.from_]),
                 Joint(f"{g.block}.guide", g.from_, g.block, g.link, guide=True),
+            ]
+            owner[g.end] = g.link
+        elif isinstance(g, PRP):
+            found += [Joint(f"{b}.guide", g.meet, b, s.on, guide=True) for b, s in zip(g.blocks, g.slots, strict=True)]
+            found.append(Joint(g.meet, g.meet, *g.blocks))
+            owner[g.meet] = g.blocks[0]
+        elif isinstance(g, RPP):
+            found += [
+                Joint(g.from_, g.from_, g.block, owner[g.from_]),
+                Joint(f"{g.block}.guide", g.from_, g.block, g.link, guide=True),
+                Joint(f"{g.link}.guide", g.end, g.link, g.guide.on, guide=True),
             ]
             owner[g.end] = g.link
         else:
@@ -73,14 +91,14 @@ def solve(scene, phi, speed, acceleration) -> Solution:
     """Forces at arrays of crank angle, crank speed and acceleration."""
     phi, speed, acceleration = (np.asarray(x, dtype=float) for x in (phi, speed, acceleration))
     mechanism = scene.mechanism
-    here, every = oracle.rates(mechanism, phi), joints(mechanism)
+    here, every = oracle.rates(mechanism, phi), [j for j in joints(mechanism) if not j.drive]
     bodies = oracle.numbers(mechanism).bodies
     row = {name: 3 * i for i, name in enumerate(bodies)}
     size = 3 * len(bodies)
     assert size == 2 * len(every) + 1, "as many equations as unknowns"
     matrix, right = np.zeros((*phi.shape, size, size)), np.zeros((*phi.shape, size))
     centre = {name: here.points[next(iter(b.places))] for name, b in bodies.items()}
-    normal = {g.block: 1j * here.links[g.block].r for g in mechanism.groups if isinstance(g, RRP | RPR)}
+    normal = {j.link: 1j * here.links[j.link].r for j in every if j.guide}
 
     def act(link: str, point: str, column: int, force: Any, couple: Any = 0.0):
         """A unit unknown that gives `force` at the point and `couple`, on a link."""
@@ -98,8 +116,15 @@ def solve(scene, phi, speed, acceleration) -> Solution:
             act(j.link, j.point, 2 * k + c, force, couple)
             act(j.by, j.point, 2 * k + c, -force, -couple)
     crank = mechanism.groups[0]
-    assert isinstance(crank, Crank)
-    act(crank.link, crank.pivot, size - 1, none, float(crank.turns))
+    assert isinstance(crank, AbstractDriver)
+    pace = np.ones_like(phi)  # the driver's own first coefficient
+    if isinstance(crank, Slide):
+        act(crank.link, crank.end, size - 1, here.links[crank.link].r)
+        pace = (here.points[crank.end].v / here.links[crank.link].r).real
+    else:
+        assert isinstance(crank, Crank)
+        act(crank.link, crank.pivot, size - 1, none, float(crank.turns))
+        pace = here.links[crank.link].v if crank.law is not None else pace
     rate, spin = {}, {}
     for name, b in bodies.items():
         inertia = b.inertia + (float(mechanism.flywheel.inertia) if name == crank.link else 0.0)
@@ -120,4 +145,9 @@ def solve(scene, phi, speed, acceleration) -> Solution:
             if link != "frame":
                 old = reactions.get((j.name, link), (none, 0 * phi))
                 reactions[j.name, link] = (old[0] + sign * force, old[1] + sign * couple)
-    return Solution(reactions, x[..., -1], rate, spin)
+    push = x[..., -1]
+    if isinstance(crank, Slide):
+        reactions[f"{crank.link}.drive", crank.link] = push * here.links[crank.link].r, 0 * push
+    elif crank.law is not None:
+        reactions[f"{crank.link}.drive", crank.link] = none, push
+    return Solution(reactions, push * pace, rate, spin)

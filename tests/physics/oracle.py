@@ -15,7 +15,7 @@ import mpmath
 import numpy as np
 from scipy.optimize import brentq
 
-from linkjax.groups import RPR, RRP, RRR, Crank
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Harmonic, Slide
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.mechanism import Mechanism
 
@@ -81,6 +81,42 @@ def numbers(mechanism: Mechanism, m=np) -> Numbers:
     return found
 
 
+def prescribed(law, phi, m=np):
+    """Where a law puts the driver."""
+    assert isinstance(law, Harmonic)
+    start, stop = (reader(m)(end) for end in (law.start, law.stop))
+    return (start + stop) / 2 + (start - stop) / 2 * m.cos(phi)
+
+
+def swinging(law, phi):
+    """First and second derivatives of where it puts it."""
+    half = 0.5 * float(law.stop - law.start)
+    return half * np.sin(phi), half * np.cos(phi)
+
+
+class Path(NamedTuple):
+    """A guide as it stands: a point it runs through, its direction, its offset, and the link it is on."""
+
+    base: Any
+    along: Any
+    offset: Any
+    on: str
+
+
+def way(guide, points, directions, m=np) -> Path:
+    """A guide, where points and links stand."""
+    n = reader(m)
+    turned = 1 if guide.on == "frame" else directions[guide.on]
+    return Path(points[guide.through], m.exp(1j * n(guide.along)) * turned, n(guide.offset), guide.on)
+
+
+def meeting(one: Path, two: Path) -> Any:
+    """Where two paths cross."""
+    far = two.base + 1j * two.offset * two.along
+    near = one.base + 1j * one.offset * one.along
+    return near + one.along * ((far - near) / two.along).imag / (one.along / two.along).imag
+
+
 def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str, Any]]:
     """Points and link directions at the crank angle `phi`: complex numbers of NumPy or mpmath."""
     n = reader(m)
@@ -89,11 +125,16 @@ def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str,
     directions: dict[str, Any] = {}
     for g in mechanism.groups:
         if isinstance(g, Crank):
-            new = {g.link: (g.pivot, m.exp(1j * (n(g.phase) + g.turns * phi)))}
+            angle = g.turns * phi if g.law is None else prescribed(g.law, phi, m)
+            new = {g.link: (g.pivot, m.exp(1j * (n(g.phase) + angle)))}
             points[g.end] = points[g.pivot] + length[g.link] * new[g.link][1]
+        elif isinstance(g, Slide):
+            base, along, offset, _ = way(g.guide, points, directions, m)
+            points[g.end] = base + along * (prescribed(g.law, phi, m) + 1j * offset)
+            new = {g.link: (g.end, along + 0 * points[g.end])}
         elif isinstance(g, RRP):
-            along = m.exp(1j * n(g.along))
-            height = ((points[g.from_] - points[g.through]) / along).imag - n(g.offset)
+            base, along, offset, _ = way(g.guide, points, directions, m)
+            height = ((points[g.from_] - base) / along).imag - offset
             lean = m.asin(-height / length[g.link])
             rod = along * m.exp(1j * (lean if g.side > 0 else m.pi - lean))
             points[g.end] = points[g.from_] + length[g.link] * rod
@@ -104,6 +145,19 @@ def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str,
             lever = d / abs(d) * m.exp(-1j * (lean if g.side > 0 else m.pi - lean))
             points[g.end] = points[g.about] + length[g.link] * lever
             new = {g.link: (g.about, lever), g.block: (g.from_, lever)}
+        elif isinstance(g, PRP):
+            one, two = (way(slot, points, directions, m) for slot in g.slots)
+            points[g.meet] = meeting(one, two)
+            new = {
+                block: (g.meet, path.along + 0 * points[g.meet])
+                for block, path in zip(g.blocks, (one, two), strict=True)
+            }
+        elif isinstance(g, RPP):
+            path = way(g.guide, points, directions, m)
+            slot = Path(points[g.from_], path.along * m.exp(1j * n(g.slot)), -n(g.offset), "")
+            points[g.end] = meeting(path, slot)
+            still = 0 * points[g.end]
+            new = {g.link: (g.end, path.along + still), g.block: (g.from_, slot.along + still)}
         else:
             assert isinstance(g, RRR)
             one, two = (length[name] for name in g.links)
@@ -156,6 +210,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
     at, directions = assemble(mechanism, phi)
     bodies, length, _, pins = numbers(mechanism)
     none = np.zeros_like(phi)
+    still = Jet(none + 1.0 + 0j, none, none)
     points = {name: Jet(at[name] + none, none + 0j, none + 0j) for name in mechanism.fixed}
     links: dict[str, Jet] = {}
 
@@ -165,13 +220,34 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
 
     for g, held in zip(mechanism.groups, pins, strict=True):
         if isinstance(g, Crank):
-            links[g.link] = Jet(directions[g.link], none + g.turns, none)
+            w, e = (none + g.turns, none) if g.law is None else swinging(g.law, phi)
+            links[g.link] = Jet(directions[g.link], w, e)
+        elif isinstance(g, Slide):
+            (s, s2), along = swinging(g.law, phi), directions[g.link]
+            points[g.end], links[g.link] = Jet(at[g.end], s * along, s2 * along), Jet(along, none, none)
         elif isinstance(g, RRP):
             b, rod, along = points[g.from_], at[g.end] - at[g.from_], directions[g.block]
-            w, s = _solve(1j * rod, -along, -b.v)
-            e, s2 = _solve(1j * rod, -along, -b.a + w**2 * rod)
-            points[g.end] = Jet(at[g.end], s * along, s2 * along)
-            links[g.link], links[g.block] = Jet(directions[g.link], w, e), Jet(along, none, none)
+            on, base = links.get(g.guide.on, still), points[g.guide.through]
+            there = carried(base, on, (at[g.end] - base.r) / on.r)  # the point of the guide's link under the pin
+            w, s = _solve(1j * rod, -along, there.v - b.v)
+            e, s2 = _solve(1j * rod, -along, there.a + 2j * on.v * s * along - b.a + w**2 * rod)
+            points[g.end] = Jet(at[g.end], there.v + s * along, there.a + (s2 + 2j * on.v * s) * along)
+            links[g.link], links[g.block] = Jet(directions[g.link], w, e), Jet(along, on.v, on.a)
+        elif isinstance(g, PRP | RPP):
+            name = g.meet if isinstance(g, PRP) else g.end
+            pairs = [(slot.through, slot.on) for slot in (g.slots if isinstance(g, PRP) else (g.guide,))]
+            pairs += [] if isinstance(g, PRP) else [(g.from_, g.guide.on)]
+            under, turn, along = [], [], []
+            for block, (through, on) in zip(g.link_names(), pairs, strict=True):
+                base, turning = points[through], links.get(on, still)
+                under.append(carried(base, turning, (at[name] - base.r) / turning.r))
+                turn.append(turning)
+                along.append(directions[block])
+                links[block] = Jet(directions[block], turning.v, turning.a)
+            s, t = _solve(along[0], -along[1], under[1].v - under[0].v)
+            extra = [2j * turning.v * rate * t_ for turning, rate, t_ in zip(turn, (s, t), along, strict=True)]
+            s2, _ = _solve(along[0], -along[1], under[1].a + extra[1] - under[0].a - extra[0])
+            points[name] = Jet(at[name], under[0].v + s * along[0], under[0].a + extra[0] + s2 * along[0])
         elif isinstance(g, RPR):
             a, b, u = points[g.about], points[g.from_], directions[g.link]
             d = b.r - a.r
@@ -245,7 +321,9 @@ def reduction(scene, phi) -> Reduction:
     """Kinetic energy and power at unit crank speed."""
     phi = np.asarray(phi, dtype=float)
     here = rates(scene.mechanism, phi)
-    inertia, slope = np.full_like(phi, float(scene.mechanism.flywheel.inertia)), np.zeros_like(phi)
+    shaft = here.links[scene.mechanism.crank]
+    inertia = float(scene.mechanism.flywheel.inertia) * shaft.v**2
+    slope = 2 * float(scene.mechanism.flywheel.inertia) * shaft.v * shaft.a
     for name, b in numbers(scene.mechanism).bodies.items():
         s, turn = here.points[next(iter(b.places))], here.links[name]
         inertia = inertia + b.mass * abs(s.v) ** 2 + b.inertia * turn.v**2

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import zlib
 
 import equinox as eqx
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from linkjax._compile import compiled_soon
-from linkjax.groups import RPR, RRP, Crank
+from linkjax.groups import PRP, RPP, RPR, RRP, Crank
 from linkjax.kinematics import assembly_margins
 from linkjax.measures import delta, peak_shaking_force_constant_speed, smallest_margin
 from linkjax.mechanism import Mechanism
@@ -45,17 +46,23 @@ def sample(name: str, count: int) -> np.ndarray:
 def margins_at(mechanism: Mechanism, phi: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
     """Closeness of every group to its dead positions, from places of pins; NaN where the machine fell apart before."""
     with np.errstate(invalid="ignore"):
-        points, _ = oracle.assemble(mechanism, phi)
+        points, directions = oracle.assemble(mechanism, phi)
     found = {}
     for g in mechanism.groups:
         if isinstance(g, Crank):
             continue
         group, one = "-".join(g.link_names()), np.asarray(mechanism.links[g.link_names()[0]].length)
         if isinstance(g, RRP):
-            height = ((points[g.from_] - points[g.through]) / np.exp(1j * float(g.along))).imag - float(g.offset)
+            path = oracle.way(g.guide, points, directions)
+            height = ((points[g.from_] - path.base) / path.along).imag - path.offset
             found[group, "left"], found[group, "right"] = 1 - height / one, 1 + height / one
         elif isinstance(g, RPR):
             found[group, "pivot"] = (np.abs(points[g.from_] - points[g.about]) - abs(float(g.offset))) / one
+        elif isinstance(g, PRP):
+            turn = directions[g.blocks[1]] / directions[g.blocks[0]]
+            found[group, "parallel"] = g.side * turn.imag
+        elif isinstance(g, RPP):
+            found[group, "parallel"] = np.full(np.shape(phi), abs(math.sin(float(g.slot))))
         else:
             two = np.asarray(mechanism.links[g.link_names()[1]].length)
             r = np.abs(points[g.to] - points[g.from_])

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax import RRP, RRR, Crank, Flywheel, Link, Mechanism, OpposingForce, OpposingTorque, Vec
+from linkjax import RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, OpposingForce, OpposingTorque, Vec
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document, plain
 from linkjax.motion import _diffrax, steady, steady_by_diffrax
@@ -35,7 +35,7 @@ def hung_on_a_block() -> lj.Scene:
     }
     groups = [
         Crank("crank", "O", "B"),
-        RRP("rod", "block", "B", "D", "O", 1, offset=0.012),
+        RRP("rod", "block", "B", "D", Guide("O", offset=0.012)),
         RRR(("bar", "rocker"), "P", "F", "G", -1),
     ]
     fixed = {"O": Vec(0.0, 0.0), "F": Vec(0.45, -0.25)}

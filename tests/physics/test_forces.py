@@ -19,9 +19,9 @@ from linkjax.forces import Forces, kinetostatics, other_sides
 from linkjax.measures import peak_names
 from linkjax.motion import Regime
 from tests.physics import newton_euler, oracle
-from tests.physics.machines import BUILT_IN, COMPOSED, machine
+from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
-MACHINES = [*BUILT_IN, *COMPOSED]
+MACHINES = [*BUILT_IN, *COMPOSED, *PRESCRIBED]
 ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
 STATES = {"constant speed": (1.0, 0.0), "speeding up": (0.8, 0.6), "slowing down": (1.1, -0.9)}  # times ω, ω²
 
@@ -89,7 +89,7 @@ def test_shaking_is_the_loss_of_momentum(name):
     """Force and moment about the crank pivot, from differences of momentum and angular momentum."""
     scene, (phi, speed, acceleration) = machine(name), states(name)
     mechanism = scene.mechanism
-    about = oracle.rates(mechanism, phi).points[mechanism.groups[0].pivot].r
+    about = oracle.rates(mechanism, phi).points[mechanism.groups[0].needs()[0]].r
 
     def momentum(phi):
         here = oracle.rates(mechanism, phi)
@@ -114,7 +114,7 @@ def test_what_the_frame_feels(name):
     scene, (phi, _, _) = machine(name), states(name)
     got, known, mechanism = computed(name), truth(name), scene.mechanism
     here = oracle.rates(mechanism, phi)
-    about = here.points[mechanism.groups[0].pivot].r
+    about = here.points[mechanism.groups[0].needs()[0]].r
 
     def cross(point, force):
         return ((here.points[point].r - about).conjugate() * force).imag if point else 0.0
@@ -138,7 +138,7 @@ def test_what_the_frame_feels(name):
         np.testing.assert_allclose(value.moment, couple + 0 * phi, rtol=0, atol=1e-12 * reach)
         total = type(total)(*(a + b for a, b in zip(total, value, strict=True)))
     np.testing.assert_allclose(plane(got.frame), plane(total), rtol=0, atol=1e-12 * size)
-    turns = mechanism.groups[0].turns
+    turns = 0 if mechanism.prescribed else mechanism.groups[0].turns  # a law's drive is a joint of the frame
     np.testing.assert_allclose(got.frame.moment, total.moment + turns * got.drive_torque, rtol=0, atol=1e-11 * reach)
     net = plane(got.frame) - sum(f for _, _, f, _ in own)
     np.testing.assert_allclose(plane(got.net_frame), net, rtol=0, atol=1e-12 * size)
@@ -180,7 +180,7 @@ def reversal(name: str) -> tuple[float, float]:
     """Crank angle where the slider that an opposing load acts on stops while that is on, and the size of the load."""
     scene = machine(name)
     load = next(load for load in scene.loads if load.opposing and load.point)
-    guide = next(g for g in scene.mechanism.groups if getattr(g, "end", "") == load.point and g.kind == "RRP")
+    guide = next(g.guide for g in scene.mechanism.groups if getattr(g, "end", "") == load.point and g.kind == "RRP")
 
     def speed(phi):
         here = oracle.rates(scene.mechanism, np.atleast_1d(phi))
@@ -225,7 +225,7 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     """Size of everything whose peak is reported, rows in the order of `peak_names`, from the Newton-Euler equations."""
     known, mechanism = newton_euler.solve(scene, phi, speed, acceleration), scene.mechanism
     here = oracle.rates(mechanism, phi)
-    about = here.points[mechanism.groups[0].pivot].r
+    about = here.points[mechanism.groups[0].needs()[0]].r
     moment = 0.0
     for name, b in oracle.numbers(mechanism).bodies.items():
         s = here.points[next(iter(b.places))]

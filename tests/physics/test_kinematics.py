@@ -17,14 +17,14 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from linkjax import RPR, RRP, RRR, Crank, Link, Mechanism, Vec
+from linkjax import RPP, RPR, RRP, RRR, Crank, Guide, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import LinkState, PointState
 from linkjax.kinematics import dead_centres, margins, pose, strokes, transmission_angles
 from tests.physics import oracle
-from tests.physics.machines import BUILT_IN, COMPOSED, machine, mirrored, moved, resized
+from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine, mirrored, moved, resized
 
-MACHINES = [*BUILT_IN, *COMPOSED]
+MACHINES = [*BUILT_IN, *COMPOSED, *PRESCRIBED]
 ANGLES = np.linspace(-3.0, 9.0, 25)
 EPS = np.finfo(float).eps
 
@@ -119,6 +119,8 @@ def test_transmission_angles(name):
         truth = np.abs(np.angle(turn))
         if isinstance(g, RRP):  # from the left normal of the guide: 90 degrees when the rod lies along it
             truth = np.abs(np.angle(directions[one] / (1j * directions[two])))
+        if isinstance(g, RPP | RRP) and g.guide.on != "frame":
+            assert np.ptp(np.angle(directions[two])) > 0.1
         if isinstance(g, RPR):  # from the left normal of the lever: 90 degrees where the pin runs on its axis
             points = oracle.assemble(mechanism, ANGLES)[0]
             truth = np.abs(np.angle((points[g.from_] - points[g.about]) / (1j * directions[one])))
@@ -179,7 +181,7 @@ def near_dead(case: str, distance: float, phi: float) -> Mechanism:
         along, height = 0.3, (0.09 if case == "left" else -0.09)
         length = abs(height) / (1 - distance)
         offset = (pin * complex(math.cos(along), -math.sin(along))).imag - height
-        group = RRP("rod", "block", "B", "D", "A", 1, along=along, offset=offset)
+        group = RRP("rod", "block", "B", "D", Guide("A", along, offset))
         links = {"crank": crank, "rod": Link(length=length), "block": Link()}
         return Mechanism({"A": Vec(0.0, 0.0)}, links, [Crank("crank", "A", "B"), group])
     far = complex(0.41, -0.07)

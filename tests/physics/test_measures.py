@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 
 import equinox as eqx
@@ -15,9 +14,8 @@ import linkjax as lj
 from linkjax import measures
 from linkjax._compile import compiled_soon
 from linkjax.analysis import measured
-from linkjax.groups import RRP
 from linkjax.measures import MEASURES
-from tests.physics.machines import BUILT_IN, machine
+from tests.physics.machines import BUILT_IN, machine, resized
 
 FEW, MANY = 96, 160
 NAMES = sorted(MEASURES)
@@ -135,41 +133,12 @@ POWERS = {
 }
 
 
-def rescaled(scene: lj.Scene, length: float, mass: float, time: float) -> lj.Scene:
-    """The same machine in other units, or a similar one of another size."""
-    force, inertia = mass * length / time**2, mass * length**2
-    m = scene.mechanism
-    links = {
-        name: dataclasses.replace(
-            link, length=link.length * length, mass=link.mass * mass, inertia=link.inertia * inertia,
-            centre=link.centre * length, points={p: at * length for p, at in link.points.items()},
-            reference_length=None if link.reference_length is None else link.reference_length * length,
-            area=None if link.area is None else link.area * length**2,
-            density=None if link.density is None else link.density * (mass / length**3),
-        )
-        for name, link in m.links.items()
-    }  # fmt: skip
-    groups = tuple(dataclasses.replace(g, offset=g.offset * length) if isinstance(g, RRP) else g for g in m.groups)
-    fixed = {p: at * length for p, at in m.fixed.items()}
-    flywheel = lj.Flywheel(m.flywheel.inertia * inertia)
-    loads = []
-    for load in scene.loads:
-        by = {"force": force, "magnitude": force, "torque": force * length}
-        if isinstance(load, lj.OpposingTorque):
-            by["magnitude"] = force * length
-        loads.append(dataclasses.replace(load, **{k: getattr(load, k) * v for k, v in by.items() if hasattr(load, k)}))
-    return dataclasses.replace(
-        scene, mechanism=lj.Mechanism(fixed, links, groups, flywheel), loads=tuple(loads),
-        gravity=scene.gravity * (length / time**2), speed=scene.speed / time,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("units", [(1e3, 1e-3, 1.0), (1e-6, 1e-18, 1e-2), (1e6, 1e9, 1e3)])
 @pytest.mark.parametrize("name", SCENES)
 def test_unchanged_by_units(name, units):
     """Millimetres and tonnes, micro machines and giants: the same numbers in their own units."""
     before = all_values(name)
-    after = np.asarray(values(rescaled(machine(name), *units), names=tuple(NAMES), nodes=FEW))
+    after = np.asarray(values(resized(machine(name), *units), names=tuple(NAMES), nodes=FEW))
     back = [np.prod([u**-p for u, p in zip(units, POWERS[MEASURES[n].unit], strict=True)]) for n in NAMES]
     np.testing.assert_allclose(after * back, before, rtol=1e-9, atol=1e-12)
 

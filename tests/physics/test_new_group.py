@@ -56,14 +56,14 @@ class SlottedLever(AbstractGroup):
         dr, w = v.dot(u), u.cross(v) / r
         return r, dr, c.dot(u) + r * w * w, LinkState(u, w, (u.cross(c) - 2 * dr * w) / r)
 
-    def solve(self, links, points, phi):
+    def solve(self, links, states, points, phi):
         state, at, length = self._reach(points)[-1], points[self.about], links[self.lever].length
         arm = state.u * length
         turned = arm.perp()
         end = PointState(at.r + arm, at.dr + turned * state.w, at.ddr + turned * state.e - arm * (state.w * state.w))
         return {self.block: state, self.lever: state}, {self.end: end}
 
-    def margins(self, links, points):
+    def margins(self, links, states, points):
         r, dr, ddr, _ = self._reach(points)
         length = links[self.lever].length
         return {"pivot": Margin(r / length, dr / length, ddr / length)}
@@ -74,7 +74,7 @@ class SlottedLever(AbstractGroup):
     def joints(self):
         return (
             Joint(self.from_, self.from_, self.block),
-            Joint(f"{self.block}.guide", self.from_, self.block, self.lever),
+            Joint(f"{self.block}.guide", self.from_, self.block, self.lever, slides=True),
             Joint(self.about, self.about, self.lever),
         )
 

@@ -15,8 +15,11 @@ import linkjax as lj
 from linkjax import RPR, Crank, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document
-from linkjax.kinematics import assembly_margins, pose
+from linkjax.forces import kinetostatics
+from linkjax.kinematics import assembly_margins, pose, transmission_angles
 from linkjax.measures import smallest_margin
+from linkjax.viz import machine_view
+from linkjax.viz._skeleton import places, skeleton
 
 APART, AXIS = math.hypot(10, 350), math.atan2(350, 10)  # of the bearings (mm), direction from lever's to crank's
 REST = math.asin(120 / APART)  # the lever's lean when the crank stands at right angles to it
@@ -75,8 +78,7 @@ def test_an_eccentric_slot(side):
     ("crank", "apart", "offset"), [(0.1, 0.12, 0.03), (0.1, 0.1, 0.0), (0.1, 0.1, 0.02), (0.1, 0.0, 0.2)]
 )
 def test_where_it_cannot_be(crank, apart, offset):
-    """The pin closer to the pivot than the slot is: told by the margin, everything finite, and the gradient leads out;
-    the pin right on the pivot is no better."""
+    """The pin closer to the pivot than the slot is: told by the margin, the gradient leads out."""
     mechanism = geneva(crank, apart, offset)
     least = compiled_soon(assembly_margins)(mechanism)["lever-die"]["pivot"]
     assert float(least.value) == pytest.approx((abs(crank - apart) - offset) / 0.5, abs=1e-9)
@@ -86,11 +88,62 @@ def test_where_it_cannot_be(crank, apart, offset):
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
     if offset:
         assert float(slope.groups[1].offset) == pytest.approx(-1 / 0.5, rel=1e-9)
-    whole = compiled_soon(jax.value_and_grad(lambda s: jnp.sum(pose(s.mechanism, jnp.asarray(4.712)).points["E"].dr.x)))
-    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(whole(scene)))
     if float(least.value) < 0:
         with pytest.raises(lj.MachineError, match="lever-die"):
             lj.analyse(scene, angles=8)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.03])
+def test_the_pin_right_on_the_pivot(offset):
+    """Everything finite in both modes: place, rates, forces, transmission angle."""
+    mechanism = dataclasses.replace(geneva(0.1, 0.0, offset), fixed={"O": Vec(0.0, 0.0), "P": Vec(0.1, 0.0)})
+    scene = lj.Scene(mechanism, speed=10.0)
+    leaves, tree = jax.tree.flatten(scene)
+    start = jnp.stack([jnp.asarray(leaf, float) for leaf in leaves])
+
+    def everything(numbers):
+        at, phi = jax.tree.unflatten(tree, list(numbers)), jnp.zeros(())
+        forces = kinetostatics(at, phi, at.speed, jnp.asarray(3.0))
+        told = pose(at.mechanism, phi), forces, transmission_angles(at.mechanism, phi)
+        return jnp.stack([jnp.asarray(leaf, float) for leaf in jax.tree.leaves(told)])
+
+    values, backward, forward = compiled_soon(
+        lambda x: (everything(x), jax.jacrev(everything)(x), jax.jacfwd(everything)(x))
+    )(start)
+    assert np.all(np.isfinite(values)) and np.all(np.isfinite(backward))
+    np.testing.assert_allclose(forward, backward, rtol=1e-10, atol=1e-10)
+
+
+def test_the_offset_that_transmits_best():
+    """None at all: the transmission angle is acute on one side and obtuse on the other, and its rows know both."""
+    scene = lj.Scene(geneva(0.1, 0.3), speed=10.0)
+    found = lj.optimise(scene, {"groups.lever-die.offset": "-20 to 50 mm"}, maximise="smallest_transmission_angle",
+                        starts=2)  # fmt: skip
+    assert found.objective == pytest.approx(math.pi / 2, abs=1e-8)
+    assert float(found.x[0]) == pytest.approx(0.0, abs=1e-9)
+    assert found.kkt_residual <= 1e-6
+
+
+def test_how_it_is_drawn():
+    """The block lies along its lever, at every crank angle."""
+    scene = lj.load("quick-return")
+    data = document(lj.analyse(scene, angles=36))
+    look = skeleton(data, scene)
+    (die,) = (shape for shape in look.shapes if shape.link == "die")
+    assert die.block and die.upon
+    (slot,) = look.slots
+    assert (slot.on, slot.origin, slot.angle) == ("lever", "P", 0.0)
+    assert {guide.block for guide in look.guides} == {"ram"}
+    for i in (0, 7, 20):
+        at = places(data, scene, data["angles"][i])
+        angle = math.atan2(*at["die"][::-1])
+        assert abs(math.remainder(angle - data["links"]["die"]["angle"][i], 2 * math.pi)) < 1e-12
+        first, last, along = slot.drawn(at)
+        np.testing.assert_allclose(along, [math.cos(angle), math.sin(angle)], atol=1e-12)
+        assert 0 <= (at["B"] - first) @ along <= (last - first) @ along  # the block is between the ends of its slot
+        assert abs((at["B"] - first) @ np.array([-along[1], along[0]])) < 1e-12
+    (link,) = (link for link in machine_view(data, scene)["machines"][0]["links"] if link["name"] == "die")
+    assert link["block"] and link["upon"]
 
 
 def test_what_is_wrong_is_told():
@@ -99,6 +152,8 @@ def test_what_is_wrong_is_told():
         lj.analyse(lj.load("quick-return", {"groups[1].offset": "240 mm"}), angles=8)
     with pytest.raises(ValueError, match="side of an RPR must be 1 or -1"):
         RPR("lever", "die", "B", "P", "E", 0)
+    with pytest.raises(ValueError, match="both ends of an RPR hang on the point 'P'; name two points"):
+        RPR("lever", "die", "P", "P", "E")
     with pytest.raises(lj.SceneError, match=r'groups\[1\].from = "P": the same point as `about`'):
         lj.load("quick-return", {"groups[1].from": "P"})
 

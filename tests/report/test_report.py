@@ -212,7 +212,7 @@ def test_optimisation(compared):
     assert page.row("peak shaking force, worst case") == ["400.00 kN", "300.00 kN", "−25.0 %", "objective"]
     assert page.row("regime margin", cells=5) == ["–", "0.20000", "–", ""]
     assert page.row("links.rod.length") == ["1.00000 m", "0.950000 m", "0.95 m", "1.15 m", "at lower bound", "1234"]
-    assert page.row("points.E.turned") == ["30.000°", "35.000°", "20°", "40°", "no effect", ""]
+    assert page.row("points.E.turned") == ["30.0000°", "35.0000°", "20°", "40°", "no effect", ""]
     wanted = [
         "70.000 kN·m",
         "52.000 kN·m",

@@ -22,7 +22,7 @@ from linkjax.motion import steady
 from linkjax.scenes import json_schema, load, load_document, loads_text, scene_names, starter
 from tests.helpers import PACKAGE, ROOT
 
-NAMES = ("four-bar", "hay-press", "hay-press-slider", "quick-return", "slider-crank")
+NAMES = ("four-bar", "hay-press", "hay-press-slider", "quick-return", "scotch-yoke", "slider-crank")
 PAGE = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
 
@@ -76,7 +76,7 @@ def test_a_table_of_the_thesis():
     assert float(at["S5"].dr.x / at["G"].dr.x) == pytest.approx(0.625, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["four-bar", "quick-return", "slider-crank"])
+@pytest.mark.parametrize("name", ["four-bar", "quick-return", "scotch-yoke", "slider-crank"])
 def test_invented_machines_are_plausible(name):
     """They turn steadily at their speed, not far from the wanted fluctuation."""
     scene = load(name)

@@ -35,7 +35,7 @@ BROKEN = {
     "missing key of a group": edit('pivot = "A"', ""),
     "missing tables": 'speed = "700 rpm"',
     "no kind": edit('kind = "RRP"', ""),
-    "unknown kind": edit('kind = "RRP"', 'kind = "PRP"'),
+    "unknown kind": edit('kind = "RRP"', 'kind = "RPRP"'),
     "unknown side": edit('side = "left"', 'side = "up"'),
     "unknown mean": f'mean = "middle"\n{PRESS}',
     "truth for a text": edit('title = "Hay press"', "title = true"),

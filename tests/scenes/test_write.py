@@ -12,7 +12,7 @@ import linkjax as lj
 from linkjax import StructureError, Torque
 from linkjax.design import changed, numbers
 from linkjax.scenes import loads_text, text_of
-from tests.physics.machines import BUILT_IN, COMPOSED, machine
+from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
 
 def rich() -> lj.Scene:
@@ -37,7 +37,7 @@ def rich() -> lj.Scene:
     )
 
 
-@pytest.mark.parametrize("name", [*BUILT_IN, *COMPOSED, "rich"])
+@pytest.mark.parametrize("name", [*BUILT_IN, *COMPOSED, *PRESCRIBED, "rich"])
 def test_read_back_to_the_last_bit(name, rng):
     scene = rich() if name == "rich" else machine(name)
     values = {n: float(at.read(scene)) * (1 + 1e-3 * rng.random()) for n, at in numbers(scene).items()}

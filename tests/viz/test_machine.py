@@ -86,7 +86,8 @@ def test_places_between_the_angles(name):
 
     def thinned(step: int):
         points = {p: {k: np.broadcast_to(v, 360)[::step] for k, v in of.items()} for p, of in data["points"].items()}
-        return {**data, "angles": data["angles"][::step], "points": points}
+        links = {n: {k: np.broadcast_to(v, 360)[::step] for k, v in of.items()} for n, of in data["links"].items()}
+        return {**data, "angles": data["angles"][::step], "points": points, "links": links}
 
     def error(step: int) -> float:
         few = thinned(step)

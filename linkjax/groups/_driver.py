@@ -1,0 +1,147 @@
+"""I1, drivers: a crank that turns, or swings, about a point of the frame, and a slide on a guide of the frame."""
+
+from __future__ import annotations
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from linkjax._types import as_float
+from linkjax._vec import unit, zero
+from linkjax.groups._base import AbstractGroup, Joint, Wrench
+from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._law import AbstractLaw
+from linkjax.groups._state import LinkState, PointState
+
+
+class AbstractDriver(AbstractGroup):
+    """What the drive moves."""
+
+    formula: ClassVar[str] = "I1"
+    dead_positions: ClassVar[tuple[str, ...]] = ()
+
+    @abc.abstractmethod
+    def follows(self) -> AbstractLaw | None:
+        """The law of motion that it follows whatever the loads; None for one that turns as they let it."""
+
+    def margins(self, links, states, points):
+        return {}
+
+    def transmission(self, states, points):
+        return None
+
+
+class Crank(AbstractDriver):
+    """A crank `link` turning about `pivot`, with its far pin called `end`.
+
+    `turns` is +1 for counter-clockwise and -1 for clockwise rotation; the crank angle φ always grows in time, and the
+    link stands at `phase + turns φ` (`phase` in rad). With a `law` it stands at `phase + law(φ)` instead.
+    """
+
+    kind: ClassVar[str] = "crank"
+
+    link: str = eqx.field(static=True)
+    pivot: str = eqx.field(static=True)
+    end: str = eqx.field(static=True)
+    turns: int = eqx.field(static=True, default=1)
+    phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    law: AbstractLaw | None = None
+
+    def __check_init__(self):
+        if self.turns not in (1, -1):
+            raise ValueError(f"turns of a crank must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
+        if self.law is not None and self.turns != 1:
+            raise ValueError("a crank that follows a law has no sense of rotation; leave turns out")
+
+    def follows(self):
+        return self.law
+
+    def link_names(self):
+        return (self.link,)
+
+    def needs(self):
+        return (self.pivot,)
+
+    def on_frame(self):
+        return (self.pivot,)
+
+    def pins(self):
+        return {self.link: (self.pivot, self.end)}
+
+    def solve(self, links, states, points, phi):
+        if self.law is None:
+            u, w, e = unit(self.phase + self.turns * phi), jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
+        else:
+            angle, d, dd = self.law.at(phi)
+            u, w, e = unit(self.phase + angle), d, dd
+        arm = u * links[self.link].length
+        there = -arm if self.law is None else arm.perp() * e - arm * (w * w)
+        return {self.link: LinkState(u, w, e)}, {
+            self.end: PointState(points[self.pivot].r + arm, arm.perp() * w, there)
+        }
+
+    def joints(self):
+        pivot = Joint(self.pivot, self.pivot, self.link)
+        return (pivot,) if self.law is None else (pivot, Joint(f"{self.link}.drive", self.pivot, self.link))
+
+    def react(self, loads, states, points):
+        load = loads[self.link]
+        pivot = Wrench(-load.force, jnp.zeros_like(load.moment))
+        if self.law is None:
+            return (pivot,), -self.turns * load.moment
+        return (pivot, Wrench(zero(), -load.moment)), -load.moment * states[self.link].w
+
+
+class Slide(AbstractDriver):
+    """A driving `link` that moves along a `guide` of the frame (or the name of a frame point through which it runs
+    along x): a hydraulic cylinder's rod, a rack.
+
+    Its own point `end`, the origin of its axes, is `law(φ)` (m) ahead of the foot of `through` on the path.
+    """
+
+    kind: ClassVar[str] = "slide"
+
+    link: str = eqx.field(static=True)
+    end: str = eqx.field(static=True)
+    guide: Guide = eqx.field(converter=as_guide)
+    law: AbstractLaw
+
+    def follows(self):
+        return self.law
+
+    def link_names(self):
+        return (self.link,)
+
+    def needs(self):
+        return (self.guide.through,)
+
+    def on_frame(self):
+        return (self.guide.through,)
+
+    def guides(self):
+        return (self.guide,)
+
+    def pins(self):
+        return {self.link: (self.end, None)}
+
+    def translating(self):
+        return (self.link,)
+
+    def solve(self, links, states, points, phi):
+        line, (s, d, dd) = self.guide.line(states, points), self.law.at(phi)
+        r = line.base.r + line.t * s + line.t.perp() * line.offset
+        return {self.link: line.state}, {self.end: PointState(r, line.t * d, line.t * dd)}
+
+    def joints(self):
+        return (
+            Joint(f"{self.link}.guide", self.end, self.link, "frame", slides=True),
+            Joint(f"{self.link}.drive", self.end, self.link, "frame"),
+        )
+
+    def react(self, loads, states, points):
+        t, load = states[self.link].u, loads[self.link]
+        n, push = t.perp(), -load.force.dot(t)
+        guide = Wrench(n * -load.force.dot(n), -load.moment)
+        return (guide, Wrench(t * push, jnp.zeros_like(push))), push * points[self.end].dr.dot(t)

@@ -1,0 +1,113 @@
+"""Straight guides, on the frame or on a link that moves, and where two of them cross.
+
+Source: relative motion in a turning frame, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import once
+from linkjax._types import as_float
+from linkjax._vec import Vec, unit
+from linkjax.groups._state import LinkState, PointState
+
+
+class Guide(eqx.Module):
+    """A straight guide on the link `on` ("frame" for one that stands still).
+
+    The path it prescribes is the line through the point `through` of that link, at `along` (rad) to the link's axis (to
+    the x axis on the frame), shifted to its left by `offset` (m).
+    """
+
+    through: str = eqx.field(static=True)
+    along: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    on: str = eqx.field(static=True, default="frame")
+
+    def line(self, states: Mapping[str, LinkState], points: Mapping[str, PointState]) -> Line:
+        """The path where the links stand now."""
+        t = unit(self.along)
+        if self.on == "frame":
+            return Line(points[self.through], t, self.offset, None)
+        return Line(points[self.through], t.turned(states[self.on].u).once(), self.offset, states[self.on])
+
+
+def as_guide(guide: Guide | str) -> Guide:
+    """A guide, or the name of the frame point through which it runs along x."""
+    return Guide(guide) if isinstance(guide, str) else guide
+
+
+class Seen(NamedTuple):
+    """A coordinate of a point as seen from a line, with its derivatives by the crank angle."""
+
+    value: Array
+    d: Array
+    dd: Array
+
+
+class Line(NamedTuple):
+    """A line through the moving point `base`, of direction `t`, shifted to its left by `offset`; `turning` holds the
+    rates of its direction, None for one that stands still."""
+
+    base: PointState
+    t: Vec
+    offset: Array
+    turning: LinkState | None
+
+    @property
+    def state(self) -> LinkState:
+        """State of a block that slides along the line."""
+        if self.turning is None:
+            still = jnp.zeros_like(self.t.x)
+            return LinkState(self.t, still, still)
+        return LinkState(self.t, self.turning.w, self.turning.e)
+
+    def along(self, point: PointState) -> Seen:
+        """How far a point is along the line."""
+        return self._seen(point, self.t)
+
+    def height(self, point: PointState) -> Seen:
+        """How far a point is off the line, to its left."""
+        value, d, dd = self._seen(point, self.t.perp())
+        return Seen(value - self.offset, d, dd)
+
+    def _seen(self, point: PointState, axis: Vec) -> Seen:
+        """Coordinate along an axis that turns with the line."""
+        d = point.r - self.base.r
+        if self.turning is None:
+            return Seen(d.dot(axis), point.dr.dot(axis), point.ddr.dot(axis))
+        v, a, n, w, e = point.dr - self.base.dr, point.ddr - self.base.ddr, axis.perp(), *self.turning[1:]
+        first = v.dot(axis) + w * d.dot(n)
+        return Seen(d.dot(axis), first, a.dot(axis) + 2 * w * v.dot(n) + e * d.dot(n) - w * w * d.dot(axis))
+
+    def wanted(self, at: Vec, v: Vec | None = None) -> Array:
+        """What a point `at` on the line moves across it: the velocity's part along the left normal, or with the
+        velocity `v` the acceleration's."""
+        n = self.t.perp()
+        if self.turning is None:
+            return jnp.zeros_like(n.x)
+        d, w, e = at - self.base.r, *self.turning[1:]
+        if v is None:
+            return self.base.dr.dot(n) + w * d.dot(self.t)
+        return self.base.ddr.dot(n) + 2 * w * (v - self.base.dr).dot(self.t) + e * d.dot(self.t) + w * w * d.dot(n)
+
+
+def crossing(one: Line, two: Line) -> PointState:
+    """The point where two lines cross; a finite placeholder where they are parallel."""
+    sine = one.t.cross(two.t)
+    sine = once(jnp.where(sine != 0, sine, 0.1))
+
+    def solved(a, b):
+        """The vector with these parts along the left normals of the two lines."""
+        return (two.t * a - one.t * b) / sine
+
+    apart = (two.base.r - one.base.r).dot(two.t.perp())
+    r = one.base.r + solved(one.offset, two.offset + apart)
+    v = solved(one.wanted(r), two.wanted(r))
+    return PointState(r, v, solved(one.wanted(r, v), two.wanted(r, v)))

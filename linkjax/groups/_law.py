@@ -1,0 +1,113 @@
+"""Laws of motion: how a driver that does not simply turn moves over the cycle.
+
+The crank angle φ, which grows evenly in time, is then the phase of the law: one turn of it is one cycle of the driver.
+"""
+
+from __future__ import annotations
+
+import abc
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from linkjax._numerics import once, sincos, wrapped
+from linkjax._types import as_float
+
+
+class Moved(NamedTuple):
+    """What a law says at a crank angle: the coordinate (rad or m) and its first and second derivatives by the angle."""
+
+    value: Array
+    d: Array
+    dd: Array
+
+
+class AbstractLaw(eqx.Module):
+    """A coordinate of the driver, an angle (rad) or a distance (m), as a periodic function of the crank angle."""
+
+    @abc.abstractmethod
+    def at(self, phi: Array) -> Moved:
+        """The coordinate at the crank angle `phi` (rad), with its derivatives."""
+
+    def period(self) -> float:
+        """Crank angle (rad) after which it repeats."""
+        return 2 * math.pi
+
+    def breaks(self) -> tuple[float, ...]:
+        """Crank angles (rad) of one period where a derivative jumps."""
+        return ()
+
+
+class Harmonic(AbstractLaw):
+    """To and fro between `start`, at crank angle zero, and `stop`, half a turn later, as a cosine."""
+
+    start: Array = eqx.field(converter=as_float)
+    stop: Array = eqx.field(converter=as_float)
+
+    def at(self, phi):
+        sine, cosine = sincos(phi)
+        half = 0.5 * (self.stop - self.start)
+        return Moved(self.start + half * (1 - cosine), half * sine, half * cosine)
+
+
+class Spline(AbstractLaw):
+    """Through given `values` at the crank angles `angles` (rad, rising, within one cycle), and so on for ever: the
+    periodic cubic spline, smooth up to the acceleration.
+
+    `cycle` is the crank angle (rad) after which it repeats. Raises `ValueError` unless there are as many values as
+    angles, three at least, and the angles rise within one cycle.
+    Source: C. de Boor, A Practical Guide to Splines, 1978, ch. IV.
+    """
+
+    angles: tuple[float, ...] = eqx.field(static=True, converter=lambda angles: tuple(float(a) for a in angles))
+    values: Float[Array, " knots"] = eqx.field(converter=as_float)
+    cycle: float = eqx.field(static=True, default=2 * math.pi)
+
+    def __check_init__(self):
+        steps = np.diff([*self.angles, self.angles[0] + self.cycle] if self.angles else [])
+        if len(self.angles) < 3 or np.any(steps <= 0):
+            raise ValueError(
+                f"the angles of a spline must be three or more and rise within one cycle of {self.cycle:.6g} rad, but "
+                f"are {self.angles}; leave the last out where it repeats the first"
+            )
+        if np.shape(self.values)[-1:] != (len(self.angles),):
+            raise ValueError(
+                f"a spline needs a value at each of its {len(self.angles)} angles, but has {np.shape(self.values)}"
+            )
+
+    def period(self):
+        return self.cycle
+
+    def breaks(self):
+        return self.angles
+
+    def at(self, phi):
+        first, count = self.angles[0], len(self.angles)
+        steps = np.diff([*self.angles, first + self.cycle])
+        bends = jnp.asarray(_bends(steps)) @ self.values  # second derivatives at the knots
+        knots, x = jnp.asarray(self.angles), wrapped(phi - first, self.cycle) + first
+        i = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, count - 1)
+        j, h = (i + 1) % count, jnp.asarray(steps)[i]
+        t = once(x - knots[i])
+        y, y1, m, m1 = self.values[i], self.values[j], bends[i], bends[j]
+        slope, third = (y1 - y) / h - h * (2 * m + m1) / 6, (m1 - m) / h
+        return Moved(y + t * (slope + t * (m / 2 + t * third / 6)), slope + t * (m + t * third / 2), m + t * third)
+
+
+def _bends(steps: np.ndarray) -> np.ndarray:
+    """The matrix that makes second derivatives at the knots of a periodic cubic spline out of its values."""
+    n = len(steps)
+    system, right = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        before, after = steps[i - 1], steps[i]
+        for row, at, part in ((system, i - 1, before / 6), (system, i, (before + after) / 3)):
+            row[i, at] += part
+        system[i, (i + 1) % n] += after / 6
+        right[i, i - 1] += 1 / before
+        right[i, i] -= 1 / before + 1 / after
+        right[i, (i + 1) % n] += 1 / after
+    return np.linalg.solve(system, right)

@@ -1,0 +1,87 @@
+"""II5 (RPP): a block pinned to a point slides in the slot of a slide, which slides on a guide: a scotch yoke.
+
+Source: any text on Assur groups, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4 (closure) and
+ch. 13 (reactions).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from linkjax._numerics import safe_sqrt
+from linkjax._types import as_float
+from linkjax._vec import unit
+from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
+from linkjax.groups._guide import Guide, Line, as_guide, crossing
+
+
+class RPP(AbstractGroup):
+    """A slide `link` on a `guide` (or the name of a frame point through which it runs along x), and a `block` pinned at
+    the point `from_` that slides in the slide's slot.
+
+    `end` is the slide's own point on the path that the guide prescribes, and its origin; its axis is along the path.
+    The slot runs at the angle `slot` (rad) to it, shifted from `end` to the slot's left by `offset` (m). The block has
+    the slot's axes.
+    """
+
+    kind: ClassVar[str] = "RPP"
+    formula: ClassVar[str] = "II5"
+    dead_positions: ClassVar[tuple[str, ...]] = ("parallel",)
+
+    link: str = eqx.field(static=True)
+    block: str = eqx.field(static=True)
+    from_: str = eqx.field(static=True)
+    end: str = eqx.field(static=True)
+    guide: Guide = eqx.field(converter=as_guide)
+    slot: jnp.ndarray = eqx.field(converter=as_float, default=math.pi / 2)
+    offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+
+    def link_names(self):
+        return (self.link, self.block)
+
+    def needs(self):
+        return (self.from_, self.guide.through)
+
+    def guides(self):
+        return (self.guide,)
+
+    def pins(self):
+        return {self.link: (self.end, None), self.block: (self.from_, None)}
+
+    def translating(self):
+        return (self.link, self.block) if self.guide.on == "frame" else ()
+
+    def solve(self, links, states, points, phi):
+        path = self.guide.line(states, points)
+        slot = Line(points[self.from_], unit(self.slot).turned(path.t), -self.offset, path.state)
+        return {self.link: path.state, self.block: slot.state}, {self.end: crossing(path, slot)}
+
+    def margins(self, links, states, points):
+        sine = unit(self.slot).y
+        none = jnp.zeros_like(points[self.from_].r.x)
+        return {"parallel": Margin(safe_sqrt(sine * sine) + none, none, none)}
+
+    def transmission(self, states, points):
+        u, v = states[self.link].u, states[self.block].u
+        return jnp.atan2(jnp.abs(u.cross(v)), u.dot(v))
+
+    def joints(self):
+        return (
+            Joint(self.from_, self.from_, self.block),
+            Joint(f"{self.block}.guide", self.from_, self.block, self.link, slides=True),
+            Joint(f"{self.link}.guide", self.end, self.link, self.guide.on, slides=True),
+        )
+
+    def react(self, loads, states, points):
+        t, s = states[self.link].u, states[self.block].u
+        on_slide, on_block = loads[self.link], loads[self.block]
+        push = s.perp() * (-on_slide.force.dot(t) / t.cross(s))  # on the block by the slot
+        lift = t.perp() * (push - on_slide.force).dot(t.perp())
+        arm = points[self.from_].r - points[self.end].r
+        couple = arm.cross(push) - on_slide.moment - on_block.moment
+        none = jnp.zeros_like(couple)
+        return (Wrench(-(on_block.force + push), none), Wrench(push, -on_block.moment), Wrench(lift, couple)), None

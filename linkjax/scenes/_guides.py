@@ -1,0 +1,106 @@
+"""What several kinds of groups in a scene file share: straight guides, and laws of motion of a driver."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from pydantic import Field
+
+from linkjax import groups
+from linkjax._units import nearest
+from linkjax.scenes._fields import Angle, Length, Name, Table
+
+Fault = tuple[tuple[str | int, ...], str, str]
+"""Something wrong: path of the key, problem, remedy."""
+
+
+def in_angle(value: Any) -> str:
+    """An angle as a scene file writes it, to the last bit."""
+    return f"{float(value)!r} rad"
+
+
+def in_length(value: Any) -> str:
+    """A length as a scene file writes it, to the last bit."""
+    return f"{float(value)!r} m"
+
+
+class Guide(Table):
+    """A straight guide, of the frame or of a link."""
+
+    on: Name = Field("frame", description="the link that it is on", examples=["lever"])
+    through: Name = Field(description="a point of that link, or a fixed point", examples=["A"])
+    along: Angle = Field(0.0, description="direction of the guide, from the axis of its link", examples=["90 deg"])
+    offset: Length = Field(0.0, description="shift of the pin's path to the left of that direction", examples=["10 mm"])
+
+    def build(self) -> groups.Guide:
+        return groups.Guide(self.through, self.along, self.offset, self.on)
+
+    @staticmethod
+    def keys_of(guide: groups.Guide) -> dict[str, Any]:
+        on = {} if guide.on == "frame" else {"on": guide.on}
+        return {**on, "through": guide.through, "along": in_angle(guide.along), "offset": in_length(guide.offset)}
+
+    def faults(self, path: tuple[str | int, ...], fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        if self.on == "frame" and self.through not in fixed:
+            problem = f"{self.through!r} is not a point of the frame"
+            yield (*path, "through"), problem, nearest(self.through, fixed)
+
+
+class LawTable(Table):
+    """A law of motion: to and fro between two values, or a spline through many."""
+
+    angles: list[Angle] | None = Field(
+        None, description="crank angles at which values are given", examples=[["0 deg", "120 deg", "240 deg"]]
+    )
+
+    def build(self) -> groups.AbstractLaw:
+        start, stop, values = (getattr(self, key) for key in ("start", "stop", "values"))
+        if self.angles is None:
+            return groups.Harmonic(start, stop)
+        return groups.Spline(tuple(self.angles), values)
+
+    def faults(self, path: tuple[str | int, ...]) -> Iterator[Fault]:
+        """What does not fit together."""
+        ends, spline = ("start", "stop"), ("angles", "values")
+        given = [key for key in (*ends, *spline) if getattr(self, key) is not None]
+        if set(given) not in (set(ends), set(spline)):
+            problem = f"has {' and '.join(given) or 'no key'}, but a law has start and stop, or angles and values"
+            yield path, problem, "write the two ends of its motion, or crank angles and the values there"
+        elif self.angles is not None:
+            count, steps = len(self.angles), [b - a for a, b in itertools.pairwise(self.angles)]
+            if count < 3 or min(steps) <= 0 or self.angles[-1] - self.angles[0] >= 2 * math.pi - 1e-9:
+                problem = "must be three or more, and rise within one turn"
+                yield (*path, "angles"), problem, "leave out the last where it repeats the first"
+            values = len(getattr(self, "values", ()))
+            if values != count:
+                problem = f"{values} values at {count} angles"
+                yield (*path, "values"), problem, "write one value for each angle"
+
+
+class AngleLaw(LawTable):
+    """A law of motion for a crank."""
+
+    start: Angle | None = Field(None, description="angle at crank angle zero", examples=["20 deg"])
+    stop: Angle | None = Field(None, description="angle half a turn later", examples=["140 deg"])
+    values: list[Angle] | None = Field(None, description="angles there", examples=[["20 deg", "140 deg", "80 deg"]])
+
+
+class LengthLaw(LawTable):
+    """A law of motion for a slide."""
+
+    start: Length | None = Field(None, description="distance at crank angle zero", examples=["0 mm"])
+    stop: Length | None = Field(None, description="distance half a turn later", examples=["120 mm"])
+    values: list[Length] | None = Field(None, description="distances there", examples=[["0 mm", "120 mm", "60 mm"]])
+
+
+def law_keys(law: groups.AbstractLaw, write: Callable[[Any], str]) -> dict[str, Any]:
+    """The keys of a law; raises TypeError for one that scene files do not know."""
+    if isinstance(law, groups.Harmonic):
+        return {"start": write(law.start), "stop": write(law.stop)}
+    if isinstance(law, groups.Spline):
+        angles = [in_angle(angle) for angle in law.angles]
+        return {"angles": angles, "values": [write(value) for value in law.values]}
+    raise TypeError(f"scene files know no law of the kind {type(law).__name__}; write a Harmonic or a Spline")
