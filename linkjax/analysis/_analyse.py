@@ -28,7 +28,7 @@ from linkjax.kinematics import (
     strokes,
     transmission_angles,
 )
-from linkjax.machine import Scene
+from linkjax.machine import Scene, ready
 from linkjax.measures import both_motions, peak_names, table
 from linkjax.motion import (
     Peak,
@@ -90,7 +90,7 @@ def analyse(
 
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, motion: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, beside whatever else is done meanwhile."""
-    scene = jax.tree.map(as_float, scene)
+    scene = ready(jax.tree.map(as_float, scene))
     _compile_ahead(scene, _angles(scene, angles), nodes, motion)
 
 
@@ -111,6 +111,7 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile."""
+    scene = ready(scene)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
         _compile_ahead(scene, angles, nodes, road)
     motion, here, work = _motion(scene, nodes, road)

@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
+from linkjax.groups import ASTRAY
 from linkjax.kinematics import Least, Pose, Reversals, named_groups
 from linkjax.machine import Scene
 from linkjax.motion import Peak, Steady
@@ -112,6 +113,9 @@ def explain(cycle: Cycle) -> None:
             f"cannot be assembled over the cycle: at {place} its slots point past each other, on the other side than "
             "given; change the side, or the slots so that they are never parallel"
             if side == "parallel"
+            else "is not after the cycle where it began: it has come to another assembly, or goes on for more turns "
+            "(cycle_turns)"
+            if side == "loops" and short < 2 * ASTRAY
             else f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
             if short > CHANGE_POINT
             else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"

@@ -128,7 +128,7 @@ def _group(name: str, group: AbstractGroup | Guide, where: Where) -> Iterator[Nu
             for i, each in enumerate(value):
                 own = f"{name}.{field.name}[{i}]"
                 yield from _group(own, each, lambda s, f=field.name, i=i: getattr(where(s), f)[i])
-        elif eqx.is_array(value):
+        elif eqx.is_array(value) and field.name != "path":
             unit = "m" if field.name == "offset" else "rad"
             yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit)
 

@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from linkjax._vec import Vec
 from linkjax.groups._guide import Guide
+from linkjax.groups._law import AbstractLaw
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -82,6 +83,19 @@ class AbstractGroup(eqx.Module):
         new = [*(far for _, far in ends if far is not None), *(first for first, _ in ends if first not in needed)]
         return tuple(dict.fromkeys(new))
 
+    def shared(self) -> Mapping[str, str]:
+        """Pins that may be marked points of its links, each with the link that it belongs to ("" for one that was there
+        before)."""
+        return {}
+
+    def drives(self) -> bool:
+        """Whether the drive is in it, so that it stands first."""
+        return False
+
+    def follows(self) -> AbstractLaw | None:
+        """The law of motion that the drive in it follows whatever the loads; None for one that turns as they let it."""
+        return None
+
     def on_frame(self) -> tuple[str, ...]:
         """Points that must belong to the frame."""
         return ()
@@ -107,7 +121,7 @@ class AbstractGroup(eqx.Module):
 
     @abc.abstractmethod
     def margins(
-        self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState]
+        self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
     ) -> dict[str, Margin]:
         """Signed margins by the name of the dead position."""
 

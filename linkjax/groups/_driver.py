@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 from typing import ClassVar
 
 import equinox as eqx
@@ -22,11 +21,10 @@ class AbstractDriver(AbstractGroup):
     formula: ClassVar[str] = "I1"
     dead_positions: ClassVar[tuple[str, ...]] = ()
 
-    @abc.abstractmethod
-    def follows(self) -> AbstractLaw | None:
-        """The law of motion that it follows whatever the loads; None for one that turns as they let it."""
+    def drives(self):
+        return True
 
-    def margins(self, links, states, points):
+    def margins(self, links, states, points, phi):
         return {}
 
     def transmission(self, states, points):

@@ -65,7 +65,7 @@ class PRP(AbstractGroup):
         a, b = self.blocks
         return {a: one.state, b: two.state}, {self.meet: crossing(one, two)}
 
-    def margins(self, links, states, points):
+    def margins(self, links, states, points, phi):
         one, two = (line.state for line in self._lines(states, points))
         sine, cosine, turn = one.u.cross(two.u), one.u.dot(two.u), two.w - one.w
         d, dd = cosine * turn, cosine * (two.e - one.e) - sine * turn * turn

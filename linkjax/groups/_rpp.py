@@ -60,7 +60,7 @@ class RPP(AbstractGroup):
         slot = Line(points[self.from_], unit(self.slot).turned(path.t), -self.offset, path.state)
         return {self.link: path.state, self.block: slot.state}, {self.end: crossing(path, slot)}
 
-    def margins(self, links, states, points):
+    def margins(self, links, states, points, phi):
         sine = unit(self.slot).y
         none = jnp.zeros_like(points[self.from_].r.x)
         return {"parallel": Margin(safe_sqrt(sine * sine) + none, none, none)}

@@ -72,7 +72,7 @@ class RPR(AbstractGroup):
         end = PointState(a.r + arm, a.dr + arm.perp() * w, a.ddr + arm.perp() * e - arm * (w * w))
         return {self.link: state, self.block: state}, {self.end: end}
 
-    def margins(self, links, states, points):
+    def margins(self, links, states, points, phi):
         length = links[self.link].length
         a, b = points[self.about], points[self.from_]
         d, v, c = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr

@@ -70,7 +70,7 @@ class RRP(AbstractGroup):
             end = PointState(b.r + rod, b.dr + rod.perp() * w, b.ddr + rod.perp() * e - rod * (w * w))
         return {self.link: LinkState(rod / length, w, e), self.block: carrier}, {self.end: end}
 
-    def margins(self, links, states, points):
+    def margins(self, links, states, points, phi):
         length = links[self.link].length
         q, dq, ddq = self.guide.line(states, points).height(points[self.from_])
         return {

@@ -67,7 +67,7 @@ class RRR(AbstractGroup):
         meet = PointState(a.r + p, a.dr + p.perp() * w1, a.ddr + p.perp() * e1 - p * (w1 * w1))
         return {self.links[0]: first, self.links[1]: second}, {self.meet: meet}
 
-    def margins(self, links, states, points):
+    def margins(self, links, states, points, phi):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
         s, ds, dds = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr

@@ -28,3 +28,15 @@ class LinkState(NamedTuple):
 def at_rest(r: Vec) -> PointState:
     """A point of the frame."""
     return PointState(r, zero(), zero())
+
+
+def carried(origin: PointState, link: LinkState, at: Vec, translating: bool = False) -> PointState:
+    """State of a point of a link, `at` in the link's frame."""
+    arm = at.turned(link.u).once()
+    if translating:
+        return PointState(origin.r + arm, origin.dr, origin.ddr)
+    return PointState(
+        origin.r + arm,
+        origin.dr + arm.perp() * link.w,
+        origin.ddr + arm.perp() * link.e - arm * (link.w * link.w),
+    )

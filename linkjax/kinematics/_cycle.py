@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import nearest_turn, repeat, safe_divide, safe_sqrt, wrapped
 from linkjax.groups import Margin
-from linkjax.kinematics._pose import margins, named_groups, pose
+from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
 DEAD_CENTRES = 8  # looked for per link and crank turn
@@ -128,6 +128,7 @@ def dead_centres(mechanism: Mechanism, turns: int = 1) -> dict[str, Reversals]:
     ends = _stopping_ends(mechanism)
     if not ends:
         return {}
+    mechanism = prepared(mechanism, turns)
     scan = scan_angles(turns, 2 * MARGIN_SCAN)
     whole = jax.vmap(lambda phi: _motions(mechanism, ends, phi))(scan)  # leaves (scan, ends)
 
@@ -146,7 +147,7 @@ def strokes(mechanism: Mechanism, found: dict[str, Reversals], turns: int = 1) -
     (m), a link its swing (rad): NaN where it also comes round. Zero for what never stops."""
     if not found:
         return {}
-    ends = _stopping_ends(mechanism)
+    mechanism, ends = prepared(mechanism, turns), _stopping_ends(mechanism)
     scan = scan_angles(turns, 2 * MARGIN_SCAN)
     whole = jax.vmap(lambda phi: _places(mechanism, ends, phi))(scan)  # (scan, ends, 2)
     at = jnp.stack([found[name].angle for name in ends])
@@ -218,6 +219,7 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.dead_positions]
     if not names:
         return {}
+    mechanism = prepared(mechanism, turns)
     scan = scan_angles(turns, MARGIN_SCAN)
     step = scan[1] - scan[0]
     fixed = jax.lax.stop_gradient(mechanism)

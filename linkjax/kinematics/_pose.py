@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -9,9 +13,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._types import Scalar
-from linkjax._vec import Vec
-from linkjax.groups import LinkState, Margin, PointState, at_rest
+from linkjax.groups import AbstractGroup, General, LinkState, Margin, PointState, at_rest, carried
 from linkjax.mechanism import Lump, Mechanism, lumps
+
+STEPS = 120  # a turn, of the reference path of a general group
+FAR, FOLLOW = 60, 5  # damped Newton steps from a sketch, and along the path
 
 
 class Pose(NamedTuple):
@@ -34,15 +40,20 @@ def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
     dimensionless (links). Where a group cannot be assembled the values are finite placeholders and the group's margin
     is negative.
     """
-    return _pose(mechanism, jnp.asarray(phi))
+    return _pose(prepared(mechanism), jnp.asarray(phi))
 
 
 @jax.jit  # traced once per topology, however often it is used inside larger functions
 def _pose(mechanism: Mechanism, phi: Scalar) -> Pose:
+    return _of_groups(mechanism, mechanism.groups, phi)
+
+
+def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scalar) -> Pose:
+    """Pose of the first groups of a mechanism."""
     points = {name: at_rest(at) for name, at in mechanism.fixed.items()}
     links: dict[str, LinkState] = {}
     bodies = {}
-    for group in mechanism.groups:
+    for group in groups:
         states, pins = group.solve(mechanism.links, links, points, phi)
         links |= states
         points |= pins
@@ -52,27 +63,64 @@ def _pose(mechanism: Mechanism, phi: Scalar) -> Pose:
             bodies[name] = lumps(link, body, origin)
             weights = {piece: weight.at for piece, weight in link.counterweights.items()}
             for point, at in {link.centre_name: body.centre, **body.points, **weights}.items():
+                if point in points and point in group.shared():
+                    continue  # a joint: where the link is pinned
                 points[point] = carried(points[origin], states[name], at, name in group.translating())
     return Pose(points, links, bodies)
 
 
-def carried(origin: PointState, link: LinkState, at: Vec, translating: bool = False) -> PointState:
-    """State of a point of a link, `at` in the link's frame."""
-    arm = at.turned(link.u).once()
-    if translating:
-        return PointState(origin.r + arm, origin.dr, origin.ddr)
-    return PointState(
-        origin.r + arm,
-        origin.dr + arm.perp() * link.w,
-        origin.ddr + arm.perp() * link.e - arm * (link.w * link.w),
-    )
+def prepared(mechanism: Mechanism, turns: int = 1) -> Mechanism:
+    """The mechanism with a reference path for each of its general groups, over `turns` turns of the crank: from the
+    sketch to crank angle zero, and on in small steps. Others are handed back as they are.
+
+    Whoever evaluates a mechanism many times prepares it once; what is prepared already stays so. The path carries no
+    derivatives: it only says where Newton's method begins.
+    """
+    if all(getattr(group, "path", ...) is not None for group in mechanism.groups):
+        return mechanism
+    return _prepared(mechanism, turns)
+
+
+@functools.partial(jax.jit, static_argnames="turns")
+def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
+    groups: list[AbstractGroup] = []
+    fixed = jax.lax.stop_gradient(mechanism)
+    count = STEPS * turns
+    angles = jnp.linspace(0.0, 2 * math.pi * turns, count + 1)
+    for group in fixed.groups:
+        if isinstance(group, General) and group.path is None:
+            before = jax.vmap(lambda phi, so_far=tuple(groups): _of_groups(fixed, so_far, phi)[:2])(angles)
+            group = dataclasses.replace(group, path=_path(group, fixed.links, *before, angles), turns=turns)
+        groups.append(group)
+    paths = [jax.lax.stop_gradient(getattr(group, "path", None)) for group in groups]
+    made = [g if path is None or getattr(g, "path", ...) is not None else dataclasses.replace(g, path=path, turns=turns)
+            for g, path in zip(mechanism.groups, paths, strict=True)]  # fmt: skip
+    links = {name: mechanism.links[name] for name in mechanism.link_names}
+    return Mechanism(mechanism.fixed, links, made, mechanism.flywheel)
+
+
+def _path(group: General, links, points, states, angles: Array) -> Array:
+    """The configurations of a group at crank angles in small steps, from its sketch on."""
+    here = jax.tree.map(lambda leaf: leaf[0], (points, states))
+    places = group.places(links)
+    first = group.closed(links, here[1], here[0], angles[0], group.sketched(places, here[1], here[0]), FAR)
+
+    def step(carry, at):
+        last, before = carry
+        phi, points, states = at
+        now = group.closed(links, states, points, phi, 2 * last - before, FOLLOW)
+        return (now, last), now
+
+    rest = jax.tree.map(lambda leaf: leaf[1:], (angles, points, states))
+    _, path = jax.lax.scan(step, (first, first), rest)
+    return jnp.concatenate([first[None], path])
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
     """Signed margin of every group to its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
     here = pose(mechanism, phi)
     groups = named_groups(mechanism).items()
-    return {name: group.margins(mechanism.links, here.links, here.points) for name, group in groups}
+    return {name: group.margins(mechanism.links, here.links, here.points, phi) for name, group in groups}
 
 
 def named_groups(mechanism: Mechanism):

@@ -1,3 +1,4 @@
 """The scene: mechanism, loads, gravity and nominal speed together."""
 
 from linkjax.machine._scene import Scene as Scene
+from linkjax.machine._scene import ready as ready

@@ -14,6 +14,7 @@ from jaxtyping import Array
 from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec
+from linkjax.kinematics import prepared
 from linkjax.loads import AbstractLoad, Window
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -53,7 +54,7 @@ class Scene(eqx.Module):
         if law is not None and self.target_delta is not None:
             problem = "has no effect: the driver follows a law, so its speed does not fluctuate"
             raise StructureError("target_delta", problem, "delete it, or the law")
-        owners, seen = self.mechanism.owners(), {"gravity", "drive"}
+        seen = {"gravity", "drive"}
         for number, load in enumerate(self.loads):
             element = f"loads[{number}] ({load.name})"
             if load.name in seen:
@@ -69,7 +70,7 @@ class Scene(eqx.Module):
                 what = f"point {load.point!r}" if load.point else f"link {load.link!r}"
                 problem = f"{what} never {'moves' if load.point else 'turns'}, so the load has nothing to oppose"
                 raise StructureError(element, problem, "name another point, or leave the load out")
-            on_link = {p for p, owner in owners.items() if owner == load.link} | self._pins(load.link)
+            on_link = self.mechanism.points_on(load.link)
             if load.point and load.point not in on_link:
                 problem = f"point {load.point!r} is not on link {load.link!r}"
                 raise StructureError(element, problem, nearest(load.point, on_link))
@@ -85,10 +86,6 @@ class Scene(eqx.Module):
         translating = {link for group in self.mechanism.groups for link in group.translating()}
         return load.point in self.mechanism.fixed if load.point else load.link in translating
 
-    def _pins(self, link: str) -> set[str]:
-        ends = next(g.pins()[link] for g in self.mechanism.groups if link in g.pins())
-        return {p for p in ends if p is not None}
-
     @property
     def cycle(self) -> float:
         """Length of the cycle in crank angle (rad)."""
@@ -97,3 +94,9 @@ class Scene(eqx.Module):
     def with_mechanism(self, mechanism: Mechanism) -> Scene:
         """The same scene around another design of the same mechanism."""
         return dataclasses.replace(self, mechanism=jax.tree.map(as_float, mechanism))
+
+
+def ready(scene: Scene) -> Scene:
+    """The scene with its mechanism `prepared`, to be evaluated many times."""
+    mechanism = prepared(scene.mechanism, scene.cycle_turns)
+    return scene if mechanism is scene.mechanism else scene.with_mechanism(mechanism)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from linkjax.kinematics import Pose
-from linkjax.machine import Scene
+from linkjax.machine import Scene, ready
 from linkjax.motion import Grid, Regime, Steady, asked_for, make_grid, node_poses, node_values, steady_on
 from linkjax.reduction import Reduced, mass_sums
 
@@ -20,7 +20,7 @@ class Parts:
     """A scene on a cycle grid of about `nodes` nodes a crank turn; attributes are computed on first use and kept."""
 
     def __init__(self, scene: Scene, nodes: int = NODES):
-        self.scene, self.nodes = scene, nodes
+        self.scene, self.nodes = ready(scene), nodes
 
     @functools.cached_property
     def grid(self) -> Grid:

@@ -10,7 +10,7 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractDriver, AbstractGroup, Slide
+from linkjax.groups import AbstractGroup, Crank
 from linkjax.mechanism._link import Flywheel, Link
 
 
@@ -46,11 +46,9 @@ class Mechanism(eqx.Module):
         check_structure(self)
 
     @property
-    def driver(self) -> AbstractDriver:
+    def driver(self) -> AbstractGroup:
         """The driver."""
-        first = self.groups[0]
-        assert isinstance(first, AbstractDriver)
-        return first
+        return self.groups[0]
 
     @property
     def crank(self) -> str:
@@ -67,6 +65,7 @@ class Mechanism(eqx.Module):
         owner = dict.fromkeys(self.fixed, "frame")
         for group in self.groups:
             new = group.brings()
+            owner |= {pin: link for pin, link in group.shared().items() if link}
             for link, ends in group.pins().items():
                 for pin in ends:
                     if pin in new:
@@ -100,16 +99,16 @@ def _named(link: Link, name: str) -> Link:
 
 def check_structure(mechanism: Mechanism) -> None:
     """Raise `StructureError` at the first thing wrong with the composition."""
-    if not mechanism.groups or not isinstance(mechanism.groups[0], AbstractDriver):
+    if not mechanism.groups or not mechanism.groups[0].drives():
         raise StructureError("groups", "the first group must be the driver", 'begin with kind = "crank" or "slide"')
     flywheel = number_of(mechanism.flywheel.inertia)
-    if isinstance(mechanism.groups[0], Slide) and flywheel is not None and np.any(flywheel != 0):
-        raise StructureError("flywheel", "there is no shaft for it: a slide drives", "delete it")
+    if not isinstance(mechanism.groups[0], Crank) and flywheel is not None and np.any(flywheel != 0):
+        raise StructureError("flywheel", "there is no shaft for it: no crank drives", "delete it")
     known, placed = set(mechanism.fixed), set()
     everywhere = _all_points(mechanism)
     for number, group in enumerate(mechanism.groups):
         element = f"groups[{number}] ({group.kind})"
-        if number and isinstance(group, AbstractDriver):
+        if number and group.drives():
             raise StructureError(element, "there is more than one driver", "keep one; mobility is one")
         for link in group.link_names():
             if link not in mechanism.links:
@@ -191,6 +190,9 @@ def _add_points(mechanism, group, element, known):
         new += [(p, f"links.{link}.counterweights.{p}") for p in mechanism.links[link].counterweights]
         new.append((mechanism.links[link].centre_name, f"links.{link}"))
     for point, where in new:
+        if point in group.shared() and point in (*group.brings(), *group.needs()):
+            known.add(point)
+            continue
         if point in known:
             raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
         known.add(point)

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
-from linkjax.machine import Scene
+from linkjax.machine import Scene, ready
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, make_grid
 from linkjax.motion._steady import Steady, conclude, node_values, steady_on
@@ -62,6 +62,7 @@ def run_in_angle(
     `drive_torque` (N m) is constant. `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed
     reverse mode; `diffrax.ForwardMode()` for `jvp`. A start from rest counts as a stall: take `run_in_time`.
     """
+    scene = ready(scene)
     grid = make_grid(scene, 8)
     place = jax.vmap(grid.place)(angles)
     cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
@@ -239,6 +240,7 @@ def steady_by_diffrax(
     import diffrax
 
     tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
+    scene = ready(scene)
     grid = make_grid(scene, nodes)
     here = node_values(scene, grid)
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from linkjax._numerics import root, safe_divide
 from linkjax._types import Scalar
-from linkjax.machine import Scene
+from linkjax.machine import Scene, ready
 from linkjax.mechanism import Flywheel
 from linkjax.motion._grid import Grid, make_grid
 from linkjax.motion._steady import Steady, node_values, steady_on
@@ -25,6 +25,7 @@ def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
     """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged; `nodes` a crank
     turn. Negative when the machine is steadier than asked for without any flywheel; zero where its driver follows a
     law."""
+    scene = ready(scene)
     grid = make_grid(scene, nodes)
     return flywheel_on(scene, jnp.asarray(delta, dtype=scene.speed.dtype), grid, node_values(scene, grid))
 

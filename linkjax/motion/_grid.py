@@ -17,7 +17,7 @@ from linkjax._numerics import highest, nearest_turn, safe_divide, wrapped
 from linkjax.groups import Margin
 from linkjax.kinematics import Motion, find_reversals, named_groups, pose, scan_angles
 from linkjax.loads import AbstractLoad
-from linkjax.machine import Scene
+from linkjax.machine import Scene, ready
 from linkjax.motion._panels import Rule, rule
 
 SCAN = 32  # scan points per crank turn
@@ -97,6 +97,7 @@ class Candidates(NamedTuple):
 
 def make_grid(scene: Scene, nodes: int) -> Grid:
     """Lay the grid for a scene with about `nodes` nodes a crank turn (at least 4 per panel)."""
+    scene = ready(scene)
     windows = [end for load in scene.loads if load.window is not None for end in (load.window.on, load.window.off)]
     windows += [jnp.asarray(angle) for angle in _breaks(scene)]
     opposing = [load for load in scene.loads if load.opposing]
@@ -133,7 +134,7 @@ def _scan_at(scene, opposing, phi):
     here = pose(scene.mechanism, phi)
     motions = [motion for load in opposing if (motion := load.opposed(here)) is not None]
     groups = list(named_groups(scene.mechanism).values())[1:]
-    return motions, [list(g.margins(scene.mechanism.links, here.links, here.points).values()) for g in groups]
+    return motions, [list(g.margins(scene.mechanism.links, here.links, here.points, phi).values()) for g in groups]
 
 
 def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array, Array]:

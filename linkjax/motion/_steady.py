@@ -19,7 +19,7 @@ from jaxtyping import Array
 from linkjax._numerics import once, wrapped
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Instant
-from linkjax.machine import Scene
+from linkjax.machine import Scene, ready
 from linkjax.motion._error import delta_error
 from linkjax.motion._flow import LEAST, Flow, Primitive, primitive
 from linkjax.motion._grid import Grid, Place, make_grid
@@ -97,6 +97,7 @@ def steady(scene: Scene, nodes: int = 96) -> Steady:
     Never raises: where there is no regime, `regime_margin` is negative and every value finite.
     """
     asked_for(scene)
+    scene = ready(scene)
     grid = make_grid(scene, nodes)
     return steady_on(scene, grid, node_values(scene, grid))
 

@@ -30,10 +30,11 @@ from linkjax import (
     Vec,
     Window,
 )
+from linkjax.groups import General
 from linkjax.kinematics import least_margin
 
 BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")
-COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides")
+COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides", "triad")
 PRESCRIBED = ("swinging", "hydraulic")  # by a law of motion
 
 
@@ -185,6 +186,31 @@ def _moving_guides() -> lj.Scene:
     return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.5)), loads, Vec(1.0, -9.5), 20.0, 0.05, title="Guides")
 
 
+def _triad() -> lj.Scene:
+    """A plate on three bars, of which the crank moves one (class III), with a slider on a corner of the plate."""
+    links = {
+        "crank": Link(length=0.045, mass=1.0, inertia=0.002, centre=Vec(0.02, 0.0)),
+        "plate": Link(length=0.25, mass=2.0, inertia=0.02, centre=Vec(0.12, 0.05), points={"G": Vec(0.1, 0.2)}),
+        "bar1": Link(length=0.3, mass=0.8, inertia=0.006, centre=Vec(0.15, 0.0)),
+        "bar2": Link(length=0.32, mass=0.9, inertia=0.007, centre=Vec(0.15, 0.01)),
+        "bar3": Link(length=0.35, mass=0.7, inertia=0.006, centre=Vec(0.17, 0.0), points={"T": Vec(0.2, 0.05)}),
+        "rod": Link(length=0.3, mass=0.6, inertia=0.005, centre=Vec(0.15, 0.0)),
+        "ram": Link(mass=2.0, centre=Vec(0.02, 0.01)),
+    }
+    triad = General(
+        (("plate", ("E", "F", "G")), ("bar1", ("B", "E")), ("bar2", ("C", "F")), ("bar3", ("D", "G"))),
+        ("B", "C", "D"), {"E": Vec(0.15, 0.28), "F": Vec(0.4, 0.25), "G": Vec(0.25, 0.45)},
+    )  # fmt: skip
+    groups = [Crank("crank", "A", "B"), triad, RRP("rod", "ram", "G", "P", Guide("D", 2.8, 0.1))]
+    fixed = {"A": Vec(0.0, 0.0), "C": Vec(0.55, -0.05), "D": Vec(0.3, 0.75)}
+    loads = (
+        OpposingForce("press", "ram", "P", magnitude=60.0, window=Window(turn(40.0), turn(200.0)), reacts_on="frame"),
+        Force("pull", "plate", "G", force=Vec(10.0, -30.0)),
+        OpposingTorque("rub", "bar2", magnitude=3.0),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.5)), loads, Vec(0.0, -9.81), 20.0, 0.05, title="Triad")
+
+
 def _swinging() -> lj.Scene:
     """A crank that swings between two angles moves a four-bar out of line, and a slider."""
     links = {
@@ -234,7 +260,8 @@ def _hydraulic() -> lj.Scene:
 @functools.cache
 def machine(name: str) -> lj.Scene:
     """A built-in scene, or one composed here."""
-    made = _two_on_one_crank, _coupler_points, _clockwise, _slotted_levers, _moving_guides, _swinging, _hydraulic
+    made = _two_on_one_crank, _coupler_points, _clockwise, _slotted_levers, _moving_guides, _triad
+    made = *made, _swinging, _hydraulic
     composed = dict(zip((*COMPOSED, *PRESCRIBED), made, strict=True))
     return composed[name]() if name in composed else lj.load(name)
 
@@ -266,6 +293,8 @@ def mirrored(mechanism: Mechanism) -> Mechanism:
             return dataclasses.replace(old, offset=-old.offset)
         if isinstance(old, RPP):
             return dataclasses.replace(old, guide=flipped(old.guide), slot=-old.slot, offset=-old.offset)
+        if isinstance(old, General):
+            return dataclasses.replace(old, sketch={p: flip(at) for p, at in old.sketch.items()})
         if isinstance(old, PRP):
             return dataclasses.replace(old, slots=tuple(map(flipped, old.slots)), side=-old.side)
         return dataclasses.replace(old, side=-old.side)
@@ -297,6 +326,8 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             return dataclasses.replace(old, guide=group(old.guide), law=law)
         if isinstance(old, RRP | RPP):
             old = dataclasses.replace(old, guide=group(old.guide))
+        if isinstance(old, General):
+            return dataclasses.replace(old, sketch={p: at * lengths for p, at in old.sketch.items()})
         if isinstance(old, RPR | RPP | Guide):
             return dataclasses.replace(old, offset=old.offset * lengths)
         return old
@@ -328,7 +359,13 @@ def moved(mechanism: Mechanism, x: float, y: float) -> Mechanism:
     """The same machine elsewhere on the frame."""
     fixed = {name: at + Vec(x, y) for name, at in mechanism.fixed.items()}
     links = {name: mechanism.links[name] for name in mechanism.link_names}
-    return Mechanism(fixed, links, mechanism.groups, mechanism.flywheel)
+
+    def group(old):
+        if isinstance(old, General):
+            return dataclasses.replace(old, sketch={p: at + Vec(x, y) for p, at in old.sketch.items()})
+        return old
+
+    return Mechanism(fixed, links, [group(g) for g in mechanism.groups], mechanism.flywheel)
 
 
 def same_compilation(one, other) -> bool:

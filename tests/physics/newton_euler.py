@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkjax.groups import PRP, RPP, RPR, RRP, RRR, AbstractDriver, Crank, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, AbstractDriver, Crank, General, Slide
 from tests.physics import oracle
 
 
@@ -63,6 +63,17 @@ def joints(mechanism) -> list[Joint]:
                 Joint(f"{g.link}.guide", g.end, g.link, g.guide.on, guide=True),
             ]
             owner[g.end] = g.link
+        elif isinstance(g, General):
+            holders: dict[str, list[str]] = {}
+            for link, pins in g.members:
+                for p in pins:
+                    holders.setdefault(p, []).append(link)
+            for p, every in holders.items():
+                by = owner[p] if p in g.outer else every[0]
+                found += [Joint(p, p, link, by) for link in every[p not in g.outer :]]
+                owner.setdefault(p, every[0])
+            first = {link: pins[0] for link, pins in g.members}
+            found += [Joint(f"{s.block}.guide", first[s.block], s.block, s.guide.on, guide=True) for s in g.slots]
         else:
             assert isinstance(g, RRR)
             one, two = g.links

@@ -9,13 +9,15 @@ from differences of 50-digit positions), forces from the Newton-Euler equations 
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
 from scipy.optimize import brentq
+from scipy.optimize import root as solved
 
-from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Harmonic, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, General, Harmonic, Slide
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.mechanism import Mechanism
 
@@ -117,13 +119,96 @@ def meeting(one: Path, two: Path) -> Any:
     return near + one.along * ((far - near) / two.along).imag / (one.along / two.along).imag
 
 
-def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str, Any]]:
+def open_joints(g: General, places, points, directions, x, m=np) -> list:
+    """What the pins and slots of a general group leave open; `x` has x, y and angle of every link."""
+    n = reader(m)
+    at = {link: x[3 * i] + 1j * x[3 * i + 1] for i, (link, _) in enumerate(g.members)}
+    u = {link: m.exp(1j * x[3 * i + 2]) for i, (link, _) in enumerate(g.members)}
+    found, holders = [], {}
+    for link, pins in g.members:
+        for p in pins:
+            holders.setdefault(p, []).append(at[link] + places[link][p] * u[link])
+    for p, every in holders.items():
+        first = points[p] if p in g.outer else every[0]
+        found += [part for there in every[p not in g.outer :] for part in ((there - first).real, (there - first).imag)]
+    for slot in g.slots:
+        guide, on = slot.guide, slot.guide.on
+        base = at[on] + places[on][guide.through] * u[on] if on in at else points[guide.through]
+        turned = u[on] if on in at else 1 if on == "frame" else directions[on]
+        seen = (at[slot.block] - base) / (m.exp(1j * n(guide.along)) * turned)
+        found += [seen.imag - n(guide.offset), (u[slot.block] / (m.exp(1j * n(guide.along)) * turned)).imag]
+    return found
+
+
+def in_axes(g: General, mechanism: Mechanism, m=np) -> dict[str, dict[str, Any]]:
+    """Where the points of the links of a general group are in their own axes."""
+    bodies, length, _, _ = numbers(mechanism, m)
+    found = {}
+    for link, pins in g.members:
+        found[link] = {**bodies[link].places, pins[0]: reader(m)(0.0)}
+        if len(pins) > 1:
+            found[link][pins[1]] = length[link]
+    return found
+
+
+def closed_at(g: General, places, points, directions, x) -> np.ndarray:
+    """The configuration near `x` that closes the joints, by SciPy."""
+    return solved(lambda x: open_joints(g, places, points, directions, x), x, options={"xtol": 1e-15}).x
+
+
+_PATHS: dict[int, tuple[Any, np.ndarray]] = {}
+
+
+def followed(g: General, mechanism: Mechanism, before) -> np.ndarray:
+    """Configurations of a general group at every second degree, by SciPy's solver from one to the next."""
+    if id(g) in _PATHS:
+        return _PATHS[id(g)][1]
+    places, path = in_axes(g, mechanism), []
+    for phi in np.radians(np.arange(0, 361, 2)):
+        points, directions = before(phi)
+        if not path:
+            spots = {**points, **{p: complex(float(v.x), float(v.y)) for p, v in g.sketch.items()}}
+            x = []
+            for link, pins in g.members:
+                seen = [p for p in (*pins, *places[link]) if p in spots]
+                u = 1.0
+                if len(seen) > 1:
+                    u = (spots[seen[1]] - spots[seen[0]]) / (places[link][seen[1]] - places[link][seen[0]])
+                origin = spots[seen[0]] - places[link][seen[0]] * u / abs(u)
+                x += [origin.real, origin.imag, np.angle(u)]
+        else:
+            x = path[-1]
+        path.append(closed_at(g, places, points, directions, x))
+    _PATHS[id(g)] = g, np.stack(path)
+    return _PATHS[id(g)][1]
+
+
+def general(g: General, mechanism: Mechanism, phi, before, m=np) -> dict[str, tuple[Any, Any]]:
+    """Origins and directions of the links of a general group."""
+    path, places = followed(g, mechanism, lambda phi: before(phi, np)), in_axes(g, mechanism, m)
+
+    def at(phi):
+        points, directions = before(phi, m)
+        x = path[round(math.degrees(float(phi) % (2 * math.pi)) / 2)]
+        if m is mpmath:
+            return mpmath.findroot(lambda *x: open_joints(g, places, points, directions, x, mpmath), x.tolist())
+        return closed_at(g, places, points, directions, x)
+
+    if m is mpmath:
+        x = at(phi)
+    else:
+        x = np.moveaxis(np.asarray([at(one) for one in np.ravel(phi)]).reshape((*np.shape(phi), -1)), -1, 0)
+    return {link: (x[3 * i] + 1j * x[3 * i + 1], m.exp(1j * x[3 * i + 2])) for i, (link, _) in enumerate(g.members)}
+
+
+def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, Any], dict[str, Any]]:
     """Points and link directions at the crank angle `phi`: complex numbers of NumPy or mpmath."""
     n = reader(m)
+    groups = mechanism.groups if groups is None else groups
     links, length, fixed, _ = numbers(mechanism, m)
     points = dict(fixed)
     directions: dict[str, Any] = {}
-    for g in mechanism.groups:
+    for number, g in enumerate(groups):
         if isinstance(g, Crank):
             angle = g.turns * phi if g.law is None else prescribed(g.law, phi, m)
             new = {g.link: (g.pivot, m.exp(1j * (n(g.phase) + angle)))}
@@ -158,6 +243,14 @@ def assemble(mechanism: Mechanism, phi, m=np) -> tuple[dict[str, Any], dict[str,
             points[g.end] = meeting(path, slot)
             still = 0 * points[g.end]
             new = {g.link: (g.end, path.along + still), g.block: (g.from_, slot.along + still)}
+        elif isinstance(g, General):
+            so_far = groups[:number]
+            new = general(g, mechanism, phi, lambda phi, m, so_far=so_far: assemble(mechanism, phi, m, so_far), m)
+            places = in_axes(g, mechanism, m)
+            for link, pins in g.members:
+                origin, direction = new[link]
+                points.update({p: origin + places[link][p] * direction for p in pins if p not in g.outer})
+                new[link] = pins[0], direction
         else:
             assert isinstance(g, RRR)
             one, two = (length[name] for name in g.links)
@@ -254,6 +347,8 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
             w, s = _solve(1j * d, u, b.v - a.v)
             e, _ = _solve(1j * d, u, b.a - a.a + w**2 * d - 2j * w * s * u)
             links[g.link] = links[g.block] = Jet(u, w, e)
+        elif isinstance(g, General):
+            _general_rates(g, in_axes(g, mechanism), at, directions, points, links, still)
         else:
             a, b = points[g.from_], points[g.to]
             p, q = at[g.meet] - a.r, at[g.meet] - b.r
@@ -268,6 +363,81 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
             for point, place in places.items():
                 points[point] = carried(points[origin], links[name], place)
     return Rates(points, links)
+
+
+def _general_rates(g: General, places, at, directions, points, links, still) -> None:
+    """Velocities, then accelerations, of all links of a general group and along its slots: a linear system for each."""
+    names, count = [link for link, _ in g.members], 3 * len(g.members) + len(g.slots)
+    origin = {link: at[pins[0]] for link, pins in g.members}
+    holders: dict[str, list[str]] = {}
+    for link, pins in g.members:
+        for p in pins:
+            holders.setdefault(p, []).append(link)
+    solved: list[dict[str, tuple[Any, Any]]] = []
+    slides: list[list[Any]] = []
+
+    def moved(link: str, arm: Any, order: int) -> Any:
+        """What is known of the second derivative of a point of a link: the part that its velocity gives."""
+        return -(solved[0][link][1] ** 2) * arm if order else 0 * arm
+
+    for order in (0, 1):
+        matrix, right, row = np.zeros((*np.shape(still.v), count, count)), np.zeros((*np.shape(still.v), count)), 0
+
+        def put(link, arm, sign, row, matrix=matrix):
+            i = 3 * names.index(link)
+            matrix[..., row, i] += sign
+            matrix[..., row + 1, i + 1] += sign
+            matrix[..., row, i + 2] += sign * (1j * arm).real
+            matrix[..., row + 1, i + 2] += sign * (1j * arm).imag
+
+        def give(value, row, right=right):
+            right[..., row] += value.real
+            right[..., row + 1] += value.imag
+
+        for p, every in holders.items():
+            for link in every[p not in g.outer :]:
+                arm = places[link][p] * directions[link]
+                put(link, arm, 1.0, row)
+                give(-moved(link, arm, order), row)
+                if p in g.outer:
+                    give((points[p].v, points[p].a)[order], row)
+                else:
+                    other = places[every[0]][p] * directions[every[0]]
+                    put(every[0], other, -1.0, row)
+                    give(moved(every[0], other, order), row)
+                row += 2
+        for k, slot in enumerate(g.slots):
+            on, block, along = slot.guide.on, slot.block, directions[slot.block]
+            put(block, 0j * along, 1.0, row)
+            matrix[..., row, count - len(g.slots) + k] -= along.real
+            matrix[..., row + 1, count - len(g.slots) + k] -= along.imag
+            if on in names:
+                arm, w = origin[block] - origin[on], solved[0][on][1] if order else 0.0
+                put(on, arm, -1.0, row)
+                give(moved(on, arm, order), row)
+                matrix[..., row + 2, 3 * names.index(on) + 2] = -1.0
+            else:
+                base, turning = points[slot.guide.through], links.get(on, still)
+                arm, w = origin[block] - base.r, turning.v
+                give((base.v + 1j * w * arm, base.a + (1j * turning.a - w**2) * arm)[order], row)
+                right[..., row + 2] += (turning.v, turning.a)[order]
+            if order:
+                give(2j * w * slides[0][k] * along, row)
+            matrix[..., row + 2, 3 * names.index(block) + 2] = 1.0
+            row += 3
+        assert row == count
+        x = np.linalg.solve(matrix, right[..., None])[..., 0]
+        solved.append(
+            {link: (x[..., 3 * i] + 1j * x[..., 3 * i + 1], x[..., 3 * i + 2]) for i, link in enumerate(names)}
+        )
+        slides.append([x[..., count - len(g.slots) + k] for k in range(len(g.slots))])
+    for link, pins in g.members:
+        (v, w), (a, e) = solved[0][link], solved[1][link]
+        links[link] = Jet(directions[link], w, e)
+        for p in pins:
+            if p not in g.outer:
+                arm = places[link][p] * directions[link]
+                points[p] = Jet(origin[link] + arm, v + 1j * w * arm, a + (1j * e - w**2) * arm)
 
 
 def _solve(a, b, right):

@@ -87,7 +87,8 @@ def test_the_analysis(cycles, name):
     assert stroke["time_ratio"] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("name", [pytest.param("swinging", marks=pytest.mark.slow), "hydraulic"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PRESCRIBED)
 def test_every_measure_has_a_value_and_a_slope(name):
     scene = machine(name)
 
@@ -104,6 +105,7 @@ def test_every_measure_has_a_value_and_a_slope(name):
     assert got["peak_reaction"] == pytest.approx(got["peak_reaction_constant_speed"], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_spline_drives_as_the_law_that_it_follows():
     scene = machine("hydraulic")
     driver = scene.mechanism.groups[0]
@@ -156,7 +158,7 @@ def test_what_is_refused():
     with pytest.raises(ValueError, match="a value at each of its 3 angles"):
         Spline((0.0, 1.0, 2.0), [0.0, 1.0])
     slide = [Slide("block", "D", "A", Harmonic(0.0, 0.1))]
-    with pytest.raises(StructureError, match="flywheel: there is no shaft for it"):
+    with pytest.raises(StructureError, match="flywheel: there is no shaft for it: no crank drives"):
         Mechanism({"A": Vec(0, 0)}, {"block": Link()}, slide, Flywheel(1.0))
     with pytest.raises(StructureError, match="the guide is on link 'block', which is not attached yet"):
         Mechanism(

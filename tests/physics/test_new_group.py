@@ -63,7 +63,7 @@ class SlottedLever(AbstractGroup):
         end = PointState(at.r + arm, at.dr + turned * state.w, at.ddr + turned * state.e - arm * (state.w * state.w))
         return {self.block: state, self.lever: state}, {self.end: end}
 
-    def margins(self, links, states, points):
+    def margins(self, links, states, points, phi):
         r, dr, ddr, _ = self._reach(points)
         length = links[self.lever].length
         return {"pivot": Margin(r / length, dr / length, ddr / length)}

@@ -1,0 +1,364 @@
+"""Groups of any class: links and joints as they are drawn, closed by Newton's method from a reference path.
+
+Class III and higher (triads, tetrads), and groups with a drive inside them. Positions solve the closure equations of
+all joints at once; kinematic coefficients and reactions follow from the same Jacobian.
+Source: any text on constrained planar systems, e.g. Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems,
+1989, ch. 3 (closure, rates) and ch. 8 (reactions as multipliers).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from linkjax._numerics import safe_sqrt, wrapped
+from linkjax._vec import Vec, unit
+from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
+from linkjax.groups._closure import Closure, Known, Placed, array, placed, solved, turned
+from linkjax.groups._guide import Guide
+from linkjax.groups._law import AbstractLaw
+from linkjax.groups._state import LinkState, PointState, carried
+
+NEAR = 3  # damped steps from the reference path
+EXACT = 2  # Newton steps after these
+ASTRAY = 1e-6  # of directions: a path that is as far from itself after the cycle has come elsewhere
+CLOSED = 1e-9  # of the size of the group: an assembly that leaves less open counts as one
+
+
+class Slot(eqx.Module):
+    """A sliding joint of a general group: the `block` moves along the `guide`, which may be on a link of the group."""
+
+    block: str = eqx.field(static=True)
+    guide: Guide
+
+
+class General(AbstractGroup):
+    """Links joined by pins and slots, solved together.
+
+    `members` are the links with the points at which each is pinned: the first is its origin, the second lies on its
+    axis at its length, further ones are marked points of it. A point that two members name is a pin between them;
+    `outer` are the points that exist already. `slots` are the sliding joints: a block has one point, its origin, and
+    the axes of its guide. `sketch` says roughly where points are at crank angle zero, which chooses the assembly: of
+    every link two points, of a block one. With a `law` the first slot is the drive: its block stands `law(φ)` along
+    its guide. `path` and `turns` are filled in by `kinematics.prepared`.
+    """
+
+    kind: ClassVar[str] = "general"
+    formula: ClassVar[str] = "III"
+    dead_positions: ClassVar[tuple[str, ...]] = ("loops",)
+
+    members: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True)
+    outer: tuple[str, ...] = eqx.field(static=True)
+    sketch: dict[str, Vec]
+    slots: tuple[Slot, ...] = ()
+    law: AbstractLaw | None = None
+    path: Array | None = None
+    turns: int = eqx.field(static=True, default=1)
+
+    def __check_init__(self):
+        names = [link for link, _ in self.members]
+        if self.law is not None and not self.slots:
+            raise ValueError(f"the group of {', '.join(names)} has a law, but no slot that it could drive")
+        rows = sum(2 * (len(links) - (point not in self.outer)) for point, links in self._pins().items())
+        rows += 2 * len(self.slots) + (self.law is not None)
+        if rows != 3 * len(names):
+            problem = f"{len(names)} links have {3 * len(names)} degrees of freedom, their joints take {rows}"
+            raise ValueError(f"the group of {', '.join(names)} is none: {problem}; a point may be missing in `outer`")
+
+    def _pins(self) -> dict[str, list[str]]:
+        """Every pinned point with the members that share it."""
+        found: dict[str, list[str]] = {}
+        for link, points in self.members:
+            for point in points:
+                found.setdefault(point, []).append(link)
+        return {p: links for p, links in found.items() if len(links) > 1 or p in self.outer}
+
+    def link_names(self):
+        return tuple(link for link, _ in self.members)
+
+    def needs(self):
+        inside = set(self.link_names())
+        return (*self.outer, *(slot.guide.through for slot in self.slots if slot.guide.on not in inside))
+
+    def guides(self):
+        return tuple(slot.guide for slot in self.slots if slot.guide.on not in self.link_names())
+
+    def pins(self):
+        return {link: (points[0], points[1] if len(points) > 1 else None) for link, points in self.members}
+
+    def brings(self):
+        ends = [p for pair in self.pins().values() for p in pair if p is not None]
+        return tuple(dict.fromkeys(p for p in ends if p not in self.outer))
+
+    def shared(self):
+        return {p: "" if p in self.outer else links[0] for p, links in self._pins().items()}
+
+    def drives(self):
+        return self.law is not None
+
+    def follows(self):
+        return self.law
+
+    # ---- closure
+
+    def places(self, links) -> dict[str, dict[str, Vec]]:
+        """Where the points of every member are in its own axes."""
+        found = {}
+        for link, points in self.members:
+            zero = jnp.zeros_like(links[link].length)
+            body = links[link].actual()
+            found[link] = {**body.points, links[link].centre_name: body.centre, points[0]: Vec(zero, zero)}
+            if len(points) > 1:
+                found[link][points[1]] = Vec(links[link].length, zero)
+        return found
+
+    def _pairs(self) -> list[tuple[str, str, str]]:
+        """Every pin as (point, link, what it is pinned to): another link, or "" for a point that was there before."""
+        return [(p, link, "" if p in self.outer else links[0]) for p, links in self._pins().items()
+                for link in links[p not in self.outer :]]  # fmt: skip
+
+    def _closure(self, places, known: Known, drive: Array) -> Closure:
+        """All that the closure equations need, as arrays."""
+        names, pairs = list(self.link_names()), self._pairs()
+        none = Vec(jnp.zeros(()), jnp.zeros(()))
+        outer = {p: len(names) + i for i, p in enumerate(dict.fromkeys(p for p, _, to in pairs if not to))}
+        one, two = np.zeros((2, len(pairs), len(names) + len(outer)))
+        for row, (point, link, to) in enumerate(pairs):
+            one[row, names.index(link)] = 1
+            two[row, names.index(to) if to else outer[point]] = 1
+        inner = {p for _, points in self.members for p in points}
+        arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
+        size = jax.lax.stop_gradient(safe_sqrt(jnp.max(jnp.stack(arms)), 1.0))
+        return Closure(
+            one, two, array([places[link][p] for p, link, _ in pairs]),
+            array([places[to][p] if to else none for p, _, to in pairs]),
+            array([known.points[p] for p in outer]), size, places, known, drive,
+        )  # fmt: skip
+
+    def _open(self, z: Placed, c: Closure) -> Array:
+        """What the joints leave open (m): pins, then slots, then the drive."""
+        still = jnp.zeros_like(c.outer) + jnp.asarray([[1.0, 0.0]])
+        at, u = jnp.concatenate([z.at, c.outer]), jnp.concatenate([z.u, still])
+        gaps = (c.one - c.two) @ at + turned(c.one @ u, c.near) - turned(c.two @ u, c.far)
+        rows = [gaps.ravel()]
+        names = self.link_names()
+        vec = {link: (Vec(*z.at[i]), Vec(*z.u[i])) for i, link in enumerate(names) if self.slots}
+        for number, slot in enumerate(self.slots):
+            guide, axis = slot.guide, unit(slot.guide.along)
+            base, t = c.known.points.get(guide.through), axis
+            if guide.on in vec:
+                base, t = vec[guide.on][0] + c.places[guide.on][guide.through].turned(vec[guide.on][1]), axis
+                t = axis.turned(vec[guide.on][1])
+            elif guide.on != "frame":
+                t = axis.turned(c.known.links[guide.on])
+            assert base is not None
+            d = vec[slot.block][0] - base
+            part = [d.dot(t.perp()) - guide.offset, c.size * t.cross(vec[slot.block][1])]
+            part += [d.dot(t) - c.drive] if number == 0 and self.law is not None else []
+            rows.append(jnp.stack(part))
+        return jnp.concatenate(rows)
+
+    def _jacobian(self, z: Placed, c: Closure) -> Array:
+        """Derivatives of what is open by x, y and angle times size of every link."""
+        zero = jnp.zeros(3 * len(self.members))
+        return jax.jacfwd(lambda move: self._open(z.moved(move, c.size), c))(zero)
+
+    def _known(self, states, points, t=0.0) -> Known:
+        """What was there before, `t` of crank angle later (to second order)."""
+        half = 0.5 * t * t
+        links = {g.on: states[g.on] for g in self.guides() if g.on != "frame"}
+        return Known(
+            {name: points[name].r + points[name].dr * t + points[name].ddr * half for name in self.needs()},
+            {name: u + u.perp() * (w * t + e * half) - u * (w * w * half) for name, (u, w, e) in links.items()},
+        )
+
+    def _drive(self, phi: Array, t=0.0) -> Array:
+        if self.law is None:
+            return jnp.zeros_like(phi)
+        s, d, dd = self.law.at(phi)
+        return s + d * t + 0.5 * t * t * dd
+
+    def sketched(self, places, states, points) -> Array:
+        """The configuration that the sketch gives, shape (links, 4)."""
+        spots = {**{p: points[p].r for p in self.outer}, **self.sketch}
+        lean = {slot.block: slot.guide for slot in self.slots}
+        turned: dict[str, Vec] = {}
+        rows = []
+        for link, pins in self.members:  # a block on a link of the group comes behind that link
+            seen = [p for p in (*pins, *places[link]) if p in spots]
+            if link in lean:
+                axis, on = unit(lean[link].along), lean[link].on
+                turned[link] = axis if on == "frame" else axis.turned(turned[on] if on in turned else states[on].u)
+            else:
+                off, true = places[link][seen[1]] - places[link][seen[0]], spots[seen[1]] - spots[seen[0]]
+                turned[link] = Vec(off.dot(true), off.cross(true))
+            u = turned[link] = turned[link] / safe_sqrt(turned[link].squared(), 1.0)
+            origin = spots[seen[0]] - places[link][seen[0]].turned(u)
+            rows.append(jnp.stack([origin.x, origin.y, u.x, u.y]))
+        return jnp.stack(rows)
+
+    def closed(self, links, states, points, phi: Array, start: Array, steps: int) -> Array:
+        """The configuration near `start` that closes the joints, by damped least squares; without derivatives."""
+        c = self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        c, start = jax.lax.stop_gradient((c, start))
+
+        def step(_, z):
+            z = placed(z)
+            gap, jacobian = self._open(z, c), self._jacobian(z, c)
+            damping = jnp.minimum(jnp.sum(gap * gap) / c.size**2, 0.1)
+            normal = jacobian.T @ jacobian + damping * jnp.eye(gap.size)
+            move = jnp.linalg.solve(normal, -(jacobian.T @ gap))
+            return z.moved(
+                move * jnp.minimum(1.0, 0.5 * c.size / jnp.maximum(jnp.max(jnp.abs(move)), 1e-300)), c.size
+            ).flat()
+
+        return jax.lax.fori_loop(0, steps, step, start)
+
+    def start(self, phi: Array) -> Array:
+        """Where the reference path is at a crank angle."""
+        assert self.path is not None
+        count, span = self.path.shape[0] - 1, 2 * jnp.pi * self.turns
+        place = wrapped(phi, span) * (count / span)
+        whole = jnp.clip(jnp.floor(place), 0, count - 1)
+        i = whole.astype(int)
+        return self.path[i] + (self.path[i + 1] - self.path[i]) * (place - whole)
+
+    def solve(self, links, states, points, phi):
+        z = self.closed(links, states, points, phi, self.start(phi), NEAR)
+        places = self.places(links)
+        c = self._closure(places, self._known(states, points), self._drive(phi))
+        here, fixed = placed(z), jax.lax.stop_gradient(c)
+        gap, shut = jnp.zeros(3 * len(self.members)), jnp.asarray(True)
+        for _ in range(EXACT):
+            gap = self._open(here, fixed)
+            shut = jnp.max(jnp.abs(gap)) < 1e-3 * c.size
+            safe = jnp.where(shut, self._jacobian(here, fixed), jnp.eye(gap.size))
+            here = here.moved(jnp.linalg.solve(safe, jnp.where(shut, -gap, 0.0)), c.size)
+        here = jax.lax.stop_gradient(here)
+        none = jax.lax.stop_gradient(0.0 * gap)  # of the batch's shape, as the rule for custom roots needs it
+
+        def root(move):
+            return jnp.where(shut, self._open(here.moved(move, c.size), c), move)
+
+        move = jax.lax.custom_root(root, none, lambda _, start: start, solved)
+        here = here.moved(move, c.size)
+        inverse = jnp.linalg.inv(jnp.where(shut, self._jacobian(here, c), jnp.eye(move.size)))
+
+        def along(t, v):
+            known, drive = self._known(states, points, t), self._drive(phi, t)
+            outer = array([known.points[p] for p in dict.fromkeys(p for p, _, to in self._pairs() if not to)])
+            return self._open(here.later(v, t, c.size), c._replace(outer=outer, known=known, drive=drive))
+
+        zero, one = jnp.zeros_like(phi), jnp.ones_like(phi)
+        v = -inverse @ jax.jvp(lambda t: along(t, jnp.zeros_like(move)), (zero,), (one,))[1]
+        bend = jax.jvp(lambda t: jax.jvp(lambda s: along(s, v), (t,), (one,))[1], (zero,), (one,))[1]
+        return self._states(here, v, -inverse @ bend, places, c.size)
+
+    def _states(self, here: Placed, v, a, places, size):
+        found, pins = {}, {}
+        v, a = v.reshape((-1, 3)), a.reshape((-1, 3))
+        for i, (link, points) in enumerate(self.members):
+            found[link] = LinkState(Vec(*here.u[i]), v[i, 2] / size, a[i, 2] / size)
+            origin = PointState(Vec(*here.at[i]), Vec(v[i, 0], v[i, 1]), Vec(a[i, 0], a[i, 1]))
+            for point in points:
+                if point not in self.outer and point not in pins:
+                    pins[point] = carried(origin, found[link], places[link][point])
+        return found, pins
+
+    # ---- closeness to where it cannot be assembled
+
+    def _here(self, states, points) -> Placed:
+        origins = [points[pins[0]].r for _, pins in self.members]
+        return Placed(array(origins), array([states[link].u for link in self.link_names()]))
+
+    def _rates(self, states, points, size, of_point: str, of_link: str) -> Array:
+        """Rates of x, y and angle times size of every link."""
+        rows = []
+        for link, pins in self.members:
+            rate = getattr(points[pins[0]], of_point)
+            rows += [rate.x, rate.y, size * getattr(states[link], of_link)]
+        return jnp.stack(rows)
+
+    def margins(self, links, states, points, phi):
+        here, none = self._here(states, points), jnp.zeros_like(states[self.members[0][0]].w)
+        c = self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        v, a = (self._rates(states, points, c.size, *names) for names in (("dr", "w"), ("ddr", "e")))
+
+        def jacobian(t):
+            return self._jacobian(here.later(v, t, c.size, a), c._replace(known=self._known(states, points, t)))
+
+        left, _, right = jnp.linalg.svd(jax.lax.stop_gradient(jacobian(none)))
+
+        def least(t):
+            return left[:, -1] @ jacobian(t) @ right[-1]
+
+        one = jnp.ones_like(none)
+        value, d = jax.jvp(least, (none,), (one,))
+        dd = jax.jvp(lambda t: jax.jvp(least, (t,), (one,))[1], (none,), (one,))[1]
+        gap = safe_sqrt(jnp.sum(self._open(here, c) ** 2)) / c.size
+        lost, astray = gap > CLOSED, self._left_open() > ASTRAY
+        value = jnp.where(lost, -gap, jnp.where(astray, -ASTRAY, value))
+        return {"loops": Margin(value, *(jnp.where(lost | astray, 0.0, rate) for rate in (d, dd)))}
+
+    def _left_open(self) -> Array:
+        """How far the reference path is from itself after the cycle (directions of links)."""
+        if self.path is None:
+            return jnp.zeros(())
+        return jnp.max(jnp.abs(self.path[-1] - self.path[0])[:, 2:])
+
+    def transmission(self, states, points):
+        return None
+
+    # ---- reactions
+
+    def joints(self):
+        found = []
+        for point, links in self._pins().items():
+            by = None if point in self.outer else links[0]
+            found += [Joint(point, point, link, by) for link in links[point not in self.outer :]]
+        origins = {link: points[0] for link, points in self.members}
+        for slot in self.slots:
+            found.append(Joint(f"{slot.block}.guide", origins[slot.block], slot.block, slot.guide.on, slides=True))
+        if self.law is not None:
+            block = self.slots[0].block
+            found.append(Joint(f"{block}.drive", origins[block], block, self.slots[0].guide.on))
+        return tuple(found)
+
+    def react(self, loads, states, points):
+        here, names = self._here(states, points), self.link_names()
+        places: dict[str, dict[str, Vec]] = {}
+        for i, (link, pins) in enumerate(self.members):
+            through = [slot.guide.through for slot in self.slots if slot.guide.on == link]
+            back = Vec(here.u[i, 0], -here.u[i, 1])
+            places[link] = {p: (points[p].r - points[pins[0]].r).turned(back) for p in (*pins, *through)}
+        c = self._closure(places, self._known(states, points), jnp.zeros(()))
+        on = [(loads[link].force, loads[link].moment / c.size) for link in names]
+        load = jnp.concatenate([jnp.stack([force.x, force.y, moment]) for force, moment in on])
+        x = jnp.linalg.solve(self._jacobian(here, c).T, -load)  # multipliers: what the joints exert
+        count = len(self._pairs())
+        none = jnp.zeros_like(x[0])
+        wrenches = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(count)]
+        k = 2 * count
+        drive, torque = [], None
+        for number, slot in enumerate(self.slots):
+            t = states[slot.block].u
+            wrenches.append(Wrench(t.perp() * x[k], x[k + 1] * c.size))
+            if number == 0 and self.law is not None:
+                drive = [Wrench(t * x[k + 2], none)]
+                torque = x[k + 2] * self._pace(slot, states, points)
+                k += 1
+            k += 2
+        return (*wrenches, *drive), torque
+
+    def _pace(self, slot: Slot, states, points) -> Array:
+        """How fast the block of a slot moves along it."""
+        block, base = points[dict(self.members)[slot.block][0]], points[slot.guide.through]
+        under = base.dr
+        if slot.guide.on != "frame":
+            under = under + (block.r - base.r).perp() * states[slot.guide.on].w
+        return (block.dr - under).dot(states[slot.block].u)

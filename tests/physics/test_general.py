@@ -1,0 +1,228 @@
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+"""Groups closed by Newton's method: the same machines as class II, a drive inside a group, what cannot be assembled.
+
+The triad of `machines.py` is held against 50 digits, nested derivatives and Newton-Euler with all the others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import PRP, RPP, RPR, RRP, RRR, Crank, Force, Guide, Harmonic, Link, Mechanism, StructureError, Vec
+from linkjax._compile import compiled_soon
+from linkjax.forces import kinetostatics
+from linkjax.groups import General, Slot
+from linkjax.kinematics import assembly_margins, pose, prepared
+from linkjax.measures import smallest_margin
+from linkjax.motion import steady
+from tests.physics.machines import machine
+
+ANGLES = np.arange(360) * (2 * math.pi / 360)
+
+
+def loosely(group, at: dict) -> General:
+    """A group of class II as links and joints, with a sketch that is a little off."""
+    points: dict[str, Vec] = {}
+
+    def sketched(*names: str) -> dict[str, Vec]:
+        points.update({p: Vec(float(at[p].r.x) + 0.01, float(at[p].r.y) - 0.007) for p in names})
+        return points
+
+    if isinstance(group, RRR):
+        (one, two), meet = group.links, group.meet
+        return General(((one, (group.from_, meet)), (two, (group.to, meet))), (group.from_, group.to), sketched(meet))
+    if isinstance(group, RRP):
+        members = ((group.link, (group.from_, group.end)), (group.block, (group.end,)))
+        return General(members, (group.from_,), sketched(group.end), (Slot(group.block, group.guide),))
+    if isinstance(group, RPR):
+        members = ((group.link, (group.about, group.end)), (group.block, (group.from_,)))
+        slot = Slot(group.block, Guide(group.about, offset=group.offset, on=group.link))
+        return General(members, (group.about, group.from_), sketched(group.end), (slot,))
+    if isinstance(group, PRP):
+        members = tuple((block, (group.meet,)) for block in group.blocks)
+        return General(members, (), sketched(group.meet), tuple(map(Slot, group.blocks, group.slots)))
+    assert isinstance(group, RPP)
+    members = ((group.link, (group.end,)), (group.block, (group.from_,)))
+    slots = Slot(group.link, group.guide), Slot(group.block, Guide(group.end, group.slot, group.offset, group.link))
+    return General(members, (group.from_,), sketched(group.end), slots)
+
+
+def all_loosely(mechanism: Mechanism) -> Mechanism:
+    """Every group but the driver as links and joints."""
+    at = pose(mechanism, jnp.zeros(())).points
+    links = {name: mechanism.links[name] for name in mechanism.link_names}
+    groups = [mechanism.groups[0], *(loosely(g, at) for g in mechanism.groups[1:])]
+    return Mechanism(mechanism.fixed, links, groups, mechanism.flywheel)
+
+
+@compiled_soon
+def everything(scene):
+    return jax.vmap(lambda phi: (pose(scene.mechanism, phi), kinetostatics(scene, phi, scene.speed, 3 * scene.speed)))(
+        jnp.asarray(ANGLES)
+    )
+
+
+@pytest.mark.parametrize("name", ["hay-press", "moving-guides", pytest.param("slotted-levers", marks=pytest.mark.slow)])
+def test_class_two_by_newtons_method(name):
+    """Positions, coefficients and reactions as in closed form, to 1e-12 of the largest of their kind."""
+    scene = machine(name)
+    twin = scene.with_mechanism(prepared(all_loosely(scene.mechanism)))
+    (one, forces), (two, same) = everything(scene), everything(twin)
+    for part in ("r", "dr", "ddr"):
+        known = {p: np.stack([getattr(at, part).x, getattr(at, part).y]) for p, at in one.points.items()}
+        size = max(np.max(np.abs(value)) for value in known.values())
+        for p, value in known.items():
+            got = getattr(two.points[p], part)
+            np.testing.assert_allclose(np.stack([got.x, got.y]), value, rtol=0, atol=1e-12 * size)
+    size = max(float(jnp.max(at.magnitude)) for sides in forces.reactions.values() for at in sides.values())
+    for joint, sides in forces.reactions.items():
+        for link, at in sides.items():
+            got = same.reactions[joint][link]
+            for value, truth in ((got.fx, at.fx), (got.fy, at.fy), (got.moment, at.moment)):
+                np.testing.assert_allclose(value, truth, rtol=0, atol=2e-12 * size)
+    torque = np.max(np.abs(forces.drive_torque))
+    np.testing.assert_allclose(same.drive_torque, forces.drive_torque, rtol=0, atol=1e-12 * torque)
+
+
+def test_joints_close_to_rounding():
+    """At 360 steps, after five Newton steps each: nothing is left open, seen from lengths that were given."""
+    mechanism = machine("triad").mechanism
+    at = compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi).points)(jnp.asarray(ANGLES)))(prepared(mechanism))
+    apart = [("E", "F", 0.25), ("B", "E", 0.3), ("C", "F", 0.32), ("D", "G", 0.35), ("E", "G", math.hypot(0.1, 0.2))]
+    for one, two, length in apart:
+        d = at[two].r - at[one].r
+        np.testing.assert_allclose(np.hypot(d.x, d.y), length, rtol=2e-15)
+
+
+def test_gradients_of_a_cycle():
+    """δ as all lengths change together, each by its own share, forward and by differences."""
+    scene = machine("triad")
+    names = list(scene.mechanism.links)
+    ways = np.linspace(-1.0, 1.3, len(names))
+
+    def value(by):
+        m = scene.mechanism
+        links = {n: dataclasses.replace(m.links[n], length=m.links[n].length * (1 + by * w))
+                 for n, w in zip(names, ways, strict=True)}  # fmt: skip
+        return steady(scene.with_mechanism(Mechanism(m.fixed, links, m.groups, m.flywheel)), 64).delta
+
+    @compiled_soon
+    def both(by):
+        return jax.vmap(lambda by: jax.jvp(value, (by,), (jnp.ones_like(by),)))(by)
+
+    values, slopes = both(jnp.asarray([0.0, 1e-5, -1e-5]))
+    assert float(slopes[0]) == pytest.approx(float((values[1] - values[2]) / 2e-5), rel=1e-7)
+
+
+@pytest.mark.slow
+def test_reverse_mode_agrees():
+    scene = machine("triad")
+    reverse = jax.jit(jax.grad(lambda m: steady(scene.with_mechanism(m), 64).delta))(scene.mechanism)
+    tangent = jax.tree.map(jnp.ones_like, scene.mechanism)
+    forward = jax.jvp(lambda m: steady(scene.with_mechanism(m), 64).delta, (scene.mechanism,), (tangent,))[1]
+    total = sum(jnp.sum(leaf) for leaf in jax.tree.leaves(reverse))
+    assert float(total) == pytest.approx(float(forward), rel=1e-9)
+
+
+def lift(law) -> lj.Scene:
+    """A cylinder from a point of the frame swings a lever that carries a weight."""
+    links = {
+        "barrel": Link(length=0.3, mass=2.0, inertia=0.02, centre=Vec(0.12, 0.0)),
+        "rod": Link(mass=1.0, inertia=0.01, centre=Vec(-0.1, 0.0)),
+        "lever": Link(length=0.4, mass=3.0, inertia=0.05, centre=Vec(0.3, 0.0), points={"T": Vec(0.9, 0.0)}),
+    }
+    group = General(
+        (("lever", ("D", "C")), ("barrel", ("A", "H")), ("rod", ("C",))), ("D", "A"),
+        {"C": Vec(0.8, 0.1), "H": Vec(0.2, 0.0)}, (Slot("rod", Guide("A", on="barrel")),), law,
+    )  # fmt: skip
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.5, -0.1)}
+    load = Force("weight", "lever", "T", force=Vec(0.0, -500.0))
+    return lj.Scene(Mechanism(fixed, links, [group]), (load,), Vec(0.0, -9.81), 0.5, title="Lift")
+
+
+def test_a_cylinder_between_frame_and_lever():
+    """The lever's angle by the law of cosines, the force of the cylinder by virtual work, the energy of a stroke."""
+    scene = lift(Harmonic(0.55, 0.75))
+    cycle = lj.analyse(scene, angles=72)
+    assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-10
+    phi = np.asarray(cycle.angles)
+    s, base = 0.65 - 0.1 * np.cos(phi), 0.5 - 0.1j
+    pin = np.asarray(cycle.pose.points["C"].r.x) + 1j * np.asarray(cycle.pose.points["C"].r.y)
+    np.testing.assert_allclose(np.abs(pin), s, rtol=1e-15)
+    np.testing.assert_allclose(np.abs(pin - base), 0.4, rtol=1e-15)
+    corner = np.arccos((abs(base) ** 2 + 0.16 - s**2) / (2 * abs(base) * 0.4))
+    lever = np.angle(-base) - corner
+    turn = np.exp(1j * lever)
+    np.testing.assert_allclose((pin - base) / 0.4, turn, atol=1e-14)
+    # nearly at rest: what the weights and the load do, over what the cylinder does
+    slow = lj.analyse(dataclasses.replace(scene, speed=jnp.asarray(1e-6)), angles=phi)
+    drive = slow.forces.reactions["rod.drive"]["rod"]
+    push = np.asarray(drive.fx) * (pin / s).real + np.asarray(drive.fy) * (pin / s).imag
+    per_stroke = s / (abs(base) * 0.4 * np.sin(corner))  # lever's angle by the stroke, falling with it
+    swing = ((1j * turn * -per_stroke) * (0.9 * 500 + 0.3 * 3 * 9.81)).imag
+    beta = np.angle(pin)
+    tilt = (np.abs(-per_stroke) * 0.4 * ((1j * turn * -1) / np.exp(1j * beta)).imag) / s
+    body = (1j * np.exp(1j * beta) * tilt * 0.12 * 2 * 9.81).imag
+    rod = 9.81 * (np.exp(1j * beta) * (1 + 1j * tilt * (s - 0.1))).imag
+    np.testing.assert_allclose(push, swing + body + rod, rtol=1e-9)
+    assert set(cycle.forces.reactions["rod.drive"]) == {"rod", "barrel"}
+    power = cycle.forces.drive_torque * scene.speed
+    assert float(jnp.mean(power)) == pytest.approx(0.0, abs=1e-9 * float(jnp.max(jnp.abs(power))))
+
+
+def test_where_it_cannot_be_assembled():
+    """The cylinder is longer than the lever allows: the stroke is named, and the gradient leads back."""
+    scene = lift(Harmonic(0.55, 0.95))
+    with pytest.raises(
+        lj.MachineError, match=r"'lever-barrel-rod' cannot be assembled at 1[0-9.]+ degrees .* \(loops\)"
+    ):
+        lj.analyse(scene, angles=8)
+    value, slope = compiled_soon(jax.value_and_grad(lambda m: smallest_margin(scene.with_mechanism(m))))(
+        scene.mechanism
+    )
+    assert float(value) < 0
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slope))
+    assert float(slope.groups[0].law.stop) < 0 < float(slope.links["lever"].length)
+
+
+def test_the_margin_is_the_least_singular_value():
+    """Of a four-bar's loop it vanishes where the dyad is stretched, and only there."""
+    links = {"crank": Link(length=0.1), "coupler": Link(length=0.3), "rocker": Link(length=0.25)}
+    group = General((("coupler", ("B", "C")), ("rocker", ("D", "C"))), ("B", "D"), {"C": Vec(0.3, 0.2)})
+    for far in (0.4, 0.449):
+        m = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(far, 0.0)}, links, [Crank("crank", "A", "B"), group])
+        (least,) = compiled_soon(assembly_margins)(m)["coupler-rocker"].values()
+        assert float(least.value) > (0.1 if far == 0.4 else 0.0)
+    assert float(least.value) < 0.1 and float(least.angle) == pytest.approx(math.pi, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("members", "outer", "says"),
+    [
+        ((("one", ("B", "C")), ("two", ("D", "C"))), ("B",), "2 links have 6 degrees of freedom, their joints take 4"),
+        ((("one", ("B", "C")),), ("B", "C"), "1 links have 3 degrees of freedom, their joints take 4"),
+    ],
+)
+def test_what_is_no_group(members, outer, says):
+    with pytest.raises(ValueError, match=says):
+        General(members, outer, {})
+
+
+def test_a_law_needs_a_slot():
+    members = (("one", ("B", "C")), ("two", ("D", "C")), ("three", ("C", "E")))
+    with pytest.raises(ValueError, match="has a law, but no slot"):
+        General(members, ("B", "D", "E"), {}, law=Harmonic(0.0, 1.0))
+
+
+def test_names_are_checked():
+    group = General((("coupler", ("B", "C")), ("rocker", ("D", "C"))), ("B", "D"), {"C": Vec(0.3, 0.2)})
+    links = {"crank": Link(length=0.1), "coupler": Link(length=0.3), "rocker": Link(length=0.25)}
+    with pytest.raises(StructureError, match="point 'D' is not defined"):
+        Mechanism({"A": Vec(0.0, 0.0)}, links, [Crank("crank", "A", "B"), group])
