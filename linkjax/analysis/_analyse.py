@@ -111,7 +111,7 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile."""
-    scene = ready(scene)
+    given, scene = scene, ready(scene)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
         _compile_ahead(scene, angles, nodes, road)
     motion, here, work = _motion(scene, nodes, road)
@@ -120,7 +120,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
     limits, dead, covered, spans = _limits(scene)
     checks, code = _checks(scene, motion, here, angles, at, limits)
     return Cycle(
-        scene=scene, angles=angles, pose=at.pose, transmission=at.transmission, transmission_ends=spans, margins=limits,
+        scene=given, angles=angles, pose=at.pose, transmission=at.transmission, transmission_ends=spans, margins=limits,
         dead_centres=dead, strokes=covered, reduced=at.reduced, steady=motion, speed=at.speed[0],
         acceleration=at.acceleration[0], time=at.time, forces=at.forces[1 if constant_speed else 0],
         forces_constant_speed=at.forces[1], peaks=tops[0], peaks_constant_speed=tops[1],

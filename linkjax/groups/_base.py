@@ -88,6 +88,10 @@ class AbstractGroup(eqx.Module):
         before)."""
         return {}
 
+    def lacking(self, links: Mapping[str, Any]) -> tuple[str, str] | None:
+        """What its links would have to have besides, as problem and remedy; None where nothing is missing."""
+        return None
+
     def drives(self) -> bool:
         """Whether the drive is in it, so that it stands first."""
         return False

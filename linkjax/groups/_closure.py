@@ -52,17 +52,23 @@ def placed(z: Array) -> Placed:
 
 
 class Closure(NamedTuple):
-    """The closure equations of a group as arrays: which link (or known point) is at either side of every pin, where on
-    it the pin is, the known points, a length to measure by (m), and what slots and the drive need."""
+    """The closure equations of a group as arrays: which body is at either side of every pin and where on it the pin is;
+    of every slot its block, the body that its guide is on, and the guide in the axes of that body; places and
+    directions of what the group hangs on, a length to measure by (m), and where the drive stands (m). Bodies are the
+    links of the group, then what it hangs on."""
 
     one: Any
     two: Any
     near: Array
     far: Array
-    outer: Array
+    block: Any
+    on: Any
+    through: Array
+    axis: Array
+    offset: Array
+    outer_at: Array
+    outer_u: Array
     size: Array
-    places: dict[str, dict[str, Vec]]
-    known: Known
     drive: Array
 
 
@@ -82,3 +88,8 @@ def turned(u: Array, at: Array) -> Array:
     """Rows given in axes whose directions are the rows of `u`, in those of the frame."""
     x, y, c, s = at[:, 0], at[:, 1], u[:, 0], u[:, 1]
     return jnp.stack([x * c - y * s, x * s + y * c], axis=1)
+
+
+def crossed(a: Array, b: Array) -> Array:
+    """Vector products of rows."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -19,13 +19,12 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt, wrapped
 from linkjax._vec import Vec, unit
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
-from linkjax.groups._closure import Closure, Known, Placed, array, placed, solved, turned
+from linkjax.groups._closure import Closure, Known, Placed, array, crossed, placed, solved, turned
 from linkjax.groups._guide import Guide
 from linkjax.groups._law import AbstractLaw
 from linkjax.groups._state import LinkState, PointState, carried
 
-NEAR = 3  # damped steps from the reference path
-EXACT = 2  # Newton steps after these
+NEAR = 5  # damped Newton steps from the reference path
 ASTRAY = 1e-6  # of directions: a path that is as far from itself after the cycle has come elsewhere
 CLOSED = 1e-9  # of the size of the group: an assembly that leaves less open counts as one
 
@@ -122,46 +121,54 @@ class General(AbstractGroup):
         return [(p, link, "" if p in self.outer else links[0]) for p, links in self._pins().items()
                 for link in links[p not in self.outer :]]  # fmt: skip
 
+    def _outer_points(self) -> list[str]:
+        return list(dict.fromkeys(p for p, _, to in self._pairs() if not to))
+
+    def _outside(self, known: Known) -> tuple[Array, Array]:
+        """Places and directions of what the group hangs on: points, then guides that are not on its own links."""
+        points, guides = self._outer_points(), self.guides()
+        along = [Vec(jnp.ones(()), jnp.zeros(()))] * len(points)
+        along += [known.links[g.on] if g.on != "frame" else Vec(jnp.ones(()), jnp.zeros(())) for g in guides]
+        return array([known.points[p] for p in (*points, *(g.through for g in guides))]), array(along)
+
     def _closure(self, places, known: Known, drive: Array) -> Closure:
         """All that the closure equations need, as arrays."""
-        names, pairs = list(self.link_names()), self._pairs()
-        none = Vec(jnp.zeros(()), jnp.zeros(()))
-        outer = {p: len(names) + i for i, p in enumerate(dict.fromkeys(p for p, _, to in pairs if not to))}
-        one, two = np.zeros((2, len(pairs), len(names) + len(outer)))
+        names, pairs, outer = list(self.link_names()), self._pairs(), self._outer_points()
+        none, inside = Vec(jnp.zeros(()), jnp.zeros(())), [slot.guide.on in names for slot in self.slots]
+        row_of = {p: len(names) + i for i, p in enumerate(outer)}
+        count = len(names) + len(outer) + inside.count(False)
+        one, two = np.zeros((2, len(pairs), count))
         for row, (point, link, to) in enumerate(pairs):
-            one[row, names.index(link)] = 1
-            two[row, names.index(to) if to else outer[point]] = 1
+            one[row, names.index(link)] = two[row, names.index(to) if to else row_of[point]] = 1
+        block, on = np.zeros((2, len(self.slots), count))
+        for row, slot in enumerate(self.slots):
+            block[row, names.index(slot.block)] = 1
+            other = names.index(slot.guide.on) if inside[row] else count - inside[row:].count(False)
+            on[row, other] = 1
         inner = {p for _, points in self.members for p in points}
         arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
-        size = jax.lax.stop_gradient(safe_sqrt(jnp.max(jnp.stack(arms)), 1.0))
+        through = [
+            places[s.guide.on][s.guide.through] if own else none for s, own in zip(self.slots, inside, strict=True)
+        ]
         return Closure(
             one, two, array([places[link][p] for p, link, _ in pairs]),
             array([places[to][p] if to else none for p, _, to in pairs]),
-            array([known.points[p] for p in outer]), size, places, known, drive,
+            block, on, array(through), array([unit(slot.guide.along) for slot in self.slots]),
+            jnp.stack([slot.guide.offset for slot in self.slots]) if self.slots else jnp.zeros(0),
+            *self._outside(known), jax.lax.stop_gradient(safe_sqrt(jnp.max(jnp.stack(arms)), 1.0)), drive,
         )  # fmt: skip
 
     def _open(self, z: Placed, c: Closure) -> Array:
         """What the joints leave open (m): pins, then slots, then the drive."""
-        still = jnp.zeros_like(c.outer) + jnp.asarray([[1.0, 0.0]])
-        at, u = jnp.concatenate([z.at, c.outer]), jnp.concatenate([z.u, still])
+        at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
         gaps = (c.one - c.two) @ at + turned(c.one @ u, c.near) - turned(c.two @ u, c.far)
-        rows = [gaps.ravel()]
-        names = self.link_names()
-        vec = {link: (Vec(*z.at[i]), Vec(*z.u[i])) for i, link in enumerate(names) if self.slots}
-        for number, slot in enumerate(self.slots):
-            guide, axis = slot.guide, unit(slot.guide.along)
-            base, t = c.known.points.get(guide.through), axis
-            if guide.on in vec:
-                base, t = vec[guide.on][0] + c.places[guide.on][guide.through].turned(vec[guide.on][1]), axis
-                t = axis.turned(vec[guide.on][1])
-            elif guide.on != "frame":
-                t = axis.turned(c.known.links[guide.on])
-            assert base is not None
-            d = vec[slot.block][0] - base
-            part = [d.dot(t.perp()) - guide.offset, c.size * t.cross(vec[slot.block][1])]
-            part += [d.dot(t) - c.drive] if number == 0 and self.law is not None else []
-            rows.append(jnp.stack(part))
-        return jnp.concatenate(rows)
+        if not self.slots:
+            return gaps.ravel()
+        turn = c.on @ u
+        d, t, ahead = (c.block - c.on) @ at - turned(turn, c.through), turned(turn, c.axis), c.block @ u
+        rows = jnp.stack([crossed(t, d) - c.offset, c.size * crossed(t, ahead)], axis=1)
+        driven = [] if self.law is None else [jnp.sum(d[:1] * t[:1], axis=1) - c.drive]
+        return jnp.concatenate([gaps.ravel(), rows.ravel(), *driven])
 
     def _jacobian(self, z: Placed, c: Closure) -> Array:
         """Derivatives of what is open by x, y and angle times size of every link."""
@@ -188,19 +195,48 @@ class General(AbstractGroup):
         spots = {**{p: points[p].r for p in self.outer}, **self.sketch}
         lean = {slot.block: slot.guide for slot in self.slots}
         turned: dict[str, Vec] = {}
+        for _ in self.members:  # a block after the link that its guide is on
+            for link, pins in self.members:
+                seen = self._seen(link, pins, places)
+                if link not in lean:
+                    off, true = places[link][seen[1]] - places[link][seen[0]], spots[seen[1]] - spots[seen[0]]
+                    turned[link] = Vec(off.dot(true), off.cross(true))
+                elif (on := lean[link].on) in (*turned, "frame", *states):
+                    axis = unit(lean[link].along)
+                    turned[link] = axis if on == "frame" else axis.turned(turned[on] if on in turned else states[on].u)
         rows = []
-        for link, pins in self.members:  # a block on a link of the group comes behind that link
-            seen = [p for p in (*pins, *places[link]) if p in spots]
-            if link in lean:
-                axis, on = unit(lean[link].along), lean[link].on
-                turned[link] = axis if on == "frame" else axis.turned(turned[on] if on in turned else states[on].u)
-            else:
-                off, true = places[link][seen[1]] - places[link][seen[0]], spots[seen[1]] - spots[seen[0]]
-                turned[link] = Vec(off.dot(true), off.cross(true))
-            u = turned[link] = turned[link] / safe_sqrt(turned[link].squared(), 1.0)
-            origin = spots[seen[0]] - places[link][seen[0]].turned(u)
+        for link, pins in self.members:
+            u = turned[link] / safe_sqrt(turned[link].squared(), 1.0)
+            first = self._seen(link, pins, places)[0]
+            origin = spots[first] - places[link][first].turned(u)
             rows.append(jnp.stack([origin.x, origin.y, u.x, u.y]))
         return jnp.stack(rows)
+
+    def _seen(self, link: str, pins: tuple[str, ...], places) -> list[str]:
+        """Points of a link whose places are known or sketched."""
+        return [p for p in dict.fromkeys((*pins, *places[link])) if p in self.outer or p in self.sketch]
+
+    def lacking(self, links):
+        blocks = {slot.block: slot.guide for slot in self.slots}
+        for block, guide in blocks.items():
+            if block not in self.link_names():
+                return f"the block {block!r} is no member of the group", f"known here: {', '.join(self.link_names())}"
+            pins = dict(self.members).get(guide.on)
+            if pins is not None and guide.through not in (*pins, *links[guide.on].points):
+                problem = f"the guide of {block!r} is on link {guide.on!r}, but point {guide.through!r} is not"
+                return problem, f"known here: {', '.join((*pins, *links[guide.on].points))}"
+        for link, pins in self.members:
+            own = (*pins[:2], *links[link].points, links[link].centre_name)
+            for point in pins[2:]:
+                if point not in links[link].points:
+                    return f"link {link!r} has no marked point {point!r}", "add it to the points of the link"
+            if len([p for p in dict.fromkeys(own) if p in self.outer or p in self.sketch]) < 2 - (link in blocks):
+                count = "one" if link in blocks else "two"
+                return (
+                    f"the sketch does not say where link {link!r} is",
+                    f"sketch {count} of its points: {', '.join(own)}",
+                )
+        return None
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int) -> Array:
         """The configuration near `start` that closes the joints, by damped least squares; without derivatives."""
@@ -232,15 +268,9 @@ class General(AbstractGroup):
         z = self.closed(links, states, points, phi, self.start(phi), NEAR)
         places = self.places(links)
         c = self._closure(places, self._known(states, points), self._drive(phi))
-        here, fixed = placed(z), jax.lax.stop_gradient(c)
-        gap, shut = jnp.zeros(3 * len(self.members)), jnp.asarray(True)
-        for _ in range(EXACT):
-            gap = self._open(here, fixed)
-            shut = jnp.max(jnp.abs(gap)) < 1e-3 * c.size
-            safe = jnp.where(shut, self._jacobian(here, fixed), jnp.eye(gap.size))
-            here = here.moved(jnp.linalg.solve(safe, jnp.where(shut, -gap, 0.0)), c.size)
-        here = jax.lax.stop_gradient(here)
-        none = jax.lax.stop_gradient(0.0 * gap)  # of the batch's shape, as the rule for custom roots needs it
+        here = placed(jax.lax.stop_gradient(z))
+        gap = jax.lax.stop_gradient(self._open(here, c))
+        shut, none = jnp.max(jnp.abs(gap)) < CLOSED * c.size, 0.0 * gap  # of the batch's shape, as custom roots need it
 
         def root(move):
             return jnp.where(shut, self._open(here.moved(move, c.size), c), move)
@@ -250,9 +280,8 @@ class General(AbstractGroup):
         inverse = jnp.linalg.inv(jnp.where(shut, self._jacobian(here, c), jnp.eye(move.size)))
 
         def along(t, v):
-            known, drive = self._known(states, points, t), self._drive(phi, t)
-            outer = array([known.points[p] for p in dict.fromkeys(p for p, _, to in self._pairs() if not to)])
-            return self._open(here.later(v, t, c.size), c._replace(outer=outer, known=known, drive=drive))
+            at, u = self._outside(self._known(states, points, t))
+            return self._open(here.later(v, t, c.size), c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t)))
 
         zero, one = jnp.zeros_like(phi), jnp.ones_like(phi)
         v = -inverse @ jax.jvp(lambda t: along(t, jnp.zeros_like(move)), (zero,), (one,))[1]
@@ -290,7 +319,8 @@ class General(AbstractGroup):
         v, a = (self._rates(states, points, c.size, *names) for names in (("dr", "w"), ("ddr", "e")))
 
         def jacobian(t):
-            return self._jacobian(here.later(v, t, c.size, a), c._replace(known=self._known(states, points, t)))
+            at, u = self._outside(self._known(states, points, t))
+            return self._jacobian(here.later(v, t, c.size, a), c._replace(outer_at=at, outer_u=u))
 
         left, _, right = jnp.linalg.svd(jax.lax.stop_gradient(jacobian(none)))
 
@@ -343,16 +373,13 @@ class General(AbstractGroup):
         count = len(self._pairs())
         none = jnp.zeros_like(x[0])
         wrenches = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(count)]
-        k = 2 * count
         drive, torque = [], None
         for number, slot in enumerate(self.slots):
-            t = states[slot.block].u
+            k, t = 2 * (count + number), states[slot.block].u
             wrenches.append(Wrench(t.perp() * x[k], x[k + 1] * c.size))
-            if number == 0 and self.law is not None:
-                drive = [Wrench(t * x[k + 2], none)]
-                torque = x[k + 2] * self._pace(slot, states, points)
-                k += 1
-            k += 2
+        if self.law is not None:
+            drive = [Wrench(states[self.slots[0].block].u * x[-1], none)]
+            torque = x[-1] * self._pace(self.slots[0], states, points)
         return (*wrenches, *drive), torque
 
     def _pace(self, slot: Slot, states, points) -> Array:

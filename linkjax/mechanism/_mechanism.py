@@ -127,6 +127,8 @@ def check_structure(mechanism: Mechanism) -> None:
                 problem = f"point {point!r} moves, but must be a point of the frame"
                 raise StructureError(element, problem, nearest(point, mechanism.fixed))
         _check_guides(mechanism, group, element, placed)
+        if (lacking := group.lacking(mechanism.links)) is not None:
+            raise StructureError(element, *lacking)
         for link, (origin, far) in group.pins().items():
             length = number_of(mechanism.links[link].length)
             if far is not None and number and length is not None and np.any(length == 0):
@@ -184,15 +186,14 @@ def _all_points(mechanism):
 
 
 def _add_points(mechanism, group, element, known):
+    before = frozenset(known)
     new = [(pin, element) for pin in group.brings()]
     for link in group.pins():
         new += [(p, f"links.{link}.points.{p}") for p in mechanism.links[link].points]
         new += [(p, f"links.{link}.counterweights.{p}") for p in mechanism.links[link].counterweights]
         new.append((mechanism.links[link].centre_name, f"links.{link}"))
     for point, where in new:
-        if point in group.shared() and point in (*group.brings(), *group.needs()):
-            known.add(point)
-            continue
-        if point in known:
+        pin = point in group.shared() and (point not in before or point in group.needs())  # of several of its links
+        if point in known and not pin:
             raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
         known.add(point)
