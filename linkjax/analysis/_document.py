@@ -19,6 +19,7 @@ SAME = 1e-6  # rad: dead centres so close are one
 WHY = {
     "quadrature": "torques depend on position only, so the energy equation is integrated and no differential equation "
     "is solved",
+    "prescribed": "the driver follows a law, so the motion is known before any force",
     "diffrax": "asked for: the equation of motion is solved in the crank angle by diffrax (Dopri8)",
 }
 
@@ -28,13 +29,14 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
     cycle = jax.device_get(cycle)
     scene, motion = cycle.scene, cycle.steady
     code = Result(int(cycle.result))
+    road = "prescribed" if scene.mechanism.prescribed else cycle.road
     return {
         "scene": name or scene.title,
         "linkjax_version": version,
         "precision": str(np.asarray(motion.delta).dtype),
         "model": {
-            "motion": cycle.road, "nodes": motion.grid.size, "evaluations": motion.evaluations,
-            "mean": scene.mean, "why": WHY[cycle.road], "constant_speed": cycle.constant_speed,
+            "motion": road, "nodes": motion.grid.size, "evaluations": motion.evaluations,
+            "mean": scene.mean, "why": WHY[road], "constant_speed": cycle.constant_speed,
         },
         "angles": np.asarray(cycle.angles),
         "points": {
