@@ -37,7 +37,7 @@ def rich() -> lj.Scene:
     )
 
 
-@pytest.mark.parametrize("name", [*BUILT_IN, *COMPOSED, *PRESCRIBED, "rich"])
+@pytest.mark.parametrize("name", [*(n for n in (*BUILT_IN, *COMPOSED, *PRESCRIBED) if n != "triad"), "rich"])
 def test_read_back_to_the_last_bit(name, rng):
     scene = rich() if name == "rich" else machine(name)
     values = {n: float(at.read(scene)) * (1 + 1e-3 * rng.random()) for n, at in numbers(scene).items()}
@@ -51,6 +51,8 @@ def test_read_back_to_the_last_bit(name, rng):
 
 
 def test_what_a_file_cannot_say():
+    with pytest.raises(StructureError, match="plate-bar1-bar2-bar3: scene files know no group of kind 'general'"):
+        text_of(machine("triad"))
     scene = machine("slider-crank")
     batch = changed(scene, {"speed": np.ones(2)})
     with pytest.raises(StructureError, match="one scene at a time"):
