@@ -28,9 +28,12 @@ if TYPE_CHECKING:
     from linkjax.groups import RRP as RRP
     from linkjax.groups import RRR as RRR
     from linkjax.groups import Crank as Crank
+    from linkjax.groups import Drive as Drive
+    from linkjax.groups import General as General
     from linkjax.groups import Guide as Guide
     from linkjax.groups import Harmonic as Harmonic
     from linkjax.groups import Slide as Slide
+    from linkjax.groups import Slot as Slot
     from linkjax.groups import Spline as Spline
     from linkjax.kinematics import dead_centres as dead_centres
     from linkjax.kinematics import margins as margins
@@ -48,6 +51,8 @@ if TYPE_CHECKING:
     from linkjax.mechanism import Link as Link
     from linkjax.mechanism import Mechanism as Mechanism
     from linkjax.mechanism import StructureError as StructureError
+    from linkjax.mechanism import linkage as linkage
+    from linkjax.mechanism import structure as structure
     from linkjax.motion import flywheel_for as flywheel_for
     from linkjax.motion import steady as steady
     from linkjax.reduction import reduce as reduce
@@ -64,8 +69,22 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "_population": ("over_designs",),
     "_results": ("MachineError", "Result"),
     "_vec": ("Vec",),
-    "groups": ("PRP", "RPP", "RPR", "RRP", "RRR", "Crank", "Guide", "Harmonic", "Slide", "Spline"),
-    "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError"),
+    "groups": (
+        "PRP",
+        "RPP",
+        "RPR",
+        "RRP",
+        "RRR",
+        "Crank",
+        "Drive",
+        "General",
+        "Guide",
+        "Harmonic",
+        "Slide",
+        "Slot",
+        "Spline",
+    ),
+    "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError", "linkage", "structure"),
     "kinematics": ("dead_centres", "margins", "pose", "strokes", "transmission_angles"),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),

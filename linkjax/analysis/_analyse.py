@@ -280,7 +280,8 @@ def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
     heavy = jnp.max(functools.reduce(jnp.maximum, [side.magnitude for side in joints], heavy))
     sources = forces.shaking, forces.weight, forces.loads
     rest = [forces.frame[k] - sum(source[k] for source in sources) for k in (0, 1)]
-    drive = jnp.zeros_like(power) if scene.mechanism.prescribed else crank * forces.drive_torque  # a law's is a joint
+    by_joint = any(joint.name.endswith(".drive") for joint in scene.mechanism.driver.joints())
+    drive = jnp.zeros_like(power) if by_joint else crank * forces.drive_torque
     moments = drive, *(source.moment for source in sources)
     turning = jnp.max(sum(jnp.abs(moment) for moment in moments) + reach * heavy)
     twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)))

@@ -116,7 +116,7 @@ def _points(cycle: Cycle):
 def _groups(cycle: Cycle) -> dict[str, Any]:
     found = {}
     for name, group in named_groups(cycle.scene.mechanism).items():
-        entry: dict[str, Any] = {"kind": group.kind, "formula": group.formula}
+        entry: dict[str, Any] = {"kind": group.kind, "formula": group.classified()[0]}
         sides = cycle.margins.get(name, {})
         if sides:
             worst = min(sides.values(), key=lambda least: float(least.value))

@@ -21,8 +21,9 @@ from linkjax._units import QuantityError, display_units, quantity
 from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, Units, changes_of, make_folders
-from linkjax.cli._print import print_at, print_scene, print_summary
+from linkjax.cli._print import print_at, print_scene, print_structure, print_summary
 from linkjax.cli._write import write_csv, write_out
+from linkjax.mechanism import structure
 from linkjax.scenes import SceneError, build, json_schema, load, load_document, scene_names, starter
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -82,6 +83,12 @@ def schema() -> None:
 def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
     """Show a scene: structure, links, loads."""
     print_scene(load(scene, changes_of(scene, set_)), scene, Numbers(display_units(units)))
+
+
+@app.command(name="structure")
+def structure_command(scene: SceneName, set_: Set = None) -> None:
+    """Mobility, Assur groups and structural formula of a scene."""
+    print_structure(structure(load(scene, changes_of(scene, set_)).mechanism))
 
 
 @app.command(name="analyse")

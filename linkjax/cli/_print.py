@@ -12,6 +12,7 @@ from linkjax._display import NONE, Numbers, prefixed, short
 from linkjax.analysis import check_limit, load_size, peak_unit
 from linkjax.cli._console import console
 from linkjax.machine import Scene
+from linkjax.mechanism import Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
 EVEN = 1e-9  # error of δ that needs no advice, however even the motion
@@ -53,6 +54,21 @@ def print_scene(machine: Scene, name: str, show: Numbers) -> None:
         where = f"{load.link} {load.point}".strip()
         told = f"load       {load.name}: {load_size(show, load)}, on {where}, {window}"
         console.print(told, highlight=False, markup=False)
+
+
+def print_structure(found: Structure) -> None:
+    """Mobility, formula, and how every group is attached."""
+    count = f"3·{len(found.links)} - 2·{len(found.pairs)} = {found.mobility}"
+    console.print(f"mobility   W = 3 n - 2 p = {count}", highlight=False)
+    console.print(f"structure  {found.formula()}", highlight=False)
+    console.print(f"numbered   {found.formula(numbers=True)}", highlight=False)
+    console.print(f"pairs      {found.formula(letters=True)}\n", highlight=False)
+    table = Table("links", "class", "pairs", "attached by", "inside", box=None, pad_edge=False)
+    for part in found.parts:
+        outer = ", ".join(f"{p.name} ({p.one} on {p.other})" for p in part.outer)
+        inner = ", ".join(f"{p.name} ({p.one} on {p.other})" for p in part.inner)
+        table.add_row(", ".join(part.links), part.kind, part.letters, outer, inner or NONE)
+    console.print(table)
 
 
 def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, AbstractLaw, Guide, Slide
+from linkjax.groups import AbstractGroup, AbstractLaw, Drive, General, Guide, Slide
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -115,15 +115,19 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
                              UNITS[part], LEAST[part])  # fmt: skip
 
 
-def _group(name: str, group: AbstractGroup | Guide, where: Where) -> Iterator[Number]:
-    """The numbers of a group and of its guides, by the keys of a scene file."""
+def _group(name: str, group: AbstractGroup | Guide | Drive, where: Where, slides: bool = False) -> Iterator[Number]:
+    """The numbers of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
+    drive does."""
+    slides = slides or isinstance(group, Slide) or (isinstance(group, General) and group.driven_slot() is not None)
     for field in dataclasses.fields(group):
         value = getattr(group, field.name)
+        if field.name == "phase" and slides:
+            continue  # of no effect
         if isinstance(value, AbstractLaw):
-            unit = "m" if isinstance(group, Slide) else "rad"
+            unit = "m" if slides else "rad"
             yield from _law(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), unit)
-        elif isinstance(value, Guide):
-            yield from _group(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f))
+        elif isinstance(value, Guide | Drive):
+            yield from _group(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), slides)
         elif isinstance(value, tuple) and not field.metadata.get("static"):
             for i, each in enumerate(value):
                 own = f"{name}.{field.name}[{i}]"

@@ -16,6 +16,7 @@ from jaxtyping import Array
 from linkjax._vec import Vec
 from linkjax.groups._guide import Guide
 from linkjax.groups._law import AbstractLaw
+from linkjax.groups._pairs import FRAME, Pair, classified
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -62,12 +63,21 @@ class AbstractGroup(eqx.Module):
     """A structural group: closes one or more links onto points that are already known."""
 
     kind: eqx.AbstractClassVar[str]
-    formula: eqx.AbstractClassVar[str]
     dead_positions: eqx.AbstractClassVar[tuple[str, ...]]
 
     @abc.abstractmethod
     def link_names(self) -> tuple[str, ...]:
         """Links the group brings in, in order."""
+
+    def pairs(self) -> list[Pair]:
+        """The pairs by which it is attached, as if to the frame, and those inside it."""
+        inside = self.link_names()
+        return [Pair("P" if j.slides else "R", j.name, j.link, j.by if j.by in inside else FRAME)
+                for j in self.joints() if not j.name.endswith(".drive")]  # fmt: skip
+
+    def classified(self) -> tuple[str, str]:
+        """Class and kind, e.g. II1, and its pairs as letters, e.g. RRR; see `classified`."""
+        return classified(self.link_names(), self.pairs())
 
     @abc.abstractmethod
     def needs(self) -> tuple[str, ...]:
@@ -92,9 +102,9 @@ class AbstractGroup(eqx.Module):
         """What its links would have to have besides, as problem and remedy; None where nothing is missing."""
         return None
 
-    def drives(self) -> bool:
-        """Whether the drive is in it, so that it stands first."""
-        return False
+    def driving(self) -> str | None:
+        """The link that the drive moves; None for a group without a drive in it. One that has it stands first."""
+        return None
 
     def follows(self) -> AbstractLaw | None:
         """The law of motion that the drive in it follows whatever the loads; None for one that turns as they let it."""

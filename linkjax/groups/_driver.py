@@ -18,11 +18,13 @@ from linkjax.groups._state import LinkState, PointState
 class AbstractDriver(AbstractGroup):
     """What the drive moves."""
 
-    formula: ClassVar[str] = "I1"
     dead_positions: ClassVar[tuple[str, ...]] = ()
 
-    def drives(self):
-        return True
+    def classified(self):
+        return "I1", self.pairs()[0].letter
+
+    def driving(self):
+        return self.link_names()[0]
 
     def margins(self, links, states, points, phi):
         return {}

@@ -17,23 +17,16 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import safe_sqrt, wrapped
-from linkjax._vec import Vec, unit
+from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
 from linkjax.groups._closure import Closure, Known, Placed, array, crossed, placed, solved, turned
-from linkjax.groups._guide import Guide
-from linkjax.groups._law import AbstractLaw
+from linkjax.groups._drawn import Drive, Slot, check_drive, driven_slot, from_sketch
+from linkjax.groups._pairs import classified
 from linkjax.groups._state import LinkState, PointState, carried
 
 NEAR = 5  # damped Newton steps from the reference path
 ASTRAY = 1e-6  # of directions: a path that is as far from itself after the cycle has come elsewhere
 CLOSED = 1e-9  # of the size of the group: an assembly that leaves less open counts as one
-
-
-class Slot(eqx.Module):
-    """A sliding joint of a general group: the `block` moves along the `guide`, which may be on a link of the group."""
-
-    block: str = eqx.field(static=True)
-    guide: Guide
 
 
 class General(AbstractGroup):
@@ -43,31 +36,34 @@ class General(AbstractGroup):
     axis at its length, further ones are marked points of it. A point that two members name is a pin between them;
     `outer` are the points that exist already. `slots` are the sliding joints: a block has one point, its origin, and
     the axes of its guide. `sketch` says roughly where points are at crank angle zero, which chooses the assembly: of
-    every link two points, of a block one. With a `law` the first slot is the drive: its block stands `law(φ)` along
-    its guide. `path` and `turns` are filled in by `kinematics.prepared`.
+    every link two points, of a block one. With a `drive` the group stands first and moves by itself. `path` and `turns`
+    are filled in by `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "general"
-    formula: ClassVar[str] = "III"
     dead_positions: ClassVar[tuple[str, ...]] = ("loops",)
 
     members: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True)
     outer: tuple[str, ...] = eqx.field(static=True)
     sketch: dict[str, Vec]
     slots: tuple[Slot, ...] = ()
-    law: AbstractLaw | None = None
+    drive: Drive | None = None
     path: Array | None = None
     turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         names = [link for link, _ in self.members]
-        if self.law is not None and not self.slots:
-            raise ValueError(f"the group of {', '.join(names)} has a law, but no slot that it could drive")
+        if self.drive is not None:
+            check_drive(self.drive, names, self.slots)
         rows = sum(2 * (len(links) - (point not in self.outer)) for point, links in self._pins().items())
-        rows += 2 * len(self.slots) + (self.law is not None)
+        rows += 2 * len(self.slots) + (self.drive is not None)
         if rows != 3 * len(names):
             problem = f"{len(names)} links have {3 * len(names)} degrees of freedom, their joints take {rows}"
             raise ValueError(f"the group of {', '.join(names)} is none: {problem}; a point may be missing in `outer`")
+
+    def driven_slot(self) -> int | None:
+        """Number of the slot that the drive moves; None for a drive that turns, and for none."""
+        return None if self.drive is None else driven_slot(self.drive, self.slots)
 
     def _pins(self) -> dict[str, list[str]]:
         """Every pinned point with the members that share it."""
@@ -76,6 +72,16 @@ class General(AbstractGroup):
             for point in points:
                 found.setdefault(point, []).append(link)
         return {p: links for p, links in found.items() if len(links) > 1 or p in self.outer}
+
+    def classified(self):
+        names, pairs = self.link_names(), self.pairs()
+        if self.drive is None:
+            return classified(names, pairs)
+        one, on = self.drive.link, self.drive.on  # one link, as long as the drive is held
+        held = [p._replace(one=on if p.one == one else p.one, other=on if p.other == one else p.other) for p in pairs]
+        rest = tuple(name for name in names if name != one)
+        found, letters = classified(rest, [p for p in held if p.one != p.other])
+        return f"I1+{found}", letters
 
     def link_names(self):
         return tuple(link for link, _ in self.members)
@@ -97,11 +103,11 @@ class General(AbstractGroup):
     def shared(self):
         return {p: "" if p in self.outer else links[0] for p, links in self._pins().items()}
 
-    def drives(self):
-        return self.law is not None
+    def driving(self):
+        return None if self.drive is None else self.drive.link
 
     def follows(self):
-        return self.law
+        return None if self.drive is None else self.drive.law
 
     # ---- closure
 
@@ -113,7 +119,7 @@ class General(AbstractGroup):
             body = links[link].actual()
             found[link] = {**body.points, links[link].centre_name: body.centre, points[0]: Vec(zero, zero)}
             if len(points) > 1:
-                found[link][points[1]] = Vec(links[link].length, zero)
+                found[link].setdefault(points[1], Vec(links[link].length, zero))
         return found
 
     def _pairs(self) -> list[tuple[str, str, str]]:
@@ -163,12 +169,25 @@ class General(AbstractGroup):
         at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
         gaps = (c.one - c.two) @ at + turned(c.one @ u, c.near) - turned(c.two @ u, c.far)
         if not self.slots:
-            return gaps.ravel()
+            return jnp.concatenate([gaps.ravel(), *self._unturned(z, c)])
         turn = c.on @ u
         d, t, ahead = (c.block - c.on) @ at - turned(turn, c.through), turned(turn, c.axis), c.block @ u
         rows = jnp.stack([crossed(t, d) - c.offset, c.size * crossed(t, ahead)], axis=1)
-        driven = [] if self.law is None else [jnp.sum(d[:1] * t[:1], axis=1) - c.drive]
+        k = self.driven_slot()
+        driven = self._unturned(z, c) if k is None else [jnp.sum(d[k : k + 1] * t[k : k + 1], axis=1) - c.drive]
         return jnp.concatenate([gaps.ravel(), rows.ravel(), *driven])
+
+    def _unturned(self, z: Placed, c: Closure) -> list[Array]:
+        """What a drive that turns leaves open (m)."""
+        if self.drive is None:
+            return []
+        names, u = self.link_names(), z.u
+        wanted = array([unit(c.drive)])
+        if self.drive.on != "frame":
+            k = names.index(self.drive.on)
+            wanted = turned(u[k : k + 1], wanted)
+        k = names.index(self.drive.link)
+        return [c.size * crossed(wanted, u[k : k + 1])]
 
     def _jacobian(self, z: Placed, c: Closure) -> Array:
         """Derivatives of what is open by x, y and angle times size of every link."""
@@ -185,32 +204,17 @@ class General(AbstractGroup):
         )
 
     def _drive(self, phi: Array, t=0.0) -> Array:
-        if self.law is None:
+        if self.drive is None:
             return jnp.zeros_like(phi)
-        s, d, dd = self.law.at(phi)
+        s, d, dd = self.drive.at(phi, self.driven_slot() is not None)
         return s + d * t + 0.5 * t * t * dd
 
     def sketched(self, places, states, points) -> Array:
         """The configuration that the sketch gives, shape (links, 4)."""
         spots = {**{p: points[p].r for p in self.outer}, **self.sketch}
         lean = {slot.block: slot.guide for slot in self.slots}
-        turned: dict[str, Vec] = {}
-        for _ in self.members:  # a block after the link that its guide is on
-            for link, pins in self.members:
-                seen = self._seen(link, pins, places)
-                if link not in lean:
-                    off, true = places[link][seen[1]] - places[link][seen[0]], spots[seen[1]] - spots[seen[0]]
-                    turned[link] = Vec(off.dot(true), off.cross(true))
-                elif (on := lean[link].on) in (*turned, "frame", *states):
-                    axis = unit(lean[link].along)
-                    turned[link] = axis if on == "frame" else axis.turned(turned[on] if on in turned else states[on].u)
-        rows = []
-        for link, pins in self.members:
-            u = turned[link] / safe_sqrt(turned[link].squared(), 1.0)
-            first = self._seen(link, pins, places)[0]
-            origin = spots[first] - places[link][first].turned(u)
-            rows.append(jnp.stack([origin.x, origin.y, u.x, u.y]))
-        return jnp.stack(rows)
+        seen = {link: self._seen(link, pins, places) for link, pins in self.members}
+        return from_sketch(spots, lean, seen, places, {name: state.u for name, state in states.items()})
 
     def _seen(self, link: str, pins: tuple[str, ...], places) -> list[str]:
         """Points of a link whose places are known or sketched."""
@@ -354,9 +358,8 @@ class General(AbstractGroup):
         origins = {link: points[0] for link, points in self.members}
         for slot in self.slots:
             found.append(Joint(f"{slot.block}.guide", origins[slot.block], slot.block, slot.guide.on, slides=True))
-        if self.law is not None:
-            block = self.slots[0].block
-            found.append(Joint(f"{block}.drive", origins[block], block, self.slots[0].guide.on))
+        if self.drive is not None:
+            found.append(Joint(f"{self.drive.link}.drive", origins[self.drive.link], self.drive.link, self.drive.on))
         return tuple(found)
 
     def react(self, loads, states, points):
@@ -366,7 +369,8 @@ class General(AbstractGroup):
             through = [slot.guide.through for slot in self.slots if slot.guide.on == link]
             back = Vec(here.u[i, 0], -here.u[i, 1])
             places[link] = {p: (points[p].r - points[pins[0]].r).turned(back) for p in (*pins, *through)}
-        c = self._closure(places, self._known(states, points), jnp.zeros(()))
+        turns = self.drive if self.driven_slot() is None else None
+        c = self._closure(places, self._known(states, points), jnp.zeros(()) if turns is None else turns.angle(states))
         on = [(loads[link].force, loads[link].moment / c.size) for link in names]
         load = jnp.concatenate([jnp.stack([force.x, force.y, moment]) for force, moment in on])
         x = jnp.linalg.solve(self._jacobian(here, c).T, -load)  # multipliers: what the joints exert
@@ -377,9 +381,14 @@ class General(AbstractGroup):
         for number, slot in enumerate(self.slots):
             k, t = 2 * (count + number), states[slot.block].u
             wrenches.append(Wrench(t.perp() * x[k], x[k + 1] * c.size))
-        if self.law is not None:
-            drive = [Wrench(states[self.slots[0].block].u * x[-1], none)]
-            torque = x[-1] * self._pace(self.slots[0], states, points)
+        k = self.driven_slot()
+        if k is not None:
+            drive = [Wrench(states[self.slots[k].block].u * x[-1], none)]
+            torque = x[-1] * self._pace(self.slots[k], states, points)
+        elif self.drive is not None:
+            drive = [Wrench(zero(), x[-1] * c.size)]
+            on = none if self.drive.on == "frame" else states[self.drive.on].w
+            torque = x[-1] * c.size * (states[self.drive.link].w - on)
         return (*wrenches, *drive), torque
 
     def _pace(self, slot: Slot, states, points) -> Array:

@@ -28,7 +28,6 @@ class PRP(AbstractGroup):
     """
 
     kind: ClassVar[str] = "PRP"
-    formula: ClassVar[str] = "II4"
     dead_positions: ClassVar[tuple[str, ...]] = ("parallel",)
 
     blocks: tuple[str, str] = eqx.field(static=True)

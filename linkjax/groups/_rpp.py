@@ -29,7 +29,6 @@ class RPP(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RPP"
-    formula: ClassVar[str] = "II5"
     dead_positions: ClassVar[tuple[str, ...]] = ("parallel",)
 
     link: str = eqx.field(static=True)

@@ -27,7 +27,6 @@ class RPR(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RPR"
-    formula: ClassVar[str] = "II3"
     dead_positions: ClassVar[tuple[str, ...]] = ("pivot",)
 
     link: str = eqx.field(static=True)

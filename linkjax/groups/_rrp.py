@@ -23,7 +23,6 @@ class RRP(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RRP"
-    formula: ClassVar[str] = "II2"
     dead_positions: ClassVar[tuple[str, ...]] = ("left", "right")
 
     link: str = eqx.field(static=True)
@@ -79,7 +78,7 @@ class RRP(AbstractGroup):
         }
 
     def transmission(self, states, points):
-        u, t = states[self.link].u, states[self.block].u
+        u, t = points[self.end].r - points[self.from_].r, states[self.block].u
         return jnp.atan2(jnp.abs(u.dot(t)), t.cross(u))
 
     def joints(self):

@@ -23,7 +23,6 @@ class RRR(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RRR"
-    formula: ClassVar[str] = "II1"
     dead_positions: ClassVar[tuple[str, ...]] = ("stretched", "folded")
 
     links: tuple[str, str] = eqx.field(static=True)
@@ -81,7 +80,7 @@ class RRR(AbstractGroup):
         }
 
     def transmission(self, states, points):
-        u, v = states[self.links[0]].u, states[self.links[1]].u
+        u, v = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
         return jnp.atan2(jnp.abs(u.cross(v)), u.dot(v))
 
     def joints(self):

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._types import Scalar
+from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, General, LinkState, Margin, PointState, at_rest, carried
 from linkjax.mechanism import Lump, Mechanism, lumps
 
@@ -54,18 +55,21 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
     links: dict[str, LinkState] = {}
     bodies = {}
     for group in groups:
-        states, pins = group.solve(mechanism.links, links, points, phi)
+        states, pins = group.solve(mechanism.held_by(group), links, points, phi)
         links |= states
         points |= pins
-        for name, (origin, _) in group.pins().items():
+        for name, (origin, far) in group.pins().items():
             link = mechanism.links[name]
-            body = link.actual()
+            body, held = link.actual(), link.held(origin, far)
+            if held is not None:
+                links[name] = links[name]._replace(u=links[name].u.turned(Vec(held.axis.x, -held.axis.y)))
             bodies[name] = lumps(link, body, origin)
             weights = {piece: weight.at for piece, weight in link.counterweights.items()}
             for point, at in {link.centre_name: body.centre, **body.points, **weights}.items():
-                if point in points and point in group.shared():
+                if point in points and (point in group.shared() or point in link.pins):
                     continue  # a joint: where the link is pinned
-                points[point] = carried(points[origin], states[name], at, name in group.translating())
+                at = at if held is None else at - held.origin
+                points[point] = carried(points[origin], links[name], at, name in group.translating())
     return Pose(points, links, bodies)
 
 
@@ -120,7 +124,7 @@ def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
     """Signed margin of every group to its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
     here = pose(mechanism, phi)
     groups = named_groups(mechanism).items()
-    return {name: group.margins(mechanism.links, here.links, here.points, phi) for name, group in groups}
+    return {name: group.margins(mechanism.held_by(group), here.links, here.points, phi) for name, group in groups}
 
 
 def named_groups(mechanism: Mechanism):

@@ -6,5 +6,9 @@ from linkjax.mechanism._link import Flywheel as Flywheel
 from linkjax.mechanism._link import Link as Link
 from linkjax.mechanism._link import Lump as Lump
 from linkjax.mechanism._link import lumps as lumps
+from linkjax.mechanism._linkage import linkage as linkage
 from linkjax.mechanism._mechanism import Mechanism as Mechanism
 from linkjax.mechanism._mechanism import StructureError as StructureError
+from linkjax.mechanism._structure import Part as Part
+from linkjax.mechanism._structure import Structure as Structure
+from linkjax.mechanism._structure import structure as structure

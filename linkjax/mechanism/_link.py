@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal, NamedTuple, get_args
 
 import equinox as eqx
@@ -66,6 +67,9 @@ class Link(eqx.Module):
     happens when the length changes: "fixed" keeps mass, centre, inertia and points as given; "scaled" lets centre and
     points follow l / l_ref, mass l / l_ref and inertia (l / l_ref)^3 from `reference_length`; "section" computes a
     slender uniform bar from `area` and `density`.
+
+    A link that is drawn by its joints (see `linkage`) names its `pins`: the first is its origin, the second lies on its
+    axis at its length (unless it is a marked point), further ones are marked points.
     """
 
     length: Array = eqx.field(converter=as_float, default=0.0)
@@ -81,6 +85,7 @@ class Link(eqx.Module):
     density: Array | None = eqx.field(converter=as_float, default=None)
     mass_properties: MassProperties = eqx.field(static=True, default="fixed")
     centre_name: str = eqx.field(static=True, default="")
+    pins: tuple[str, ...] = eqx.field(converter=tuple, static=True, default=())
 
     def __check_init__(self):
         if self.mass_properties not in get_args(MassProperties):
@@ -99,8 +104,29 @@ class Link(eqx.Module):
         if self.mass_properties == "scaled" and self.reference_length is None:
             raise ValueError('a link with mass_properties = "scaled" needs reference_length; give its length as drawn')
 
+    def point_names(self) -> tuple[str, ...]:
+        """Its own points that have names: pins and marked points, not counterweights and mass centre."""
+        return tuple(dict.fromkeys((*self.pins, *self.points)))
+
     def actual(self) -> Body:
-        """Mass, mass centre, inertia about it and marked points at the present length."""
+        """Mass, mass centre, inertia about it and marked points (its own pins, too) at the present length."""
+        body = self._body()
+        if not self.pins:
+            return body
+        none = jnp.zeros_like(self.length)
+        ends = dict(zip(self.pins, (Vec(none, none), Vec(self.length, none)), strict=False))
+        return dataclasses.replace(body, points={**ends, **body.points})
+
+    def held(self, origin: str, far: str | None) -> Held | None:
+        """How a group holds it at two pins; None where these are its origin and the end of its length."""
+        if far is None or not self.pins or (origin, far) == self.pins[:2]:
+            return None
+        points = self.actual().points
+        span = points[far] - points[origin]
+        length = safe_sqrt(span.squared(), 1.0)
+        return Held(length, points[origin], span / length)
+
+    def _body(self) -> Body:
         if self.mass_properties == "section":
             assert self.area is not None and self.density is not None
             mass = self.area * self.density * self.length
@@ -131,6 +157,15 @@ def lumps(link: Link, body: Body, origin: str) -> dict[str, Lump]:
         else:
             found[name] = Lump(piece.mass, piece.own_inertia())
     return found
+
+
+class Held(NamedTuple):
+    """How a group holds a link: the distance of the two pins (m), and in the link's axes the place of the first and the
+    direction to the second."""
+
+    length: Array
+    origin: Vec
+    axis: Vec
 
 
 class Body(eqx.Module):

@@ -53,7 +53,7 @@ class Mechanism(eqx.Module):
     @property
     def crank(self) -> str:
         """Name of the driving link."""
-        return self.driver.link_names()[0]
+        return self.driver.driving() or self.driver.link_names()[0]
 
     @property
     def prescribed(self) -> bool:
@@ -71,7 +71,7 @@ class Mechanism(eqx.Module):
                     if pin in new:
                         owner.setdefault(pin, link)
             for link in group.link_names():
-                for point in (*self.links[link].points, *self.links[link].counterweights):
+                for point in (*self.links[link].point_names(), *self.links[link].counterweights):
                     owner.setdefault(point, link)
                 owner.setdefault(self.links[link].centre_name, link)
         return owner
@@ -86,11 +86,20 @@ class Mechanism(eqx.Module):
             return set(self.fixed)
         ends = {pin for group in self.groups for pin in group.pins().get(link, ()) if pin is not None}
         own = self.links[link]
-        return {*ends, own.centre_name, *own.points, *own.counterweights}
+        return {*ends, own.centre_name, *own.point_names(), *own.counterweights}
+
+    def held_by(self, group: AbstractGroup) -> dict[str, Link]:
+        """The links as a group sees them: with the distance of the two pins at which it holds them as their length."""
+        links = self.links
+        for name, ends in group.pins().items():
+            held = links[name].held(*ends)
+            if held is not None:
+                links = {**links, name: dataclasses.replace(links[name], length=held.length)}
+        return links
 
     def formula(self) -> str:
         """Structural formula, e.g. `I1(crank) → II2(rod, slider) → II1(link4, rocker)`."""
-        return " → ".join(f"{g.formula}({', '.join(g.link_names())})" for g in self.groups)
+        return " → ".join(f"{g.classified()[0]}({', '.join(g.link_names())})" for g in self.groups)
 
 
 def _named(link: Link, name: str) -> Link:
@@ -99,7 +108,7 @@ def _named(link: Link, name: str) -> Link:
 
 def check_structure(mechanism: Mechanism) -> None:
     """Raise `StructureError` at the first thing wrong with the composition."""
-    if not mechanism.groups or not mechanism.groups[0].drives():
+    if not mechanism.groups or mechanism.groups[0].driving() is None:
         raise StructureError("groups", "the first group must be the driver", 'begin with kind = "crank" or "slide"')
     flywheel = number_of(mechanism.flywheel.inertia)
     if not isinstance(mechanism.groups[0], Crank) and flywheel is not None and np.any(flywheel != 0):
@@ -108,7 +117,7 @@ def check_structure(mechanism: Mechanism) -> None:
     everywhere = _all_points(mechanism)
     for number, group in enumerate(mechanism.groups):
         element = f"groups[{number}] ({group.kind})"
-        if number and group.drives():
+        if number and group.driving() is not None:
             raise StructureError(element, "there is more than one driver", "keep one; mobility is one")
         for link in group.link_names():
             if link not in mechanism.links:
@@ -181,19 +190,20 @@ def _check_names(mechanism, points):
 
 def _all_points(mechanism):
     pins = {pin for g in mechanism.groups for pin in g.brings()}
-    on_links = {p for link in mechanism.links.values() for p in (*link.points, *link.counterweights)}
+    on_links = {p for link in mechanism.links.values() for p in (*link.point_names(), *link.counterweights)}
     return pins | set(mechanism.fixed) | on_links
 
 
 def _add_points(mechanism, group, element, known):
     before = frozenset(known)
     new = [(pin, element) for pin in group.brings()]
+    shared = {*group.shared(), *(pin for link in group.pins() for pin in mechanism.links[link].pins)}
     for link in group.pins():
-        new += [(p, f"links.{link}.points.{p}") for p in mechanism.links[link].points]
+        new += [(p, f"links.{link}.points.{p}") for p in mechanism.links[link].point_names()]
         new += [(p, f"links.{link}.counterweights.{p}") for p in mechanism.links[link].counterweights]
         new.append((mechanism.links[link].centre_name, f"links.{link}"))
     for point, where in new:
-        pin = point in group.shared() and (point not in before or point in group.needs())  # of several of its links
+        pin = point in shared and (point not in before or point in group.needs())  # of several of its links
         if point in known and not pin:
             raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
         known.add(point)

@@ -134,7 +134,7 @@ def _scan_at(scene, opposing, phi):
     here = pose(scene.mechanism, phi)
     motions = [motion for load in opposing if (motion := load.opposed(here)) is not None]
     groups = list(named_groups(scene.mechanism).values())[1:]
-    return motions, [list(g.margins(scene.mechanism.links, here.links, here.points, phi).values()) for g in groups]
+    return motions, [list(g.margins(scene.mechanism.held_by(g), here.links, here.points, phi).values()) for g in groups]
 
 
 def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array, Array]:

@@ -13,7 +13,7 @@ from linkjax.design import Case, numbers
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES
-from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError
+from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError, linkage
 from linkjax.scenes import _models as file
 from linkjax.scenes._check import check
 from linkjax.scenes._document import STARTER, Document, load_document, override, read_document
@@ -96,14 +96,8 @@ def build(document: Document) -> Scene:
     model = explained(file.SceneFile, source, table)
     check(model, source, table)
     try:
-        mechanism = Mechanism(
-            {name: Vec(*at) for name, at in model.fixed.items()},
-            {name: _link(link) for name, link in model.links.items()},
-            [group.build(1 if model.rotation == "ccw" else -1) for group in model.groups],
-            Flywheel(model.flywheel.inertia),
-        )
         return Scene(
-            mechanism,
+            _mechanism(model),
             tuple(_load(item) for item in model.loads),
             Vec(*model.gravity) if isinstance(model.gravity, tuple) else Vec(0.0, -model.gravity),
             model.speed,
@@ -114,6 +108,16 @@ def build(document: Document) -> Scene:
         )
     except StructureError as error:
         raise from_structure(error, source, table) from error
+
+
+def _mechanism(model: file.SceneFile) -> Mechanism:
+    fixed = {name: Vec(*at) for name, at in model.fixed.items()}
+    links = {name: _link(link) for name, link in model.links.items()}
+    turns, flywheel = 1 if model.rotation == "ccw" else -1, Flywheel(model.flywheel.inertia)
+    if model.drive is None:
+        return Mechanism(fixed, links, [group.build(turns) for group in model.groups], flywheel)
+    slots = [slot.build() for slot in model.slots]
+    return linkage(fixed, links, model.drive.build(turns), slots, model.sketch, flywheel)
 
 
 def starter(name: str) -> str:
@@ -141,6 +145,7 @@ def _link(link: file.Link) -> Link:
         density=link.density,
         mass_properties=link.mass_properties,
         centre_name=link.centre_name,
+        pins=tuple(link.pins),
     )
 
 

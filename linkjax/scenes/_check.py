@@ -20,6 +20,7 @@ def check(model: SceneFile, source: str, table: Any) -> None:
 
 def _problems(model: SceneFile) -> Iterator[Fault]:
     """Everything that does not fit together, as (path, problem, remedy)."""
+    yield from _drawn_or_grouped(model)
     yield from _centre_names(model)
     for name, link in model.links.items():
         yield from _link(name, link)
@@ -28,6 +29,31 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
     for number, load in enumerate(model.loads):
         yield from _load(number, load)
         yield from _window(number, load, 2 * math.pi * model.cycle_turns)
+
+
+def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
+    """A machine is composed of groups, or drawn by links and joints."""
+    if model.drive is None and not model.groups:
+        remedy = 'add [[groups]], first the one with kind = "crank"; or a table [drive], and pins to every link'
+        yield ("groups",), "missing", remedy
+    if model.drive is not None:
+        if model.groups:
+            problem = "a scene is composed of groups, or drawn by links and joints with a drive, not both"
+            yield ("drive",), problem, "delete drive, or the groups"
+        for name, link in model.links.items():
+            if not link.pins:
+                problem = "missing (a scene with a drive is drawn by links and joints)"
+                yield ("links", name, "pins"), problem, 'name the joints of the link, e.g. pins = ["A", "B"]'
+        yield from model.drive.faults(model.slots, model.rotation == "cw")
+        for number, slot in enumerate(model.slots):
+            yield from slot.guide.faults(("slots", number, "guide"), model.fixed)
+        return
+    for key in ("slots", "sketch"):
+        if key in model.model_fields_set:
+            yield (key,), "has no effect in a scene with groups", f"delete {key}, or write a drive instead of groups"
+    for name, link in model.links.items():
+        if "pins" in link.model_fields_set:
+            yield ("links", name, "pins"), "has no effect in a scene with groups", "delete pins"
 
 
 def _link(name: str, link: Link) -> Iterator[Fault]:

@@ -33,6 +33,7 @@ from linkjax.scenes._fields import (
     Weight,
 )
 from linkjax.scenes._groups import Group
+from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._optimise import Optimise
 
 
@@ -82,6 +83,7 @@ class Counterweight(Table):
 class Link(Table):
     """One link: a bar between two pins, or a sliding block without length."""
 
+    pins: list[Name] = Field([], description="its joints, in a scene without groups", examples=[["A", "B"]])
     length: LinkLength = Field(0.0, description="distance between its two pins; none for a block", examples=["300 mm"])
     mass: Mass = Field(0.0, description="mass", examples=["5 kg"])
     inertia: Inertia = Field(0.0, description="moment of inertia about the mass centre", examples=["0.65 kg m^2"])
@@ -157,6 +159,11 @@ class SceneFile(Table):
     )
     links: dict[Name, Link] = Field(description="the links by name")
     flywheel: Wheel = Field(Wheel(), description="rotating inertia on the crank shaft")
-    groups: list[Group] = Field(description="crank and structural groups in their order of attachment")
+    groups: list[Group] = Field([], description="crank and structural groups in their order of attachment")
+    drive: Drive | None = Field(None, description="what drives, in a scene without groups")
+    slots: list[Slot] = Field([], description="the sliding joints, in a scene without groups")
+    sketch: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(
+        {}, description="where moving pins are at crank angle zero, roughly", examples=[{"C": ["300 mm", "250 mm"]}]
+    )
     loads: list[Load] = Field([], description="the working loads")
     optimise: Optimise | None = Field(None, description="what is asked of an optimisation")

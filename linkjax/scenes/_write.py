@@ -10,6 +10,7 @@ from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, To
 from linkjax.machine import Scene
 from linkjax.mechanism import Counterweight, Link, StructureError
 from linkjax.scenes._groups import TABLES
+from linkjax.scenes._joints import drawn_keys, is_drawn, pins_of
 
 Table = dict[str, Any]
 
@@ -36,14 +37,19 @@ def table_of(scene: Scene) -> Table:
         table["mean"] = scene.mean
     if scene.cycle_turns != 1:
         table["cycle_turns"] = scene.cycle_turns
-    if getattr(mechanism.groups[0], "turns", 1) == -1:
+    if getattr(getattr(mechanism.driver, "drive", None) or mechanism.driver, "turns", 1) == -1:
         table["rotation"] = "cw"
     if scene.target_delta is not None:
         table["target_delta"] = _number(scene.target_delta)
     table["fixed"] = {name: _pair(at, "m") for name, at in mechanism.fixed.items()}
     table["links"] = {name: _link(mechanism.links[name]) for name in mechanism.link_names}
     table["flywheel"] = {"inertia": _amount(mechanism.flywheel.inertia, "kg m^2")}
-    table["groups"] = [_group(group) for group in mechanism.groups]
+    if is_drawn(mechanism):
+        for name, pins in pins_of(mechanism).items():
+            table["links"][name] = {"pins": pins, **table["links"][name]}
+        table |= drawn_keys(mechanism)
+    else:
+        table["groups"] = [_group(group) for group in mechanism.groups]
     if scene.loads:
         table["loads"] = [_load(load) for load in scene.loads]
     return table

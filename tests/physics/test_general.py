@@ -18,7 +18,7 @@ import linkjax as lj
 from linkjax import PRP, RPP, RPR, RRP, RRR, Crank, Force, Guide, Harmonic, Link, Mechanism, StructureError, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import General, Slot
+from linkjax.groups import Drive, General, Slot
 from linkjax.kinematics import assembly_margins, pose, prepared
 from linkjax.measures import smallest_margin
 from linkjax.motion import steady
@@ -143,7 +143,8 @@ def lift(law) -> lj.Scene:
     }
     group = General(
         (("lever", ("D", "C")), ("barrel", ("A", "H")), ("rod", ("C",))), ("D", "A"),
-        {"C": Vec(0.8, 0.1), "H": Vec(0.2, 0.0)}, (Slot("rod", Guide("A", on="barrel")),), law,
+        {"C": Vec(0.8, 0.1), "H": Vec(0.2, 0.0)}, (Slot("rod", Guide("A", on="barrel")),),
+        Drive("rod", "barrel", law=law),
     )  # fmt: skip
     fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.5, -0.1)}
     load = Force("weight", "lever", "T", force=Vec(0.0, -500.0))
@@ -223,10 +224,13 @@ def test_what_is_no_group(members, outer, says):
         General(members, outer, {})
 
 
-def test_a_law_needs_a_slot():
-    members = (("one", ("B", "C")), ("two", ("D", "C")), ("three", ("C", "E")))
-    with pytest.raises(ValueError, match="has a law, but no slot"):
-        General(members, ("B", "D", "E"), {}, law=Harmonic(0.0, 1.0))
+def test_what_a_drive_cannot_do():
+    members = (("lever", ("D", "C")), ("barrel", ("A", "H")), ("rod", ("C",)))
+    slot = Slot("rod", Guide("A", on="barrel"))
+    with pytest.raises(ValueError, match="cannot do for ever"):
+        General(members, ("D", "A"), {}, (slot,), Drive("rod", "barrel"))
+    with pytest.raises(ValueError, match="moves 'ram' against 'barrel'; name links of the group"):
+        General(members, ("D", "A"), {}, (slot,), Drive("ram", "barrel"))
 
 
 def test_names_are_checked():

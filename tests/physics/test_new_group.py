@@ -29,7 +29,6 @@ class SlottedLever(AbstractGroup):
     """A `block` pinned at `from_` slides along a `lever` pinned at `about`, the origin of the lever."""
 
     kind: ClassVar[str] = "slotted lever"
-    formula: ClassVar[str] = "II3"
     dead_positions: ClassVar[tuple[str, ...]] = ("pivot",)
 
     block: str = eqx.field(static=True)

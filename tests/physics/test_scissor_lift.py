@@ -20,7 +20,7 @@ import linkjax as lj
 from linkjax import Force, Guide, Harmonic, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import General, Slot
+from linkjax.groups import Drive, General, Slot
 from linkjax.kinematics import pose, prepared
 
 L, B, F, STEPS = 1.47, 0.5, 3125.0, 201
@@ -49,7 +49,7 @@ def lift() -> lj.Scene:
         ("O",),
         {"T": Vec(2.9, 0.6), "R": Vec(2.9, 0.0), "C": Vec(1.44, 0.3), "E": Vec(0.95, 0.4), "H": Vec(0.5, 0.2)},
         (Slot("rod", Guide("O", on="barrel")), Slot("roller", Guide("O"))),
-        Harmonic(stroke(LOW), stroke(HIGH)),
+        Drive("rod", "barrel", law=Harmonic(stroke(LOW), stroke(HIGH))),
     )  # fmt: skip
     loads = tuple(Force(f"load on {link}", link, p, force=Vec(0.0, -F)) for link, p in (("bar", "T"), ("other", "U")))
     return lj.Scene(Mechanism({"O": Vec(0.0, 0.0)}, links, [group]), loads, speed=0.1, title="Scissor lift")

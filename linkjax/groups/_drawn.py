@@ -1,0 +1,103 @@
+"""What links and joints are drawn with: slots, and where the drive is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import safe_sqrt
+from linkjax._types import as_float
+from linkjax._vec import Vec, unit
+from linkjax.groups._guide import Guide
+from linkjax.groups._law import AbstractLaw
+from linkjax.groups._pairs import FRAME
+from linkjax.groups._state import LinkState
+
+
+class Slot(eqx.Module):
+    """A sliding joint: the `block` moves along the `guide`, on the frame or on a link."""
+
+    block: str = eqx.field(static=True)
+    guide: Guide
+
+
+class Drive(eqx.Module):
+    """Where the drive is: it moves `link` against what it is `on` ("frame" or another link).
+
+    Two links pinned to each other turn: the direction of `link` stands at `phase + turns φ` (rad) to that of `on`, or
+    at `phase + law(φ)`. The block of a slot slides: it stands `law(φ)` (m) along its guide, and needs a law.
+    Raises `ValueError` for a sense that is none.
+    """
+
+    link: str = eqx.field(static=True)
+    on: str = eqx.field(static=True, default="frame")
+    turns: int = eqx.field(static=True, default=1)
+    phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    law: AbstractLaw | None = None
+
+    def __check_init__(self):
+        if self.turns not in (1, -1):
+            raise ValueError(f"turns of a drive must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
+        if self.law is not None and self.turns != 1:
+            raise ValueError("a drive that follows a law has no sense of rotation; leave turns out")
+
+    def at(self, phi: Array, slides: bool) -> tuple[Array, Array, Array]:
+        """Where it stands at a crank angle, with its first and second derivative."""
+        if self.law is not None:
+            s, d, dd = self.law.at(phi)
+            return (s if slides else s + self.phase), d, dd
+        return self.phase + self.turns * phi, jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
+
+    def angle(self, states: Mapping[str, LinkState]) -> Array:
+        """Where a drive that turns stands (rad), seen from the links."""
+        u = states[self.link].u
+        on = Vec(1.0, 0.0) if self.on == FRAME else states[self.on].u
+        return jnp.atan2(on.cross(u), on.dot(u))
+
+
+def driven_slot(drive: Drive, slots: Sequence[Slot]) -> int | None:
+    """Number of the slot that a drive moves; None for one that turns."""
+    ends = (drive.link, drive.on)
+    return next((i for i, slot in enumerate(slots) if (slot.block, slot.guide.on) == ends), None)
+
+
+def check_drive(drive: Drive, names: Sequence[str], slots: Sequence[Slot]) -> None:
+    """Raise `ValueError` for what a drive cannot do in a group of these links."""
+    if drive.link not in names or drive.on not in (*names, FRAME):
+        problem = f"the drive moves {drive.link!r} against {drive.on!r}; name links of the group, or the frame"
+        raise ValueError(f"the group of {', '.join(names)}: {problem}")
+    if driven_slot(drive, slots) is not None and drive.law is None:
+        raise ValueError(f"the drive slides {drive.link!r} along a guide, which it cannot do for ever; give it a law")
+
+
+def from_sketch(
+    spots: Mapping[str, Vec],
+    lean: Mapping[str, Guide],
+    seen: Mapping[str, Sequence[str]],
+    places: Mapping[str, Mapping[str, Vec]],
+    known: Mapping[str, Vec],
+) -> Array:
+    """Origins and directions of links, shape (links, 4), from `spots` where points are roughly.
+
+    `seen` names the links, each with its points that have a spot; `lean` the guides that blocks are on; `places` says
+    where points are on the links, `known` how links stand that were there before.
+    """
+    turned: dict[str, Vec] = {}
+    for _ in seen:  # a block after the link that its guide is on
+        for link, points in seen.items():
+            if link not in lean:
+                off = places[link][points[1]] - places[link][points[0]]
+                true = spots[points[1]] - spots[points[0]]
+                turned[link] = Vec(off.dot(true), off.cross(true))
+            elif (on := lean[link].on) in (*turned, "frame", *known):
+                axis = unit(lean[link].along)
+                turned[link] = axis if on == "frame" else axis.turned(turned[on] if on in turned else known[on])
+    rows = []
+    for link, points in seen.items():
+        u = turned[link] / safe_sqrt(turned[link].squared(), 1.0)
+        origin = spots[points[0]] - places[link][points[0]].turned(u)
+        rows.append(jnp.stack([origin.x, origin.y, u.x, u.y]))
+    return jnp.stack(rows)

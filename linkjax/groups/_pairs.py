@@ -1,0 +1,63 @@
+"""The pairs of a group, and its class.
+
+Source: Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+FRAME = "frame"
+KINDS_OF_II = {"RRR": "II1", "RRP": "II2", "RPR": "II3", "PRP": "II4", "RPP": "II5"}
+ROMAN = {3: "III", 4: "IV", 5: "V", 6: "VI", 7: "VII", 8: "VIII", 9: "IX"}
+
+
+class Pair(NamedTuple):
+    """A lower pair between two links, or a link and the frame: "R" turns about the point, "P" slides along a guide."""
+
+    letter: str
+    name: str
+    one: str
+    other: str
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """The two that it joins."""
+        return self.one, self.other
+
+
+def contours(links: Sequence[str], pairs: Sequence[Pair]) -> int:
+    """Class of an Assur group: the sides of its largest contour, II for a dyad. A link with three pairs or more is a
+    contour of as many sides, and so is a loop of links of the group."""
+    sides = [2, *(n for name in links if (n := sum(name in pair.ends for pair in pairs)) > 2)]
+    inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
+    for edge in inner:
+        reach, length = {edge.one}, 1
+        while reach and edge.other not in reach:  # breadth first, round the pair itself
+            reach = {b for p in inner if p != edge for a, b in (p.ends, p.ends[::-1]) if a in reach} - {edge.one}
+            length += 1
+            if length > len(links):
+                break
+        if edge.other in reach:
+            sides.append(length)
+    return max(sides)
+
+
+def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
+    """Class of an Assur group and its pairs as letters.
+
+    Class II has its kind after it (II1 = RRR, II2 = RRP, II3 = RPR, II4 = PRP, II5 = RPP), higher classes have their
+    order, the number of pairs by which the group is attached (III3 is a triad); of these the letters are those of the
+    outer pairs, then those of the inner ones.
+    """
+    inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
+    outer = [pair for pair in pairs if pair not in inner]
+    if len(links) == 2 and len(pairs) == 3:
+        first, last = (next(p.letter for p in outer if name in p.ends) for name in links)
+        letters = first + inner[0].letter + last
+        letters = letters if letters in KINDS_OF_II else letters[::-1]
+        return KINDS_OF_II.get(letters, "II"), letters
+    sides = contours(links, pairs)
+    ends, within = ("".join(sorted((p.letter for p in some), reverse=True)) for some in (outer, inner))
+    return f"{ROMAN.get(sides, 'II' if sides == 2 else str(sides))}{len(outer)}", f"{ends}-{within}"

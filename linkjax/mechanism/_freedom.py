@@ -1,0 +1,103 @@
+"""What a chain of links and pairs can do: mobility, redundant pairs, loose links, and the parts it falls into.
+
+Source: Grübler's and Chebyshev's formula for plane chains of links with lower pairs, and the canonical form of a system
+of equations (Dulmage and Mendelsohn, Coverings of bipartite graphs, 1958), whose blocks are the Assur groups.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from linkjax.groups import FRAME, Pair
+
+GENERIC = 1e-9  # a singular value below this of the largest counts as none, where all places are drawn at random
+
+
+def mobility(links: int, pairs: int) -> int:
+    """Degrees of freedom W = 3 n - 2 p of a plane chain of n moving links with p lower pairs (Chebyshev, Grübler)."""
+    return 3 * links - 2 * pairs
+
+
+class Freedom(NamedTuple):
+    """What a chain of general dimensions can do: degrees of freedom, pairs of which some are redundant, and links that
+    still move when the drive is held."""
+
+    degrees: int
+    redundant: tuple[Pair, ...]
+    loose: tuple[str, ...]
+    driven: bool
+
+
+def rates(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None) -> np.ndarray:
+    """How the rates of all links (x, y, angle each) violate the pairs, two rows each, of a chain whose points and
+    guides lie at random; the last row is the rate of the drive."""
+    rng = np.random.default_rng(1)
+    column = {name: 3 * i for i, name in enumerate(links)}
+    spots: dict[str, np.ndarray] = {}
+
+    def row(pair: Pair, at_one: Sequence[float]) -> np.ndarray:
+        found = np.zeros(3 * len(links))
+        for sign, end in zip((1, -1), pair.ends, strict=True):
+            if end != FRAME:
+                found[column[end] : column[end] + 3] += sign * np.asarray(at_one)
+        return found
+
+    rows, driven = [], np.zeros(3 * len(links))
+    for pair in pairs:
+        key = pair.name if pair.letter == "R" else f"{pair.name} of {pair.one}"
+        x, y = spots.setdefault(key, rng.uniform(-1, 1, 2))
+        c, s = np.cos(3 * x + y), np.sin(3 * x + y)
+        if pair.letter == "R":
+            rows += [row(pair, (1.0, 0.0, -y)), row(pair, (0.0, 1.0, x))]
+        else:
+            rows += [row(pair, (0.0, 0.0, 1.0)), row(pair, (-s, c, s * y + c * x))]
+        if pair == drive:
+            driven = row(pair, (0.0, 0.0, 1.0)) if pair.letter == "R" else row(pair, (c, s, s * x - c * y))
+    return np.array([*rows, driven] if drive is not None else rows).reshape((-1, 3 * len(links)))
+
+
+def _null_space(matrix: np.ndarray) -> np.ndarray:
+    """Rows that span what the matrix takes to zero."""
+    _, sizes, right = np.linalg.svd(matrix)
+    rank = int(np.sum(sizes > GENERIC * sizes[0])) if sizes.size else 0
+    return right[rank:]
+
+
+def freedom(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None) -> Freedom:
+    """What a chain of general dimensions can do."""
+    matrix = rates(links, pairs)
+    free, spare = _null_space(matrix), _null_space(matrix.T)
+    touched = np.max(np.abs(spare), axis=0, initial=0.0).reshape((-1, 2)).max(axis=1, initial=0.0)
+    held = matrix if drive is None else rates(links, pairs, drive)
+    still = np.max(np.abs(_null_space(held)), axis=0, initial=0.0).reshape((-1, 3)).max(axis=1, initial=0.0)
+    return Freedom(
+        len(free),
+        tuple(pair for pair, part in zip(pairs, touched, strict=True) if part > GENERIC),
+        tuple(name for name, part in zip(links, still, strict=True) if part > GENERIC),
+        drive is None or len(_null_space(held)) < len(free),
+    )
+
+
+def blocks(links: Sequence[str], pairs: Sequence[Pair], drive: Pair) -> list[tuple[str, ...]]:
+    """The links cut into the smallest parts that can be solved one after the other, in the order of attachment.
+
+    The chain must have one degree of freedom, which the drive takes, and no redundant pair.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
+
+    pattern = np.abs(rates(links, pairs, drive)) > 0
+    row_of = maximum_bipartite_matching(csr_array(pattern), perm_type="row")  # the equation that each unknown is for
+    count, needs = len(links), np.zeros((len(links), len(links)), bool)
+    for unknown, row in enumerate(row_of):
+        needs[unknown // 3] |= pattern[row].reshape((count, 3)).any(axis=1)
+    number, part = connected_components(csr_array(needs), connection="strong")
+    order: list[int] = []
+    while len(order) < number:
+        ready = [k for i, k in enumerate(part) if k not in order and i == list(part).index(k)
+                 and {part[j] for j in np.flatnonzero(needs[part == k].any(axis=0))} <= {*order, k}]  # fmt: skip
+        order.append(ready[0])
+    return [tuple(name for name, k in zip(links, part, strict=True) if k == this) for this in order]

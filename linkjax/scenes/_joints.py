@@ -1,0 +1,137 @@
+"""Links and joints as a scene file draws them, instead of groups: slots and the drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import jax.numpy as jnp
+from pydantic import Field
+
+from linkjax import groups
+from linkjax._vec import Vec
+from linkjax.groups import FRAME
+from linkjax.kinematics import pose, prepared
+from linkjax.mechanism import Mechanism
+from linkjax.scenes._fields import Angle, Name, Table
+from linkjax.scenes._guides import AngleLaw, Fault, Guide, LengthLaw, in_angle, in_length, law_keys
+
+
+class Slot(Table):
+    """A sliding joint: a block on a straight guide."""
+
+    block: Name = Field(description="the link whose first pin runs along the guide", examples=["ram"])
+    guide: Guide = Field(description="the guide of the block", examples=[{"through": "A"}])
+
+    def build(self) -> groups.Slot:
+        return groups.Slot(self.block, self.guide.build())
+
+
+class Drive(Table):
+    """What drives a machine that is drawn by links and joints."""
+
+    link: Name = Field(description="the link that the drive moves", examples=["crank"])
+    on: Name = Field(FRAME, description="what it is driven against: the frame, or another link", examples=["lever"])
+    phase: Angle = Field(0.0, description="angle between the two at crank angle zero", examples=["90 deg"])
+    law: AngleLaw | None = Field(
+        None, description="how it swings, from its phase", examples=[{"start": "20 deg", "stop": "140 deg"}]
+    )
+    stroke: LengthLaw | None = Field(
+        None, description="how far along its guide a block is", examples=[{"start": "0 mm", "stop": "120 mm"}]
+    )
+
+    def build(self, turns: int) -> groups.Drive:
+        """The drive itself; `turns` is its sense, +1 for counter-clockwise."""
+        law = self.law or self.stroke
+        return groups.Drive(self.link, self.on, 1 if law else turns, self.phase, None if law is None else law.build())
+
+    def faults(self, slots: list[Slot], clockwise: bool) -> Iterator[Fault]:
+        """What does not fit together, given the slots of the machine."""
+        slides = any((slot.block, slot.guide.on) == (self.link, self.on) for slot in slots)
+        if slides and self.stroke is None:
+            problem, remedy = "missing: a block cannot slide along a guide for ever", 'add stroke = { start = "0 mm", '
+            yield ("drive", "stroke"), problem, remedy + 'stop = "120 mm" }'
+        for key in ("law", "phase") if slides else ("stroke",):
+            if key in self.model_fields_set:
+                what = "slides along a guide" if slides else "does not slide on what it is driven against"
+                yield ("drive", key), f"has no effect: {self.link!r} {what}", f"delete {key}"
+        law = self.law or self.stroke
+        if law is not None:
+            yield from law.faults(("drive", "law" if self.law else "stroke"))
+            if clockwise:
+                yield ("rotation",), "the drive follows a law, which says which way it moves", "delete rotation"
+
+
+def is_drawn(mechanism: Mechanism) -> bool:
+    """Whether a mechanism was drawn by links and joints, or has groups that can only be written so."""
+    return any(isinstance(group, groups.General) for group in mechanism.groups) or any(
+        link.pins for link in mechanism.links.values()
+    )
+
+
+def pins_of(mechanism: Mechanism) -> dict[str, list[str]]:
+    """The pins of every link: its own, or what its group holds and others hang on."""
+    found: dict[str, list[str]] = {}
+    used = {point for group in mechanism.groups for point in (*group.needs(), *group.shared())}
+    for group in mechanism.groups:
+        for name, ends in group.pins().items():
+            link = mechanism.links[name]
+            own = [*(p for p in ends if p is not None), *(p for p in link.points if p in used)]
+            found[name] = list(link.pins or dict.fromkeys(own))
+    return found
+
+
+def drawn_keys(mechanism: Mechanism) -> dict[str, Any]:
+    """The tables `drive`, `slots` and `sketch` that draw a mechanism."""
+    first = mechanism.driver
+    slots = [slot for group in mechanism.groups for slot in _slots(group)]
+    table: dict[str, Any] = {"drive": {"link": mechanism.crank}}
+    drive, law = getattr(first, "drive", None), first.follows()
+    slides = isinstance(first, groups.Slide)
+    if drive is not None:
+        table["drive"]["on"] = drive.on
+        slides = any((slot.block, slot.guide.on) == (drive.link, drive.on) for slot in slots)
+    if not slides:
+        table["drive"]["phase"] = in_angle(_phase(mechanism) if drive is None else drive.phase)
+    if law is not None:
+        table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
+    if slots:
+        table["slots"] = [{"block": slot.block, "guide": Guide.keys_of(slot.guide)} for slot in slots]
+    table["sketch"] = {name: [in_length(at.x), in_length(at.y)] for name, at in _sketch(mechanism).items()}
+    return table
+
+
+def _phase(mechanism: Mechanism) -> float:
+    """Angle of the crank's own axis where the crank angle is zero."""
+    crank = mechanism.driver
+    assert isinstance(crank, groups.Crank)
+    back = mechanism.links[crank.link].pins[:1] == (crank.end,)
+    return float(crank.phase) - (math.pi if back else 0.0)
+
+
+def _sketch(mechanism: Mechanism) -> Mapping[str, Vec]:
+    """Where the moving pins are at crank angle zero."""
+    given = {p: at for group in mechanism.groups for p, at in getattr(group, "sketch", {}).items()}
+    here = pose(prepared(mechanism), jnp.zeros(())).points
+    names = dict.fromkeys(pin for pins in pins_of(mechanism).values() for pin in pins if pin not in mechanism.fixed)
+    return {name: given.get(name, here[name].r) for name in names} | {n: a for n, a in given.items() if n not in names}
+
+
+def _slots(group: groups.AbstractGroup) -> tuple[groups.Slot, ...]:
+    """The sliding joints of a group."""
+    if isinstance(group, groups.General):
+        return group.slots
+    if isinstance(group, groups.RRP):
+        return (groups.Slot(group.block, group.guide),)
+    if isinstance(group, groups.Slide):
+        return (groups.Slot(group.link, group.guide),)
+    if isinstance(group, groups.PRP):
+        one, two = (groups.Slot(block, guide) for block, guide in zip(group.blocks, group.slots, strict=True))
+        return one, two
+    if isinstance(group, groups.RPR):
+        return (groups.Slot(group.block, groups.Guide(group.about, 0.0, group.offset, group.link)),)
+    if isinstance(group, groups.RPP):
+        slot = groups.Slot(group.block, groups.Guide(group.end, group.slot, group.offset, group.link))
+        return groups.Slot(group.link, group.guide), slot
+    return ()

@@ -1,0 +1,313 @@
+"""Structure: mobility, Assur groups, classes and formulas, of every chain there is with up to eight links."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax.analysis import analyse
+from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Drive, General, Guide, Pair, Slot, classified
+from linkjax.kinematics import pose, prepared
+from linkjax.mechanism import Link, Mechanism, StructureError, linkage, structure
+from linkjax.mechanism._freedom import blocks, freedom
+from linkjax.scenes import load, loads_text, text_of
+from tests.physics.chains import chains, driven_chains, grounded
+from tests.physics.machines import machine
+
+
+def named(chain, ground, letters=None) -> list[Pair]:
+    """The pairs of a chain; links are called by their numbers, the ground is the frame."""
+    names = [FRAME if v == ground else f"k{v}" for v in range(1 + max(itertools.chain(*chain)))]
+    letters = letters or {}
+    pairs = []
+    for a, b in chain:
+        a, b = (b, a) if a == ground else (a, b)
+        pairs.append(
+            Pair(letters.get((a, b), letters.get((b, a), "R")), f"j{min(a, b)}{max(a, b)}", names[a], names[b])
+        )
+    return pairs
+
+
+def links_of(chain, ground) -> list[str]:
+    return [f"k{v}" for v in range(1 + max(itertools.chain(*chain))) if v != ground]
+
+
+def smallest_parts(links, pairs, drive) -> list[frozenset[str]]:
+    """The parts by trying all sets of links, smallest first: those whose joints, with what is placed, hold them."""
+    placed, found = {FRAME}, []
+    while len(placed) <= len(links):
+        rest = [name for name in links if name not in placed]
+        for part in (set(c) for size in range(1, len(rest) + 1) for c in itertools.combinations(rest, size)):
+            touching = [p for p in pairs if set(p.ends) & part and set(p.ends) <= part | placed]
+            if 2 * len(touching) + (drive in touching) == 3 * len(part):
+                found.append(frozenset(part))
+                placed |= part
+                break
+    return found
+
+
+def test_known_numbers_of_chains():
+    assert [len(chains(n)) for n in (4, 6, 8)] == [1, 2, 16]
+    assert [grounded(n) for n in (4, 6, 8)] == [1, 5, 71]
+    assert [len(driven_chains(n, at_ground=True)) for n in (4, 6, 8)] == [1, 9, 153]
+    assert [len(driven_chains(n, at_ground=False)) for n in (4, 6, 8)] == [2, 25, 575]
+
+
+EIGHT = pytest.param(8, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("count", [4, 6, EIGHT])
+def test_parts_of_every_chain(count):
+    """Every ground and every driving joint: the same parts as by trying all sets of links, in an order that works."""
+    kinds = set()
+    for chain, ground, edge in driven_chains(count, at_ground=False):
+        pairs, links = named(chain, ground), links_of(chain, ground)
+        drive = next(p for p in pairs if p.name == f"j{edge[0]}{edge[1]}")
+        assert freedom(links, pairs, drive) == (1, (), (), True)
+        found = blocks(links, pairs, drive)
+        assert {frozenset(part) for part in found} == set(smallest_parts(links, pairs, drive))
+        placed = {FRAME}
+        for part in found:
+            touching = [p for p in pairs if set(p.ends) & set(part) and set(p.ends) <= {*part, *placed}]
+            assert 2 * len(touching) + (drive in touching) == 3 * len(part)
+            placed |= set(part)
+            if drive not in touching:
+                kinds.add(classified(part, touching)[0])
+    assert kinds == {4: {"II1"}, 6: {"II1", "III3", "IV2"}, 8: {"II1", "III3", "IV2"} | kinds}[count]
+
+
+@pytest.mark.parametrize("count", [4, 6, EIGHT])
+def test_every_replacement_by_a_slider(count):
+    """One joint of every chain becomes a slider: the same parts, with the letter in its place."""
+    for chain, ground, edge in driven_chains(count, at_ground=True):
+        for other in chain:
+            if other == edge:
+                continue
+            links = links_of(chain, ground)
+            turning, sliding = named(chain, ground), named(chain, ground, {other: "P"})
+            drive = next(p for p in sliding if p.name == f"j{edge[0]}{edge[1]}")
+            assert freedom(links, sliding, drive) == (1, (), (), True)
+            order = blocks(links, sliding, drive)
+            assert order == blocks(links, turning, drive)
+            for part in order:
+                touching = [p for p in sliding if set(p.ends) & set(part)]
+                touching = [p for p in touching if set(p.ends) <= {FRAME, *links} and p != drive]
+                mine = [p for p in touching if _within(p, part, order)]
+                if len(part) == 2 and len(mine) == 3:
+                    letters = classified(part, mine)[1]
+                    assert letters.count("P") == sum(p.letter == "P" for p in mine)
+                    assert letters in ("RRR", "RRP", "RPR")
+
+
+def _within(pair: Pair, part, order) -> bool:
+    """Whether a pair is solved with this part: the later of its two ends is in it."""
+    place = {name: i for i, names in enumerate(order) for name in names} | {FRAME: -1}
+    return max(place[end] for end in pair.ends) == place[part[0]]
+
+
+# ---- drawn by links and joints
+
+
+def drawn(mechanism: Mechanism, **changes) -> Mechanism:
+    """A mechanism of groups, taken as links and joints."""
+    here = pose(mechanism, jnp.zeros(())).points
+    pins, slots = {}, []
+    used = {p for g in mechanism.groups for p in g.needs()}
+    for group in mechanism.groups:
+        for name, ends in group.pins().items():
+            own = [p for p in mechanism.links[name].points if p in used]
+            pins[name] = (*(p for p in ends if p), *own)
+        if isinstance(group, RRP):
+            slots.append(Slot(group.block, group.guide))
+        if isinstance(group, RPR):
+            slots.append(Slot(group.block, Guide(group.about, 0.0, group.offset, group.link)))
+        if isinstance(group, RPP):
+            slots += [
+                Slot(group.link, group.guide),
+                Slot(group.block, Guide(group.end, group.slot, group.offset, group.link)),
+            ]
+    crank = mechanism.driver
+    assert isinstance(crank, lj.Crank)
+    links = {n: dataclasses.replace(mechanism.links[n], pins=pins[n], centre_name="") for n in mechanism.link_names}
+    sketch = {p: here[p].r for names in pins.values() for p in names if p not in mechanism.fixed}
+    given = {
+        "drive": Drive(crank.link, turns=crank.turns, phase=crank.phase, law=crank.law),
+        "slots": slots,
+        "sketch": sketch,
+    }
+    return linkage(mechanism.fixed, links, **{**given, **changes}, flywheel=mechanism.flywheel)
+
+
+@pytest.mark.parametrize("name", ["hay-press", "quick-return", "scotch-yoke", "four-bar", "slider-crank"])
+def test_groups_are_found_again(name):
+    """The built-in machines, drawn by links and joints, are the same machines, but for names of pins."""
+    given = load(name).mechanism
+    again = drawn(given)
+    assert again.formula() == given.formula()
+    plain = [dataclasses.replace(link, pins=()) for link in again.links.values()]
+    assert jax.tree.structure(plain) == jax.tree.structure(list(given.links.values()))
+    for one, two in zip(jax.tree.leaves(again), jax.tree.leaves(given), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize("name", ["two-on-one-crank", "coupler-points", "clockwise"])
+def test_composed_machines_are_found_again(name):
+    """The same groups, in an order of their own."""
+    given = machine(name).mechanism
+    again = drawn(given)
+    assert sorted(g.classified()[0] for g in again.groups) == sorted(g.classified()[0] for g in given.groups)
+    phi = jnp.asarray([0.3, 2.1, 4.4])
+    one, two = (compiled_soon(lambda m: jax.vmap(lambda p: pose(m, p).points)(phi))(m) for m in (given, again))
+    for point in one:
+        np.testing.assert_allclose(one[point].ddr.x, two[point].ddr.x, rtol=1e-12, atol=1e-12)
+
+
+def six_bar(drive: Drive, **extra) -> Mechanism:
+    """A four-bar whose coupler has a third pin, on which a rod and a ram hang."""
+    links = {
+        "crank": Link(length=0.1, mass=1.0, inertia=0.01, centre=lj.Vec(0.03, 0.01), pins=("A", "B")),
+        "coupler": Link(length=0.35, mass=1.4, inertia=0.02, centre=lj.Vec(0.16, 0.03), pins=("B", "C", "E"),
+                        points={"E": lj.Vec(0.2, 0.1), "K": lj.Vec(0.1, -0.1)}),
+        "rocker": Link(length=0.25, mass=1.6, inertia=0.012, centre=lj.Vec(0.12, 0.01), pins=("D", "C")),
+        "rod": Link(length=0.5, mass=0.9, inertia=0.01, centre=lj.Vec(0.2, 0.0), pins=("E", "P")),
+        "ram": Link(mass=3.0, centre=lj.Vec(0.02, 0.01), pins=("P",)),
+    }  # fmt: skip
+    sketch = {"B": (0.09, 0.03), "C": (0.35, 0.25), "E": (0.2, 0.25), "P": (0.7, 0.0)}
+    return linkage({"A": (0, 0), "D": (0.4, 0)}, links, drive, [Slot("ram", Guide("D"))], sketch, **extra)
+
+
+def angle(state) -> float:
+    return math.atan2(float(state.u.y), float(state.u.x))
+
+
+@pytest.mark.parametrize(("driver", "against", "formula"), [
+    ("rocker", "frame", "I1(rocker) → II1(crank, coupler) → II2(rod, ram)"),
+    ("coupler", "crank", "I1+II1(crank, coupler, rocker) → II2(rod, ram)"),
+    pytest.param("rod", "coupler", "I1+III3(crank, coupler, rocker, rod, ram)", marks=pytest.mark.slow),
+])  # fmt: skip
+def test_another_link_drives(driver, against, formula):
+    """The same machine in the same place; coefficients are those of the crank by the chain rule."""
+    usual = six_bar(Drive("crank"))
+    here = pose(usual, jnp.asarray(0.3))
+    on = LinkAtRest if against == "frame" else here.links[against]
+    start = angle(here.links[driver]) - (0.0 if against == "frame" else angle(here.links[against]))
+    other = six_bar(Drive(driver, against, phase=start))
+    assert other.formula() == formula
+    there = pose(other, jnp.zeros(()))
+    pace = float(here.links[driver].w - on.w)
+    bend = float(here.links[driver].e - on.e)
+    for name, link in here.links.items():
+        again = there.links[name]
+        np.testing.assert_allclose([again.u.x, again.u.y], [link.u.x, link.u.y], atol=2e-15)
+        np.testing.assert_allclose(again.w, link.w / pace, rtol=2e-13)
+        np.testing.assert_allclose(again.e, (link.e - link.w * bend / pace) / pace**2, rtol=1e-11, atol=1e-12)
+    for name, point in here.points.items():
+        again = there.points[name]
+        np.testing.assert_allclose([again.r.x, again.r.y], [point.r.x, point.r.y], atol=2e-15)
+        np.testing.assert_allclose(again.dr.x, point.dr.x / pace, rtol=1e-12, atol=1e-14)
+
+
+class LinkAtRest:
+    """The frame."""
+
+    w, e = 0.0, 0.0
+
+
+def test_lengths_from_the_sketch():
+    links = {"crank": Link(pins=("A", "B")), "coupler": Link(pins=("B", "C", "E")), "rocker": Link(pins=("D", "C"))}
+    sketch = {"B": (0.0, 0.1), "C": (0.3, 0.3), "E": (0.1, 0.4)}
+    found = linkage({"A": (0, 0), "D": (0.4, 0)}, links, Drive("crank", phase=math.pi / 2), sketch=sketch)
+    at = pose(found, jnp.zeros(())).points
+    for point, (x, y) in sketch.items():
+        np.testing.assert_allclose([at[point].r.x, at[point].r.y], [x, y], atol=2e-16)
+
+
+BARS = {"crank": Link(length=0.1, pins=("A", "B")), "coupler": Link(length=0.3, pins=("B", "C")),
+        "rocker": Link(length=0.25, pins=("D", "C"))}  # fmt: skip
+GROUND = {"A": (0.0, 0.0), "D": (0.3, 0.0)}
+SKETCH = {"C": (0.3, 0.25)}
+
+
+def wrong(says: str, fixed=GROUND, links=BARS, drive=None, slots=(), sketch=SKETCH):
+    with pytest.raises(StructureError, match=says):
+        linkage(fixed, links, drive or Drive("crank"), slots, sketch)
+
+
+def test_what_does_not_hang_together_is_told():
+    bar = {"bar": Link(length=0.2, pins=("B", "C"))}
+    wrong(r"coupler, bar hold each other fast: one of the joints B, C is too many \(W = .* = 0\)", links=BARS | bar)
+    tie = {"tie": Link(length=0.2, pins=("K", "L"))}
+    held = {**BARS, "coupler": Link(length=0.3, pins=("B", "C", "K"), points={"K": lj.Vec(0.1, 0.1)}),
+            "rocker": Link(length=0.25, pins=("D", "C", "L"), points={"L": lj.Vec(0.1, 0.1)})}  # fmt: skip
+    wrong(r"links: nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\)", links=held | tie, sketch={})
+    arm = {"arm": Link(length=0.2, pins=("C", "K"))}
+    wrong("arm can still move when the drive is held: 2 degrees of freedom", links=BARS | arm)
+    wrong("links.far: not joined to the frame: far", links=BARS | {"far": Link(length=0.1, pins=("X", "Y"))})
+    wrong("drive: 'crank' and 'rocker' share no joint", drive=Drive("crank", "rocker"))
+    wrong("drive: link 'crnk' is not defined; did you mean 'crank'", drive=Drive("crnk"))
+    fast = {"one": Link(length=0.2, pins=("A", "B")), "two": Link(length=0.2, pins=("D", "B"))}
+    wrong("links: nothing can move", links=fast, drive=Drive("one"), sketch={})
+    wrong("links.crank: has no pins", links=BARS | {"crank": Link(length=0.1)})
+    wrong("links.coupler: nothing says where its pin 'C' is; add it to the sketch", sketch={})
+    wrong("sketch.Q: is no point of a link", sketch={"Q": (0, 0)})
+    block = {"block": Link(pins=("C",))}
+    wrong("link 'blok' is not defined; did you mean 'block'", links=BARS | block, slots=[Slot("blok", Guide("A"))])
+    wrong("guide is on 'frame', but point 'Z' is not", links=BARS | block, slots=[Slot("block", Guide("Z"))])
+    ram = {
+        "crank": Link(pins=("B",)),
+        "rod": Link(length=0.3, pins=("B", "C")),
+        "lever": Link(length=0.2, pins=("D", "C")),
+    }
+    wrong("cannot do for ever; give it a law", links=ram, slots=[Slot("crank", Guide("A"))])
+
+
+def test_a_drawn_machine_is_written_and_read_back():
+    for drive in (Drive("crank", turns=-1, phase=0.3), Drive("coupler", "crank", phase=0.8)):
+        scene = lj.Scene(six_bar(drive), speed=3.0)
+        again = loads_text(text_of(scene))
+        assert again.mechanism.formula() == scene.mechanism.formula()
+        assert jax.tree.structure(again.mechanism.links) == jax.tree.structure(scene.mechanism.links)
+        one, two = (pose(prepared(s.mechanism), jnp.asarray(0.1)).points for s in (scene, again))
+        for point in one:
+            np.testing.assert_allclose(one[point].ddr.x, two[point].ddr.x, rtol=1e-12, atol=1e-13)
+    triad = machine("triad")
+    again = loads_text(text_of(triad))
+    assert again.mechanism.formula() == triad.mechanism.formula()
+    assert isinstance(again.mechanism.groups[1], General)
+
+
+@pytest.mark.slow
+def test_a_drive_between_two_links_in_true_motion():
+    """Energy, virtual power and forces close when the drive turns two moving links against each other."""
+    links = {
+        "base": Link(length=0.5, mass=2.0, inertia=0.1, centre=lj.Vec(0.2, 0.0), pins=("A", "B")),
+        "disc": Link(length=0.08, mass=1.0, inertia=0.01, centre=lj.Vec(0.02, 0.0), pins=("B", "C")),
+        "rod": Link(length=0.3, mass=0.7, inertia=0.01, centre=lj.Vec(0.2, 0.0), pins=("D", "C")),
+    }
+    found = linkage(
+        {"A": (0, 0), "D": (0.6, 0.1)}, links, Drive("disc", "base"), sketch={"B": (0.35, 0.35), "C": (0.42, 0.33)}
+    )
+    scene = lj.Scene(
+        found, (lj.OpposingTorque("rub", "rod", magnitude=1.0),), lj.Vec(0.0, -9.81), 10.0, title="Tilting"
+    )
+    done = analyse(scene)
+    checks = done.checks
+    assert max(float(checks.virtual_power), float(checks.energy_closure), float(checks.force_balance)) < 1e-12
+    assert found.crank == "disc" and structure(found).formula(numbers=True) == "I1+II1(0,1,2,3)"
+
+
+def test_formulas():
+    found = structure(load("hay-press").mechanism)
+    assert (found.mobility, len(found.pairs)) == (1, 7)
+    assert found.formula(numbers=True) == "I1(0,1) → II2(2,3) → II1(4,5)"
+    assert found.formula(letters=True) == "R(crank) → RRP(rod, slider) → RRR(link4, rocker)"
+    assert structure(machine("triad").mechanism).formula(letters=True).split(" → ")[1].startswith("RRR-RRR(")
+    assert RRR(("a", "b"), "P", "Q", "M").classified() == ("II1", "RRR")
