@@ -18,6 +18,7 @@ from linkjax._types import Tracer, as_float
 from linkjax._vec import Vec
 from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain
 from linkjax.forces import Forces
+from linkjax.groups import closed_to
 from linkjax.kinematics import (
     Pose,
     Reversals,
@@ -30,6 +31,7 @@ from linkjax.kinematics import (
 )
 from linkjax.machine import Scene, ready
 from linkjax.measures import both_motions, peak_names, table
+from linkjax.mechanism import StructureError
 from linkjax.motion import (
     Peak,
     Regime,
@@ -79,7 +81,8 @@ def analyse(
             stacklevel=2,
         )
     if scene.mechanism.prescribed and motion == "diffrax":
-        raise ValueError("the driver follows a law: no equation of motion is to be solved; leave motion out")
+        problem = "follows a law: its motion is known, and no equation of motion is to be solved"
+        raise StructureError(scene.mechanism.crank, problem, "leave diffrax out, or the law")
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
     cycle = _analyse(scene, angles, nodes, constant_speed, motion)
@@ -248,7 +251,9 @@ def _checks(
     """The analysis's own checks, and how it went."""
     found = [_residuals(scene, at, i) for i in (0, 1)]
     power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
-    least = jnp.min(jnp.stack([jnp.ones(()), *(m.value for sides in limits.values() for m in sides.values())]))
+    none = {"loops": closed_to(power.dtype)}  # a singular value that is zero is so to rounding only
+    every = [m.value - none.get(side, 0.0) for sides in limits.values() for side, m in sides.items()]
+    least = jnp.min(jnp.stack([jnp.ones(()), *every]))
     code = merge(
         jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
         jnp.where(jnp.isinf(motion.delta_error), Result.INTEGRATION_FAILED, 0),

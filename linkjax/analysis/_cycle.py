@@ -8,13 +8,14 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import ASTRAY
+from linkjax.groups import General
 from linkjax.kinematics import Least, Pose, Reversals, named_groups
-from linkjax.machine import Scene
+from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
 
 CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
+NEARLY = 1e-6  # or within this, where Newton's method closes the loops: at a change point it is slow
 
 Margins = dict[str, dict[str, Least]]
 
@@ -113,11 +114,12 @@ def explain(cycle: Cycle) -> None:
             f"cannot be assembled over the cycle: at {place} its slots point past each other, on the other side than "
             "given; change the side, or the slots so that they are never parallel"
             if side == "parallel"
-            else "is not after the cycle where it began: it has come to another assembly, or goes on for more turns "
-            "(cycle_turns)"
-            if side == "loops" and short < 2 * ASTRAY
+            else "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
+            if side == "loops" and _trouble(cycle, group) == "astray"
+            else f"passes on to another assembly near {place}: it has a change point or a dead position there"
+            if side == "loops" and _trouble(cycle, group) == "change point"
             else f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
-            if short > CHANGE_POINT
+            if short > (NEARLY if side == "loops" else CHANGE_POINT)
             else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"
         )
         raise MachineError(f"{title}group {group!r} {what}. {MESSAGES[code]}", code)
@@ -137,8 +139,15 @@ def explain(cycle: Cycle) -> None:
         )
 
 
+def _trouble(cycle: Cycle, name: str) -> str:
+    """What is wrong with a general group that closes everywhere."""
+    group = named_groups(ready(cycle.scene).mechanism)[name]
+    return group.path.trouble() if isinstance(group, General) and group.path is not None else ""
+
+
 def _first_lost(cycle: Cycle) -> tuple[str, str, Least]:
     """The first group that cannot be assembled, at its worst: those behind it hang on what is none."""
     names = [name for name in named_groups(cycle.scene.mechanism) if name in cycle.margins]
     worst = [(name, *min(cycle.margins[name].items(), key=lambda side: float(side[1].value))) for name in names]
-    return next((each for each in worst if not float(each[2].value) > 0), worst[0])
+    least = min(worst, key=lambda each: float(each[2].value))
+    return next((each for each in worst if not float(each[2].value) > 0), least)

@@ -121,8 +121,8 @@ def _group(name: str, group: AbstractGroup | Guide | Drive, where: Where, slides
     slides = slides or isinstance(group, Slide) or (isinstance(group, General) and group.driven_slot() is not None)
     for field in dataclasses.fields(group):
         value = getattr(group, field.name)
-        if field.name == "phase" and slides:
-            continue  # of no effect
+        if field.name == "path" or (field.name == "phase" and slides):
+            continue  # no number of the design, or of no effect
         if isinstance(value, AbstractLaw):
             unit = "m" if slides else "rad"
             yield from _law(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), unit)
@@ -132,7 +132,7 @@ def _group(name: str, group: AbstractGroup | Guide | Drive, where: Where, slides
             for i, each in enumerate(value):
                 own = f"{name}.{field.name}[{i}]"
                 yield from _group(own, each, lambda s, f=field.name, i=i: getattr(where(s), f)[i])
-        elif eqx.is_array(value) and field.name != "path":
+        elif eqx.is_array(value):
             unit = "m" if field.name == "offset" else "rad"
             yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit)
 

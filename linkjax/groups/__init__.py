@@ -9,8 +9,8 @@ from linkjax.groups._drawn import Slot as Slot
 from linkjax.groups._driver import AbstractDriver as AbstractDriver
 from linkjax.groups._driver import Crank as Crank
 from linkjax.groups._driver import Slide as Slide
-from linkjax.groups._general import ASTRAY as ASTRAY
 from linkjax.groups._general import General as General
+from linkjax.groups._general import without_path as without_path
 from linkjax.groups._guide import Guide as Guide
 from linkjax.groups._law import AbstractLaw as AbstractLaw
 from linkjax.groups._law import Harmonic as Harmonic
@@ -28,5 +28,7 @@ from linkjax.groups._state import LinkState as LinkState
 from linkjax.groups._state import PointState as PointState
 from linkjax.groups._state import at_rest as at_rest
 from linkjax.groups._state import carried as carried
+from linkjax.groups._track import Track as Track
+from linkjax.groups._track import closed_to as closed_to
 
 KINDS = {group.kind: group for group in (Crank, Slide, RRR, RRP, RPR, PRP, RPP)}

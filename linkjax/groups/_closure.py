@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from linkjax._vec import Vec
+from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._vec import Vec, unit
 
 
 class Known(NamedTuple):
@@ -29,16 +31,16 @@ class Placed(NamedTuple):
         """Moved by x, y and angle times size of every link (the angle by twice the tangent of its half: no sine)."""
         move = move.reshape((-1, 3))
         half = 0.5 * move[:, 2:] / size
-        perp = jnp.stack([-self.u[:, 1], self.u[:, 0]], axis=1)
-        return Placed(self.at + move[:, :2], (self.u * (1 - half * half) + 2 * half * perp) / (1 + half * half))
+        turned = (self.u * (1 - half * half) + 2 * half * perp(self.u)) / (1 + half * half)
+        return Placed(self.at + move[:, :2], turned)
 
     def later(self, v: Array, t: Array, size: Array, a: Array | None = None) -> Placed:
         """Moved on by a crank angle `t` with these rates, to second order."""
         v = v.reshape((-1, 3))
         a = jnp.zeros_like(v) if a is None else a.reshape((-1, 3))
         half, w, e = 0.5 * t * t, v[:, 2:] / size, a[:, 2:] / size
-        perp = jnp.stack([-self.u[:, 1], self.u[:, 0]], axis=1)
-        return Placed(self.at + v[:, :2] * t + a[:, :2] * half, self.u * (1 - w * w * half) + perp * (w * t + e * half))
+        turned = self.u * (1 - w * w * half) + perp(self.u) * (w * t + e * half)
+        return Placed(self.at + v[:, :2] * t + a[:, :2] * half, turned)
 
     def flat(self) -> Array:
         """As one array, shape (links, 4)."""
@@ -48,21 +50,16 @@ class Placed(NamedTuple):
 def placed(z: Array) -> Placed:
     """From one array, whose directions may be off the unit circle."""
     u = z[:, 2:]
-    return Placed(z[:, :2], u / jnp.sqrt(jnp.sum(u * u, axis=1, keepdims=True)))
+    return Placed(z[:, :2], u / safe_sqrt(jnp.sum(u * u, axis=1, keepdims=True), 1.0))
 
 
 class Closure(NamedTuple):
-    """The closure equations of a group as arrays: which body is at either side of every pin and where on it the pin is;
-    of every slot its block, the body that its guide is on, and the guide in the axes of that body; places and
-    directions of what the group hangs on, a length to measure by (m), and where the drive stands (m). Bodies are the
-    links of the group, then what it hangs on."""
+    """The numbers of the closure equations: where on the bodies at either side every pin is, where on its body every
+    guide runs through and how it lies there, places and directions of what the group hangs on, a length to measure by
+    (m), and where the drive stands (m or rad). Bodies are the links of the group, then what it hangs on."""
 
-    one: Any
-    two: Any
     near: Array
     far: Array
-    block: Any
-    on: Any
     through: Array
     axis: Array
     offset: Array
@@ -72,16 +69,82 @@ class Closure(NamedTuple):
     drive: Array
 
 
+class Web(NamedTuple):
+    """The closure equations of a group: which bodies every pin joins (pins, bodies), which body every slot's block is
+    and which its guide is on (slots, bodies), and the slot that the drive moves, or the two links that it turns (None
+    for the frame)."""
+
+    links: int
+    one: np.ndarray
+    two: np.ndarray
+    block: np.ndarray
+    on: np.ndarray
+    slides: int | None
+    turns: tuple[int, int | None] | None
+
+    def opened(self, z: Placed, c: Closure) -> Array:
+        """What the joints leave open (m): pins, then slots, then the drive."""
+        at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
+        rows = [((self.one - self.two) @ at + turned(self.one @ u, c.near) - turned(self.two @ u, c.far)).ravel()]
+        if len(self.block):
+            t, apart, ahead, back = self._slots(at, u, c)
+            aside = crossed(t, apart - back) - c.offset
+            rows.append(jnp.stack([aside, c.size * crossed(t, ahead)], axis=1).ravel())
+            if self.slides is not None:
+                rows.append((jnp.sum((apart - back) * t, axis=1) - c.drive)[self.slides][None])
+        if self.turns is not None:
+            wanted, driven = self._turned(z, c)
+            rows.append(c.size * crossed(wanted, driven))
+        return jnp.concatenate(rows)
+
+    def jacobian(self, z: Placed, c: Closure) -> Array:
+        """Derivatives of what is open by x, y and angle times size of every link."""
+        at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
+        n = self.links
+        one, two, block, on = (which[:, :n] for which in (self.one, self.two, self.block, self.on))
+        near, far = perp(turned(self.one @ u, c.near)), perp(turned(self.two @ u, c.far))
+        spun = (one[:, :, None] * near[:, None] - two[:, :, None] * far[:, None]) / c.size  # (pins, links, 2)
+        shifted = jnp.broadcast_to((one - two)[:, :, None, None] * np.eye(2), (*spun.shape, 2))
+        parts = [jnp.moveaxis(jnp.concatenate([shifted, spun[..., None]], axis=3), 2, 1).reshape((-1, 3 * n))]
+        if len(self.block):
+            t, apart, ahead, _ = self._slots(at, u, c)
+            which = (block - on)[:, :, None]
+            lean = -on * jnp.sum(t * apart, axis=1)[:, None] / c.size
+            aside = jnp.concatenate([which * perp(t)[:, None], lean[:, :, None]], axis=2)
+            level = which * (jnp.sum(t * ahead, axis=1)[:, None, None] * np.array([[[0.0, 0.0, 1.0]]]))
+            parts.append(jnp.stack([aside, level], axis=1).reshape((-1, 3 * n)))
+            if self.slides is not None:
+                push = on * jnp.sum(perp(t) * apart, axis=1)[:, None] / c.size
+                along = jnp.concatenate([which * t[:, None], push[:, :, None]], axis=2)
+                parts.append(along[self.slides].reshape((1, -1)))
+        if self.turns is not None:
+            sign = np.zeros((1, n, 3))
+            sign[0, self.turns[0], 2] = 1.0
+            if self.turns[1] is not None:
+                sign[0, self.turns[1], 2] = -1.0
+            wanted, driven = self._turned(z, c)
+            parts.append((sign * jnp.sum(wanted * driven)).reshape((1, -1)))
+        return jnp.concatenate(parts)
+
+    def _slots(self, at: Array, u: Array, c: Closure) -> tuple[Array, Array, Array, Array]:
+        """Of every slot: direction of the guide, from the origin of its body to the block, direction of the block, and
+        from that origin to the point that the guide runs through."""
+        turn = self.on @ u
+        return turned(turn, c.axis), (self.block - self.on) @ at, self.block @ u, turned(turn, c.through)
+
+    def _turned(self, z: Placed, c: Closure) -> tuple[Array, Array]:
+        """The wanted and the true direction of a link that the drive turns."""
+        assert self.turns is not None
+        link, on = self.turns
+        wanted = array([unit(c.drive)])
+        return wanted if on is None else turned(z.u[on : on + 1], wanted), z.u[link : link + 1]
+
+
 def array(vectors: Sequence[Vec]) -> Array:
     """Vectors as rows."""
     if not vectors:
         return jnp.zeros((0, 2))
     return jnp.stack([jnp.stack([v.x for v in vectors]), jnp.stack([v.y for v in vectors])], axis=1)
-
-
-def solved(linear: Callable[[Array], Array], y: Array) -> Array:
-    """The root of a linear function less `y`."""
-    return jnp.linalg.solve(jax.jacfwd(linear)(jnp.zeros_like(y)), y)
 
 
 def turned(u: Array, at: Array) -> Array:
@@ -93,3 +156,23 @@ def turned(u: Array, at: Array) -> Array:
 def crossed(a: Array, b: Array) -> Array:
     """Vector products of rows."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def perp(a: Array) -> Array:
+    """Rows turned by +90 degrees."""
+    return jnp.stack([-a[:, 1], a[:, 0]], axis=1)
+
+
+def least_singular(matrix: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
+    """The least singular value of a matrix, and its first and second derivatives from those of the matrix; itself
+    differentiable once.
+
+    Source: perturbation of a simple singular value, e.g. Stewart and Sun, Matrix Perturbation Theory, 1990.
+    """
+    left, sizes, right = jnp.linalg.svd(jax.lax.stop_gradient(matrix))
+    u, v = left[:, -1], right[-1]
+    p = left.T @ first @ right.T
+    a, b, s = p[:-1, -1], p[-1, :-1], sizes[:-1]
+    least = sizes[-1]
+    bend = safe_divide(least * (a * a + b * b) + 2 * s * a * b, (least - s) * (least + s))
+    return u @ matrix @ v, p[-1, -1], u @ second @ v + jnp.sum(bend)

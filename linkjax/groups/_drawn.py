@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._numerics import safe_sqrt
-from linkjax._types import as_float
+from linkjax._types import as_float, known
+from linkjax._units import nearest
 from linkjax._vec import Vec, unit
-from linkjax.groups._guide import Guide
-from linkjax.groups._law import AbstractLaw
+from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._law import AbstractLaw, check_law
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState
 
@@ -21,7 +23,7 @@ class Slot(eqx.Module):
     """A sliding joint: the `block` moves along the `guide`, on the frame or on a link."""
 
     block: str = eqx.field(static=True)
-    guide: Guide
+    guide: Guide = eqx.field(converter=as_guide)
 
 
 class Drive(eqx.Module):
@@ -41,6 +43,7 @@ class Drive(eqx.Module):
     def __check_init__(self):
         if self.turns not in (1, -1):
             raise ValueError(f"turns of a drive must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
+        check_law(self.law)
         if self.law is not None and self.turns != 1:
             raise ValueError("a drive that follows a law has no sense of rotation; leave turns out")
 
@@ -101,3 +104,39 @@ def from_sketch(
         origin = spots[points[0]] - places[link][points[0]].turned(u)
         rows.append(jnp.stack([origin.x, origin.y, u.x, u.y]))
     return jnp.stack(rows)
+
+
+def check_drawn(names: Sequence[str], slots: Sequence[Slot], sketch: Mapping[str, Vec]) -> None:
+    """Raise `TypeError` or `ValueError` for slots and sketches that are none."""
+    for slot in slots:
+        if not isinstance(slot, Slot):
+            raise TypeError(f"a slot of the group of {', '.join(names)} is {slot!r}; write Slot(block, guide)")
+        if [other.block for other in slots].count(slot.block) > 1:
+            problem = f"the block {slot.block!r} is in two slots"
+            raise ValueError(f"the group of {', '.join(names)}: {problem}; name a second block, pinned to the first")
+    for point, at in sketch.items():
+        if isinstance(at, str | int | float | tuple | list):
+            raise TypeError(f"the place of {point!r} in a sketch must be a Vec, but is {at!r}; write Vec(x, y)")
+
+
+def undrawn(members, links: Mapping[str, Any], sketch, outer: Sequence[str], blocks) -> tuple[str, str] | None:
+    """What links and sketch do not say, as problem and remedy."""
+    every = [p for link, pins in members for p in (*pins, *links[link].points, links[link].centre_name)]
+    strange = next((p for p in sketch if p not in every), None)
+    if strange is not None:
+        return f"the sketch has a point {strange!r}, which no link of the group has", nearest(strange, every)
+    for link, pins in members:
+        for point in pins[2:]:
+            if point not in links[link].points:
+                return f"link {link!r} has no marked point {point!r}", "add it to the points of the link"
+        own = (*pins[:2], *links[link].points, links[link].centre_name)
+        seen = [p for p in dict.fromkeys(own) if p in outer or p in sketch]
+        if len(seen) < 2 - (link in blocks):
+            count = "one" if link in blocks else "two"
+            problem = f"the sketch does not say where link {link!r} is"
+            return problem, f"sketch {count} of its points: {', '.join(own)}"
+        spots = [sketch[p] for p in seen[:2] if p in sketch]
+        values = [(known(at.x), known(at.y)) for at in spots]
+        if len(spots) == 2 and link not in blocks and None not in values[0] and values[0] == values[1]:
+            return f"the sketch puts {seen[0]!r} and {seen[1]!r} of link {link!r} on one place", "move one of them"
+    return None

@@ -11,7 +11,7 @@ from linkjax._types import as_float
 from linkjax._vec import unit, zero
 from linkjax.groups._base import AbstractGroup, Joint, Wrench
 from linkjax.groups._guide import Guide, as_guide
-from linkjax.groups._law import AbstractLaw
+from linkjax.groups._law import AbstractLaw, check_law
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -52,6 +52,7 @@ class Crank(AbstractDriver):
     def __check_init__(self):
         if self.turns not in (1, -1):
             raise ValueError(f"turns of a crank must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
+        check_law(self.law)
         if self.law is not None and self.turns != 1:
             raise ValueError("a crank that follows a law has no sense of rotation; leave turns out")
 
@@ -107,6 +108,9 @@ class Slide(AbstractDriver):
     end: str = eqx.field(static=True)
     guide: Guide = eqx.field(converter=as_guide)
     law: AbstractLaw
+
+    def __check_init__(self):
+        check_law(self.law)
 
     def follows(self):
         return self.law

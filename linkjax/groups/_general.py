@@ -8,6 +8,7 @@ Source: any text on constrained planar systems, e.g. Haug, Computer Aided Kinema
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -16,17 +17,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._numerics import safe_sqrt, wrapped
+from linkjax._numerics import safe_sqrt
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
-from linkjax.groups._closure import Closure, Known, Placed, array, crossed, placed, solved, turned
-from linkjax.groups._drawn import Drive, Slot, check_drive, driven_slot, from_sketch
-from linkjax.groups._pairs import classified
+from linkjax.groups._closure import Closure, Known, Placed, Web, array, least_singular, placed
+from linkjax.groups._drawn import Drive, Slot, check_drawn, check_drive, driven_slot, from_sketch, undrawn
+from linkjax.groups._pairs import FRAME, classified
 from linkjax.groups._state import LinkState, PointState, carried
+from linkjax.groups._track import Track, closed_to
 
-NEAR = 5  # damped Newton steps from the reference path
-ASTRAY = 1e-6  # of directions: a path that is as far from itself after the cycle has come elsewhere
-CLOSED = 1e-9  # of the size of the group: an assembly that leaves less open counts as one
+NEAR, LAST = 3, 2  # Newton steps from the reference path: damped ones, and those that carry derivatives
+BEYOND = 1e-6  # what the margin falls short by where the group closes, but in another assembly than it began with
+SWING = 0.2  # of the size: what they may move links
 
 
 class General(AbstractGroup):
@@ -48,11 +50,12 @@ class General(AbstractGroup):
     sketch: dict[str, Vec]
     slots: tuple[Slot, ...] = ()
     drive: Drive | None = None
-    path: Array | None = None
+    path: Track | None = None
     turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         names = [link for link, _ in self.members]
+        check_drawn(names, self.slots, self.sketch)
         if self.drive is not None:
             check_drive(self.drive, names, self.slots)
         rows = sum(2 * (len(links) - (point not in self.outer)) for point, links in self._pins().items())
@@ -64,6 +67,9 @@ class General(AbstractGroup):
     def driven_slot(self) -> int | None:
         """Number of the slot that the drive moves; None for a drive that turns, and for none."""
         return None if self.drive is None else driven_slot(self.drive, self.slots)
+
+    def translating(self):
+        return tuple(slot.block for slot in self.slots if slot.guide.on == FRAME)
 
     def _pins(self) -> dict[str, list[str]]:
         """Every pinned point with the members that share it."""
@@ -137,10 +143,10 @@ class General(AbstractGroup):
         along += [known.links[g.on] if g.on != "frame" else Vec(jnp.ones(()), jnp.zeros(())) for g in guides]
         return array([known.points[p] for p in (*points, *(g.through for g in guides))]), array(along)
 
-    def _closure(self, places, known: Known, drive: Array) -> Closure:
-        """All that the closure equations need, as arrays."""
+    def _web(self) -> Web:
+        """The closure equations."""
         names, pairs, outer = list(self.link_names()), self._pairs(), self._outer_points()
-        none, inside = Vec(jnp.zeros(()), jnp.zeros(())), [slot.guide.on in names for slot in self.slots]
+        inside = [slot.guide.on in names for slot in self.slots]
         row_of = {p: len(names) + i for i, p in enumerate(outer)}
         count = len(names) + len(outer) + inside.count(False)
         one, two = np.zeros((2, len(pairs), count))
@@ -149,50 +155,33 @@ class General(AbstractGroup):
         block, on = np.zeros((2, len(self.slots), count))
         for row, slot in enumerate(self.slots):
             block[row, names.index(slot.block)] = 1
-            other = names.index(slot.guide.on) if inside[row] else count - inside[row:].count(False)
-            on[row, other] = 1
-        inner = {p for _, points in self.members for p in points}
-        arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
-        through = [
-            places[s.guide.on][s.guide.through] if own else none for s, own in zip(self.slots, inside, strict=True)
-        ]
+            on[row, names.index(slot.guide.on) if inside[row] else count - inside[row:].count(False)] = 1
+        turns = None
+        if self.drive is not None and self.driven_slot() is None:
+            against = None if self.drive.on == FRAME else names.index(self.drive.on)
+            turns = (names.index(self.drive.link), against)
+        return Web(len(names), one, two, block, on, self.driven_slot(), turns)
+
+    def _closure(self, places, known: Known, drive: Array) -> Closure:
+        """The numbers of the closure equations."""
+        pairs, none, names = self._pairs(), Vec(jnp.zeros(()), jnp.zeros(())), self.link_names()
+        through = [places[s.guide.on][s.guide.through] if s.guide.on in names else none for s in self.slots]
         return Closure(
-            one, two, array([places[link][p] for p, link, _ in pairs]),
+            array([places[link][p] for p, link, _ in pairs]),
             array([places[to][p] if to else none for p, _, to in pairs]),
-            block, on, array(through), array([unit(slot.guide.along) for slot in self.slots]),
+            array(through), array([unit(slot.guide.along) for slot in self.slots]),
             jnp.stack([slot.guide.offset for slot in self.slots]) if self.slots else jnp.zeros(0),
-            *self._outside(known), jax.lax.stop_gradient(safe_sqrt(jnp.max(jnp.stack(arms)), 1.0)), drive,
+            *self._outside(known), self._size(places), drive,
         )  # fmt: skip
 
-    def _open(self, z: Placed, c: Closure) -> Array:
-        """What the joints leave open (m): pins, then slots, then the drive."""
-        at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
-        gaps = (c.one - c.two) @ at + turned(c.one @ u, c.near) - turned(c.two @ u, c.far)
-        if not self.slots:
-            return jnp.concatenate([gaps.ravel(), *self._unturned(z, c)])
-        turn = c.on @ u
-        d, t, ahead = (c.block - c.on) @ at - turned(turn, c.through), turned(turn, c.axis), c.block @ u
-        rows = jnp.stack([crossed(t, d) - c.offset, c.size * crossed(t, ahead)], axis=1)
-        k = self.driven_slot()
-        driven = self._unturned(z, c) if k is None else [jnp.sum(d[k : k + 1] * t[k : k + 1], axis=1) - c.drive]
-        return jnp.concatenate([gaps.ravel(), rows.ravel(), *driven])
+    def size(self, links) -> Array:
+        """A length to measure by (m): the largest arm of a pin."""
+        return self._size(self.places(links))
 
-    def _unturned(self, z: Placed, c: Closure) -> list[Array]:
-        """What a drive that turns leaves open (m)."""
-        if self.drive is None:
-            return []
-        names, u = self.link_names(), z.u
-        wanted = array([unit(c.drive)])
-        if self.drive.on != "frame":
-            k = names.index(self.drive.on)
-            wanted = turned(u[k : k + 1], wanted)
-        k = names.index(self.drive.link)
-        return [c.size * crossed(wanted, u[k : k + 1])]
-
-    def _jacobian(self, z: Placed, c: Closure) -> Array:
-        """Derivatives of what is open by x, y and angle times size of every link."""
-        zero = jnp.zeros(3 * len(self.members))
-        return jax.jacfwd(lambda move: self._open(z.moved(move, c.size), c))(zero)
+    def _size(self, places) -> Array:
+        inner = {p for _, points in self.members for p in points}
+        arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
+        return safe_sqrt(jnp.max(jnp.stack(arms)), 1.0)
 
     def _known(self, states, points, t=0.0) -> Known:
         """What was there before, `t` of crank angle later (to second order)."""
@@ -229,68 +218,62 @@ class General(AbstractGroup):
             if pins is not None and guide.through not in (*pins, *links[guide.on].points):
                 problem = f"the guide of {block!r} is on link {guide.on!r}, but point {guide.through!r} is not"
                 return problem, f"known here: {', '.join((*pins, *links[guide.on].points))}"
-        for link, pins in self.members:
-            own = (*pins[:2], *links[link].points, links[link].centre_name)
-            for point in pins[2:]:
-                if point not in links[link].points:
-                    return f"link {link!r} has no marked point {point!r}", "add it to the points of the link"
-            if len([p for p in dict.fromkeys(own) if p in self.outer or p in self.sketch]) < 2 - (link in blocks):
-                count = "one" if link in blocks else "two"
-                return (
-                    f"the sketch does not say where link {link!r} is",
-                    f"sketch {count} of its points: {', '.join(own)}",
-                )
-        return None
+        return undrawn(self.members, links, self.sketch, self.outer, blocks)
 
-    def closed(self, links, states, points, phi: Array, start: Array, steps: int) -> Array:
-        """The configuration near `start` that closes the joints, by damped least squares; without derivatives."""
-        c = self._closure(self.places(links), self._known(states, points), self._drive(phi))
+    def closed(self, links, states, points, phi: Array, start: Array, steps: int) -> tuple[Array, Array, Array]:
+        """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
+        determinant, and what it leaves open, of the size of the group; without derivatives."""
+        web, c = self._web(), self._closure(self.places(links), self._known(states, points), self._drive(phi))
         c, start = jax.lax.stop_gradient((c, start))
 
-        def step(_, z):
-            z = placed(z)
-            gap, jacobian = self._open(z, c), self._jacobian(z, c)
-            damping = jnp.minimum(jnp.sum(gap * gap) / c.size**2, 0.1)
-            normal = jacobian.T @ jacobian + damping * jnp.eye(gap.size)
-            move = jnp.linalg.solve(normal, -(jacobian.T @ gap))
-            return z.moved(
-                move * jnp.minimum(1.0, 0.5 * c.size / jnp.maximum(jnp.max(jnp.abs(move)), 1e-300)), c.size
-            ).flat()
+        def step(_, carry):
+            z, damping = carry
+            here = placed(z)
+            gap, jacobian = web.opened(here, c), web.jacobian(here, c)
+            move = jnp.linalg.solve(jacobian.T @ jacobian + damping * jnp.eye(gap.size), -(jacobian.T @ gap))
+            most = jnp.maximum(jnp.max(jnp.abs(move)), jnp.finfo(move.dtype).tiny)
+            there = here.moved(move * jnp.minimum(1.0, 0.5 * c.size / most), c.size)
+            left = jnp.sum(web.opened(there, c) ** 2)
+            better = left <= jnp.sum(gap * gap)
+            now = jnp.minimum(left / c.size**2, 0.1)  # of second order, so that the last steps are Newton's
+            return jnp.where(better, there.flat(), z), jnp.where(better, now, jnp.maximum(10 * damping, 1e-6))
 
-        return jax.lax.fori_loop(0, steps, step, start)
-
-    def start(self, phi: Array) -> Array:
-        """Where the reference path is at a crank angle."""
-        assert self.path is not None
-        count, span = self.path.shape[0] - 1, 2 * jnp.pi * self.turns
-        place = wrapped(phi, span) * (count / span)
-        whole = jnp.clip(jnp.floor(place), 0, count - 1)
-        i = whole.astype(int)
-        return self.path[i] + (self.path[i + 1] - self.path[i]) * (place - whole)
+        first = jnp.minimum(jnp.sum(web.opened(placed(start), c) ** 2) / c.size**2, 0.1)
+        z = placed(jax.lax.fori_loop(0, steps, step, (placed(start).flat(), first))[0])
+        sense = jnp.linalg.slogdet(web.jacobian(z, c))[0]
+        return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
 
     def solve(self, links, states, points, phi):
-        z = self.closed(links, states, points, phi, self.start(phi), NEAR)
-        places = self.places(links)
+        assert self.path is not None  # see `kinematics.prepared`
+        z = self.closed(links, states, points, phi, self.path.at(phi, self.turns), NEAR)[0]
+        web, places = self._web(), self.places(links)
         c = self._closure(places, self._known(states, points), self._drive(phi))
         here = placed(jax.lax.stop_gradient(z))
-        gap = jax.lax.stop_gradient(self._open(here, c))
-        shut, none = jnp.max(jnp.abs(gap)) < CLOSED * c.size, 0.0 * gap  # of the batch's shape, as custom roots need it
-
-        def root(move):
-            return jnp.where(shut, self._open(here.moved(move, c.size), c), move)
-
-        move = jax.lax.custom_root(root, none, lambda _, start: start, solved)
-        here = here.moved(move, c.size)
-        inverse = jnp.linalg.inv(jnp.where(shut, self._jacobian(here, c), jnp.eye(move.size)))
+        for _ in range(LAST):  # from a root, two steps carry derivatives up to the third order
+            here = self._newton(web, here, c)
+        jacobian = web.jacobian(here, c)
+        sound = jnp.isfinite(jnp.linalg.slogdet(jax.lax.stop_gradient(jacobian))[1])
+        inverse = jnp.linalg.inv(jnp.where(sound, jacobian, jnp.eye(3 * web.links)))
 
         def along(t, v):
             at, u = self._outside(self._known(states, points, t))
-            return self._open(here.later(v, t, c.size), c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t)))
+            return web.opened(here.later(v, t, c.size), c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t)))
 
-        zero, one = jnp.zeros_like(phi), jnp.ones_like(phi)
-        v = -inverse @ jax.jvp(lambda t: along(t, jnp.zeros_like(move)), (zero,), (one,))[1]
+        none, zero, one = jnp.zeros(3 * web.links), jnp.zeros_like(phi), jnp.ones_like(phi)
+        v = -inverse @ jax.jvp(lambda t: along(t, none), (zero,), (one,))[1]
         bend = jax.jvp(lambda t: jax.jvp(lambda s: along(s, v), (t,), (one,))[1], (zero,), (one,))[1]
         return self._states(here, v, -inverse @ bend, places, c.size)
+
+    def _newton(self, web: Web, here: Placed, c: Closure) -> Placed:
+        """A step to the root; none where there is none near."""
+        gap, jacobian = web.opened(here, c), web.jacobian(here, c)
+        first = jax.lax.stop_gradient(jnp.linalg.solve(jacobian, gap) / c.size)
+        small = jnp.max(jnp.abs(first)) < SWING  # false where it is not finite
+        move = -jnp.linalg.solve(jnp.where(small, jacobian, jnp.eye(gap.size)), jnp.where(small, gap, 0.0))
+        there = here.moved(move, c.size)
+        left = jnp.max(jnp.abs(jax.lax.stop_gradient(web.opened(there, c))))
+        good = small & ((left < jnp.max(jnp.abs(gap))) | (left < closed_to(left.dtype) * c.size))
+        return jax.tree.map(lambda a, b: jnp.where(good, a, b), there, here)
 
     def _states(self, here: Placed, v, a, places, size):
         found, pins = {}, {}
@@ -319,31 +302,25 @@ class General(AbstractGroup):
 
     def margins(self, links, states, points, phi):
         here, none = self._here(states, points), jnp.zeros_like(states[self.members[0][0]].w)
-        c = self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        web, c = self._web(), self._closure(self.places(links), self._known(states, points), self._drive(phi))
         v, a = (self._rates(states, points, c.size, *names) for names in (("dr", "w"), ("ddr", "e")))
 
         def jacobian(t):
             at, u = self._outside(self._known(states, points, t))
-            return self._jacobian(here.later(v, t, c.size, a), c._replace(outer_at=at, outer_u=u))
-
-        left, _, right = jnp.linalg.svd(jax.lax.stop_gradient(jacobian(none)))
-
-        def least(t):
-            return left[:, -1] @ jacobian(t) @ right[-1]
+            there = c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t))
+            return web.jacobian(here.later(v, t, c.size, a), there)
 
         one = jnp.ones_like(none)
-        value, d = jax.jvp(least, (none,), (one,))
-        dd = jax.jvp(lambda t: jax.jvp(least, (t,), (one,))[1], (none,), (one,))[1]
-        gap = safe_sqrt(jnp.sum(self._open(here, c) ** 2)) / c.size
-        lost, astray = gap > CLOSED, self._left_open() > ASTRAY
-        value = jnp.where(lost, -gap, jnp.where(astray, -ASTRAY, value))
-        return {"loops": Margin(value, *(jnp.where(lost | astray, 0.0, rate) for rate in (d, dd)))}
-
-    def _left_open(self) -> Array:
-        """How far the reference path is from itself after the cycle (directions of links)."""
-        if self.path is None:
-            return jnp.zeros(())
-        return jnp.max(jnp.abs(self.path[-1] - self.path[0])[:, 2:])
+        matrix, first = jax.jvp(jacobian, (none,), (one,))
+        second = jax.jvp(lambda t: jax.jvp(jacobian, (t,), (one,))[1], (none,), (one,))[1]
+        value, d, dd = least_singular(matrix, *jax.lax.stop_gradient((first, second)))
+        gap = safe_sqrt(jnp.sum(web.opened(here, c) ** 2)) / c.size
+        lost, beyond = (
+            gap > closed_to(gap.dtype),
+            jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns),
+        )
+        value = jnp.where(lost, -gap, jnp.where(beyond, -BEYOND, value))
+        return {"loops": Margin(value, *(jnp.where(lost | beyond, 0.0, rate) for rate in (d, dd)))}
 
     def transmission(self, states, points):
         return None
@@ -370,10 +347,11 @@ class General(AbstractGroup):
             back = Vec(here.u[i, 0], -here.u[i, 1])
             places[link] = {p: (points[p].r - points[pins[0]].r).turned(back) for p in (*pins, *through)}
         turns = self.drive if self.driven_slot() is None else None
+        web = self._web()
         c = self._closure(places, self._known(states, points), jnp.zeros(()) if turns is None else turns.angle(states))
         on = [(loads[link].force, loads[link].moment / c.size) for link in names]
         load = jnp.concatenate([jnp.stack([force.x, force.y, moment]) for force, moment in on])
-        x = jnp.linalg.solve(self._jacobian(here, c).T, -load)  # multipliers: what the joints exert
+        x = jnp.linalg.solve(web.jacobian(here, c).T, -load)  # multipliers: what the joints exert
         count = len(self._pairs())
         none = jnp.zeros_like(x[0])
         wrenches = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(count)]
@@ -398,3 +376,10 @@ class General(AbstractGroup):
         if slot.guide.on != "frame":
             under = under + (block.r - base.r).perp() * states[slot.guide.on].w
         return (block.dr - under).dot(states[slot.block].u)
+
+
+def without_path(group: AbstractGroup) -> AbstractGroup:
+    """The group without the reference path that it may have."""
+    if isinstance(group, General) and group.path is not None:
+        return dataclasses.replace(group, path=None, turns=1)
+    return group

@@ -42,6 +42,12 @@ class AbstractLaw(eqx.Module):
         return ()
 
 
+def check_law(law: object) -> None:
+    """Raise `TypeError` for what is no law of motion."""
+    if law is not None and not isinstance(law, AbstractLaw):
+        raise TypeError(f"a law of motion is a Harmonic or a Spline, but is {law!r}")
+
+
 class Harmonic(AbstractLaw):
     """To and fro between `start`, at crank angle zero, and `stop`, half a turn later, as a cosine."""
 

@@ -16,6 +16,8 @@ from linkjax.groups._guide import Guide, as_guide, crossing
 
 
 def _guides(slots: tuple[Guide | str, Guide | str]) -> tuple[Guide, Guide]:
+    if len(slots) != 2:
+        raise ValueError(f"a PRP has two slots, but {len(slots)} are given")
     one, two = slots
     return as_guide(one), as_guide(two)
 
@@ -37,6 +39,8 @@ class PRP(AbstractGroup):
 
     def __check_init__(self):
         check_side(self.kind, self.side)
+        if isinstance(self.blocks, str) or len(self.blocks) != 2:
+            raise ValueError(f"a PRP has two blocks, but they are {self.blocks!r}")
         if self.slots[0].on == self.slots[1].on:
             raise ValueError(f"the two slots of a PRP must be on two links, but both are on {self.slots[0].on!r}")
 

@@ -11,9 +11,10 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from linkjax._numerics import safe_sqrt
-from linkjax._types import as_float
+from linkjax._types import as_float, known
 from linkjax._vec import unit
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
 from linkjax.groups._guide import Guide, Line, as_guide, crossing
@@ -38,6 +39,11 @@ class RPP(AbstractGroup):
     guide: Guide = eqx.field(converter=as_guide)
     slot: jnp.ndarray = eqx.field(converter=as_float, default=math.pi / 2)
     offset: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self):
+        slot = known(self.slot)
+        if slot is not None and np.any(np.abs(np.sin(slot)) < 1e-9):
+            raise ValueError(f"the slot of an RPP must not lie along its guide, but stands at {slot} rad to it")
 
     def link_names(self):
         return (self.link, self.block)

@@ -18,6 +18,7 @@ from linkjax.mechanism import Mechanism
 DEAD_CENTRES = 8  # looked for per link and crank turn
 MARGIN_SCAN = 64  # scan points per turn for the least margins
 SHARPEN = 4  # Newton steps from the best scan point
+KINK = 10.0  # a margin with so steep a slope has no minimum like a parabola's, where the ratio is two at most
 REAL = 1e-6  # distance from the real axis up to which a reversal is one
 BEND = 30.0  # 1/rad: Newton's step squared times this bounds what is left of the distance to a reversal
 
@@ -182,8 +183,9 @@ def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
     ends = {}
     for group in mechanism.groups[0 if mechanism.prescribed else 1 :]:
         ends |= {joint.point: True for joint in group.joints() if joint.slides and joint.by == "frame"}
-        for link, (origin, _) in group.pins().items():
-            if origin in mechanism.fixed and link not in group.translating():
+        for link, pins in group.pins().items():
+            pins = (*pins, *mechanism.links[link].pins)
+            if any(pin in mechanism.fixed for pin in pins) and link not in group.translating():
                 ends[link] = False
     return ends
 
@@ -229,7 +231,9 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     def sharpen(_, phi):
         here = jax.tree.map(jnp.diagonal, jax.vmap(lambda one: _stacked(fixed, one))(phi))
         bend = jnp.where(here.dd > 0, here.dd, jnp.abs(here.d) + 1.0)
-        return jnp.clip(phi - here.d / bend, start - step, start + step)
+        kink = here.d * here.d > KINK * here.value * jnp.maximum(here.dd, 0.0)  # a singular value that comes to zero
+        move = jnp.where(kink & (here.value > 0), safe_divide(here.value, here.d), here.d / bend)
+        return jnp.clip(phi - move, start - step, start + step)
 
     phi = repeat(SHARPEN, sharpen, start)
     value = jnp.diagonal(jax.vmap(lambda one: _stacked(mechanism, one))(phi).value)

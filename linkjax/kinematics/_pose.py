@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -15,10 +16,10 @@ from jaxtyping import Array
 from linkjax._types import Scalar
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, General, LinkState, Margin, PointState, at_rest, carried
+from linkjax.kinematics._path import path_of
 from linkjax.mechanism import Lump, Mechanism, lumps
 
 STEPS = 120  # a turn, of the reference path of a general group
-FAR, FOLLOW = 60, 5  # damped Newton steps from a sketch, and along the path
 
 
 class Pose(NamedTuple):
@@ -73,14 +74,19 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
     return Pose(points, links, bodies)
 
 
-def prepared(mechanism: Mechanism, turns: int = 1) -> Mechanism:
-    """The mechanism with a reference path for each of its general groups, over `turns` turns of the crank: from the
-    sketch to crank angle zero, and on in small steps. Others are handed back as they are.
+def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
+    """The mechanism with a reference path for each of its general groups, over `turns` turns of the crank (as many as a
+    law of the driver takes, or one): from the sketch to crank angle zero, and on in small steps. Others are handed back
+    as they are.
 
-    Whoever evaluates a mechanism many times prepares it once; what is prepared already stays so. The path carries no
-    derivatives: it only says where Newton's method begins.
+    Whoever evaluates a mechanism many times prepares it once. The path carries no derivatives: it only says where
+    Newton's method begins. It belongs to the numbers it was made of: a mechanism that is made anew, by its constructor
+    or `dataclasses.replace`, has none, and one whose leaves were replaced keeps the old one.
     """
-    if all(getattr(group, "path", ...) is not None for group in mechanism.groups):
+    groups = [group for group in mechanism.groups if isinstance(group, General)]
+    law = mechanism.driver.follows()
+    turns = max(turns or 1, 1 if law is None else round(law.period() / (2 * math.pi)))
+    if all(group.path is not None and group.turns % turns == 0 for group in groups):
         return mechanism
     return _prepared(mechanism, turns)
 
@@ -89,35 +95,20 @@ def prepared(mechanism: Mechanism, turns: int = 1) -> Mechanism:
 def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
     groups: list[AbstractGroup] = []
     fixed = jax.lax.stop_gradient(mechanism)
-    count = STEPS * turns
-    angles = jnp.linspace(0.0, 2 * math.pi * turns, count + 1)
+    angles = jnp.linspace(0.0, 2 * math.pi * turns, STEPS * turns + 1)
     for group in fixed.groups:
-        if isinstance(group, General) and group.path is None:
-            before = jax.vmap(lambda phi, so_far=tuple(groups): _of_groups(fixed, so_far, phi)[:2])(angles)
-            group = dataclasses.replace(group, path=_path(group, fixed.links, *before, angles), turns=turns)
+        if isinstance(group, General):
+
+            def before(phi, so_far=tuple(groups)):
+                here = _of_groups(fixed, so_far, phi)
+                return here.links, here.points
+
+            path = path_of(group, fixed.links, before, angles)
+            group = dataclasses.replace(group, path=jax.lax.stop_gradient(path), turns=turns)
         groups.append(group)
-    paths = [jax.lax.stop_gradient(getattr(group, "path", None)) for group in groups]
-    made = [g if path is None or getattr(g, "path", ...) is not None else dataclasses.replace(g, path=path, turns=turns)
-            for g, path in zip(mechanism.groups, paths, strict=True)]  # fmt: skip
-    links = {name: mechanism.links[name] for name in mechanism.link_names}
-    return Mechanism(mechanism.fixed, links, made, mechanism.flywheel)
-
-
-def _path(group: General, links, points, states, angles: Array) -> Array:
-    """The configurations of a group at crank angles in small steps, from its sketch on."""
-    here = jax.tree.map(lambda leaf: leaf[0], (points, states))
-    places = group.places(links)
-    first = group.closed(links, here[1], here[0], angles[0], group.sketched(places, here[1], here[0]), FAR)
-
-    def step(carry, at):
-        last, before = carry
-        phi, points, states = at
-        now = group.closed(links, states, points, phi, 2 * last - before, FOLLOW)
-        return (now, last), now
-
-    rest = jax.tree.map(lambda leaf: leaf[1:], (angles, points, states))
-    _, path = jax.lax.scan(step, (first, first), rest)
-    return jnp.concatenate([first[None], path])
+    made = [dataclasses.replace(old, path=new.path, turns=turns) if isinstance(new, General) else old
+            for old, new in zip(mechanism.groups, groups, strict=True)]  # fmt: skip
+    return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would drop the paths
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:

@@ -13,10 +13,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax.groups import General
 from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
+from linkjax.mechanism import StructureError
 from linkjax.motion import (
     LEAST,
     Components,
@@ -229,7 +231,12 @@ def smallest_margin(of: Parts) -> Rows:
 @smallest("rad")
 def smallest_transmission_angle(of: Parts) -> Rows:
     """Smallest of all transmission angles over the cycle, an obtuse one counted by what it lacks to 180 degrees: a
-    right angle transmits best, and zero is a dead position."""
+    right angle transmits best, and zero is a dead position. General groups have none; `StructureError` where no other
+    group is there."""
+    groups = of.scene.mechanism.groups[1:]
+    if groups and all(isinstance(group, General) for group in groups):
+        problem = "this machine has none: all its groups are general ones"
+        raise StructureError("smallest_transmission_angle", problem, "leave it out")
 
     def off_square(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)

@@ -10,7 +10,7 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, Crank
+from linkjax.groups import AbstractGroup, Crank, without_path
 from linkjax.mechanism._link import Flywheel, Link
 
 
@@ -39,7 +39,8 @@ class Mechanism(eqx.Module):
     def __init__(self, fixed, links, groups, flywheel=None, link_names=()):
         if link_names:  # as `dataclasses.replace` hands them back: the order in which the links were given
             links = {name: links[name] for name in [*(n for n in link_names if n in links), *links]}
-        self.fixed, self.groups = dict(sorted(fixed.items())), tuple(groups)  # sorted, as jax sorts the keys of dicts
+        self.fixed = dict(sorted(fixed.items()))  # sorted, as jax sorts the keys of dicts
+        self.groups = tuple(without_path(group) for group in groups)  # which belongs to the numbers it was made of
         self.flywheel = Flywheel() if flywheel is None else flywheel
         named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
         self.links, self.link_names = dict(sorted(named.items())), tuple(named)
@@ -158,7 +159,10 @@ def check_structure(mechanism: Mechanism) -> None:
 def _check_guides(mechanism, group, element, placed):
     """Guides are on the frame or on links attached before, and run through points of these."""
     for guide in group.guides():
-        if guide.on != "frame" and (guide.on not in placed or guide.on in group.link_names()):
+        if guide.on in group.link_names():
+            problem = f"the guide is on {guide.on!r}, a link of the group itself"
+            raise StructureError(element, problem, "name the frame, or a link of an earlier group")
+        if guide.on != "frame" and (guide.on not in placed):
             problem = f"the guide is on link {guide.on!r}, which is not attached yet"
             known = [name for name in placed if name not in group.link_names()]
             remedy = "move this group behind the one that brings the link in"

@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
 from linkjax.machine import Scene, ready
+from linkjax.mechanism import StructureError
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, make_grid
 from linkjax.motion._steady import Steady, conclude, node_values, steady_on
@@ -47,6 +48,14 @@ class Run(NamedTuple):
     stall_time: Float[Array, ""]
 
 
+def _free(scene: Scene) -> Scene:
+    """The scene. Raises `StructureError` where its driver follows a law: no equation of motion is to be solved."""
+    if scene.mechanism.prescribed:
+        problem = "follows a law: its motion is known, and no equation of motion is to be solved"
+        raise StructureError(scene.mechanism.crank, problem, "leave diffrax out, or the law")
+    return scene
+
+
 def run_in_angle(
     scene: Scene,
     angles: Float[Array, " points"],
@@ -60,9 +69,10 @@ def run_in_angle(
     """Motion over increasing crank `angles` (rad), starting at the first with `start_speed` (rad/s, positive).
 
     `drive_torque` (N m) is constant. `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed
-    reverse mode; `diffrax.ForwardMode()` for `jvp`. A start from rest counts as a stall: take `run_in_time`.
+    reverse mode; `diffrax.ForwardMode()` for `jvp`. A start from rest counts as a stall: take `run_in_time`. Raises
+    `StructureError` where the driver follows a law.
     """
-    scene = ready(scene)
+    scene = _free(ready(scene))
     grid = make_grid(scene, 8)
     place = jax.vmap(grid.place)(angles)
     cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
@@ -162,6 +172,7 @@ def run_in_time(
     the time of the switch moves with the design, which no step in time can see: first derivatives are those of a run
     in angle through the same states.
     """
+    scene = _free(scene)
     found = _in_time(*jax.lax.stop_gradient((scene, times, start_angle, start_speed, drive_torque)), tolerance, solver)
     least = jax.lax.stop_gradient(REST * scene.speed)
     start_speed = start_speed + jnp.where(start_speed < least, least, 0.0)
@@ -233,14 +244,15 @@ def steady_by_diffrax(
     The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady`
     within the tolerance, and where there is no regime the same altogether. `delta_error` is that of the quadrature and
     the difference between the two, infinite where the integration failed; evaluations are not counted. The tolerance is
-    held above thirty roundings of the precision in force. `solver` (default `Dopri8`) and `adjoint` are
+    held above thirty roundings of the precision in force. A driver that follows a law is refused by a `StructureError`.
+    `solver` (default `Dopri8`) and `adjoint` are
     diffrax's; the latter decides the direction of differentiation: `ForwardMode()` (default) for `jvp`,
     `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 
     tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
-    scene = ready(scene)
+    scene = _free(ready(scene))
     grid = make_grid(scene, nodes)
     here = node_values(scene, grid)
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)

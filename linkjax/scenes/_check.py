@@ -34,7 +34,7 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
 def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
     """A machine is composed of groups, or drawn by links and joints."""
     if model.drive is None and not model.groups:
-        remedy = 'add [[groups]], first the one with kind = "crank"; or a table [drive], and pins to every link'
+        remedy = "add a table [[groups]] for each group, first the crank; or a table [drive], and pins to every link"
         yield ("groups",), "missing", remedy
     if model.drive is not None:
         if model.groups:
@@ -114,8 +114,8 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
         problem = "there is more than one driver" if number else "the first group must be the driver"
         remedy = "keep one: mobility is one" if number else 'begin with kind = "crank" or "slide"'
         yield (*path, "kind"), problem, remedy
-    if isinstance(group, CrankTable) and group.law is not None and model.rotation == "cw":
-        problem = "the crank follows a law, which says which way it turns"
+    if isinstance(group, CrankTable | SlideTable) and group.law is not None and model.rotation == "cw":
+        problem = "the driver follows a law, which says which way it moves"
         yield ("rotation",), problem, "delete rotation"
     if isinstance(group, SlideTable) and model.flywheel.inertia > 0:
         yield ("flywheel",), "there is no shaft for it: a slide drives", "delete it"

@@ -16,7 +16,6 @@ from linkjax.scenes._models import SceneFile
 ADD = {
     "fixed": "add a table [fixed] with the points of the frame, e.g. A = [0, 0]",
     "links": 'add a table for each link, e.g. [links.crank] with length = "300 mm"',
-    "groups": 'add a table [[groups]] for each group, first the one with kind = "crank"',
 }
 
 
@@ -62,9 +61,13 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
         return f"{what} where true or false is needed", "write true or false, without quotes"
     if kind in ("dict_type", "model_type", "union_tag_not_found"):
         name = join(tuple(part for part in path if isinstance(part, str)))
-        brackets = f"[[{name}]]" if "groups" in path[:1] or "loads" in path[:1] else f"[{name}]"
+        if path[0] in ("groups", "loads", "slots", "drive") and len(path) > 1 and isinstance(path[-1], str):
+            return f"{what} where a table is needed", f"write it in braces, {last} = {_inner(table, path)}"
+        brackets = f"[[{name}]]" if path[0] in ("groups", "loads", "slots") else f"[{name}]"
         return f"{what} where a table is needed", f"write {brackets} with its keys below it"
     if kind == "list_type" and path[0] == "optimise" and last != "cases":
+        return f"{what} where a list is needed", f"write it in square brackets, {last} = [...]"
+    if kind == "list_type" and len(path) > 1:
         return f"{what} where a list is needed", f"write it in square brackets, {last} = [...]"
     if kind == "list_type":
         last = join(path)
@@ -88,6 +91,12 @@ def _example(table: Any, path: Path) -> str:
     model = annotation_at(table, path[:-1])
     fallback = "crank" if path[-1] == "kind" else "A"
     return shown(examples(model).get(str(path[-1]), fallback) if is_table(model) else fallback)
+
+
+def _inner(table: Any, path: Path) -> str:
+    """A table with an example for its first key that must be there."""
+    example = {"law": '{ start = "20 deg", stop = "140 deg" }', "stroke": '{ start = "0 mm", stop = "120 mm" }'}
+    return example.get(str(path[-1]), '{ through = "A" }')
 
 
 def _addition(table: Any, path: Path) -> str:

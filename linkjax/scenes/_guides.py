@@ -11,6 +11,7 @@ from pydantic import Field
 
 from linkjax import groups
 from linkjax._units import nearest
+from linkjax.mechanism import StructureError
 from linkjax.scenes._fields import Angle, Length, Name, Table
 
 Fault = tuple[tuple[str | int, ...], str, str]
@@ -56,11 +57,17 @@ class LawTable(Table):
         None, description="crank angles at which values are given", examples=[["0 deg", "120 deg", "240 deg"]]
     )
 
+    cycle: Angle | None = Field(None, description="crank angle after which a spline repeats", examples=["720 deg"])
+
     def build(self) -> groups.AbstractLaw:
         start, stop, values = (getattr(self, key) for key in ("start", "stop", "values"))
         if self.angles is None:
             return groups.Harmonic(start, stop)
-        return groups.Spline(tuple(self.angles), values)
+        return groups.Spline(tuple(self.angles), values, self.period())
+
+    def period(self) -> float:
+        """Crank angle after which it repeats."""
+        return 2 * math.pi if self.cycle is None else self.cycle
 
     def faults(self, path: tuple[str | int, ...]) -> Iterator[Fault]:
         """What does not fit together."""
@@ -69,10 +76,13 @@ class LawTable(Table):
         if set(given) not in (set(ends), set(spline)):
             problem = f"has {' and '.join(given) or 'no key'}, but a law has start and stop, or angles and values"
             yield path, problem, "write the two ends of its motion, or crank angles and the values there"
-        elif self.angles is not None:
+        elif self.angles is None:
+            if self.cycle is not None:
+                yield (*path, "cycle"), "has no effect: from start to stop and back takes a turn", "delete cycle"
+        else:
             count, steps = len(self.angles), [b - a for a, b in itertools.pairwise(self.angles)]
-            if count < 3 or min(steps) <= 0 or self.angles[-1] - self.angles[0] >= 2 * math.pi - 1e-9:
-                problem = "must be three or more, and rise within one turn"
+            if count < 3 or min(steps) <= 0 or self.angles[-1] - self.angles[0] >= self.period() - 1e-9:
+                problem = "must be three or more, and rise within one cycle of the law"
                 yield (*path, "angles"), problem, "leave out the last where it repeats the first"
             values = len(getattr(self, "values", ()))
             if values != count:
@@ -97,10 +107,12 @@ class LengthLaw(LawTable):
 
 
 def law_keys(law: groups.AbstractLaw, write: Callable[[Any], str]) -> dict[str, Any]:
-    """The keys of a law; raises TypeError for one that scene files do not know."""
+    """The keys of a law; raises `StructureError` for one that scene files do not know."""
     if isinstance(law, groups.Harmonic):
         return {"start": write(law.start), "stop": write(law.stop)}
     if isinstance(law, groups.Spline):
         angles = [in_angle(angle) for angle in law.angles]
-        return {"angles": angles, "values": [write(value) for value in law.values]}
-    raise TypeError(f"scene files know no law of the kind {type(law).__name__}; write a Harmonic or a Spline")
+        cycle = {} if law.cycle == 2 * math.pi else {"cycle": in_angle(law.cycle)}
+        return {"angles": angles, "values": [write(value) for value in law.values], **cycle}
+    kind = type(law).__name__
+    raise StructureError("law", f"scene files know no law of the kind {kind}", "write a Harmonic or a Spline")

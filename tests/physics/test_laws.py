@@ -157,7 +157,7 @@ def test_what_is_refused():
     slide = [Slide("block", "D", "A", Harmonic(0.0, 0.1))]
     with pytest.raises(StructureError, match="flywheel: there is no shaft for it: no crank drives"):
         Mechanism({"A": Vec(0, 0)}, {"block": Link()}, slide, Flywheel(1.0))
-    with pytest.raises(StructureError, match="the guide is on link 'block', which is not attached yet"):
+    with pytest.raises(StructureError, match="the guide is on 'block', a link of the group itself"):
         Mechanism(
             {"A": Vec(0, 0)}, {"block": Link()}, [Slide("block", "D", Guide("A", on="block"), Harmonic(0.0, 0.1))]
         )

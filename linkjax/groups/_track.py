@@ -1,0 +1,59 @@
+"""The reference path of a general group: where Newton's method begins at any crank angle."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import wrapped
+
+
+def closed_to(dtype: Any) -> float:
+    """What an assembly may leave open, of the size of the group: some thousand times the rounding."""
+    return float(jnp.finfo(dtype).eps) ** 0.6
+
+
+class Track(NamedTuple):
+    """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
+    leave open, of the size of the group."""
+
+    z: Array
+    sense: Array
+    gap: Array
+
+    def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
+        """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
+        count, span = self.sense.size - 1, 2 * jnp.pi * turns
+        place = wrapped(phi, span) * (count / span)
+        whole = jnp.clip(jnp.floor(place), 0, count - 1)
+        return whole.astype(int), place - whole
+
+    def at(self, phi: Array, turns: int) -> Array:
+        """The configuration at a crank angle, roughly."""
+        i, rest = self.place(phi, turns)
+        return self.z[i] + (self.z[i + 1] - self.z[i]) * rest
+
+    def elsewhere(self, phi: Array, turns: int) -> Array:
+        """Whether the group is in another assembly than it began with, though it closes all the way."""
+        i, _ = self.place(phi, turns)
+        flipped = (self.sense[i] * self.sense[0] < 0) & (self.sense[i + 1] * self.sense[0] < 0)
+        return self.closes() & (flipped | self.astray())
+
+    def closes(self) -> Array:
+        """Whether it closes all the way."""
+        return jnp.all(self.gap < jnp.finfo(self.gap.dtype).eps ** 0.4)  # at a change point the last digits are slow
+
+    def astray(self) -> Array:
+        """Whether it does not come back to where it began."""
+        apart = jnp.max(jnp.abs(self.z[-1] - self.z[0])[:, 2:])
+        return apart > jnp.finfo(apart.dtype).eps ** 0.4
+
+    def trouble(self) -> str:
+        """What is wrong with it though it closes: "astray" where it does not come back, "change point" where it goes
+        on in another assembly; "" for neither."""
+        if not bool(self.closes()):
+            return ""
+        flips = bool(jnp.any(self.sense != self.sense[0]))
+        return "change point" if flips else "astray" if bool(self.astray()) else ""

@@ -1,0 +1,53 @@
+"""Following a general group along the crank, from its sketch on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax.groups import General, Track, closed_to
+
+FAR = 60  # damped Newton steps from a sketch
+ALONG = 5  # and in a step along the path
+SWING = 0.2  # rad, or of the size: what links may move in one step
+SMALLEST = 128  # parts of a step that a smaller one may be
+
+
+def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: Array) -> Track:
+    """The configurations of a group at these crank angles; `before` gives states of links and points that were there
+    before the group at a crank angle."""
+    states, points = before(angles[0])
+    sketch = group.sketched(group.places(links), states, points)
+    first = Track(*group.closed(links, states, points, angles[0], sketch, FAR))
+
+    def step(last: Track, ends: tuple[Array, Array]):
+        now = _follow(group, links, before, last, *ends)
+        return now, now
+
+    _, rest = jax.lax.scan(step, first, (angles[:-1], angles[1:]))
+    return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
+
+
+def _follow(group: General, links: Mapping[str, Any], before: Callable, last: Track, phi: Array, to: Array) -> Track:
+    """From a configuration on to the next crank angle, in as many steps as it takes: a step is made smaller while it
+    does not close, moves links far, or turns the sense of the Jacobian; the smallest is taken as it is."""
+    least, shut, size = (to - phi) / SMALLEST, closed_to(last.z.dtype), group.size(links)
+    measure = jnp.stack([size, size, jnp.ones_like(size), jnp.ones_like(size)])[None]
+
+    def goes_on(carry):
+        return carry[1] < to - 0.5 * least
+
+    def step(carry):
+        here, at, width = carry
+        new = jnp.minimum(at + width, to)
+        there = Track(*group.closed(links, *before(new), new, here.z, ALONG))
+        calm = jnp.max(jnp.abs(there.z - here.z) / measure) < SWING
+        good = (there.gap < shut) & calm & (there.sense == here.sense) | (width <= least)
+        kept = jax.tree.map(lambda a, b: jnp.where(good, a, b), (there, new), (here, at))
+        return *kept, jnp.maximum(jnp.where(good, 2 * width, 0.5 * width), least)
+
+    return jax.lax.while_loop(goes_on, step, (last, phi, to - phi))[0]
