@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     from linkjax.motion import flywheel_for as flywheel_for
     from linkjax.motion import steady as steady
     from linkjax.reduction import reduce as reduce
+    from linkjax.rolling import Rolling as Rolling
+    from linkjax.rolling import RollingMachine as RollingMachine
     from linkjax.scenes import SceneError as SceneError
     from linkjax.scenes import load as load
     from linkjax.scenes import load_task as load_task
@@ -74,6 +76,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "forces": (),
     "analysis": ("Cycle", "analyse"),
     "measures": (),
+    "rolling": ("Rolling", "RollingMachine"),
     "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
     "scenes": ("SceneError", "load", "load_task", "scene_names"),
     "viz": (),
