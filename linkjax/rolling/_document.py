@@ -31,6 +31,7 @@ def document(machine: RollingMachine, angles: int = 360, name: str = "", version
     code = Result.CANNOT_BE_ASSEMBLED if wrong else Result.SUCCESS
     found = {
         "scene": name or machine.title,
+        "title": machine.title,
         "kind": "rolling",
         "linkjax_version": version,
         "precision": str(made.radii.dtype),
