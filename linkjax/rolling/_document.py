@@ -2,19 +2,47 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
+from linkjax._compile import compiled_soon
 from linkjax._results import Result
+from linkjax._types import Scalar
 from linkjax._vec import Vec
-from linkjax.rolling._chain import Chain, centre_curve, chain, clearances, closing_clearance, closure_gap
-from linkjax.rolling._closing import closing_eccentricity, closing_outer_radius, fitting_bodies, margins
+from linkjax.rolling._chain import Chain, Ellipse, centre_curve, chain, clearances, closing_clearance
 from linkjax.rolling._design import Rolling
-from linkjax.rolling._machine import RollingMachine, problem
+from linkjax.rolling._machine import Closing, RollingMachine, closing, problem
+from linkjax.rolling._rates import Rates
+
+
+class _Computed(NamedTuple):
+    """What is computed of a chain and its motion; `path` and `turned` over the angles of the driven member."""
+
+    made: Chain
+    curve: Ellipse
+    clearance: Scalar
+    apart: Array
+    speeds: Rates
+    ratios: Rates
+    angles: Array
+    path: Chain
+    turned: Rates
+
+
+@functools.partial(compiled_soon, static=("angles",))
+def _computed(machine: RollingMachine, angles: int) -> _Computed:
+    design, steps = machine.design, jnp.linspace(0.0, machine.cycle, angles, endpoint=False)
+    along = steps * jnp.where(machine.speed < 0, -1.0, 1.0)
+    return _Computed(
+        chain(design), centre_curve(design), closing_clearance(design), clearances(design), machine.speeds(),
+        machine.turned(1.0), steps, jax.vmap(machine.at)(along), jax.vmap(machine.turned)(along),
+    )  # fmt: skip
 
 
 def document(machine: RollingMachine, angles: int = 360, name: str = "", version: str = "") -> dict[str, Any]:
@@ -23,13 +51,11 @@ def document(machine: RollingMachine, angles: int = 360, name: str = "", version
     `angles` is the number of equal steps of the driven member, along its rotation, at which the places of the bodies
     are given: over one turn of the line of centres, or of the driven member where the line of centres is held.
     """
-    design, made, speeds, ratios = machine.design, chain(machine.design), machine.speeds(), machine.turned(1.0)
-    turned = jnp.linspace(0.0, machine.cycle, angles, endpoint=False)
-    along = turned * jnp.where(machine.speed < 0, -1.0, 1.0)
-    path, spins = jax.vmap(machine.at)(along), jax.vmap(machine.turned)(along)
+    design, found, judged = machine.design, _computed(machine, angles=angles), closing(machine.design)
+    made, path, turned = found.made, found.path, found.turned
     wrong = problem(design)
     code = Result.CANNOT_BE_ASSEMBLED if wrong else Result.SUCCESS
-    found = {
+    data = {
         "scene": name or machine.title,
         "title": machine.title,
         "kind": "rolling",
@@ -41,31 +67,27 @@ def document(machine: RollingMachine, angles: int = 360, name: str = "", version
         },
         "chain": {
             "bodies": design.bodies, "turns": design.turns, "start": design.start,
-            "closure_gap": closure_gap(design), "closing_clearance": closing_clearance(design),
+            "closure_gap": judged.gap, "closing_clearance": found.clearance,
         },
-        "bodies": {"angle": made.angles, "radius": made.radii, "x": made.centres.x, "y": made.centres.y},
-        "contacts": {
-            kind: _both(getattr(made, f"{kind}_contacts")) for kind in ("inner", "outer", "neighbour")
-        },
-        "centres": _curve(design),
-        "limits": _limits(design),
+        "bodies": {"angle": made.angles, "radius": made.radii, **_both(made.centres)},
+        "contacts": {kind: _both(getattr(made, f"{kind}_contacts")) for kind in ("inner", "outer", "neighbour")},
+        "centres": {**_both(found.curve.centre), "semi_major": found.curve.major, "semi_minor": found.curve.minor},
+        "limits": _limits(design, found, judged),
         "motion": {
             "held": machine.held, "driven": machine.driven, "speed": machine.speed,
-            "inner": speeds.inner, "outer": speeds.outer, "carrier": speeds.carrier, "bodies": speeds.bodies,
-            "rubbing": speeds.rubbing,
-            "ratios": {key: getattr(ratios, key) for key in ("inner", "outer", "carrier", "bodies")},
+            **_rates(found.speeds), "rubbing": found.speeds.rubbing, "ratios": _rates(found.ratios),
         },
-        "angles": turned,
+        "angles": found.angles,
         "path": {
-            "x": path.centres.x.T, "y": path.centres.y.T, "body_angles": spins.bodies.T,
-            "inner": {**_both(path.inner_centre), "angle": spins.inner},
-            "outer": {**_both(path.outer_centre), "angle": spins.outer},
-            "carrier": spins.carrier,
+            "x": path.centres.x.T, "y": path.centres.y.T, "body_angles": turned.bodies.T,
+            "inner": {**_both(path.inner_centre), "angle": turned.inner},
+            "outer": {**_both(path.outer_centre), "angle": turned.outer},
+            "carrier": turned.carrier,
         },
         "checks": {"contacts": _contacts(design, made)},
         "result": {"code": int(code), "name": code.name.lower(), "message": wrong or "The chain closes."},
     }  # fmt: skip
-    return _plain(found)
+    return _plain(data)
 
 
 def _plain(value: Any) -> Any:
@@ -82,23 +104,20 @@ def _both(at: Vec) -> dict[str, Any]:
     return {"x": at.x, "y": at.y}
 
 
-def _curve(design: Rolling) -> dict[str, Any]:
-    curve = centre_curve(design)
-    return {**_both(curve.centre), "semi_major": curve.major, "semi_minor": curve.minor}
+def _rates(rates: Rates) -> dict[str, Any]:
+    return {key: getattr(rates, key) for key in ("inner", "outer", "carrier", "bodies")}
 
 
-def _limits(design: Rolling) -> dict[str, Any]:
+def _limits(design: Rolling, found: _Computed, judged: Closing) -> dict[str, Any]:
     """What bounds the chain, and what would close it."""
-    inner, outer, e = design.inner_radius, design.outer_radius, design.eccentricity
-    apart, edge = clearances(design), margins(design)
-    closes = float(edge.closing) >= 0
+    inner, outer, e = (float(x) for x in (design.inner_radius, design.outer_radius, design.eccentricity))
     return {
-        "largest_radius": 0.5 * (outer + jnp.abs(e) - inner), "smallest_radius": 0.5 * (outer - jnp.abs(e) - inner),
-        "ring_margin": edge.rings, "closing_margin": edge.closing,
-        "closing_outer_radius": closing_outer_radius(inner, design.bodies, e, design.turns),
-        "closing_eccentricity": closing_eccentricity(inner, outer, design.bodies, design.turns) if closes else None,
-        "fitting_bodies": fitting_bodies(design),
-        "least_clearance": float(jnp.min(apart)) if apart.size else None,
+        "largest_radius": 0.5 * (outer + abs(e) - inner), "smallest_radius": 0.5 * (outer - abs(e) - inner),
+        "ring_margin": judged.margins.rings, "closing_margin": judged.margins.closing,
+        "closing_outer_radius": judged.outer_radius,
+        "closing_eccentricity": judged.eccentricity if float(judged.margins.closing) >= 0 else None,
+        "fitting_bodies": judged.bodies,
+        "least_clearance": float(jnp.min(found.apart)) if found.apart.size else None,
     }  # fmt: skip
 
 

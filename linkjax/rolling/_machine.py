@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._compile import compiled_soon
 from linkjax._display import Numbers
 from linkjax._results import MachineError, Result
 from linkjax._types import Scalar, as_float
 from linkjax._vec import Vec
 from linkjax.mechanism import StructureError
 from linkjax.rolling._chain import Chain, chain, closure_gap, moved
-from linkjax.rolling._closing import closing_eccentricity, closing_outer_radius, fitting_bodies, margins
+from linkjax.rolling._closing import Margins, closing_eccentricity, closing_outer_radius, fitting_bodies, margins
 from linkjax.rolling._design import Rolling
 from linkjax.rolling._rates import Rates, rates
 
@@ -81,42 +82,59 @@ def check(design: Rolling) -> None:
         raise MachineError(wrong, Result.CANNOT_BE_ASSEMBLED)
 
 
+class Closing(NamedTuple):
+    """The numbers by which a chain is judged."""
+
+    margins: Margins
+    gap: Scalar
+    outer_radius: Scalar
+    eccentricity: Scalar
+    bodies: Scalar
+
+
+@compiled_soon
+def closing(design: Rolling) -> Closing:
+    """Margins, the gap, and the outer radius, eccentricity and (real) number of bodies that would close the chain."""
+    inner, outer, e, bodies, turns = (
+        design.inner_radius, design.outer_radius, design.eccentricity, design.bodies, design.turns
+    )  # fmt: skip
+    wider = closing_outer_radius(inner, bodies, e, turns)
+    other = closing_eccentricity(inner, outer, bodies, turns)
+    return Closing(margins(design), closure_gap(design), wider, other, fitting_bodies(design))
+
+
 def problem(design: Rolling) -> str:
     """What `check` says, and nothing where the chain closes."""
-    return _rings(design) or _closing(design)
+    found = closing(design)
+    return _rings(design, found) or _closing(design, found)
 
 
-def _rings(design: Rolling) -> str:
+def _rings(design: Rolling, found: Closing) -> str:
     """What is wrong with the rings alone; nothing where they leave room."""
     inner, outer, e = (float(x) for x in (design.inner_radius, design.outer_radius, design.eccentricity))
     if not (np.isfinite([inner, outer, e]).all() and inner > 0 and outer > 0):
         return f"inner radius {inner:g} m, outer radius {outer:g} m, eccentricity {e:g} m: radii must be positive"
-    if float(margins(design).rings) > 0:
+    if float(found.margins.rings) > 0:
         return ""
     show = Numbers()
-    least = show.quantity(float(closing_outer_radius(inner, design.bodies, e, design.turns)), "m", 9)
     return (
         f"The rings touch or cross: the outer radius {show.shown(outer, 'm')} is not above inner radius and "
         f"eccentricity together, {show.shown(inner + abs(e), 'm')}. Take a smaller eccentricity, or a larger outer "
-        f"ring (with {least} the chain closes)."
+        f"ring (with {show.quantity(float(found.outer_radius), 'm', 9)} the chain closes)."
     )
 
 
-def _closing(design: Rolling) -> str:
+def _closing(design: Rolling, found: Closing) -> str:
     """How a chain fails to close and what would close it; nothing where it does."""
-    inner, outer, bodies, turns = design.inner_radius, design.outer_radius, design.bodies, design.turns
-    gap = float(closure_gap(design))
+    gap, show = float(found.gap), Numbers()
     if abs(gap) <= CLOSED:
         return ""
-    show = Numbers()
-    wider = show.quantity(float(closing_outer_radius(inner, bodies, design.eccentricity, turns)), "m", 9)
-    ways = [f"an outer radius of {wider}"]
-    if float(margins(design).closing) >= 0:
-        other = float(closing_eccentricity(inner, outer, bodies, turns))
-        ways.append(f"an eccentricity of {show.quantity(other, 'm', 9)}")
+    ways = [f"an outer radius of {show.quantity(float(found.outer_radius), 'm', 9)}"]
+    if float(found.margins.closing) >= 0:
+        ways.append(f"an eccentricity of {show.quantity(float(found.eccentricity), 'm', 9)}")
     what = "leaves a gap of" if gap > 0 else "overlaps itself by"
     return (
-        f"The chain does not close: it {what} {show.turned(abs(gap))}; these rings take "
-        f"{float(fitting_bodies(design)):.4f} bodies in {turns} turn{'s' if turns > 1 else ''}, not {bodies}. "
+        f"The chain does not close: it {what} {show.turned(abs(gap))}; these rings take {float(found.bodies):.4f} "
+        f"bodies in {design.turns} turn{'s' if design.turns > 1 else ''}, not {design.bodies}. "
         f"It closes with {' or '.join(ways)}."
     )
