@@ -15,11 +15,10 @@ from linkjax import __version__
 from linkjax._display import NONE, Numbers
 from linkjax.analysis import plain
 from linkjax.cli._console import console, elapsed
-from linkjax.rolling import RollingMachine, check, document
+from linkjax.rolling import RollingMachine, check, document, tidy
 from linkjax.scenes import SceneError
 
 Data = dict[str, Any]
-ROUNDING = 1e-14  # of the outer radius
 NAMES = {"inner": "inner ring", "outer": "outer ring", "carrier": "line of centres"}
 
 
@@ -58,7 +57,7 @@ def analyse_rolling(
     if csv_folder:
         _write_csv(data, csv_folder)
     check(machine.design)
-    _print(data, machine, show)
+    _print(tidy(data), machine, show)
     if out:
         with elapsed("drawing"):  # the rooms load matplotlib, so only when drawing
             figures = linkjax.viz.write_rolling_figures(data, out, units)
@@ -81,11 +80,6 @@ def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
     inner, outer, e = show.told([rings[key] for key in ("inner_radius", "outer_radius", "eccentricity")], "m", 9)
     largest, smallest = show.told([limits["largest_radius"], limits["smallest_radius"]], "m", 9)
     apart = limits["least_clearance"]
-
-    def clean(length: float) -> float:
-        """Zero for what is only rounding."""
-        return 0.0 if abs(length) < ROUNDING * rings["outer_radius"] else float(length)
-
     rows = [
         ("radius of the inner ring", inner),
         ("radius of the outer ring", outer),
@@ -93,7 +87,7 @@ def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
         ("largest body that fits", largest),
         ("smallest body that fits", smallest),
         ("bodies that these rings take", show.quantity(limits["fitting_bodies"], "", 9)),
-        ("gap between last and first body", show.quantity(clean(data["chain"]["closing_clearance"]), "m", 2)),
+        ("gap between last and first body", show.quantity(data["chain"]["closing_clearance"], "m", 2)),
         ("least distance of others", NONE if apart is None else show.quantity(apart, "m", 6)),
         *((f"speed of the {NAMES[key]}", show.speed(motion[key])) for key in NAMES),
         ("neighbours rub at", show.quantity(motion["rubbing"], "m/s", 6)),
@@ -106,7 +100,7 @@ def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
         more = "bodies of different turns overlap in the plane: give them planes of their own"
         console.print(f"WARNING: {more}", style="bold", highlight=False)
     table = Table("body", "radius", "at", "x", "y", "speed", box=None, pad_edge=False)
-    columns = [show.told([clean(value) for value in bodies[key]], "m", 9) for key in ("radius", "x", "y")]
+    columns = [show.told(bodies[key].tolist(), "m", 9) for key in ("radius", "x", "y")]
     for i, (radius, x, y) in enumerate(zip(*columns, strict=True)):
         table.add_row(str(i + 1), radius, show.turned(bodies["angle"][i]), x, y, show.speed(motion["bodies"][i]))
     console.print()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 from linkjax._units import display_units
 from linkjax.report._cells import Cell, Cells, table, words
 from linkjax.report._report import HERE, PAGE, figure_html
+from linkjax.rolling import tidy
 from linkjax.viz import ROLLING_PICTURES, scale_mark, svg
 
 Data = dict[str, Any]
@@ -39,7 +39,7 @@ def write_rolling_report(data: Data, path: str | Path, *, units: str = "") -> Pa
     `units` is what numbers are shown in ("in, rad/s"). Raises `OSError` where the file cannot be written,
     `QuantityError` for an unknown unit.
     """
-    chosen = display_units(units)
+    data, chosen = tidy(data), display_units(units)
     show = Cells(chosen)
     pictures = {
         name: figure_html(svg(name, draw(data, chosen)), name, caption)
@@ -107,10 +107,10 @@ def _drive(show: Cells, data: Data) -> str:
 
 def _bodies(show: Cells, data: Data) -> str:
     bodies, spins = data["bodies"], data["motion"]["bodies"]
-    columns: Sequence[list[Cell]] = [
-        show.several(bodies["radius"], "m", 9),
+    columns = [
+        show.several(bodies["radius"].tolist(), "m", 9),
         [show.angle(angle) for angle in bodies["angle"]],
-        show.several(bodies["x"], "m", 6), show.several(bodies["y"], "m", 6),
+        show.several(bodies["x"].tolist(), "m", 6), show.several(bodies["y"].tolist(), "m", 6),
         [Cell(show.speed(spin), True) for spin in spins],
     ]  # fmt: skip
     rows = [[words(i), *cells] for i, cells in enumerate(zip(*columns, strict=True), 1)]

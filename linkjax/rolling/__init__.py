@@ -20,6 +20,7 @@ from linkjax.rolling._closing import margins as margins
 from linkjax.rolling._closing import rings_for as rings_for
 from linkjax.rolling._design import Rolling as Rolling
 from linkjax.rolling._document import document as document
+from linkjax.rolling._document import tidy as tidy
 from linkjax.rolling._machine import MEMBERS as MEMBERS
 from linkjax.rolling._machine import RollingMachine as RollingMachine
 from linkjax.rolling._machine import check as check

@@ -20,6 +20,8 @@ from linkjax.rolling._design import Rolling
 from linkjax.rolling._machine import Closing, RollingMachine, closing, problem
 from linkjax.rolling._rates import Rates
 
+ROUNDING = 1e-14  # of the outer radius
+
 
 class _Computed(NamedTuple):
     """What is computed of a chain and its motion; `path` and `turned` over the angles of the driven member."""
@@ -88,6 +90,15 @@ def document(machine: RollingMachine, angles: int = 360, name: str = "", version
         "result": {"code": int(code), "name": code.name.lower(), "message": wrong or "The chain closes."},
     }  # fmt: skip
     return _plain(data)
+
+
+def tidy(data: dict[str, Any]) -> dict[str, Any]:
+    """The document as it is shown: places of the bodies and the gap are zero where they are only rounding."""
+    least = ROUNDING * data["rings"]["outer_radius"]
+    bodies, chain = data["bodies"], data["chain"]
+    places = {key: np.where(np.abs(bodies[key]) < least, 0.0, bodies[key]) for key in ("x", "y")}
+    gap = chain["closing_clearance"]
+    return data | {"bodies": bodies | places, "chain": chain | {"closing_clearance": 0.0 if abs(gap) < least else gap}}
 
 
 def _plain(value: Any) -> Any:
