@@ -13,6 +13,7 @@ from linkjax.scenes._build_rolling import build_rolling as build_rolling
 from linkjax.scenes._build_rolling import load_rolling as load_rolling
 from linkjax.scenes._build_rolling import rolling_schema as rolling_schema
 from linkjax.scenes._build_rolling import rolling_starter as rolling_starter
+from linkjax.scenes._build_rolling import rolling_text as rolling_text
 from linkjax.scenes._document import Document as Document
 from linkjax.scenes._document import load_document as load_document
 from linkjax.scenes._document import override as override

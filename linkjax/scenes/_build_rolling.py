@@ -20,6 +20,7 @@ from linkjax.scenes._document import ROLLING, Document, load_document, overridde
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained, fault, from_structure
 from linkjax.scenes._rolling import RollingFile
+from linkjax.scenes._write import amount
 
 SIZES = ("inner_radius", "outer_radius", "eccentricity")
 
@@ -70,6 +71,24 @@ def _design(model: RollingFile, document: Document) -> Rolling:
             remedy = f"take an outer radius of {least} at least, or more bodies"
             raise fault(document.source, document.table, ("outer_radius",), problem, remedy)
     return Rolling(inner, outer, bodies, turns, e, model.start)
+
+
+def rolling_text(machine: RollingMachine, comment: str = "") -> str:
+    """The text of a scene file for a machine, in SI units, with a comment on top; read back it is the same machine.
+
+    Raises `StructureError` for machines that are traced or batched.
+    """
+    import tomli_w  # loaded when something is written
+
+    design = machine.design
+    head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
+    return head + tomli_w.dumps({
+        "kind": "rolling", **({"title": machine.title} if machine.title else {}),
+        **{key: amount(getattr(design, key), "m") for key in SIZES},
+        "bodies": design.bodies, "turns": design.turns, "start": amount(design.start, "rad"),
+        "held": machine.held, "driven": machine.driven, "speed": amount(abs(machine.speed), "rad/s"),
+        "rotation": "cw" if float(machine.speed) < 0 else "ccw",
+    }, multiline_strings=False)  # fmt: skip
 
 
 def rolling_starter(name: str) -> str:

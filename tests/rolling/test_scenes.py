@@ -14,7 +14,15 @@ import pytest
 
 import linkjax as lj
 from linkjax.rolling import check
-from linkjax.scenes import SceneError, build_rolling, loads_text, read_document, rolling_schema, rolling_starter
+from linkjax.scenes import (
+    SceneError,
+    build_rolling,
+    loads_text,
+    read_document,
+    rolling_schema,
+    rolling_starter,
+    rolling_text,
+)
 from linkjax.scenes._rolling import RollingFile
 from tests.helpers import PACKAGE, ROOT
 
@@ -108,6 +116,19 @@ def test_a_linkage_is_not_taken_for_one_nor_the_other_way_round():
         lj.load_rolling("roling-eccentric")
     with pytest.raises(SceneError, match="eccentricty is not a known key; did you mean 'eccentricity'"):
         lj.load_rolling("rolling-eccentric", {"eccentricty": "3 mm"})
+
+
+@pytest.mark.parametrize("changes", [{}, {"rotation": "cw", "start": "20 deg", "title": ""}, {"bodies": 7, "turns": 2}])
+def test_what_is_written_reads_back_to_the_last_bit(changes):
+    machine = lj.load_rolling("rolling-eccentric", changes)
+    text = rolling_text(machine, "found by\nNewton's method")
+    assert text.startswith("# found by\n# Newton's method\n")
+    again = read(text)
+    assert jax.tree.structure(again) == jax.tree.structure(machine)
+    assert list(map(float, jax.tree.leaves(again))) == list(map(float, jax.tree.leaves(machine)))
+    many = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), machine)
+    with pytest.raises(lj.StructureError, match="traced or batched"):
+        rolling_text(many)
 
 
 def test_the_starter():
