@@ -50,7 +50,8 @@
     }),
     ...view.x.map((x, i) => member(x, view.y[i], view.ratios.bodies[i], (group) => {
       const r = view.scale * view.radius[i], c = Math.cos(view.angle[i]), s = -Math.sin(view.angle[i]);
-      make(group, "circle", { r: r, fill: "#f4d58c", stroke: INK, "data-body": i });
+      make(group, "circle", { r: r, fill: "#f4d58c", "fill-opacity": view.turns > 1 ? 0.5 : 1, stroke: INK,
+        "data-body": i });
       make(group, "line", { x1: 0.62 * r * c, y1: 0.62 * r * s, x2: r * c, y2: r * s, stroke: INK, "stroke-width": 1.4 });
     })),
     member(view.centres.x, view.centres.y, view.ratios.carrier, (group) => {

@@ -211,8 +211,9 @@ def _members(data: Data, at: Plan) -> list[Artist]:
                                     (at.outer, GREEN, outer, outer + rim)):  # fmt: skip
         for quarter in range(4):
             found.append(_spoke(ring[:2], ring[2] + quarter * math.pi / 2, near, far, colour))
+    fill = (*tint(ORANGE, 0.45), 0.5 if data["chain"]["turns"] > 1 else 1.0)  # bodies that overlap show each other
     for x, y, r, spin in zip(at.x, at.y, radii, at.spins, strict=True):
-        found.append(Circle((x, y), r, facecolor=tint(ORANGE, 0.45), edgecolor=INK, linewidth=1.0, zorder=3.2))
+        found.append(Circle((x, y), r, facecolor=fill, edgecolor=INK, linewidth=1.0, zorder=3.2))
         found.append(_spoke((x, y), spin, 0.62 * r, r, INK))
     return found
 

@@ -10,6 +10,7 @@ from linkjax import MachineError, Result
 from linkjax.mechanism import StructureError
 from linkjax.rolling import (
     Rolling,
+    chain,
     check,
     closing_clearance,
     closing_eccentricity,
@@ -103,3 +104,13 @@ def test_an_overlap_of_more_than_a_body_is_no_gap():
     assert float(fitting_bodies(design)) < 6
     with pytest.raises(MachineError, match="overlaps itself by"):
         check(design)
+
+
+@pytest.mark.parametrize("e", [0.01, -0.01])
+def test_the_margin_of_the_rings_is_the_smallest_body(e):
+    """Twice its radius over that of the outer ring: the body on the line of centres, at the narrow side."""
+    narrow = math.pi if e > 0 else 0.0
+    smallest = chain(Rolling(0.04, 0.1, 8, eccentricity=e, start=narrow)).radii[0]
+    assert float(margins(Rolling(0.04, 0.1, 8, eccentricity=e)).rings) == pytest.approx(
+        2 * float(smallest) / 0.1, rel=1e-13
+    )
