@@ -84,7 +84,8 @@ def rolling_view(data: Data, units: str = "") -> dict[str, Any]:
     length, text = scale_mark(0.22 * WIDE / scale, display_units(units))
     ratios = {name: _listed(value) for name, value in motion["ratios"].items()}
     return {
-        **rings, "turns": data["chain"]["turns"], "ratios": ratios, "rest": rest, "sense": -1 if motion["speed"] < 0 else 1, "scale": scale,
+        **rings, "turns": data["chain"]["turns"],
+        "ratios": ratios, "rest": rest, "sense": -1 if motion["speed"] < 0 else 1, "scale": scale,
         "left": 0.5 * WIDE - scale * rest, "base": 0.5 * WIDE, "height": WIDE, "bar": {"length": length, "text": text},
         "centres": data["centres"], **{name: _listed(data["bodies"][name]) for name in ("angle", "radius", "x", "y")},
     }  # fmt: skip
