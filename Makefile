@@ -20,7 +20,7 @@ VERSION := $(shell $(PYTHON) -c 'import sys; v = sys.version_info; print("%d.%d.
 MADE := $(VENV)/python-$(or $(VERSION),missing)
 # what the site is made of, and what its pages link to
 PAGES = README.md CHANGELOG.md CONTRIBUTING.md LICENSE docs studies notebooks tests/data/printed.json \
-  linkjax/scenes/builtin linkjax/scenes/scene.schema.json
+  linkjax/scenes/builtin linkjax/scenes/rolling linkjax/scenes/scene.schema.json
 
 .PHONY: demo test test-all check format bench docs clean
 

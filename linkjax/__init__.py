@@ -56,9 +56,13 @@ if TYPE_CHECKING:
     from linkjax.motion import flywheel_for as flywheel_for
     from linkjax.motion import steady as steady
     from linkjax.reduction import reduce as reduce
+    from linkjax.rolling import Rolling as Rolling
+    from linkjax.rolling import RollingMachine as RollingMachine
     from linkjax.scenes import SceneError as SceneError
     from linkjax.scenes import load as load
+    from linkjax.scenes import load_rolling as load_rolling
     from linkjax.scenes import load_task as load_task
+    from linkjax.scenes import rolling_names as rolling_names
     from linkjax.scenes import scene_names as scene_names
 
 __version__ = "0.1.0"
@@ -93,8 +97,9 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "forces": (),
     "analysis": ("Cycle", "analyse"),
     "measures": (),
+    "rolling": ("Rolling", "RollingMachine"),
     "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
-    "scenes": ("SceneError", "load", "load_task", "scene_names"),
+    "scenes": ("SceneError", "load", "load_rolling", "load_task", "rolling_names", "scene_names"),
     "viz": (),
     "report": (),
 }

@@ -22,9 +22,22 @@ from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, Units, changes_of, make_folders
 from linkjax.cli._print import print_at, print_scene, print_structure, print_summary
+from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling, structure_of
 from linkjax.cli._write import write_csv, write_out
 from linkjax.mechanism import structure
-from linkjax.scenes import SceneError, build, json_schema, load, load_document, scene_names, starter
+from linkjax.scenes import (
+    SceneError,
+    build,
+    json_schema,
+    load,
+    load_document,
+    load_rolling,
+    rolling_names,
+    rolling_schema,
+    rolling_starter,
+    scene_names,
+    starter,
+)
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -34,6 +47,17 @@ class Road(StrEnum):
 
     quadrature = "quadrature"
     diffrax = "diffrax"
+
+
+class Kind(StrEnum):
+    """What a scene file describes."""
+
+    linkage = "linkage"
+    rolling = "rolling"
+
+
+KindOf = Annotated[Kind, typer.Option("--kind", help="A linkage, or rolling bodies between two rings.")]
+NODES = 96
 
 
 def _version(wanted: bool | None) -> None:
@@ -58,31 +82,41 @@ def scenes() -> None:
     for name in scene_names():
         scene = build(load_document(name))
         table.add_row(name, Text(scene.title), scene.mechanism.formula())
+    for name in rolling_names():
+        machine = load_rolling(name)
+        table.add_row(name, Text(machine.title), structure_of(machine))
     console.print(table)
 
 
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new scene; NAME.toml is written.")],
+    kind: KindOf = Kind.linkage,
 ) -> None:
     """Write a commented starter scene NAME.toml."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     if path.exists():
         raise SceneError(str(path), "", None, "exists already", "choose another name or delete the file")
-    path.write_text(starter(path.stem), encoding="utf-8")
+    text = starter if kind is Kind.linkage else rolling_starter
+    path.write_text(text(path.stem), encoding="utf-8")
     console.print(f"{path} written; next: linkjax analyse {shlex.quote(str(path))}", highlight=False)
 
 
 @app.command()
-def schema() -> None:
+def schema(kind: KindOf = Kind.linkage) -> None:
     """Print the JSON Schema of scene files."""
-    typer.echo(json.dumps(json_schema(), indent=1, ensure_ascii=False))
+    found = json_schema() if kind is Kind.linkage else rolling_schema()
+    typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
 
 
 @app.command()
 def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
     """Show a scene: structure, links, loads."""
-    print_scene(load(scene, changes_of(scene, set_)), scene, Numbers(display_units(units)))
+    shown, changes = Numbers(display_units(units)), changes_of(scene, set_)
+    if load_document(scene).rolling:
+        show_rolling(load_rolling(scene, changes), scene, shown)
+    else:
+        print_scene(load(scene, changes), scene, shown)
 
 
 @app.command(name="structure")
@@ -103,14 +137,22 @@ def analyse_command(
     ] = None,
     constant_speed: Annotated[bool, typer.Option("--constant-speed", help="Forces at constant nominal speed.")] = False,
     motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
-    nodes: Nodes = 96,
+    nodes: Nodes = NODES,
     units: Units = "",
     set_: Set = None,
     quiet: Quiet = False,
 ) -> None:
     """Analyse a working cycle: kinematics, motion, forces, flywheel."""
     console.quiet = quiet
-    machine = load(scene, changes_of(scene, set_))
+    changes = changes_of(scene, set_)
+    if load_document(scene).rolling:
+        refuse(scene, {"--at": at is not None, "--constant-speed": constant_speed, "--nodes": nodes != NODES,
+                       "--motion": motion is not Road.quadrature})  # fmt: skip
+        bodies, shown = load_rolling(scene, changes), Numbers(display_units(units))
+        make_folders(out, csv_folder, json_file)
+        analyse_rolling(bodies, scene, shown, units, angles, out=out, json_file=json_file, csv_folder=csv_folder)
+        return
+    machine = load(scene, changes)
     shown = Numbers(display_units(units))  # what cannot be shown is refused before anything is computed or written
     extra = [] if at is None else [_angle(at)]
     make_folders(out, csv_folder, json_file)

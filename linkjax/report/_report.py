@@ -92,7 +92,7 @@ def write_report(
         drawings = {name: svg(name, figure) for name, figure in drawn(data, scene, old, chosen)}
     else:
         drawings = _read(figures, list(captions))
-    pictures = {name: _figure(text, name, captions.get(name, name)) for name, text in drawings.items()}
+    pictures = {name: figure_html(text, name, captions.get(name, name)) for name, text in drawings.items()}
     still = pictures.pop("machine", "")
     view = machine_view(data, scene, before, chosen) if data.get("points") else None
     sections = {
@@ -131,7 +131,8 @@ def _read(figures: str | Path | Iterable[str | Path], names: list[str]) -> dict[
     return {file.stem: file.read_text(encoding="utf-8") for file in files}
 
 
-def _figure(text: str, name: str, caption: str) -> str:
+def figure_html(text: str, name: str, caption: str) -> str:
+    """A figure with its caption, from the text of its SVG."""
     return f"<figure>{inline_svg(text, name, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
@@ -153,7 +154,7 @@ def _optimisation(show: Cells, optimum: Data) -> str:
     """What was asked, what came of it, and how it was found."""
     tables = (_optimum.asked(show, optimum), _optimum.clash(optimum), _optimum.measures(show, optimum),
               _optimum.variables(show, optimum), _optimum.limits(show, optimum))  # fmt: skip
-    figures = [_figure(svg(of.name, figure), of.name, of.caption) for of, figure in courses(optimum, show.units)]
+    figures = [figure_html(svg(of.name, figure), of.name, of.caption) for of, figure in courses(optimum, show.units)]
     return "".join((*tables, *figures)) + _optimum.outcome(show, optimum)
 
 

@@ -1,4 +1,4 @@
-"""Scene files: TOML with units on values, read into scenes; the built-in machines."""
+"""Scene files: TOML with units on values, read into scenes and rolling bodies; the built-in machines."""
 
 from linkjax._units import QuantityError as QuantityError
 from linkjax._units import quantity as quantity
@@ -9,10 +9,16 @@ from linkjax.scenes._build import load as load
 from linkjax.scenes._build import load_task as load_task
 from linkjax.scenes._build import loads_text as loads_text
 from linkjax.scenes._build import starter as starter
+from linkjax.scenes._build_rolling import build_rolling as build_rolling
+from linkjax.scenes._build_rolling import load_rolling as load_rolling
+from linkjax.scenes._build_rolling import rolling_schema as rolling_schema
+from linkjax.scenes._build_rolling import rolling_starter as rolling_starter
+from linkjax.scenes._build_rolling import rolling_text as rolling_text
 from linkjax.scenes._document import Document as Document
 from linkjax.scenes._document import load_document as load_document
 from linkjax.scenes._document import override as override
 from linkjax.scenes._document import read_document as read_document
+from linkjax.scenes._document import rolling_names as rolling_names
 from linkjax.scenes._document import scene_names as scene_names
 from linkjax.scenes._document import setting as setting
 from linkjax.scenes._errors import SceneError as SceneError

@@ -16,7 +16,7 @@ from linkjax.measures import MEASURES
 from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError, linkage
 from linkjax.scenes import _models as file
 from linkjax.scenes._check import check
-from linkjax.scenes._document import STARTER, Document, load_document, override, read_document
+from linkjax.scenes._document import STARTER, Document, load_document, overridden, override, read_document
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained, from_structure
 from linkjax.scenes._keys import split
@@ -29,10 +29,7 @@ def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None
     `changes` maps paths of keys to values, e.g. `{"links.rod.length": "1.1 m"}`; see `override`. Raises `SceneError`,
     naming file, key, value and remedy, when the file is missing or anything in it is wrong.
     """
-    document = load_document(name_or_path)
-    for key, value in (changes or {}).items():
-        document = override(document, key, value)
-    return build(document)
+    return build(overridden(load_document(name_or_path), changes))
 
 
 def load_task(
@@ -48,6 +45,7 @@ def load_task(
 
 def build_task(document: Document, changes: Mapping[str, Any] | None = None) -> tuple[Scene, dict[str, Any]]:
     """The scene of a raw document as it is optimised, and the arguments of `optimise`; see `load_task`."""
+    _linkage(document)
     given = dict(changes or {})
     own = {key: given.pop(key) for key in list(given) if split(key)[:1] == ("optimise",)}
     for key, value in own.items():
@@ -92,6 +90,7 @@ def loads_text(text: str, source: str = "<text>") -> Scene:
 
 def build(document: Document) -> Scene:
     """The scene of a raw document. Raises `SceneError` at the first thing wrong in it."""
+    _linkage(document)
     source, table = document.source, document.table
     model = explained(file.SceneFile, source, table)
     check(model, source, table)
@@ -118,6 +117,13 @@ def _mechanism(model: file.SceneFile) -> Mechanism:
         return Mechanism(fixed, links, [group.build(turns) for group in model.groups], flywheel)
     slots = [slot.build() for slot in model.slots]
     return linkage(fixed, links, model.drive.build(turns), slots, model.sketch, flywheel)
+
+
+def _linkage(document: Document) -> None:
+    """Raise `SceneError` for what is no linkage."""
+    if document.rolling:
+        remedy = "read it with load_rolling, or see it with linkjax analyse; docs/rolling.md tells how it is designed"
+        raise SceneError(document.source, "kind", "rolling", "rolling bodies, where a linkage is needed", remedy)
 
 
 def starter(name: str) -> str:

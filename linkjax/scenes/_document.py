@@ -9,15 +9,17 @@ import os
 import re
 import tomllib
 import typing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from linkjax._units import nearest
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._keys import Path as KeyPath
-from linkjax.scenes._keys import annotation_at, fields, is_table, join, leaves, lookup, split
+from linkjax.scenes._keys import annotation_at, fields, is_rolling, is_table, join, leaves, lookup, split
 
 BUILTIN = Path(__file__).with_name("builtin")
+ROLLING = Path(__file__).with_name("rolling")
 STARTER = Path(__file__).with_name("starter.toml")
 
 
@@ -28,17 +30,31 @@ class Document:
     source: str
     table: dict[str, Any]
 
+    @property
+    def rolling(self) -> bool:
+        """Whether it is one of rolling bodies; raises `SceneError` for a kind of machine that is not known."""
+        kind = self.table.get("kind", "rolling")
+        if kind != "rolling":
+            remedy = 'write kind = "rolling" for rolling bodies, or delete it for a linkage'
+            raise SceneError(self.source, "kind", kind, "not a known kind of machine", remedy)
+        return is_rolling(self.table)
+
 
 def scene_names() -> tuple[str, ...]:
-    """Names of the built-in scenes."""
+    """Names of the built-in linkages; `load` reads them."""
     return tuple(sorted(path.stem for path in BUILTIN.glob("*.toml")))
+
+
+def rolling_names() -> tuple[str, ...]:
+    """Names of the built-in machines of rolling bodies; `load_rolling` reads them."""
+    return tuple(sorted(path.stem for path in ROLLING.glob("*.toml")))
 
 
 def scene_text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
     """Source and text of a built-in scene (by name) or of a file. Raises `SceneError` when it cannot be read."""
     name = os.fspath(name_or_path)
-    known = scene_names()
-    path, source = (BUILTIN / f"{name}.toml", f"{name}.toml") if name in known else (Path(name), name)
+    folder = BUILTIN if name in scene_names() else ROLLING if name in rolling_names() else None
+    path, source = (Path(name), name) if folder is None else (folder / f"{name}.toml", f"{name}.toml")
     try:
         return source, path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -50,7 +66,7 @@ def scene_text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
 
 
 def _unreadable(name: str, path: Path) -> SceneError:
-    problem, known = "no such scene file, nor a built-in scene", scene_names()
+    problem, known = "no such scene file, nor a built-in scene", (*scene_names(), *rolling_names())
     if "\n" in name:
         return SceneError("<text>", "", None, "a text where a name or path is needed", "read a text with loads_text")
     if name and os.path.exists(path):  # unlike those of pathlib, os.path's answers raise nothing
@@ -137,6 +153,13 @@ def override(document: Document, key: str, value: Any) -> Document:
         if link.get("mass_properties") == "scaled" and before is not None:
             link.setdefault("reference_length", before)
     return Document(document.source, table)
+
+
+def overridden(document: Document, changes: Mapping[str, Any] | None) -> Document:
+    """A copy of `document` with several keys replaced; see `override`."""
+    for key, value in (changes or {}).items():
+        document = override(document, key, value)
+    return document
 
 
 def _resolved(document: Document, key: str, value: Any) -> KeyPath:

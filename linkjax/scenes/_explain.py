@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from linkjax._units import kind_of, nearest
 from linkjax.mechanism import StructureError
 from linkjax.scenes._errors import SceneError, shown
 from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_table, join, lookup
-from linkjax.scenes._models import SceneFile
 
+File = TypeVar("File", bound=BaseModel)
 ADD = {
     "fixed": "add a table [fixed] with the points of the frame, e.g. A = [0, 0]",
     "links": 'add a table for each link, e.g. [links.crank] with length = "300 mm"',
@@ -128,7 +128,7 @@ def _holder(value: Any, name: str, path: Path = ()) -> Path | None:
     return next((found for key, item in items if (found := _holder(item, name, (*path, key))) is not None), None)
 
 
-def explained(model: type[SceneFile], source: str, table: Any) -> SceneFile:
+def explained(model: type[File], source: str, table: Any) -> File:
     """The raw document as a validated model; raises `SceneError` at the first thing wrong."""
     try:
         return model.model_validate(table)

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import BaseModel, Discriminator, Tag
 
 from linkjax.scenes._models import SceneFile
+from linkjax.scenes._rolling import RollingFile
 
 Path = tuple[str | int, ...]
 PLAIN = re.compile(r"[\w-]+")
@@ -45,6 +46,11 @@ def lookup(table: Any, path: Path) -> Any:
     return table
 
 
+def is_rolling(table: Any) -> bool:
+    """Whether a raw document is one of rolling bodies, not of a linkage."""
+    return lookup(table, ("kind",)) == "rolling"
+
+
 def leaves(table: Any, path: Path = ()) -> list[Path]:
     """Paths of all values that are neither table nor list of tables."""
     if isinstance(table, dict):
@@ -56,7 +62,7 @@ def leaves(table: Any, path: Path = ()) -> list[Path]:
 
 def annotation_at(table: Any, path: Path) -> Any:
     """The type that the format gives to the place at `path`, as the document's values select it; None if unknown."""
-    annotation: Any = SceneFile
+    annotation: Any = RollingFile if is_rolling(table) else SceneFile
     for part in path:
         settled = settle(annotation, table)
         origin, arguments = typing.get_origin(settled), typing.get_args(settled)

@@ -32,7 +32,7 @@ def table_of(scene: Scene) -> Table:
     mechanism = scene.mechanism
     table: Table = {"title": scene.title} if scene.title else {}
     table["gravity"] = _pair(scene.gravity, "m/s^2")
-    table["speed"] = _amount(scene.speed, "rad/s")
+    table["speed"] = amount(scene.speed, "rad/s")
     if scene.mean != "time":
         table["mean"] = scene.mean
     if scene.cycle_turns != 1:
@@ -43,7 +43,7 @@ def table_of(scene: Scene) -> Table:
         table["target_delta"] = _number(scene.target_delta)
     table["fixed"] = {name: _pair(at, "m") for name, at in mechanism.fixed.items()}
     table["links"] = {name: _link(mechanism.links[name]) for name in mechanism.link_names}
-    table["flywheel"] = {"inertia": _amount(mechanism.flywheel.inertia, "kg m^2")}
+    table["flywheel"] = {"inertia": amount(mechanism.flywheel.inertia, "kg m^2")}
     if is_drawn(mechanism):
         for name, pins in pins_of(mechanism).items():
             table["links"][name] = {"pins": pins, **table["links"][name]}
@@ -62,31 +62,32 @@ def _number(value: Any) -> float:
         raise StructureError("scene", "its numbers are traced or batched", "write one scene at a time") from error
 
 
-def _amount(value: Any, unit: str) -> str:
+def amount(value: Any, unit: str) -> str:
+    """A number with its unit, to the last bit. Raises `StructureError` for what is traced or batched."""
     return f"{_number(value)!r} {unit}"
 
 
 def _pair(at: Vec, unit: str) -> list[str]:
-    return [_amount(at.x, unit), _amount(at.y, unit)]
+    return [amount(at.x, unit), amount(at.y, unit)]
 
 
 def _place(at: Vec) -> Table:
-    return {"along": _amount(at.x, "m"), "across": _amount(at.y, "m")}
+    return {"along": amount(at.x, "m"), "across": amount(at.y, "m")}
 
 
 def _link(link: Link) -> Table:
     table: Table = {}
     if _number(link.length):
-        table["length"] = _amount(link.length, "m")
+        table["length"] = amount(link.length, "m")
     if link.mass_properties != "section":
-        table |= {"mass": _amount(link.mass, "kg"), "inertia": _amount(link.inertia, "kg m^2")}
+        table |= {"mass": amount(link.mass, "kg"), "inertia": amount(link.inertia, "kg m^2")}
         table["centre"] = _place(link.centre)
     table["centre_name"] = link.centre_name
     if link.mass_properties != "fixed":
         table["mass_properties"] = link.mass_properties
     for key, unit in (("reference_length", "m"), ("area", "m^2"), ("density", "kg/m^3")):
         if getattr(link, key) is not None:
-            table[key] = _amount(getattr(link, key), unit)
+            table[key] = amount(getattr(link, key), unit)
     if link.points:
         table["points"] = {name: _place(at) for name, at in link.points.items()}
     if link.counterweights:
@@ -95,10 +96,10 @@ def _link(link: Link) -> Table:
 
 
 def _counterweight(piece: Counterweight) -> Table:
-    table: Table = {"mass": _amount(piece.mass, "kg"), "at": _place(piece.at)}
+    table: Table = {"mass": amount(piece.mass, "kg"), "at": _place(piece.at)}
     for key, unit in (("inertia", "kg m^2"), ("thickness", "m"), ("density", "kg/m^3")):
         if getattr(piece, key) is not None:
-            table[key] = _amount(getattr(piece, key), unit)
+            table[key] = amount(getattr(piece, key), unit)
     return {**table, "ideal": True} if piece.ideal else table
 
 
@@ -114,13 +115,13 @@ def _load(load: AbstractLoad) -> Table:
     if isinstance(load, Force):
         table |= {"point": load.point, "force": _pair(load.force, "N")}
     elif isinstance(load, OpposingForce):
-        table |= {"point": load.point, "force": _amount(load.magnitude, "N"), "opposing": True}
+        table |= {"point": load.point, "force": amount(load.magnitude, "N"), "opposing": True}
     elif isinstance(load, Torque):
-        table["torque"] = _amount(load.torque, "N m")
+        table["torque"] = amount(load.torque, "N m")
     elif isinstance(load, OpposingTorque):
-        table |= {"torque": _amount(load.magnitude, "N m"), "opposing": True}
+        table |= {"torque": amount(load.magnitude, "N m"), "opposing": True}
     else:
         raise StructureError(load.name, "scene files know no load of this kind", "write a force or a torque")
     if load.window is not None:
-        table["window"] = [_amount(load.window.on, "rad"), _amount(load.window.off, "rad")]
+        table["window"] = [amount(load.window.on, "rad"), amount(load.window.off, "rad")]
     return {**table, "reacts_on": load.reacts_on} if load.reacts_on else table

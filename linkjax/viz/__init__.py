@@ -14,8 +14,14 @@ from linkjax.viz._kinematics import links_figure as links_figure
 from linkjax.viz._kinematics import points_figure as points_figure
 from linkjax.viz._kinematics import velocity_hodographs_figure as velocity_hodographs_figure
 from linkjax.viz._machine import machine_figure as machine_figure
+from linkjax.viz._machine import scale_mark as scale_mark
 from linkjax.viz._optimum import history_figure as history_figure
 from linkjax.viz._optimum import trade_off_figure as trade_off_figure
+from linkjax.viz._rolling import ROLLING_PICTURES as ROLLING_PICTURES
+from linkjax.viz._rolling import animate_rolling as animate_rolling
+from linkjax.viz._rolling import bodies_figure as bodies_figure
+from linkjax.viz._rolling import rolling_figure as rolling_figure
+from linkjax.viz._rolling import write_rolling_figures as write_rolling_figures
 from linkjax.viz._view import machine_view as machine_view
 from linkjax.viz._write import PICTURES as PICTURES
 from linkjax.viz._write import Picture as Picture

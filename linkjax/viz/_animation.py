@@ -63,7 +63,7 @@ def animate(data: Data, scene: Scene, path: str | Path, *, frames: int = 60, sec
         angle_text.set_text(f"φ = {math.degrees(angle):.0f}°")
         figure.draw_artist(angle_text)
         pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
-    return _save(pictures, Path(path), round(1000 * seconds / frames))
+    return save(pictures, Path(path), round(1000 * seconds / frames))
 
 
 def frame_angles(data: Data, scene: Scene, frames: int) -> list[float]:
@@ -97,7 +97,7 @@ def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float) -> tuple[
     return ax, dot
 
 
-def _save(pictures: list[Image.Image], path: Path, duration: int) -> Path:
+def save(pictures: list[Image.Image], path: Path, duration: int) -> Path:
     """All frames in one palette, the commonest colours: neighbours then differ only where something moved."""
     some = np.stack([np.asarray(picture, np.uint32) for picture in pictures[:: max(1, len(pictures) // 4)]])
     packed, count = np.unique(some @ np.array([65536, 256, 1], np.uint32), return_counts=True)

@@ -1,0 +1,130 @@
+"""Rolling bodies on the command line: what `show` and `analyse` do with them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+import linkjax
+from linkjax import __version__
+from linkjax._display import NONE, Numbers
+from linkjax.analysis import plain
+from linkjax.cli._console import console, elapsed
+from linkjax.rolling import RollingMachine, check, document, tidy
+from linkjax.scenes import SceneError
+
+Data = dict[str, Any]
+NAMES = {"inner": "inner ring", "outer": "outer ring", "carrier": "line of centres"}
+
+
+def structure_of(machine: RollingMachine) -> str:
+    """What stands for the structural formula in lists."""
+    design = machine.design
+    turns = f" in {design.turns} turns" if design.turns > 1 else ""
+    return f"{design.bodies} rolling bodies between two rings{turns}"
+
+
+def show_rolling(machine: RollingMachine, name: str, show: Numbers) -> None:
+    """Rings, bodies and drive."""
+    design = machine.design
+    console.print(Text(machine.title or name, style="bold"))
+    rows = {
+        "structure": structure_of(machine),
+        "inner": show.quantity(float(design.inner_radius), "m", 9),
+        "outer": show.quantity(float(design.outer_radius), "m", 9),
+        "offset": f"{show.quantity(float(design.eccentricity), 'm', 9)} between the centres of the rings",
+        "start": f"{show.bound(design.start, 'rad')} from the line of centres to the first body",
+        "drive": f"{NAMES[machine.driven]} at {show.bound(machine.speed, 'rad/s')}, {NAMES[machine.held]} held",
+    }
+    for key, value in rows.items():
+        console.print(f"{key:10s} {value}", highlight=False, markup=False)
+
+
+def analyse_rolling(
+    machine: RollingMachine, name: str, show: Numbers, units: str, angles: int, *, out: Path | None,
+    json_file: Path | None, csv_folder: Path | None,
+) -> None:  # fmt: skip
+    """Tables on the screen, files where asked for. Raises `MachineError` where the chain does not close."""
+    with elapsed("analysing"):
+        data = document(machine, angles, name, __version__)
+    if json_file:
+        json_file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
+    if csv_folder:
+        _write_csv(data, csv_folder)
+    check(machine.design)
+    _print(tidy(data), machine, show)
+    if out:
+        with elapsed("drawing"):  # the rooms load matplotlib, so only when drawing
+            figures = linkjax.viz.write_rolling_figures(data, out, units)
+            linkjax.viz.animate_rolling(data, out / "machine.gif", units)
+            linkjax.report.write_rolling_report(data, out / "report.html", units=units)
+        console.print(f"\n{len(figures)} figures, machine.gif and report.html in {out}", highlight=False)
+
+
+def refuse(scene: str, given: dict[str, bool]) -> None:
+    """Raise `SceneError` for an option that only a linkage has a use for."""
+    for option, wanted in given.items():
+        if wanted:
+            raise SceneError(scene, option, None, "rolling bodies have no use for it", "leave it out")
+
+
+def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
+    rings, limits, motion, bodies = data["rings"], data["limits"], data["motion"], data["bodies"]
+    console.print(Text(machine.title or data["scene"], style="bold"))
+    console.print(f"{structure_of(machine)}\n", highlight=False)
+    inner, outer, e = show.told([rings[key] for key in ("inner_radius", "outer_radius", "eccentricity")], "m", 9)
+    largest, smallest = show.told([limits["largest_radius"], limits["smallest_radius"]], "m", 9)
+    apart = limits["least_clearance"]
+    rows = [
+        ("radius of the inner ring", inner),
+        ("radius of the outer ring", outer),
+        ("eccentricity", e),
+        ("largest body that fits", largest),
+        ("smallest body that fits", smallest),
+        ("bodies that these rings take", show.quantity(limits["fitting_bodies"], "", 9)),
+        ("gap between last and first body", show.quantity(data["chain"]["closing_clearance"], "m", 2)),
+        ("least distance of others", NONE if apart is None else show.quantity(apart, "m", 6)),
+        *((f"speed of the {NAMES[key]}", show.speed(motion[key])) for key in NAMES),
+        ("neighbours rub at", show.quantity(motion["rubbing"], "m/s", 6)),
+    ]
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for row in rows:
+        table.add_row(*row)
+    console.print(table, highlight=False)
+    if apart is not None and apart < 0:
+        more = "bodies of different turns overlap in the plane: give them planes of their own"
+        console.print(f"WARNING: {more}", style="bold", highlight=False)
+    table = Table("body", "radius", "at", "x", "y", "speed", box=None, pad_edge=False)
+    columns = [show.told(bodies[key].tolist(), "m", 9) for key in ("radius", "x", "y")]
+    for i, (radius, x, y) in enumerate(zip(*columns, strict=True)):
+        table.add_row(str(i + 1), radius, show.turned(bodies["angle"][i]), x, y, show.speed(motion["bodies"][i]))
+    console.print()
+    console.print(table, highlight=False)
+    console.print(f"\nchecks     contacts {data['checks']['contacts']:.0e}", highlight=False)
+
+
+def _write_csv(data: Data, folder: Path) -> None:
+    """The bodies, one a row, and the places of all over the angle of the driven member, as in the JSON document."""
+    bodies, path = data["bodies"], data["path"]
+    spins = data["motion"]["bodies"]
+    columns = {"body": range(1, len(spins) + 1), **bodies, "speed": spins}
+    _write(folder / "bodies.csv", columns)
+    columns = {"angle": data["angles"], "carrier": path["carrier"]}
+    for ring in ("inner", "outer"):
+        columns |= {f"{ring}.{part}": path[ring][part] for part in ("x", "y", "angle")}
+    for i in range(len(spins)):
+        columns |= {f"{i + 1}.x": path["x"][i], f"{i + 1}.y": path["y"][i], f"{i + 1}.angle": path["body_angles"][i]}
+    _write(folder / "path.csv", columns)
+
+
+def _write(file: Path, columns: dict[str, Any]) -> None:
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            writer.writerow([repr(float(value)) if not isinstance(value, int) else value for value in row])

@@ -1,0 +1,43 @@
+"""The format of a scene file of rolling bodies, `kind = "rolling"`, as a pydantic model."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, PlainValidator, WithJsonSchema
+
+from linkjax.scenes._fields import Angle, Quantity, Speed, Table, Turns, wrong
+
+
+def _bodies(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 3 <= value <= 1000:
+        raise wrong("not a whole number from 3 to 1000", "write how many bodies roll between the rings, e.g. 8")
+    return value
+
+
+Bodies = Annotated[int, PlainValidator(_bodies), WithJsonSchema({"type": "integer", "minimum": 3, "maximum": 1000})]
+Radius = Annotated[float, Quantity("length", "positive")]
+Offset = Annotated[float, Quantity("length", "zero", "write the distance; `start` says where the bodies stand")]
+Member = Literal["inner", "outer", "carrier"]
+
+
+class RollingFile(Table):
+    """Rolling bodies between two rings. Of both radii and the eccentricity, the one left out closes the chain."""
+
+    model_config = ConfigDict(
+        title="linkjax scene of rolling bodies",
+        json_schema_extra={"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "linkjax-rolling"},
+    )
+
+    kind: Literal["rolling"] = Field(description="a chain of rolling bodies between two rings", examples=["rolling"])
+    title: str = Field("", description="title for reports", examples=["Eccentric rolling mechanism"])
+    inner_radius: Radius | None = Field(None, description="radius of the inner ring", examples=["40 mm"])
+    outer_radius: Radius | None = Field(None, description="radius of the outer ring", examples=["90 mm"])
+    eccentricity: Offset | None = Field(None, description="distance of the centres of the rings", examples=["5 mm"])
+    bodies: Bodies = Field(description="number of rolling bodies", examples=[8])
+    turns: Turns = Field(1, description="turns about the inner ring after which the chain closes", examples=[2])
+    start: Angle = Field(0.0, description="angle of the first body from the line of centres", examples=["20 deg"])
+    held: Member = Field("outer", description="the ring, or line of centres, that is held", examples=["carrier"])
+    driven: Member = Field("inner", description="the ring, or line of centres, that drives", examples=["outer"])
+    speed: Speed = Field(description="speed of the driven member", examples=["300 rpm"])
+    rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the driven member", examples=["cw"])
