@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
     from linkjax.design import optimise as optimise
+    from linkjax.exchange import to_mjcf as to_mjcf
     from linkjax.groups import PRP as PRP
     from linkjax.groups import RPP as RPP
     from linkjax.groups import RPR as RPR
@@ -74,6 +75,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "forces": (),
     "analysis": ("Cycle", "analyse"),
     "measures": (),
+    "exchange": ("to_mjcf",),
     "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
     "scenes": ("SceneError", "load", "load_task", "scene_names"),
     "viz": (),
