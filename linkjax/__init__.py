@@ -38,6 +38,13 @@ if TYPE_CHECKING:
     from linkjax.kinematics import pose as pose
     from linkjax.kinematics import strokes as strokes
     from linkjax.kinematics import transmission_angles as transmission_angles
+    from linkjax.library import four_bar as four_bar
+    from linkjax.library import quick_return as quick_return
+    from linkjax.library import scissor_lift as scissor_lift
+    from linkjax.library import scotch_yoke as scotch_yoke
+    from linkjax.library import six_bar as six_bar
+    from linkjax.library import slider_crank as slider_crank
+    from linkjax.library import toggle_press as toggle_press
     from linkjax.loads import Force as Force
     from linkjax.loads import OpposingForce as OpposingForce
     from linkjax.loads import OpposingTorque as OpposingTorque
@@ -70,6 +77,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "kinematics": ("dead_centres", "margins", "pose", "strokes", "transmission_angles"),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),
+    "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
     "reduction": ("reduce",),
     "motion": ("flywheel_for", "steady"),
     "forces": (),

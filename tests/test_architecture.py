@@ -28,6 +28,7 @@ RANKS = {
         "kinematics": 3,
         "loads": 4,
         "machine": 5,
+        "library": 6,
         "reduction": 6,
         "motion": 7,
         "forces": 8,
