@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
     from linkjax.design import optimise as optimise
+    from linkjax.exchange import from_pylinkage as from_pylinkage
     from linkjax.exchange import to_mjcf as to_mjcf
+    from linkjax.exchange import to_pylinkage as to_pylinkage
     from linkjax.groups import PRP as PRP
     from linkjax.groups import RPP as RPP
     from linkjax.groups import RPR as RPR
@@ -83,7 +85,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "forces": (),
     "analysis": ("Cycle", "analyse"),
     "measures": (),
-    "exchange": ("to_mjcf",),
+    "exchange": ("from_pylinkage", "to_mjcf", "to_pylinkage"),
     "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
     "scenes": ("SceneError", "load", "load_task", "scene_names"),
     "viz": (),

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
-import jax.numpy as jnp
 import numpy as np
 
-from linkjax._compile import compiled_soon
-from linkjax.exchange._tree import Placed, Stand, Tree, ahead, plane, stand, tree_of
-from linkjax.groups import General, Margin
-from linkjax.kinematics import Pose, margins, pose, prepared
+from linkjax.exchange._tree import Placed, Stand, Tree, ahead, assembled, plane, stand, tree_of
+from linkjax.groups import General
+from linkjax.kinematics import Pose, prepared
 from linkjax.machine import Scene, ready
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -36,17 +34,15 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
     MuJoCo knows no body without mass and inertia: where a link has none, it has `massless` times the greatest mass of
     a link (1 kg if none has any), and this by the square of the greatest distance on a link.
     Constraints are as stiff as MuJoCo allows at a time step of 0.1 ms. Needs MuJoCo 3.2.3.
-    Raises `StructureError` where the machine cannot be assembled at `phi`, and for a link with an ideal counterweight
-    that no body can have.
+    Raises `MachineError` where the machine cannot be assembled at `phi`, and `StructureError` for a link with an ideal
+    counterweight that no body can have.
     """
     if isinstance(machine, Scene):
         machine = ready(machine)
         mechanism, gravity, title = machine.mechanism, plane(machine.gravity), machine.title
     else:
         mechanism, gravity, title = prepared(machine), 0j, ""
-    angle = jnp.asarray(phi, dtype=float)
-    here, sides = _standing(mechanism, angle)
-    _check_assembled(sides, phi)
+    here = assembled(mechanism, phi)
     at = stand(mechanism, here)
     tree = tree_of(mechanism, at)
     size = max(abs(place) for link in mechanism.links for place in tree.places[link].values()) or 1.0
@@ -69,21 +65,6 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
     _drive(model, mechanism, bodies, tree)
     ET.indent(model)
     return ET.tostring(model, encoding="unicode") + "\n"
-
-
-@compiled_soon
-def _standing(mechanism: Mechanism, phi):
-    return pose(mechanism, phi), margins(mechanism, phi)
-
-
-def _check_assembled(margins_of: dict[str, dict[str, Margin]], phi: float) -> None:
-    for group, sides in margins_of.items():
-        for side, margin in sides.items():
-            if not float(margin.value) >= 0:
-                problem = (
-                    f"cannot be assembled at {np.degrees(float(phi)):.6g} degrees: the margin {side!r} is negative"
-                )
-                raise StructureError(group, problem, "choose another crank angle, or change the lengths")
 
 
 def _numbers(at: complex) -> str:

@@ -6,14 +6,18 @@ one crank angle only says where the joint coordinates are zero.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
+from linkjax._compile import compiled_soon
+from linkjax._results import MachineError, Result
+from linkjax._types import as_float
 from linkjax._vec import Vec
 from linkjax.groups import PRP, RPP, RPR, RRP, AbstractGroup, General, Guide, Joint, Slide
-from linkjax.kinematics import Pose
+from linkjax.kinematics import Pose, margins, pose
 from linkjax.mechanism import Mechanism, StructureError
 
 Places = Mapping[str, Mapping[str, complex]]
@@ -98,6 +102,24 @@ def ways_of(group: AbstractGroup, places: Places) -> dict[str, Way]:
         raise StructureError("-".join(group.link_names()), f"a slide of kind {group.kind!r} is unknown to the export",
                              "add its path in linkjax/exchange/_tree.py")  # fmt: skip
     return {}
+
+
+@compiled_soon
+def _at(mechanism: Mechanism, phi):
+    return pose(mechanism, phi), margins(mechanism, phi)
+
+
+def assembled(mechanism: Mechanism, phi: float) -> Pose:
+    """The pose at a crank angle (rad). Raises `MachineError` where there is none."""
+    here, sides = _at(mechanism, as_float(phi))
+    for group, by_side in sides.items():
+        for side, margin in by_side.items():
+            if not float(margin.value) >= 0:
+                where = f"{math.degrees(float(phi)):.6g} degrees"
+                message = f"{group!r} cannot be assembled at {where}: its margin {side!r} is negative"
+                remedy = "choose another crank angle, or change its lengths"
+                raise MachineError(f"{message}; {remedy}", Result.CANNOT_BE_ASSEMBLED)
+    return here
 
 
 class Stand(NamedTuple):
