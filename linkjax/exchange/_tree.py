@@ -23,9 +23,17 @@ from linkjax.mechanism import Mechanism, StructureError
 Places = Mapping[str, Mapping[str, complex]]
 
 
+def number(value) -> float:
+    """A number of a design. Raises `StructureError` while it is traced, or one of many."""
+    try:
+        return float(value)
+    except Exception as error:
+        raise StructureError("machine", "its numbers are traced or batched", "export one machine at a time") from error
+
+
 def plane(at: Vec) -> complex:
     """A vector as a complex number."""
-    return complex(float(at.x), float(at.y))
+    return complex(number(at.x), number(at.y))
 
 
 class Way(NamedTuple):
@@ -68,7 +76,7 @@ def places_of(mechanism: Mechanism) -> dict[str, dict[str, complex]]:
             body = link.actual()
             held = {**body.points, link.centre_name: body.centre}
             held |= {piece: weight.at for piece, weight in link.counterweights.items()}
-            ends = {origin: 0j} if far is None else {origin: 0j, far: complex(float(link.length))}
+            ends = {origin: 0j} if far is None else {origin: 0j, far: complex(number(link.length))}
             found[name] = {point: plane(at) for point, at in held.items()} | ends
     return found
 
@@ -78,7 +86,20 @@ def is_pin(joint: Joint) -> bool:
     return not joint.slides and joint.name == joint.point
 
 
-def ways_of(group: AbstractGroup, places: Places) -> dict[str, Way]:
+class Stand(NamedTuple):
+    """Where origins of links are, and their directions, at one crank angle; "frame" is one of them."""
+
+    at: dict[str, complex]
+    u: dict[str, complex]
+
+
+def stand(mechanism: Mechanism, here: Pose) -> Stand:
+    """Where the links of a mechanism are in a pose."""
+    at = {link: plane(here.points[origin].r) for link, origin in mechanism.origins().items()}
+    return Stand({"frame": 0j, **at}, {"frame": 1 + 0j, **{link: plane(state.u) for link, state in here.links.items()}})
+
+
+def ways_of(group: AbstractGroup, places: Places, owners: Mapping[str, str], here: Stand) -> dict[str, Way]:
     """The path of every block of a group."""
 
     def way(guide: Guide) -> Way:
@@ -98,10 +119,13 @@ def ways_of(group: AbstractGroup, places: Places) -> dict[str, Way]:
         return {group.link: way(group.guide), group.block: Way(group.link, 1j * float(group.offset) * slot, slot)}
     if isinstance(group, General):
         return {slot.block: way(slot.guide) for slot in group.slots}
-    if any(joint.slides for joint in group.joints()):
-        raise StructureError("-".join(group.link_names()), f"a slide of kind {group.kind!r} is unknown to the export",
-                             "add its path in linkjax/exchange/_tree.py")  # fmt: skip
-    return {}
+    slides = [(joint.link, joint.by or owners[joint.point]) for joint in group.joints() if joint.slides]
+    return {block: _as_it_stands(block, on, here) for block, on in slides}
+
+
+def _as_it_stands(block: str, on: str, here: Stand) -> Way:
+    """The path of a block of a kind of group that is not known here: a block has the axes of its guide."""
+    return Way(on, (here.at[block] - here.at[on]) / here.u[on], here.u[block] / here.u[on])
 
 
 @compiled_soon
@@ -111,6 +135,7 @@ def _at(mechanism: Mechanism, phi):
 
 def assembled(mechanism: Mechanism, phi: float) -> Pose:
     """The pose at a crank angle (rad). Raises `MachineError` where there is none."""
+    places_of(mechanism)  # which refuses what is traced or batched
     here, sides = _at(mechanism, as_float(phi))
     for group, by_side in sides.items():
         for side, margin in by_side.items():
@@ -122,19 +147,6 @@ def assembled(mechanism: Mechanism, phi: float) -> Pose:
     return here
 
 
-class Stand(NamedTuple):
-    """Where origins of links are, and their directions, at one crank angle; "frame" is one of them."""
-
-    at: dict[str, complex]
-    u: dict[str, complex]
-
-
-def stand(mechanism: Mechanism, here: Pose) -> Stand:
-    """Where the links of a mechanism are in a pose."""
-    at = {link: plane(here.points[origin].r) for link, origin in mechanism.origins().items()}
-    return Stand({"frame": 0j, **at}, {"frame": 1 + 0j, **{link: plane(state.u) for link, state in here.links.items()}})
-
-
 def tree_of(mechanism: Mechanism, here: Stand) -> Tree:
     """The spanning tree, group by group: blocks on their guides where these are there already, then links on their
     pins; what joints are left closes the loops."""
@@ -142,7 +154,7 @@ def tree_of(mechanism: Mechanism, here: Stand) -> Tree:
     tree = Tree([], [], [], {}, places)
     placed = {"frame"}
     for group in mechanism.groups:
-        tree.ways.update(ways_of(group, places))
+        tree.ways.update(ways_of(group, places, owners, here))
         joints = [(j, j.by or owners[j.point]) for j in group.joints() if j.slides or is_pin(j)]
         while not placed.issuperset(group.link_names()):
             reaching = [(j, by) for j, by in joints if (j.link in placed) != (by in placed)]

@@ -29,6 +29,7 @@ STEPS = 96  # a turn, of the walk from one crank angle to the next
 SHUT = 1e-13  # of the size of the machine: what closures may leave open
 START = 0.3  # rad, where the models stand
 TURN = START + np.linspace(0.15, 2 * math.pi, 8)
+GAIN = 0.4  # crank acceleration, by the square of the crank speed
 APART = 1e-3  # rad, between crank angles that give the second kinematic coefficients
 
 
@@ -113,12 +114,12 @@ class Road:
         self.move(phi)
         return (8 * (rates[1] - rates[-1]) - (rates[2] - rates[-2])) / (12 * APART)
 
-    def at(self, phi: float, speed: float, names: list[str]) -> Found:
-        """What MuJoCo finds at a crank angle and constant crank speed: the torque is the generalised force that its
-        inverse dynamics asks for without constraints, projected on how the machine moves."""
+    def at(self, phi: float, speed: float, acceleration: float, names: list[str]) -> Found:
+        """What MuJoCo finds at a crank angle, crank speed and acceleration: the torque is the generalised force that
+        its inverse dynamics asks for without constraints, projected on how the machine moves."""
         self.walk(phi)
         q1, q2, data, model = self.first(), self.second(), self.data, self.model
-        data.qvel, data.qacc = q1 * speed, q2 * speed**2
+        data.qvel, data.qacc = q1 * speed, q2 * speed**2 + q1 * acceleration
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         mujoco.mj_inverse(model, data)
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
@@ -159,11 +160,11 @@ class Apart(NamedTuple):
 
 @compiled_soon
 def ours(scene: lj.Scene, phi):
-    """Points and drive torque at constant speed."""
+    """Points, and the drive torque while the crank speeds up."""
 
     def at(phi):
         points = {name: jnp.stack([p.r.x, p.r.y]) for name, p in pose(scene.mechanism, phi).points.items()}
-        return points, kinetostatics(scene, phi, scene.speed, jnp.zeros_like(phi)).drive_torque
+        return points, kinetostatics(scene, phi, scene.speed, GAIN * scene.speed**2).drive_torque
 
     return jax.vmap(at)(phi)
 
@@ -171,8 +172,8 @@ def ours(scene: lj.Scene, phi):
 def compared(scene: lj.Scene) -> Apart:
     """MuJoCo's figures against ours, at crank angles all round the turn."""
     points, torque = jax.device_get(ours(ready(scene), jnp.asarray(TURN)))
-    road = Road(scene, START)
-    found = [road.at(phi, float(scene.speed), list(points)) for phi in TURN]
+    road, speed = Road(scene, START), float(scene.speed)
+    found = [road.at(phi, speed, GAIN * speed**2, list(points)) for phi in TURN]
     wanted = np.stack(list(points.values()), axis=1)
     position = np.max(np.abs(np.stack([f.points for f in found]) - wanted)) / road.size
     apart = np.max(np.abs(np.array([f.torque for f in found]) - torque))

@@ -121,3 +121,9 @@ def test_an_ideal_counterweight_that_no_body_can_have():
     links["crank"] = dataclasses.replace(links["crank"], counterweights={"W": ideal})
     with pytest.raises(StructureError, match=r"links\.crank: no body can have what its ideal counterweight leaves"):
         to_mjcf(Mechanism(scene.mechanism.fixed, links, scene.mechanism.groups))
+
+
+def test_one_machine_at_a_time():
+    many = lj.four_bar(jnp.array([0.1, 0.11]), 0.35, 0.25, 0.38)
+    with pytest.raises(StructureError, match="its numbers are traced or batched; export one machine at a time"):
+        to_mjcf(many)
