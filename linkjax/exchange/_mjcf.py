@@ -33,7 +33,7 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
 
     MuJoCo knows no body without mass and inertia: where a link has none, it has `massless` times the greatest mass of
     a link (1 kg if none has any), and this by the square of the greatest distance on a link.
-    Constraints are as stiff as MuJoCo allows at a time step of 0.1 ms. Needs MuJoCo 3.2.3.
+    Constraints are as stiff as MuJoCo allows at a time step of 0.1 ms. Needs MuJoCo 3.3.
     Raises `MachineError` where the machine cannot be assembled at `phi`, and `StructureError` for a link with an ideal
     counterweight that no body can have, and for machines that are traced or batched.
     """
