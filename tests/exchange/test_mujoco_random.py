@@ -7,8 +7,8 @@ import pytest
 from tests.exchange.compositions import composed
 from tests.exchange.mujoco_road import check
 
-QUICK = {7: 3, 20: 4, 30: 2, 35: 4, 36: 2, 38: 4}  # compositions, with their number of groups
-MORE = {3: 2, 6: 2, 9: 2, 13: 3, 18: 2, 24: 2, 39: 2}
+QUICK = {7: 3, 20: 4, 30: 2, 35: 4, 38: 4}  # compositions, with their number of groups
+MORE = {36: 2, 3: 2, 6: 2, 9: 2, 13: 3, 18: 2, 24: 2, 39: 2}
 DESIGNS = range(5)
 
 
