@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
     from linkjax.design import optimise as optimise
+    from linkjax.exchange import from_pylinkage as from_pylinkage
+    from linkjax.exchange import to_mjcf as to_mjcf
+    from linkjax.exchange import to_pylinkage as to_pylinkage
     from linkjax.groups import PRP as PRP
     from linkjax.groups import RPP as RPP
     from linkjax.groups import RPR as RPR
@@ -40,6 +43,13 @@ if TYPE_CHECKING:
     from linkjax.kinematics import pose as pose
     from linkjax.kinematics import strokes as strokes
     from linkjax.kinematics import transmission_angles as transmission_angles
+    from linkjax.library import four_bar as four_bar
+    from linkjax.library import quick_return as quick_return
+    from linkjax.library import scissor_lift as scissor_lift
+    from linkjax.library import scotch_yoke as scotch_yoke
+    from linkjax.library import six_bar as six_bar
+    from linkjax.library import slider_crank as slider_crank
+    from linkjax.library import toggle_press as toggle_press
     from linkjax.loads import Force as Force
     from linkjax.loads import OpposingForce as OpposingForce
     from linkjax.loads import OpposingTorque as OpposingTorque
@@ -92,12 +102,14 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "kinematics": ("dead_centres", "margins", "pose", "strokes", "transmission_angles"),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),
+    "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
     "reduction": ("reduce",),
     "motion": ("flywheel_for", "steady"),
     "forces": (),
     "analysis": ("Cycle", "analyse"),
     "measures": (),
     "rolling": ("Rolling", "RollingMachine"),
+    "exchange": ("from_pylinkage", "to_mjcf", "to_pylinkage"),
     "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
     "scenes": ("SceneError", "load", "load_rolling", "load_task", "rolling_names", "scene_names"),
     "viz": (),

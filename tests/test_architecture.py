@@ -28,11 +28,12 @@ RANKS = {
         "kinematics": 3,
         "loads": 4,
         "machine": 5,
+        "library": 6,
         "reduction": 6,
         "motion": 7,
         "forces": 8,
     },
-    **{"measures": 9, "rolling": 9, "analysis": 10, "design": 12},
+    **{"measures": 9, "rolling": 9, "analysis": 10, "exchange": 11, "design": 12},
     **{"scenes": 13, "viz": 14, "report": 15, "cli": 16, "__main__": 17},
 }
 ONLY_IN = {"matplotlib": {"viz"}, "typer": {"cli"}, "rich": {"cli"}}  # third-party packages with one home

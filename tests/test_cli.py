@@ -14,7 +14,7 @@ import linkjax as lj
 from linkjax import cli
 from linkjax._compile import compiled_soon
 from linkjax._display import Numbers, number
-from linkjax.cli._app import _angle
+from linkjax.cli._app import angle_of
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._print import print_summary
 from linkjax.motion import steady
@@ -203,7 +203,7 @@ def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path
     ],
 )
 def test_crank_angles(text, degrees):
-    assert _angle(text) == pytest.approx(math.radians(degrees), rel=1e-15)
+    assert angle_of(text) == pytest.approx(math.radians(degrees), rel=1e-15)
 
 
 def test_nothing_is_written_for_what_is_refused(call, tmp_path):
@@ -232,3 +232,54 @@ def test_exit_codes_and_messages(call, words, code, says):
     got, _, err = call(*words)
     assert got == code
     assert says in err
+
+
+def test_export_to_mujoco(call, tmp_path):
+    path = tmp_path / "bars.xml"
+    code, out, _ = call("export", "four-bar", "--out", path, "--at", "30", "--set", 'links.crank.length="110 mm"')
+    assert code == 0
+    assert f"{path} written" in out
+    wanted = lj.load("four-bar", {"links.crank.length": "110 mm"})
+    assert path.read_text(encoding="utf-8") == lj.to_mjcf(wanted, math.radians(30))
+    code, out, _ = call("export", "four-bar")
+    assert code == 0
+    assert out == lj.to_mjcf(lj.load("four-bar"))
+
+
+def test_to_pylinkage_and_back(call, tmp_path):
+    path = tmp_path / "bars.json"
+    assert call("export", "four-bar", "--format", "pylinkage", "--out", path)[0] == 0
+    assert json.loads(path.read_text(encoding="utf-8"))["name"] == "Crank-rocker"
+    code, out, _ = call("import", path)
+    assert code == 0
+    assert "bars.toml written; next: linkjax show" in out
+    scene = lj.load(tmp_path / "bars.toml")
+    assert set(scene.mechanism.links) == {"crank", "coupler", "rocker"}
+    assert float(scene.mechanism.links["coupler"].length) == pytest.approx(0.36, rel=1e-15)
+    code, _, err = call("import", path)
+    assert code == 2
+    assert "exists already; choose another name with --out" in err
+    assert call("import", path, "--out", tmp_path / "other.toml")[0] == 0
+
+
+def test_what_cannot_be_exchanged(call, tmp_path):
+    code, _, err = call("export", "quick-return", "--format", "pylinkage")
+    assert code == 2
+    assert "quick-return: lever-die: pylinkage knows no such group (RPR); export turning cranks" in err
+    code, _, err = call("export", "four-bar", "--set", 'links.coupler.length="100 mm"', "--at", "180")
+    assert code == 1
+    assert "'coupler-rocker' cannot be assembled at 180 degrees" in err
+    code, _, err = call("export", "four-bar", "--format", "pylinkage", "--at", "30")
+    assert code == 2
+    assert "stand at crank angle zero; leave --at out" in err
+    path = tmp_path / "broken.json"
+    path.write_bytes(b"\xff\xfe")
+    code, _, err = call("import", path)
+    assert code == 2
+    assert "not a text in UTF-8 (byte 0); save" in err
+    path.write_text('{"joints": [], "links": []}', encoding="utf-8")
+    code, _, err = call("import", path)
+    assert code == 2
+    assert "broken.json: links: there must be one driver, but there are: none; mobility is one" in err
+    assert call("import", tmp_path / "missing.json")[0] == 2
+    assert list(tmp_path.iterdir()) == [path]

@@ -154,7 +154,7 @@ def analyse_command(
         return
     machine = load(scene, changes)
     shown = Numbers(display_units(units))  # what cannot be shown is refused before anything is computed or written
-    extra = [] if at is None else [_angle(at)]
+    extra = [] if at is None else [angle_of(at)]
     make_folders(out, csv_folder, json_file)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     with elapsed("analysing"):
@@ -174,7 +174,7 @@ def analyse_command(
         write_out(data, machine, out, units=units)
 
 
-def _angle(text: str) -> float:
+def angle_of(text: str) -> float:
     """A crank angle in radians: degrees, or with a unit."""
     try:
         return quantity(f"{float(text):.17g} deg", "angle")

@@ -11,7 +11,8 @@ import sys
 from linkjax._compile import stop
 from linkjax._results import MachineError
 from linkjax._units import QuantityError
-from linkjax.cli import _optimise as _optimise  # its command joins the others
+from linkjax.cli import _exchange as _exchange  # their commands join the others
+from linkjax.cli import _optimise as _optimise
 from linkjax.cli._app import app
 from linkjax.cli._console import complaints
 from linkjax.design import DesignError

@@ -23,6 +23,7 @@ from linkjax.analysis import document
 from linkjax.groups import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
 from linkjax.kinematics import pose, transmission_angles
 from linkjax.measures import peak_names
+from tests.exchange.mujoco_road import compared
 
 
 class SlottedLever(AbstractGroup):
@@ -176,3 +177,10 @@ def test_gradients_flow_through_it(shaper):
     steps = h * jnp.eye(2)
     differences = (value(x[None] + steps) - value(x[None] - steps)) / (2 * h)
     np.testing.assert_allclose(slope, differences, rtol=1e-6)
+
+
+def test_it_is_solved_in_mujoco(shaper):
+    """The export knows a group by its joints: a block has the axes of its guide."""
+    apart = compared(shaper)
+    assert apart.position < 1e-12
+    assert apart.torque < 1e-8

@@ -17,10 +17,9 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax import Force, Guide, Harmonic, Link, Mechanism, Vec
+from linkjax import Force, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import Drive, General, Slot
 from linkjax.kinematics import pose, prepared
 
 L, B, F, STEPS = 1.47, 0.5, 3125.0, 201
@@ -36,23 +35,9 @@ def stroke(alpha):
 
 @pytest.fixture(scope="module")
 def lift() -> lj.Scene:
-    links = {
-        "bar": Link(length=2 * L, points={"C": Vec(L, 0.0)}),
-        "other": Link(length=2 * L, points={"C": Vec(L, 0.0), "E": Vec(L + B, 0.0)}),
-        "roller": Link(),
-        "barrel": Link(length=0.6),
-        "rod": Link(),
-    }
-    group = General(
-        (("bar", ("O", "T", "C")), ("other", ("R", "U", "C", "E")), ("roller", ("R",)), ("barrel", ("O", "H")),
-         ("rod", ("E",))),
-        ("O",),
-        {"T": Vec(2.9, 0.6), "R": Vec(2.9, 0.0), "C": Vec(1.44, 0.3), "E": Vec(0.95, 0.4), "H": Vec(0.5, 0.2)},
-        (Slot("rod", Guide("O", on="barrel")), Slot("roller", Guide("O"))),
-        Drive("rod", "barrel", law=Harmonic(stroke(LOW), stroke(HIGH))),
-    )  # fmt: skip
+    mechanism = lj.scissor_lift(2 * L, B, LOW, HIGH)
     loads = tuple(Force(f"load on {link}", link, p, force=Vec(0.0, -F)) for link, p in (("bar", "T"), ("other", "U")))
-    return lj.Scene(Mechanism({"O": Vec(0.0, 0.0)}, links, [group]), loads, speed=0.1, title="Scissor lift")
+    return lj.Scene(mechanism, loads, speed=0.1, title="Scissor lift")
 
 
 @compiled_soon

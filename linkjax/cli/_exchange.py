@@ -1,0 +1,78 @@
+"""The commands `export` and `import`: machines to and from other programs."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from linkjax.cli._app import angle_of, app
+from linkjax.cli._console import console
+from linkjax.cli._options import SceneName, Set, changes_of
+from linkjax.exchange import from_pylinkage, to_mjcf, to_pylinkage
+from linkjax.machine import Scene
+from linkjax.mechanism import StructureError
+from linkjax.scenes import SceneError, load, loads_text, text_of
+
+
+class Format(StrEnum):
+    """What other programs read."""
+
+    mjcf = "mjcf"
+    pylinkage = "pylinkage"
+
+
+@app.command(name="export")
+def export_command(
+    scene: SceneName,
+    to: Annotated[Format, typer.Option("--format", help="A model of MuJoCo, or pylinkage's JSON.")] = Format.mjcf,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write it there instead of printing it.")] = None,
+    at: Annotated[
+        str | None, typer.Option(metavar="ANGLE", help="Crank angle of a MuJoCo model: degrees, or 1.2rad.")
+    ] = None,
+    set_: Set = None,
+) -> None:
+    """Export a machine: a model of MuJoCo, or the mechanism alone as pylinkage's JSON."""
+    if at is not None and to is Format.pylinkage:
+        raise SceneError("--at", "", at, "pylinkage's mechanisms stand at crank angle zero", "leave --at out")
+    machine, phi = load(scene, changes_of(scene, set_)), 0.0 if at is None else angle_of(at)
+    try:
+        if to is Format.mjcf:
+            text = to_mjcf(machine, phi)
+        else:
+            text = json.dumps(to_pylinkage(machine.mechanism, name=machine.title), indent=2, ensure_ascii=False) + "\n"
+    except StructureError as error:
+        raise SceneError(scene, error.element, None, error.problem, error.remedy) from error
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    out.write_text(text, encoding="utf-8")
+    console.print(f"{out} written", highlight=False)
+
+
+@app.command(name="import")
+def import_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="pylinkage's JSON of a mechanism.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="SCENE", help="The scene file; FILE with .toml if left out.")
+    ] = None,
+) -> None:
+    """Import pylinkage's JSON as a scene file, with lengths in metres and without masses, which it does not know."""
+    path = out or file.with_suffix(".toml")
+    if path.exists():
+        raise SceneError(str(path), "", None, "exists already", "choose another name with --out, or delete the file")
+    try:
+        scene = Scene(from_pylinkage(file.read_bytes().decode("utf-8-sig")), speed=1.0)
+    except UnicodeDecodeError as error:
+        problem = f"not a text in UTF-8 (byte {error.start})"
+        raise SceneError(str(file), "", None, problem, "save the file as UTF-8") from error
+    except StructureError as error:
+        raise SceneError(str(file), error.element, None, error.problem, error.remedy) from error
+    text = text_of(scene, f"Imported from {file.name}. Masses, speed, gravity and loads are still to be given.")
+    loads_text(text)  # names that a scene file cannot hold are refused before anything is written
+    path.write_text(text, encoding="utf-8")
+    console.print(f"{path} written; next: linkjax show {shlex.quote(str(path))}", highlight=False)

@@ -1,0 +1,161 @@
+"""Machines as models of MuJoCo.
+
+Source: MuJoCo documentation, XML reference (https://mujoco.readthedocs.io/en/stable/XMLreference.html).
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from linkjax.exchange._tree import Placed, Stand, Tree, ahead, assembled, plane, stand, tree_of
+from linkjax.groups import General
+from linkjax.kinematics import Pose, prepared
+from linkjax.machine import Scene, ready
+from linkjax.mechanism import Mechanism, StructureError
+
+STEP = 1e-4  # s, of a simulation: half the time constant of the constraints, the most that MuJoCo allows
+STIFF = {"solref": f"{2 * STEP:g} 1", "solimp": "0.9999 0.9999"}
+THIN = 0.015  # radius of a drawn link, as a part of the greatest distance on a link
+
+
+def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9) -> str:
+    """A machine as the text of a MuJoCo model (MJCF), in SI units, standing at the crank angle `phi` (rad).
+
+    Every link is a body in the plane z = 0, with its name and its axes. It hangs on the frame or on another link by one
+    joint of the same name, a hinge or a slide, whose coordinate (rad or m) is zero at `phi`. Loops are closed by
+    equality constraints: pins by `connect`; slides by `weld`, to a body `<block>.guide` that runs on the guide. Every
+    named point is a site of its name on the link that it belongs to; where a pin closes a loop, the other link has a
+    site `<link>.<point>` there. The motor `drive` acts on the driver; a flywheel is the armature of its joint.
+    Counterweights are part of their link. A `Scene` brings its gravity; working loads, speeds and laws of motion have
+    no place in a model.
+
+    MuJoCo knows no body without mass and inertia: where a link has none, it has `massless` times the greatest mass of
+    a link (1 kg if none has any), and this by the square of the greatest distance on a link.
+    Constraints are as stiff as MuJoCo allows at a time step of 0.1 ms. Needs MuJoCo 3.3.
+    Raises `MachineError` where the machine cannot be assembled at `phi`, and `StructureError` for a link with an ideal
+    counterweight that no body can have, and for machines that are traced or batched.
+    """
+    if isinstance(machine, Scene):
+        machine = ready(machine)
+        mechanism, gravity, title = machine.mechanism, plane(machine.gravity), machine.title
+    else:
+        mechanism, gravity, title = prepared(machine), 0j, ""
+    here = assembled(mechanism, phi)
+    at = stand(mechanism, here)
+    tree = tree_of(mechanism, at)
+    size = max(abs(place) for link in mechanism.links for place in tree.places[link].values()) or 1.0
+    model = ET.Element("mujoco", model=title or mechanism.formula())
+    ET.SubElement(model, "compiler", angle="radian", inertiafromgeom="false")
+    option = ET.SubElement(model, "option", timestep=f"{STEP:g}", gravity=_numbers(gravity))
+    ET.SubElement(option, "flag", contact="disable")
+    default = ET.SubElement(model, "default")
+    ET.SubElement(default, "equality", STIFF)
+    ET.SubElement(default, "geom", contype="0", conaffinity="0", rgba="0.35 0.45 0.65 0.8")
+    ET.SubElement(default, "site", size=f"{THIN * size:.3g}", rgba="0.8 0.3 0.2 1")
+    bodies = {"frame": ET.SubElement(model, "worldbody")}
+    inertials = _inertials(here, tree, massless, size)
+    for body in tree.bodies:
+        bodies[body.body] = _body(bodies[body.parent], body, inertials[body.body])
+        _drawn(bodies[body.body], mechanism, body.body, THIN * size)
+    for point, owner in mechanism.owners().items():
+        ET.SubElement(bodies[owner], "site", name=point, pos=_numbers(tree.places[owner][point]))
+    _close(model, bodies, tree, at, _inertial(0j, massless * _heaviest(here), massless * _heaviest(here) * size**2))
+    _drive(model, mechanism, bodies, tree)
+    ET.indent(model)
+    return ET.tostring(model, encoding="unicode") + "\n"
+
+
+def _numbers(at: complex) -> str:
+    """A place in the plane, to the last digit."""
+    return f"{at.real!r} {at.imag!r} 0"
+
+
+def _turn(u: complex) -> str:
+    """A rotation in the plane as a quaternion, for a unit vector."""
+    half = 0.5 * float(np.angle(u))
+    return f"{np.cos(half).item()!r} 0 0 {np.sin(half).item()!r}"
+
+
+def _body(parent: ET.Element, placed: Placed, inertial: dict[str, str]) -> ET.Element:
+    """A body with its joint."""
+    body = ET.SubElement(parent, "body", name=placed.body, pos=_numbers(placed.at), quat=_turn(placed.turned))
+    if placed.axis is None:
+        ET.SubElement(body, "joint", name=placed.body, type="hinge", axis="0 0 1", pos=_numbers(placed.pin))
+    else:
+        ET.SubElement(body, "joint", name=placed.body, type="slide", axis=_numbers(placed.axis))
+    ET.SubElement(body, "inertial", inertial)
+    return body
+
+
+def _drawn(body: ET.Element, mechanism: Mechanism, link: str, radius: float) -> None:
+    """What is seen of a link; it has no mass and touches nothing."""
+    length = float(mechanism.links[link].length)
+    if length:
+        ends = f"0 0 0 {length!r} 0 0"
+        ET.SubElement(body, "geom", type="capsule", fromto=ends, size=f"{radius:.3g}")
+    else:
+        ET.SubElement(body, "geom", type="box", size=f"{2 * radius:.3g} {1.4 * radius:.3g} {radius:.3g}")
+
+
+def _heaviest(here: Pose) -> float:
+    """The greatest mass of a link, 1 kg if none has any."""
+    return max(sum(float(lump.mass) for lump in held.values()) for held in here.bodies.values()) or 1.0
+
+
+def _inertials(here: Pose, tree: Tree, massless: float, size: float) -> dict[str, dict[str, str]]:
+    """Mass, mass centre and inertia of every link with its counterweights."""
+    least, found = massless * _heaviest(here), {}
+    for link, held in here.bodies.items():
+        lumps = [(tree.places[link][point], float(lump.mass), float(lump.inertia)) for point, lump in held.items()]
+        mass = sum(m for _, m, _ in lumps)
+        centre = sum(m * at for at, m, _ in lumps) / mass if mass else next(at for at, _, _ in lumps)
+        inertia = sum(own + m * abs(at - centre) ** 2 for at, m, own in lumps)
+        if inertia < 0 or (mass == 0 and any(m for _, m, _ in lumps)):
+            problem = "no body can have what its ideal counterweight leaves: an inertia below zero"
+            raise StructureError(f"links.{link}", problem, "leave `ideal` out, or give the link more mass")
+        found[link] = _inertial(centre, mass or least, inertia or least * size**2)
+    return found
+
+
+def _inertial(centre: complex, mass: float, inertia: float) -> dict[str, str]:
+    return {"pos": _numbers(centre), "mass": repr(mass), "diaginertia": " ".join([repr(inertia)] * 3)}
+
+
+def _close(model: ET.Element, bodies: dict[str, ET.Element], tree: Tree, here: Stand, inertial: dict[str, str]) -> None:
+    """Close the loops."""
+    equality = ET.SubElement(model, "equality")
+    for point, link, by in tree.pins:
+        one, two = (_site(bodies[side], side, point, tree) for side in (by, link))
+        ET.SubElement(equality, "connect", name=f"{link}.{point}", site1=one, site2=two)
+    for joint in tree.slides:
+        way, mark = tree.ways[joint.link], f"{joint.link}.guide"
+        on = way.base + ahead(joint.link, way, here) * way.along
+        _body(bodies[way.on], Placed(mark, way.on, on, way.along, axis=1 + 0j), inertial)
+        ET.SubElement(equality, "weld", name=mark, body1=mark, body2=joint.link, relpose="0 0 0 1 0 0 0")
+
+
+def _site(body: ET.Element, link: str, point: str, tree: Tree) -> str:
+    """Name of the site of a point on a link: the point's own on the link that it belongs to."""
+    if any(site.get("name") == point for site in body.findall("site")):
+        return point
+    ET.SubElement(body, "site", name=f"{link}.{point}", pos=_numbers(tree.places[link][point]))
+    return f"{link}.{point}"
+
+
+def _drive(model: ET.Element, mechanism: Mechanism, bodies: dict[str, ET.Element], tree: Tree) -> None:
+    """A motor on the driver, and the flywheel."""
+    driver, joint = mechanism.driver, mechanism.crank
+    if isinstance(driver, General) and driver.drive is not None:
+        link, on = driver.drive.link, driver.drive.on
+        hung = [body.body for body in tree.bodies if {body.body, body.parent} == {link, on}]
+        if not hung and driver.driven_slot() is None:
+            return  # the pin that it turns closes a loop, and has no joint of its own
+        joint = hung[0] if hung else f"{link}.guide"
+    flywheel = float(mechanism.flywheel.inertia)
+    if flywheel:
+        hinge = bodies[joint].find("joint")
+        assert hinge is not None  # only a crank has one
+        hinge.set("armature", repr(flywheel))
+    ET.SubElement(ET.SubElement(model, "actuator"), "motor", name="drive", joint=joint)

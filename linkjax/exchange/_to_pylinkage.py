@@ -1,0 +1,122 @@
+"""Mechanisms as pylinkage's JSON.
+
+The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3): joints with their places, links with the
+joints on them; lengths are the distances of these places.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import Any
+
+from linkjax.exchange._tree import assembled, places_of, plane
+from linkjax.groups import RRP, RRR, Crank
+from linkjax.kinematics import Pose
+from linkjax.mechanism import Mechanism, StructureError
+
+Document = dict[str, Any]
+
+
+def to_pylinkage(mechanism: Mechanism, steps: int = 360, name: str = "") -> Document:
+    """A mechanism as pylinkage's JSON (a dictionary for `json.dumps`), standing at crank angle zero, whose crank makes
+    a turn in so many `steps`.
+
+    Points and links keep their names, lengths are in metres. Marked points that other links are pinned to are joints of
+    their link, others trackers. The name of a block is that of its prismatic joint. Masses, mass centres and the
+    flywheel have no place there.
+
+    pylinkage knows a turning crank, pins, and slides on the frame. Raises `StructureError` for everything else: other
+    drivers and groups, guides on moving links, points on blocks; and for mechanisms that pylinkage's own solver steps
+    wrongly (with slides or trackers it takes joints one by one, and places of an earlier step for those not yet
+    solved). Raises `MachineError` where it cannot be assembled at crank angle zero.
+    """
+    here = assembled(mechanism, 0.0)
+    places, used = places_of(mechanism), {p for group in mechanism.groups for p in group.needs()}
+    joints = [_joint(p, "ground", here) for p in mechanism.fixed]
+    links: list[Document] = [{"id": "frame", "type": "ground", "joints": list(mechanism.fixed)}]
+    trackers: list[Document] = []
+    for group in mechanism.groups:
+        if isinstance(group, Crank) and group.law is None:
+            joints.append(_joint(group.end, "revolute", here))
+            links.append(_driver(group, steps))
+        elif isinstance(group, RRR):
+            joints.append(_joint(group.meet, "revolute", here))
+        elif isinstance(group, RRP) and group.guide.on == "frame":
+            joints.append(_slide(group, places["frame"][group.guide.through], here))
+        else:
+            raise StructureError("-".join(group.link_names()), f"pylinkage knows no such group ({_what(group)})",
+                                 "export turning cranks, RRR, and RRP on the frame alone")  # fmt: skip
+        bars: list[Document] = []
+        for link, (origin, far) in group.pins().items():
+            marked = [p for p in mechanism.links[link].point_names() if p not in (origin, far)]
+            if far is None and marked:
+                raise StructureError(f"links.{link}.points.{marked[0]}", "pylinkage knows no points on a block",
+                                     "delete it, or export another mechanism")  # fmt: skip
+            pinned = [p for p in marked if p in used]
+            if far is not None and (pinned or not isinstance(group, Crank)):
+                own = link if not isinstance(group, Crank) else f"{link}.{pinned[0]}"
+                bars.append({"id": own, "type": "link", "joints": [origin, far, *pinned]})
+            joints += [_joint(p, "revolute", here) for p in pinned]
+            for point in (p for p in marked if p not in used):
+                at, base, end = (places[link][p] for p in (point, origin, str(far)))
+                trackers.append(_tracker(point, (at - base) * abs(end - base) / (end - base), origin, str(far), here))
+        links += sorted(bars, key=lambda bar: len(bar["joints"]))  # its solver takes the first joints that it finds
+    found = {"name": name or mechanism.formula(), "joints": joints + trackers, "links": links, "ground": "frame"}
+    if trackers or any(joint["type"] == "prismatic" for joint in joints):
+        _check_order(found)
+    return found
+
+
+def _what(group) -> str:
+    if isinstance(group, Crank):
+        return "a crank that follows a law"
+    return "a guide on a moving link" if isinstance(group, RRP) else group.kind
+
+
+def _pair(at: complex) -> list[float]:
+    return [at.real, at.imag]
+
+
+def _joint(point: str, kind: str, here: Pose) -> Document:
+    return {"id": point, "type": kind, "position": _pair(plane(here.points[point].r))}
+
+
+def _driver(crank: Crank, steps: int) -> Document:
+    return {
+        "id": crank.link, "type": "driver", "joints": [crank.pivot, crank.end], "motor_joint": crank.pivot,
+        "angular_velocity": crank.turns * math.tau / steps, "initial_angle": float(crank.phase),
+    }  # fmt: skip
+
+
+def _slide(group: RRP, base: complex, here: Pose) -> Document:
+    along = cmath.exp(1j * float(group.guide.along))
+    line = {"axis": _pair(along), "line_point": _pair(base + 1j * float(group.guide.offset) * along)}
+    return {**_joint(group.end, "prismatic", here), "name": group.block, **line}
+
+
+def _tracker(point: str, place: complex, origin: str, far: str, here: Pose) -> Document:
+    away = {"distance": abs(place), "angle": cmath.phase(place)}
+    return {**_joint(point, "tracker", here), "ref_joint1_id": origin, "ref_joint2_id": far, **away}
+
+
+def _check_order(document: Document) -> None:
+    """Follow pylinkage's solver joint by joint: it takes the first joints that it finds on the links of a joint, solved
+    or not."""
+    kinds = {joint["id"]: joint["type"] for joint in document["joints"]}
+    links = [link["joints"] for link in document["links"]]
+    solved = {p for p, kind in kinds.items() if kind == "ground"} | {links[1][1]}
+    waiting = [p for p, kind in kinds.items() if kind in ("revolute", "prismatic") and p not in solved]
+    while waiting:
+        ready = []
+        for point in waiting:
+            found = [p for link in links if point in link for p in link if p != point]
+            needed = 1 if kinds[point] == "prismatic" else 2
+            if sum(p in solved for p in found) < needed:
+                continue
+            if not solved.issuperset(found[:needed]):
+                problem = "pylinkage would solve it from joints that it has not solved yet"
+                raise StructureError(point, problem, "leave out marked points and slides that nothing hangs on")
+            ready.append(point)
+            solved.add(point)
+        waiting = [p for p in waiting if p not in ready]

@@ -1,0 +1,21 @@
+"""What the tests of exported machines share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:  # linkjax is imported by tests alone
+    from tests.exchange.mujoco_road import Apart
+
+
+@pytest.fixture(scope="module")
+def figures():
+    """Collects how far MuJoCo is apart, and prints the worst (seen with `pytest -s`)."""
+    found: dict[str, Apart] = {}
+    yield found
+    if found:
+        far, strong = (max(found, key=lambda name, which=which: found[name][which]) for which in range(2))
+        print(f"\n{len(found)} machines in MuJoCo: positions within {found[far].position:.1e} ({far}), "
+              f"drive torque within {found[strong].torque:.1e} ({strong})")  # fmt: skip
