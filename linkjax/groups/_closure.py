@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -75,10 +75,10 @@ class Web(NamedTuple):
     for the frame)."""
 
     links: int
-    one: np.ndarray
-    two: np.ndarray
-    block: np.ndarray
-    on: np.ndarray
+    one: Any
+    two: Any
+    block: Any
+    on: Any
     slides: int | None
     turns: tuple[int, int | None] | None
 

@@ -44,10 +44,12 @@ def _follow(group: General, links: Mapping[str, Any], before: Callable, last: Tr
     def step(carry):
         here, at, width = carry
         new = jnp.minimum(at + width, to)
-        there = Track(*group.closed(links, *before(new), new, here.z, ALONG))
+        states, points = before(new)
+        there = Track(*group.closed(links, states, points, new, here.z, ALONG))
         calm = jnp.max(jnp.abs(there.z - here.z) / measure) < SWING
         good = (there.gap < shut) & calm & (there.sense == here.sense) | (width <= least)
         kept = jax.tree.map(lambda a, b: jnp.where(good, a, b), (there, new), (here, at))
         return *kept, jnp.maximum(jnp.where(good, 2 * width, 0.5 * width), least)
 
-    return jax.lax.while_loop(goes_on, step, (last, phi, to - phi))[0]
+    found, *_ = jax.lax.while_loop(goes_on, step, (last, phi, to - phi))
+    return found

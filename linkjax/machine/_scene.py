@@ -14,6 +14,7 @@ from jaxtyping import Array
 from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec
+from linkjax.groups import Crank
 from linkjax.kinematics import prepared
 from linkjax.loads import AbstractLoad, Window
 from linkjax.mechanism import Mechanism, StructureError
@@ -54,6 +55,9 @@ class Scene(eqx.Module):
         if law is not None and self.target_delta is not None:
             problem = "has no effect: the driver follows a law, so its speed does not fluctuate"
             raise StructureError("target_delta", problem, "delete it, or the law")
+        if self.target_delta is not None and not isinstance(self.mechanism.driver, Crank):
+            problem = "there is no shaft for a flywheel: no crank of the frame drives"
+            raise StructureError("target_delta", problem, "delete it")
         seen = {"gravity", "drive"}
         for number, load in enumerate(self.loads):
             element = f"loads[{number}] ({load.name})"

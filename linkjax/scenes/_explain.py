@@ -61,9 +61,9 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
         return f"{what} where true or false is needed", "write true or false, without quotes"
     if kind in ("dict_type", "model_type", "union_tag_not_found"):
         name = join(tuple(part for part in path if isinstance(part, str)))
-        if path[0] in ("groups", "loads", "slots", "drive") and len(path) > 1 and isinstance(path[-1], str):
+        if path and path[0] in ("groups", "loads", "slots", "drive") and len(path) > 1 and isinstance(path[-1], str):
             return f"{what} where a table is needed", f"write it in braces, {last} = {_inner(table, path)}"
-        brackets = f"[[{name}]]" if path[0] in ("groups", "loads", "slots") else f"[{name}]"
+        brackets = f"[[{name}]]" if path[:1] in (("groups",), ("loads",), ("slots",)) else f"[{name}]"
         return f"{what} where a table is needed", f"write {brackets} with its keys below it"
     if kind == "list_type" and path[0] == "optimise" and last != "cases":
         return f"{what} where a list is needed", f"write it in square brackets, {last} = [...]"

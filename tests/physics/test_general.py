@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 
 import jax
 import jax.numpy as jnp
@@ -19,10 +20,11 @@ from linkjax import PRP, RPP, RPR, RRP, RRR, Crank, Force, Guide, Harmonic, Link
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.groups import Drive, General, Slot
-from linkjax.kinematics import assembly_margins, pose, prepared
+from linkjax.kinematics import least_margin, margins, pose, prepared
 from linkjax.measures import smallest_margin
 from linkjax.motion import steady
 from tests.physics.machines import machine
+from tests.physics.oracle import assemble, in_axes, open_joints
 
 ANGLES = np.arange(360) * (2 * math.pi / 360)
 
@@ -200,16 +202,117 @@ def test_where_it_cannot_be_assembled():
     assert float(slope.groups[0].law.stop) < 0 < float(slope.links["lever"].length)
 
 
-@pytest.mark.slow
+def singular_values(mechanism: Mechanism, angles) -> np.ndarray:
+    """Least singular values of the closure's Jacobian of the first group, by differences of the oracle's equations."""
+    group = mechanism.groups[1]
+    places, found = in_axes(group, mechanism), []
+    size = max(abs(at) for link, pins in group.members for p, at in places[link].items() if p in pins)
+    scale = np.tile([1.0, 1.0, 1.0 / size], len(group.members))  # angles times the size
+    for phi in angles:
+        points, directions = assemble(mechanism, phi)
+        x = np.ravel([[points[pins[0]].real, points[pins[0]].imag, np.angle(directions[link])]
+                      for link, pins in group.members])  # fmt: skip
+        outside = {p: points[p] for p in group.outer}
+
+        def left(x, outside=outside, directions=directions):
+            return np.asarray(open_joints(group, places, outside, directions, x), float)
+
+        columns = [(left(x + h) - left(x - h)) / 2e-6 for h in np.diag(1e-6 * scale)]
+        found.append(np.linalg.svd(np.stack(columns, axis=1), compute_uv=False)[-1])
+    return np.asarray(found)
+
+
 def test_the_margin_is_the_least_singular_value():
-    """Of a four-bar's loop it vanishes where the dyad is stretched, and only there."""
-    links = {"crank": Link(length=0.1), "coupler": Link(length=0.3), "rocker": Link(length=0.25)}
+    """With its rates, against differences of equations written down anew."""
+    mechanism = prepared(machine("triad").mechanism)
+    angles, h = np.asarray([0.4, 1.7, 3.1, 5.2]), 1e-3
+    every = np.concatenate([angles, angles + h, angles - h])
+    found = compiled_soon(lambda m: jax.vmap(lambda phi: margins(m, phi)["plate-bar1-bar2-bar3"]["loops"])(
+        jnp.asarray(angles)))(mechanism)  # fmt: skip
+    here, after, before = singular_values(mechanism, every).reshape((3, -1))
+    np.testing.assert_allclose(found.value, here, rtol=1e-8)
+    np.testing.assert_allclose(found.d, (after - before) / (2 * h), atol=1e-5)
+    np.testing.assert_allclose(found.dd, (after + before - 2 * here) / h**2, atol=1e-3)
+
+
+def four_bar(crank=0.1, coupler=0.3, rocker=0.25, far=0.4, phase=0.0, law=None) -> Mechanism:
+    """A four-bar whose dyad is a general group."""
+    links = {"crank": Link(length=crank), "coupler": Link(length=coupler), "rocker": Link(length=rocker)}
     group = General((("coupler", ("B", "C")), ("rocker", ("D", "C"))), ("B", "D"), {"C": Vec(0.3, 0.2)})
-    for far in (0.4, 0.449):
-        m = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(far, 0.0)}, links, [Crank("crank", "A", "B"), group])
-        (least,) = compiled_soon(assembly_margins)(m)["coupler-rocker"].values()
-        assert float(least.value) > (0.1 if far == 0.4 else 0.0)
-    assert float(least.value) < 0.1 and float(least.angle) == pytest.approx(math.pi, abs=0.2)
+    return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(far, 0.0)}, links, [Crank("crank", "A", "B", 1, phase, law), group])
+
+
+@pytest.fixture(scope="module")
+def least():
+    """Least margin of a four-bar, and its slope by the coupler's length, by one program."""
+    return jax.jit(jax.value_and_grad(lambda coupler, m: least_margin(
+        dataclasses.replace(m, links={**m.links, "coupler": Link(length=coupler)}))))  # fmt: skip
+
+
+def test_the_least_margin(least):
+    """It does not depend on where the scan begins, and its slope is that of differences."""
+    one, two = (least(0.3, four_bar(phase=phase)) for phase in (0.0, 0.37))
+    np.testing.assert_allclose(one, two, rtol=1e-9)
+    step = 1e-6
+    slope = (least(0.3 + step, four_bar())[0] - least(0.3 - step, four_bar())[0]) / (2 * step)
+    assert float(one[1]) == pytest.approx(float(slope), rel=1e-7)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.37, 1.0])
+def test_a_parallelogram_has_a_change_point(least, phase):
+    value, _ = least(0.3, four_bar(rocker=0.1, far=0.3, phase=phase))
+    assert -2e-6 < float(value) <= 1e-9
+
+
+def test_close_to_a_dead_position(least):
+    """What closes by 1e-5 closes, what falls short by 1e-5 does not."""
+    for phase in (0.03, 0.37):
+        assert float(least(0.3, four_bar(far=0.45 - 1e-5, phase=phase))[0]) > 0
+        assert float(least(0.3, four_bar(far=0.45 + 1e-4, phase=phase))[0]) < 0
+
+
+def test_a_fast_law_is_followed(least):
+    """A law that turns the crank by six degrees a step of the path."""
+    law = lj.Spline((0.0, 1.5, 3.0, 4.5), [-0.0195, -0.9717, 1.5215, 0.0266])
+    mechanism = four_bar(0.2976, 0.3089, 0.2916, 0.3165, law=law)
+    angles = jnp.linspace(0.0, 2 * math.pi, 3601)
+    every = compiled_soon(lambda m: jax.vmap(lambda phi: margins(m, phi)["coupler-rocker"]["loops"].value)(angles))
+    scanned = float(jnp.min(every(prepared(mechanism))))
+    assert float(least(0.3089, mechanism)[0]) == pytest.approx(scanned, rel=1e-3) and scanned > 0
+
+
+@pytest.mark.slow
+def test_a_law_of_two_turns():
+    """Poses, margins and forces of the second turn, as in closed form."""
+    law = lj.Spline((0.0, 3.0, 6.0, 9.0), [0.9621, 0.376, -1.3615, 0.8157], 4 * math.pi)
+    m = four_bar(0.2577, 0.4968, 0.4695, 0.1608, law=law)
+    plain = dataclasses.replace(m, groups=(m.groups[0], RRR(("coupler", "rocker"), "B", "D", "C")))
+    load = (Force("F", "rocker", "C", force=Vec(0.0, -50.0)),)
+    for phi in (2.0, 6.6, 11.0):
+        one, two = (lj.Scene(each, load, speed=1.0, cycle_turns=2) for each in (m, plain))
+        torques = [
+            kinetostatics(s, jnp.asarray(phi), jnp.asarray(1.0), jnp.asarray(0.0)).drive_torque for s in (one, two)
+        ]
+        assert float(torques[0]) == pytest.approx(float(torques[1]), rel=1e-10)
+        c = [pose(each, jnp.asarray(phi)).points["C"].r for each in (m, plain)]
+        np.testing.assert_allclose([c[0].x, c[0].y], [c[1].x, c[1].y], atol=1e-14)
+
+
+@pytest.mark.slow
+def test_single_precision(least):
+    """Without enable_x64 a sound machine is sound."""
+    exact = float(least(0.3, four_bar())[0])
+    with jax.enable_x64(False), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        links = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), four_bar())
+        assert float(jax.jit(least_margin)(links)) == pytest.approx(exact, rel=1e-5)
+
+
+def test_a_path_belongs_to_its_numbers():
+    made = prepared(four_bar())
+    assert isinstance(made.groups[1], General) and made.groups[1].path is not None
+    again = dataclasses.replace(made, fixed={**made.fixed, "D": Vec(0.35, 0.0)})
+    assert isinstance(again.groups[1], General) and again.groups[1].path is None
 
 
 @pytest.mark.parametrize(

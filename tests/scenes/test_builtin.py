@@ -22,7 +22,11 @@ from linkjax.motion import steady
 from linkjax.scenes import json_schema, load, load_document, loads_text, scene_names, starter
 from tests.helpers import PACKAGE, ROOT
 
-NAMES = ("four-bar", "hay-press", "hay-press-slider", "quick-return", "scotch-yoke", "slider-crank")
+NAMES = (
+    "andrews-squeezer", "combine-cutter", "combine-shoe", "elliptic-trammel", "four-bar", "hay-press",
+    "hay-press-slider", "kozhevnikov-press", "oscillating-cylinder", "quick-return", "scissor-lift", "scotch-yoke",
+    "slider-crank", "stephenson-3", "toggle-press", "two-cylinder", "two-slider-press",
+)  # fmt: skip
 PAGE = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
 
@@ -162,7 +166,7 @@ def test_examples_in_the_tables_are_toml():
 
 def test_schema_is_json_and_has_valid_examples():
     schema = json_schema()
-    assert set(json.loads(json.dumps(schema))["required"]) == {"speed", "fixed", "links", "groups"}
+    assert set(json.loads(json.dumps(schema))["required"]) == {"speed", "fixed", "links"}
     assert schema["additionalProperties"] is False
     lengths = schema["$defs"]["Link"]["properties"]["length"]
     assert lengths["examples"] == ["300 mm"] and {"type": "number", "minimum": 0} in lengths["anyOf"]
