@@ -26,7 +26,7 @@ from linkjax.groups._pairs import FRAME, classified
 from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
 
-NEAR, LAST = 3, 2  # Newton steps from the reference path: damped ones, and those that carry derivatives
+NEAR, LAST = 3, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
 BEYOND = 1e-6  # what the margin falls short by where the group closes, but in another assembly than it began with
 SWING = 0.2  # of the size: what they may move links
 
@@ -248,12 +248,8 @@ class General(AbstractGroup):
         z = self.closed(links, states, points, phi, self.path.at(phi, self.turns), NEAR)[0]
         web, places = self._web(), self.places(links)
         c = self._closure(places, self._known(states, points), self._drive(phi))
-        here = placed(jax.lax.stop_gradient(z))
-        for _ in range(LAST):  # from a root, two steps carry derivatives up to the third order
-            here = self._newton(web, here, c)
-        jacobian = web.jacobian(here, c)
-        sound = jnp.isfinite(jnp.linalg.slogdet(jax.lax.stop_gradient(jacobian))[1])
-        inverse = jnp.linalg.inv(jnp.where(sound, jacobian, jnp.eye(3 * web.links)))
+        here, sound = self._polished(web, placed(jax.lax.stop_gradient(z)), c)
+        inverse = jnp.linalg.inv(jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links)))
 
         def along(t, v):
             at, u = self._outside(self._known(states, points, t))
@@ -264,16 +260,21 @@ class General(AbstractGroup):
         bend = jax.jvp(lambda t: jax.jvp(lambda s: along(s, v), (t,), (one,))[1], (zero,), (one,))[1]
         return self._states(here, v, -inverse @ bend, places, c.size)
 
-    def _newton(self, web: Web, here: Placed, c: Closure) -> Placed:
-        """A step to the root; none where there is none near."""
-        gap, jacobian = web.opened(here, c), web.jacobian(here, c)
-        first = jax.lax.stop_gradient(jnp.linalg.solve(jacobian, gap) / c.size)
-        small = jnp.max(jnp.abs(first)) < SWING  # false where it is not finite
-        move = -jnp.linalg.solve(jnp.where(small, jacobian, jnp.eye(gap.size)), jnp.where(small, gap, 0.0))
-        there = here.moved(move, c.size)
-        left = jnp.max(jnp.abs(jax.lax.stop_gradient(web.opened(there, c))))
-        good = small & ((left < jnp.max(jnp.abs(gap))) | (left < closed_to(left.dtype) * c.size))
-        return jax.tree.map(lambda a, b: jnp.where(good, a, b), there, here)
+    def _polished(self, web: Web, here: Placed, c: Closure) -> tuple[Placed, Array]:
+        """The root near a configuration, with derivatives up to the third order, and whether the Jacobian has an inverse;
+        the configuration itself where there is no root near it.
+
+        Steps with one and the same inverse, which carries no derivatives: every one makes those of one more order right.
+        """
+        first = web.opened(here, c)
+        inverse = jax.lax.stop_gradient(jnp.linalg.inv(web.jacobian(here, c)))
+        near = jnp.max(jnp.abs(inverse @ jax.lax.stop_gradient(first))) < SWING * jax.lax.stop_gradient(c.size)
+        inverse, there = jnp.where(near, inverse, 0.0), here  # false where it is not finite
+        for _ in range(LAST):
+            there = there.moved(-inverse @ web.opened(there, c), c.size)
+        left, before = (jnp.max(jnp.abs(jax.lax.stop_gradient(gap))) for gap in (web.opened(there, c), first))
+        good = (left < before) | (left < closed_to(left.dtype) * c.size)
+        return jax.tree.map(lambda a, b: jnp.where(good, a, b), there, here), near
 
     def _states(self, here: Placed, v, a, places, size):
         found, pins = {}, {}

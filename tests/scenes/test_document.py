@@ -163,7 +163,10 @@ def mutants(table):
             yield path, junk, mutant
 
 
-@pytest.mark.parametrize("name", scene_names())
+QUICK = ("four-bar", "hay-press", "stephenson-3")
+
+
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in scene_names()])
 def test_no_mutant_gives_anything_but_a_scene_or_a_scene_error(name):
     document = load_document(name)
     outcomes = {"scene": 0, "error": 0}
