@@ -261,10 +261,10 @@ class General(AbstractGroup):
         return self._states(here, v, -inverse @ bend, places, c.size)
 
     def _polished(self, web: Web, here: Placed, c: Closure) -> tuple[Placed, Array]:
-        """The root near a configuration, with derivatives up to the third order, and whether the Jacobian has an inverse;
-        the configuration itself where there is no root near it.
+        """The root near a configuration, with derivatives up to the third order, and whether there is one; else the
+        configuration itself.
 
-        Steps with one and the same inverse, which carries no derivatives: every one makes those of one more order right.
+        Steps with one and the same inverse, which has no derivatives: each makes those of one more order right.
         """
         first = web.opened(here, c)
         inverse = jax.lax.stop_gradient(jnp.linalg.inv(web.jacobian(here, c)))

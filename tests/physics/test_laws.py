@@ -16,7 +16,7 @@ from linkjax import RRP, Crank, Flywheel, Guide, Harmonic, Link, Mechanism, Slid
 from linkjax.analysis import document
 from linkjax.design import number
 from linkjax.measures import MEASURES, evaluate
-from tests.physics.machines import PRESCRIBED, machine
+from tests.physics.machines import machine
 
 KNOTS = np.array([0.3, 0.9, 2.0, 2.2, 4.0, 5.5])
 VALUES = np.array([0.1, 0.4, 0.7, 0.65, -0.2, 0.0])
@@ -85,7 +85,7 @@ def test_the_analysis(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PRESCRIBED)
+@pytest.mark.parametrize("name", ["swinging", pytest.param("hydraulic", marks=pytest.mark.slow)])
 def test_every_measure_has_a_value_and_a_slope(name):
     scene = machine(name)
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+import pytest
+
 import linkjax as lj
 from linkjax.analysis import document
 
-SCENES = lj.scene_names()
+QUICK = ("hay-press", "quick-return", "scotch-yoke")
+SCENES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in lj.scene_names()]
 
 
 @functools.cache
