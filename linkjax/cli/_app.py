@@ -21,9 +21,10 @@ from linkjax._units import QuantityError, display_units, quantity
 from linkjax.analysis import analyse, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, Units, changes_of, make_folders
-from linkjax.cli._print import print_at, print_scene, print_structure, print_summary
+from linkjax.cli._print import print_assemblies, print_at, print_scene, print_structure, print_summary
 from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling, structure_of
 from linkjax.cli._write import write_csv, write_out
+from linkjax.kinematics import assemblies
 from linkjax.mechanism import structure
 from linkjax.scenes import (
     SceneError,
@@ -120,9 +121,11 @@ def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
 
 
 @app.command(name="structure")
-def structure_command(scene: SceneName, set_: Set = None) -> None:
-    """Mobility, Assur groups and structural formula of a scene."""
-    print_structure(structure(load(scene, changes_of(scene, set_)).mechanism))
+def structure_command(scene: SceneName, units: Units = "", set_: Set = None) -> None:
+    """Mobility, Assur groups and structural formula of a scene, and how else groups can be assembled."""
+    mechanism = load(scene, changes_of(scene, set_)).mechanism
+    print_structure(structure(mechanism))
+    print_assemblies(assemblies(mechanism), Numbers(display_units(units)))
 
 
 @app.command(name="analyse")

@@ -11,6 +11,7 @@ from rich.text import Text
 from linkjax._display import NONE, Numbers, prefixed, short
 from linkjax.analysis import check_limit, load_size, peak_unit
 from linkjax.cli._console import console
+from linkjax.kinematics import Assemblies
 from linkjax.machine import Scene
 from linkjax.mechanism import Structure
 
@@ -69,6 +70,16 @@ def print_structure(found: Structure) -> None:
         inner = ", ".join(f"{p.name} ({p.one} on {p.other})" for p in part.inner)
         table.add_row(", ".join(part.links), part.kind, part.letters, outer, inner or NONE)
     console.print(table)
+
+
+def print_assemblies(found: dict[str, Assemblies], show: Numbers) -> None:
+    """The ways to assemble general groups at crank angle zero, as sketches."""
+    for name, ways in found.items():
+        console.print(f"\n{name} can be assembled in {len(ways.sketches)} ways at 0° ({ways}); as [sketch]:",
+                      highlight=False, markup=False)  # fmt: skip
+        for sketch in ways.sketches:
+            places = ", ".join(f"{point} {show.place((at.x, at.y))}" for point, at in sketch.items())
+            console.print(f"  {places}", highlight=False, markup=False)
 
 
 def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:

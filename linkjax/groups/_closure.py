@@ -123,7 +123,7 @@ class Web(NamedTuple):
             if self.turns[1] is not None:
                 sign[0, self.turns[1], 2] = -1.0
             wanted, driven = self._turned(z, c)
-            parts.append((sign * jnp.sum(wanted * driven)).reshape((1, -1)))
+            parts.append((jnp.asarray(sign) * jnp.sum(wanted * driven)).reshape((1, -1)))
         return jnp.concatenate(parts)
 
     def _slots(self, at: Array, u: Array, c: Closure) -> tuple[Array, Array, Array, Array]:

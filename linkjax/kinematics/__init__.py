@@ -1,5 +1,7 @@
 """Pose, kinematic coefficients, margins and dead centres of a mechanism."""
 
+from linkjax.kinematics._assemblies import Assemblies as Assemblies
+from linkjax.kinematics._assemblies import assemblies as assemblies
 from linkjax.kinematics._cycle import Least as Least
 from linkjax.kinematics._cycle import Motion as Motion
 from linkjax.kinematics._cycle import Reversals as Reversals

@@ -111,6 +111,12 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
     return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would drop the paths
 
 
+def before_group(mechanism: Mechanism, number: int, phi: Scalar) -> tuple[dict[str, LinkState], dict[str, PointState]]:
+    """States of the links and points that are there before the group of this number is attached."""
+    here = jax.jit(lambda m, phi: _of_groups(m, m.groups[:number], phi)[:2])(mechanism, phi)
+    return here[1], here[0]
+
+
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
     """Signed margin of every group to its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
     here = pose(mechanism, phi)

@@ -10,12 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.analysis import analyse
 from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Drive, General, Guide, Pair, Slot, classified
-from linkjax.kinematics import pose, prepared
+from linkjax.kinematics import assemblies, pose, prepared
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage, structure
 from linkjax.mechanism._freedom import blocks, freedom
 from linkjax.scenes import load, loads_text, text_of
@@ -311,3 +312,61 @@ def test_formulas():
     assert found.formula(letters=True) == "R(crank) → RRP(rod, slider) → RRR(link4, rocker)"
     assert structure(machine("triad").mechanism).formula(letters=True).split(" → ")[1].startswith("RRR-RRR(")
     assert RRR(("a", "b"), "P", "Q", "M").classified() == ("II1", "RRR")
+
+
+def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:
+    """Angles of the triad's plate where it closes: the plate on two legs, both ways round, until the third fits."""
+    at = pose(mechanism, jnp.asarray(phi)).points
+    b, c, d = (complex(at[p].r.x, at[p].r.y) for p in "BCD")
+    near, lengths = {"F": 0.25 + 0j, "G": 0.1 + 0.2j}, (0.3, 0.32, 0.35)
+
+    def left(turn, side):
+        first, second = b, c - near["F"] * np.exp(1j * turn)  # E on both circles
+        span = second - first
+        far = np.maximum((lengths[0] + lengths[1]) ** 2 - abs(span) ** 2, 0) * (
+            abs(span) ** 2 - (lengths[0] - lengths[1]) ** 2
+        )
+        foot = 0.5 * (1 + (lengths[0] ** 2 - lengths[1] ** 2) / abs(span) ** 2)
+        e = first + span * (foot + 0.5j * side * np.sqrt(np.maximum(far, 0)) / abs(span) ** 2)
+        return np.where(far > 0, abs(e + near["G"] * np.exp(1j * turn) - d) - lengths[2], np.nan)
+
+    found, turns = [], np.linspace(-math.pi, math.pi, 20001)
+    for side in (1, -1):
+        values = left(turns, side)
+        for i in np.flatnonzero(values[:-1] * values[1:] < 0):
+            found.append(brentq(lambda t, s=side: float(left(np.asarray(t), s)), turns[i], turns[i + 1], xtol=1e-14))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("phi", [0.0, 2.0])
+def test_all_assemblies_of_a_triad(phi):
+    """All roots of its sextic: as many as a search over the angle of the plate finds, at the same places."""
+    mechanism = machine("triad").mechanism
+    (found,) = assemblies(mechanism, phi).values()
+    turns = [math.atan2(*(float(v) for v in ((s["F"] - s["E"]).y, (s["F"] - s["E"]).x))) for s in found.sketches]
+    np.testing.assert_allclose(sorted(turns), plate_angles(prepared(mechanism), phi), atol=1e-9)
+    assert found.all_found and found.at_most == 6 and len(turns) >= 2
+
+
+@pytest.mark.slow
+def test_a_triad_in_six_ways():
+    """A plate whose legs are given so that all six roots are real; random starts find the same ones."""
+    links = {"crank": Link(length=0.01, pins=("A", "B")), "plate": Link(length=1.0, pins=("E", "F", "G"),
+             points={"G": lj.Vec(0.5, 0.9)}), "leg1": Link(length=1.0, pins=("B", "E")),
+             "leg2": Link(length=1.05, pins=("C", "F")), "leg3": Link(length=1.1, pins=("D", "G"))}  # fmt: skip
+    fixed = {"A": (0.0, 0.0), "C": (1.3, 0.1), "D": (0.6, 1.3)}
+    made = linkage(fixed, links, Drive("crank"), sketch={"E": (0.5, 0.8), "F": (1.4, 0.9), "G": (0.9, 1.7)})
+    (found,) = assemblies(made).values()
+    assert found.all_found
+    for sketch in found.sketches:
+        again = linkage(fixed, links, Drive("crank"), sketch=sketch)
+        at = pose(again, jnp.zeros(())).points
+        for point, spot in sketch.items():
+            np.testing.assert_allclose([at[point].r.x, at[point].r.y], [spot.x, spot.y], atol=1e-12)
+    assert len(found.sketches) in (2, 4, 6)
+
+
+@pytest.mark.slow
+def test_ways_to_assemble_a_scissor_lift():
+    (found,) = assemblies(load("scissor-lift").mechanism).values()
+    assert 2 <= len(found.sketches) <= found.at_most and "of at most" in str(found)
