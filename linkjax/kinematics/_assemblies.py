@@ -97,7 +97,7 @@ def _right_way(group: General, z: np.ndarray, on: dict[str, complex], phi) -> bo
 
 def _rows(at: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Origins and directions as configurations, shape (ways, links, 4)."""
-    return np.stack([at.real, at.imag, u.real, u.imag], axis=-1)
+    return np.stack([np.real(at), np.imag(at), np.real(u), np.imag(u)], axis=-1)
 
 
 def _spots(group: General, places, z: np.ndarray) -> dict[str, Vec]:
@@ -130,7 +130,7 @@ def _of_triad(group: General, places, outer: dict[str, complex]) -> np.ndarray |
         arms = near[:, None] * np.exp(1j * theta)[None] - far[:, None]
         apart = 2 * (arms[1:] - arms[:1])
         right = (length[1:, None] ** 2 - length[:1, None] ** 2) - (np.abs(arms[1:]) ** 2 - np.abs(arms[:1]) ** 2)
-        bottom = (apart[0].conjugate() * apart[1]).imag
+        bottom = np.imag(np.conj(apart[0]) * apart[1])
         return 1j * (right[1] * apart[0] - right[0] * apart[1]), bottom, arms[0]
 
     def left(theta):
