@@ -133,8 +133,8 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
     "two cranks": (
         PRESS + '[[groups]]\nkind = "crank"\nlink = "spare"\npivot = "F"\nend = "H"\n[links.spare]\nlength = 1\n',
         "groups[3].kind", '"crank"', "more than one driver", "mobility is one"),
-    "no groups": ("speed = 1\nfixed = {}\nlinks = {}\ngroups = []", "groups", "[]", "missing",
-        "first the crank; or a table [drive]"),
+    "no groups": ("speed = 1\nfixed = {}\nlinks = {}\ngroups = []", "groups", "[]", "first group must be",
+        'kind = "crank"'),
     "dyad on one point": (edit('to = "F"', 'to = "E"'), "groups[2].to", '"E"', "same point as `from`",
         "second link starts"),
     "crank of no length": (edit('"300 mm"', "0"), "links.crank.length", "0", "length is zero",
@@ -199,7 +199,7 @@ def test_unknown_before_missing():
         (
             "missing.toml",
             "no such scene file",
-            "built-in scene: andrews-squeezer, combine-cutter, combine-shoe, elliptic-trammel, four-bar, ",
+            "built-in scene: four-bar, hay-press, hay-press-slider, quick-return, ",
         ),
         ("mine", "no such scene file", "did you mean 'mine.toml'?"),
         ("folder", "cannot be read: a folder", "path of a .toml file"),
