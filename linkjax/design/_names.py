@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, AbstractLaw, Drive, General, Guide, Slide
+from linkjax.groups import AbstractGroup, AbstractLaw, Drive, General, Guide, Slide, Slot
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -115,7 +115,9 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
                              UNITS[part], LEAST[part])  # fmt: skip
 
 
-def _group(name: str, group: AbstractGroup | Guide | Drive, where: Where, slides: bool = False) -> Iterator[Number]:
+def _group(
+    name: str, group: AbstractGroup | Guide | Drive | Slot, where: Where, slides: bool = False
+) -> Iterator[Number]:
     """The numbers of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
     drive does."""
     slides = slides or isinstance(group, Slide) or (isinstance(group, General) and group.driven_slot() is not None)

@@ -60,9 +60,13 @@ def linkage(
     found = drawing.pairs()
     driven = drawing.driven(drive, found)
     _check_freedom(list(links), found, driven)
+    parts = blocks(list(links), found, driven)
+    if drive.link not in parts[0]:
+        problem = f"moves {drive.link!r} against {drive.on!r}, but {', '.join(parts[0])} cannot move"
+        raise StructureError("drive", problem, "leave them out, and drive against the frame")
     drawing.place_drive(drive)
     drawing.measure()
-    groups = drawing.groups(blocks(list(links), found, driven), drive)
+    groups = drawing.groups(parts, drive)
     return Mechanism(drawing.fixed, drawing.links, groups, flywheel)
 
 

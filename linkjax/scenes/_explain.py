@@ -109,15 +109,23 @@ def _addition(table: Any, path: Path) -> str:
 
 def from_structure(error: StructureError, source: str, table: Any) -> SceneError:
     """The mechanism's own complaint, at the key that holds the name it quotes (or at the element it names)."""
-    steps = re.findall(r"[\w-]+", error.element.split(" ")[0])
-    path: Path = tuple(int(step) if step.isdigit() and n == 1 and steps[0] in ("groups", "loads") else step
-                       for n, step in enumerate(steps))  # fmt: skip
+    path = _element(error.element, table)
     quoted = re.findall(r"'([^']*)'", error.problem)[:1]
     element = lookup(table, path)
     if isinstance(element, dict) and "already" in error.problem:  # the new name stands behind those that it is hung on
         element = dict(reversed(element.items()))
     inner = _holder(element, quoted[0]) if quoted else None
     return fault(source, table, (*path, *(inner or ())), error.problem, error.remedy)
+
+
+def _element(element: str, table: Any) -> Path:
+    """Path to what the mechanism calls `element`, e.g. "groups[1]", "links.rod" or "slot of slider"."""
+    if element.startswith("slot of "):
+        block = element.removeprefix("slot of ")
+        return ("slots", next(i for i, slot in enumerate(table["slots"]) if slot["block"] == block))
+    steps = re.findall(r"[\w-]+", element.split(" ")[0])
+    return tuple(int(step) if step.isdigit() and n == 1 and steps[0] in ("groups", "loads") else step
+                 for n, step in enumerate(steps))  # fmt: skip
 
 
 def _holder(value: Any, name: str, path: Path = ()) -> Path | None:

@@ -11,6 +11,8 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from linkjax._units import DIMENSIONS, QuantityError, kind_of, quantity
 
+SMALLEST, LARGEST = 1e-30, 1e20  # of any quantity but zero, in SI units: squares and products stay far from overflow
+
 
 class Table(BaseModel):
     """A table of a scene file: no other keys than its own."""
@@ -42,6 +44,9 @@ class Quantity:
             )
         if result == 0 and self.sign == "positive":
             raise wrong("must be greater than zero", f"write {wanted.phrase} above zero, e.g. {wanted.example}")
+        if result != 0 and not SMALLEST < abs(result) < LARGEST:
+            size = "large" if abs(result) > 1 else "small"
+            raise wrong(f"too {size} for any machine", f"write {wanted.phrase} of usual size, e.g. {wanted.example}")
         return result
 
     def __get_pydantic_core_schema__(self, source, handler):

@@ -77,6 +77,8 @@ class LawTable(Table):
             problem = f"has {' and '.join(given) or 'no key'}, but a law has start and stop, or angles and values"
             yield path, problem, "write the two ends of its motion, or crank angles and the values there"
         elif self.angles is None:
+            if getattr(self, "start", None) == getattr(self, "stop", None):
+                yield (*path, "stop"), "the same as start, so that nothing moves", "write the other end of its motion"
             if self.cycle is not None:
                 yield (*path, "cycle"), "has no effect: from start to stop and back takes a turn", "delete cycle"
         else:
@@ -88,6 +90,8 @@ class LawTable(Table):
             if values != count:
                 problem = f"{values} values at {count} angles"
                 yield (*path, "values"), problem, "write one value for each angle"
+            elif len(set(getattr(self, "values", ()))) == 1:
+                yield (*path, "values"), "all the same, so that nothing moves", "write values that differ"
 
 
 class AngleLaw(LawTable):

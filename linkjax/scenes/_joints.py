@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -55,7 +56,9 @@ class Drive(Table):
         for key in ("law", "phase") if slides else ("stroke",):
             if key in self.model_fields_set:
                 what = "slides along a guide" if slides else "does not slide on what it is driven against"
-                yield ("drive", key), f"has no effect: {self.link!r} {what}", f"delete {key}"
+                others = [slot.guide.on for slot in slots if slot.block == self.link and not slides]
+                same = f"write on = {json.dumps(others[0])} as its slot does, or " if others else ""
+                yield ("drive", key), f"has no effect: {self.link!r} {what}", f"{same}delete {key}"
         law = self.law or self.stroke
         if law is not None:
             yield from law.faults(("drive", "law" if self.law else "stroke"))
