@@ -1,4 +1,4 @@
-# pyright: reportArgumentType=false, reportAttributeAccessIssue=false
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
 """Random machines by the batch: one composition of groups, many designs of it, each at a crank angle of its own.
 
 A plan decides what hangs where: a driver that turns, swings or slides, and up to eight groups of class II on anything
@@ -92,7 +92,7 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
         links |= new
         made.append(group)
         for link, (origin, far) in group.pins().items():
-            moving |= {p: link for p in (origin, far) if p in group.brings()}
+            moving |= {p: link for p in (origin, far) if p is not None and p in group.brings()}
             moving |= dict.fromkeys(new[link].points, link)
     marks = [p for p in moving if p.startswith("K")]
     worked, pushed = str(marks[-1]), str(choose.choice(marks))
