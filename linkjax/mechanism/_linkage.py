@@ -271,7 +271,7 @@ class Drawing:
         """Links that are closed together by Newton's method."""
         ends = self.pins()
         outer = [p for name in part for p in self.links[name].pins if placed & set(ends[p])]
-        slots = tuple(slot for slot in self.slots if slot.block in part or slot.guide.on in part)
+        slots = self._slots_within(part, placed)
         for slot in slots:
             if slot.block not in part:
                 problem = f"its guide is on {slot.guide.on!r}, which is found after the block"
@@ -306,8 +306,14 @@ class Drawing:
             inside = [end for end in ends if end in part]
             base = outside[0] if outside else (inside or [""])[0]
             found += [Pair("R", point, end, base) for end in inside if end != base]
-        return found + [Pair("P", f"{s.block}.guide", s.block, s.guide.on) for s in self.slots
-                        if s.block in part or s.guide.on in part]  # fmt: skip
+        slots = self._slots_within(part, placed)
+        return found + [Pair("P", f"{s.block}.guide", s.block, s.guide.on) for s in slots]
+
+    def _slots_within(self, part: tuple[str, ...], placed: set[str]) -> tuple[Slot, ...]:
+        """Slots of a part; not those in which links that come later slide along it."""
+        here = {*part, *placed}
+        ends = [(slot, {slot.block, slot.guide.on}) for slot in self.slots]
+        return tuple(slot for slot, both in ends if both & set(part) and both <= here)
 
     def _guide(self, block: str) -> Guide | None:
         """The guide of a block; None for a link that is none."""

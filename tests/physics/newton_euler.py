@@ -85,7 +85,8 @@ def joints(mechanism) -> list[Joint]:
             owner[g.meet] = one
         for name in g.link_names():
             link = mechanism.links[name]
-            owner.update(dict.fromkeys([link.centre_name, *link.points], name))
+            for point in (link.centre_name, *link.point_names()):
+                owner.setdefault(point, name)
     return found
 
 
@@ -138,7 +139,7 @@ def solve(scene, phi, speed, acceleration) -> Solution:
         pace = here.links[crank.link].v if crank.law is not None else pace
     rate, spin = {}, {}
     for name, b in bodies.items():
-        inertia = b.inertia + (float(mechanism.flywheel.inertia) if name == crank.link else 0.0)
+        inertia = b.inertia + (np.asarray(mechanism.flywheel.inertia) if name == crank.link else 0.0)
         rate[name] = b.mass * (centre[name].a * speed**2 + centre[name].v * acceleration)
         spin[name] = inertia * (here.links[name].a * speed**2 + here.links[name].v * acceleration)
         right[..., row[name] : row[name] + 3] = np.stack([rate[name].real, rate[name].imag, spin[name]], -1)

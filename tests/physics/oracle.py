@@ -54,10 +54,13 @@ def body(link, m=np) -> Body:
 
 
 class Numbers(NamedTuple):
-    """What is read of a mechanism: its links, their lengths, its fixed points, and the pins of each group."""
+    """What is read of a mechanism: its links (places from where the group holds them), the distance of the pins at
+    which the group holds each and the direction of this line in the link's axes, its fixed points, the pins of groups.
+    """
 
     bodies: dict[str, Body]
     length: dict[str, Any]
+    axis: dict[str, Any]
     fixed: dict[str, Any]
     pins: list[dict[str, tuple[str, str | None]]]
 
@@ -70,12 +73,22 @@ def numbers(mechanism: Mechanism, m=np) -> Numbers:
     if m is np and id(mechanism) in _READ:
         return _READ[id(mechanism)][1]
     n = reader(m)
-    found = Numbers(
-        {name: body(link, m) for name, link in mechanism.links.items()},
-        {name: n(link.length) for name, link in mechanism.links.items()},
-        {name: n(at.x) + 1j * n(at.y) for name, at in mechanism.fixed.items()},
-        [group.pins() for group in mechanism.groups],
-    )
+    bodies = {name: body(link, m) for name, link in mechanism.links.items()}
+    length = {name: n(link.length) for name, link in mechanism.links.items()}
+    axis = dict.fromkeys(bodies, 1)
+    for group in mechanism.groups:
+        for name, (origin, far) in group.pins().items():
+            own = mechanism.links[name].pins
+            if own:  # drawn by its joints: the group may hold it at other pins than those of its axis
+                places = {**dict(zip(own, (n(0.0) + 0j, length[name] + 0j), strict=False)), **bodies[name].places}
+                places = {centre: places[centre] for centre in bodies[name].places} | places  # the mass centre first
+                places = {point: at - places[origin] for point, at in places.items()}
+                bodies[name] = bodies[name]._replace(places=places)
+                if far is not None and not isinstance(group, General):
+                    length[name] = abs(places[far])
+                    axis[name] = places[far] / length[name]
+    fixed = {name: n(at.x) + 1j * n(at.y) for name, at in mechanism.fixed.items()}
+    found = Numbers(bodies, length, axis, fixed, [group.pins() for group in mechanism.groups])
     if m is np:
         if len(_READ) >= 4:
             _READ.clear()
@@ -92,7 +105,7 @@ def prescribed(law, phi, m=np):
 
 def swinging(law, phi):
     """First and second derivatives of where it puts it."""
-    half = 0.5 * float(law.stop - law.start)
+    half = 0.5 * (np.asarray(law.stop) - np.asarray(law.start))
     return half * np.sin(phi), half * np.cos(phi)
 
 
@@ -142,12 +155,12 @@ def open_joints(g: General, places, points, directions, x, m=np) -> list:
 
 def in_axes(g: General, mechanism: Mechanism, m=np) -> dict[str, dict[str, Any]]:
     """Where the points of the links of a general group are in their own axes."""
-    bodies, length, _, _ = numbers(mechanism, m)
+    here = numbers(mechanism, m)
     found = {}
     for link, pins in g.members:
-        found[link] = {**bodies[link].places, pins[0]: reader(m)(0.0)}
+        found[link] = {**here.bodies[link].places, pins[0]: reader(m)(0.0)}
         if len(pins) > 1:
-            found[link][pins[1]] = length[link]
+            found[link].setdefault(pins[1], here.length[link])
     return found
 
 
@@ -205,7 +218,7 @@ def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, An
     """Points and link directions at the crank angle `phi`: complex numbers of NumPy or mpmath."""
     n = reader(m)
     groups = mechanism.groups if groups is None else groups
-    links, length, fixed, _ = numbers(mechanism, m)
+    links, length, axis, fixed, _ = numbers(mechanism, m)
     points = dict(fixed)
     directions: dict[str, Any] = {}
     for number, g in enumerate(groups):
@@ -261,7 +274,7 @@ def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, An
             points[g.meet] = points[g.from_] + one * first
             new = {g.links[0]: (g.from_, first), g.links[1]: (g.to, (points[g.meet] - points[g.to]) / two)}
         for name, (origin, direction) in new.items():
-            directions[name] = direction
+            directions[name] = direction = direction / axis[name]
             for point, at in links[name].places.items():
                 points[point] = points[origin] + at * direction
     return points, directions
@@ -301,7 +314,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
     """Rates at an array of crank angles, from the loop equations of each group solved as linear systems."""
     phi = np.asarray(phi, dtype=float)
     at, directions = assemble(mechanism, phi)
-    bodies, length, _, pins = numbers(mechanism)
+    bodies, length, _, _, pins = numbers(mechanism)
     none = np.zeros_like(phi)
     still = Jet(none + 1.0 + 0j, none, none)
     points = {name: Jet(at[name] + none, none + 0j, none + 0j) for name in mechanism.fixed}
@@ -359,7 +372,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
         for name, (origin, far) in held.items():
             places = bodies[name].places
             if far is not None and far not in points:
-                places = {far: complex(length[name]), **places}
+                places = {far: length[name] + 0j, **places}
             for point, place in places.items():
                 points[point] = carried(points[origin], links[name], place)
     return Rates(points, links)
@@ -457,7 +470,7 @@ def active(load, phi, cycle) -> np.ndarray:
 
 def applied(scene, phi, here: Rates) -> dict[str, tuple[str, str, Any, Any]]:
     """Weights and loads by name: link, point, force (complex) and couple."""
-    gravity = complex(float(scene.gravity.x), float(scene.gravity.y))
+    gravity = np.asarray(scene.gravity.x) + 1j * np.asarray(scene.gravity.y)
     found = {}
     for name, b in numbers(scene.mechanism).bodies.items():
         found[f"weight of {name}"] = (name, next(iter(b.places)), b.mass * gravity + 0 * phi, 0 * phi)
@@ -465,15 +478,15 @@ def applied(scene, phi, here: Rates) -> dict[str, tuple[str, str, Any, Any]]:
         on = active(load, phi, scene.cycle)
         force, couple = 0j * phi, 0.0 * phi
         if isinstance(load, Force):
-            force = complex(float(load.force.x), float(load.force.y)) * on
+            force = (np.asarray(load.force.x) + 1j * np.asarray(load.force.y)) * on
         elif isinstance(load, OpposingForce):
             v = here.points[load.point].v
-            force = -float(load.magnitude) * on * v / np.where(v == 0, 1.0, np.abs(v))
+            force = -np.asarray(load.magnitude) * on * v / np.where(v == 0, 1.0, np.abs(v))
         elif isinstance(load, Torque):
-            couple = float(load.torque) * on
+            couple = np.asarray(load.torque) * on
         else:
             assert isinstance(load, OpposingTorque)
-            couple = -float(load.magnitude) * on * np.sign(here.links[load.link].v)
+            couple = -np.asarray(load.magnitude) * on * np.sign(here.links[load.link].v)
         found[load.name] = (load.link, load.point, force, couple)
     return found
 
@@ -492,8 +505,9 @@ def reduction(scene, phi) -> Reduction:
     phi = np.asarray(phi, dtype=float)
     here = rates(scene.mechanism, phi)
     shaft = here.links[scene.mechanism.crank]
-    inertia = float(scene.mechanism.flywheel.inertia) * shaft.v**2
-    slope = 2 * float(scene.mechanism.flywheel.inertia) * shaft.v * shaft.a
+    wheel = np.asarray(scene.mechanism.flywheel.inertia)
+    inertia = wheel * shaft.v**2
+    slope = 2 * wheel * shaft.v * shaft.a
     for name, b in numbers(scene.mechanism).bodies.items():
         s, turn = here.points[next(iter(b.places))], here.links[name]
         inertia = inertia + b.mass * abs(s.v) ** 2 + b.inertia * turn.v**2

@@ -285,6 +285,15 @@ def test_a_drawn_machine_is_written_and_read_back():
     assert isinstance(again.mechanism.groups[1], General)
 
 
+def test_what_slides_on_a_link_of_a_dyad_comes_later():
+    """The rocker of a four-bar carries a guide: its dyad is one in closed form all the same."""
+    links = {**BARS, "rod": Link(length=0.3, pins=("B", "P")), "block": Link(pins=("P",))}
+    slots = [Slot("block", Guide("D", 0.3, 0.02, "rocker"))]
+    found = linkage(GROUND, links, Drive("crank", phase=1.0), slots, {**SKETCH, "P": (0.3, 0.2)})
+    assert found.formula() == "I1(crank) → II1(coupler, rocker) → II2(rod, block)"
+    assert [group.kind for group in found.groups] == ["crank", "RRR", "RRP"]
+
+
 @pytest.mark.slow
 def test_a_drive_between_two_links_in_true_motion():
     """Energy, virtual power and forces close when the drive turns two moving links against each other."""

@@ -1,0 +1,254 @@
+# pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
+"""Random machines by the batch: one composition of groups, many designs of it, each at a crank angle of its own.
+
+A plan decides what hangs where: a driver that turns, swings or slides, and up to eight groups of class II on anything
+that is there already. A design is drawn group by group until the group can be assembled at the tested angle, however
+narrowly: nothing else is asked of it. All numbers of a batch are arrays over its designs.
+"""
+
+from __future__ import annotations
+
+import cmath
+import dataclasses
+import math
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import linkjax as lj
+from linkjax import PRP, RPP, RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
+from linkjax.groups import Drive, Slot
+from linkjax.mechanism import linkage
+from tests.physics import oracle
+
+KINDS = ("RRR", "RRP", "RPR", "PRP", "RPP")
+TRIES = 200
+
+
+class Batch(NamedTuple):
+    """Designs of one composition (arrays over the designs in every leaf), with crank angle, speed and acceleration."""
+
+    name: str
+    scene: lj.Scene
+    phi: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+
+    def one(self, i: int) -> lj.Scene:
+        """A single design."""
+        return jax.tree.map(lambda leaf: np.asarray(leaf[i]), self.scene)
+
+
+class Asked(NamedTuple):
+    """What a group hangs on: points, guides as (link, point), its side."""
+
+    one: str
+    to: str
+    guides: list[tuple[str, str]]
+    side: int
+
+
+class Dice:
+    """Random numbers, one for every design of a batch."""
+
+    def __init__(self, rng: np.random.Generator, count: int):
+        self.rng, self.count = rng, count
+
+    def between(self, low: float, high: float) -> np.ndarray:
+        return self.rng.uniform(low, high, self.count)
+
+    def point(self, reach: Any) -> Vec:
+        return Vec(reach * self.between(-1, 1), reach * self.between(-1, 1))
+
+    def link(self, length: Any, point: str, scaled: bool = False) -> Link:
+        """A link, or a block where the length is zero, with a marked point."""
+        block = np.all(length == 0)
+        reach = np.full(self.count, 0.1) if block else length
+        extra = {"reference_length": reach * self.between(0.7, 1.3), "mass_properties": "scaled"} if scaled else {}
+        return Link(length=length + np.zeros(self.count), mass=self.between(0.3, 3), inertia=self.between(0.001, 0.02),
+                    centre=self.point(0.4 * reach), points={point: self.point(reach)}, **extra)  # fmt: skip
+
+    def guide(self, on: tuple[str, str]) -> Guide:
+        return Guide(on[1], self.between(-3, 3), self.between(-0.05, 0.05), on[0])
+
+
+def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), driver: str = "") -> Batch:
+    """So many designs of the composition of this number."""
+    choose, dice = np.random.default_rng((7, plan)), Dice(np.random.default_rng((8, plan)), count)
+    kinds = kinds or tuple(str(kind) for kind in choose.choice(KINDS, groups))
+    driver = driver or str(choose.choice(["turns", "turns", "turns", "swings", "slides"]))
+    phi = dice.between(0, 2 * math.pi)
+    fixed = {"A": dice.point(0.1), "P": dice.point(0.5), "Q": dice.point(0.5)}
+    first, crank = _driver(driver, choose, dice)
+    links, made = {"crank": crank}, [first]
+    moving = {"B": "crank", "K0": "crank"}
+    for number, kind in enumerate(kinds, 1):
+        asked = _ask(choose, fixed, moving)
+        scaled = bool(choose.random() < 0.3)
+        group, new = _assembled(kind, number, dice, asked, scaled, (fixed, links, made, phi))
+        links |= new
+        made.append(group)
+        for link, (origin, far) in group.pins().items():
+            moving |= {p: link for p in (origin, far) if p is not None and p in group.brings()}
+            moving |= dict.fromkeys(new[link].points, link)
+    marks = [p for p in moving if p.startswith("K")]
+    worked, pushed = str(marks[-1]), str(choose.choice(marks))
+    loads = (
+        lj.Force("push", moving[pushed], pushed, force=dice.point(50.0)),
+        lj.OpposingForce("work", moving[worked], worked, magnitude=dice.between(5, 50)),
+        lj.Torque("twist", moving[pushed], torque=dice.between(-5, 5)),
+    )
+    wheel = Flywheel(dice.between(0, 0.5)) if driver != "slides" else None
+    scene = lj.Scene(Mechanism(fixed, links, made, wheel), loads, dice.point(10.0), dice.between(5, 40))
+    scene = jax.tree.map(lambda leaf: np.array(np.broadcast_to(leaf, count)), scene)
+    name = f"{plan}: {driver}, {' '.join(kinds)}"
+    return Batch(name, scene, phi, scene.speed * dice.between(0.8, 1.2), scene.speed**2 * dice.between(-1, 1))
+
+
+def _driver(driver: str, choose, dice: Dice):
+    """The driver and its link."""
+    if driver == "slides":
+        guide = Guide("A", dice.between(-3, 3), dice.between(-0.05, 0.05))
+        law = lj.Harmonic(dice.between(-0.1, 0.1), dice.between(-0.1, 0.1))
+        return lj.Slide("crank", "B", guide, law), dice.link(0.0, "K0")
+    link = dice.link(dice.between(0.05, 0.15), "K0")
+    if driver == "swings":
+        law = lj.Harmonic(dice.between(-1, 1), dice.between(-1, 1))
+        return Crank("crank", "A", "B", phase=dice.between(0, 6), law=law), link
+    return Crank("crank", "A", "B", int(choose.choice((1, -1))), dice.between(0, 6)), link
+
+
+def _ask(choose, fixed, moving) -> Asked:
+    """A moving point and another one, or one of the frame; guides on the frame and on a link."""
+    points = list(moving)
+    one, two = choose.choice(points, 2, replace=False)
+    to = choose.choice([p for p in (*fixed, *points) if p not in (one, "A") and moving.get(p) != moving[one]])
+    on = [("frame", str(choose.choice(["P", "Q"]))), (moving[two], str(two))]
+    return Asked(str(one), str(to), on if choose.random() < 0.5 else on[::-1], int(choose.choice((1, -1))))
+
+
+def _assembled(kind: str, number: int, dice: Dice, asked: Asked, scaled: bool, so_far):
+    """A group with its links, each design drawn anew until it can be assembled."""
+    fixed, links, made, phi = so_far
+    with np.errstate(invalid="ignore"):
+        points, _ = oracle.assemble(SimpleNamespace(fixed=fixed, links=links, groups=made), phi)
+    done, found = np.zeros(dice.count, bool), None
+    for _ in range(TRIES):
+        new = _drawn(kind, number, dice, asked, points, scaled)
+        if found is not None:
+            new = jax.tree.map(lambda old, now, done=done: np.where(done, old, now), found, new)
+        found, done = new, done | _stands(fixed, links, made, new, phi)
+        if done.all():
+            return found
+    raise AssertionError(f"no {kind} was found that can be assembled as group {number}")
+
+
+def _drawn(kind: str, number: int, dice: Dice, asked: Asked, points, scaled: bool):
+    """A group of random dimensions, with its links."""
+    one, to, (here, there), side = asked
+    a, b, marks = f"a{number}", f"b{number}", (f"K{2 * number}", f"K{2 * number + 1}")
+
+    def links(*lengths: Any) -> dict[str, Link]:
+        parts = zip((a, b), lengths, marks, strict=True)
+        return {name: dice.link(length, mark, scaled and not np.all(length == 0)) for name, length, mark in parts}
+
+    if kind == "RRR":
+        r = np.abs(points[to] - points[one])
+        return RRR((a, b), one, to, f"G{number}", side), links(r * dice.between(0.3, 1.6), r * dice.between(0.3, 1.6))
+    if kind == "RRP":
+        return RRP(a, b, one, f"G{number}", dice.guide(here), side), links(dice.between(0.1, 1.2), 0.0)
+    if kind == "RPR":
+        offset = dice.between(-0.03, 0.03)
+        return RPR(a, b, one, to, f"G{number}", side, offset), links(dice.between(0.2, 0.5), 0.0)
+    if kind == "PRP":
+        return PRP((a, b), f"G{number}", (dice.guide(here), dice.guide(there)), side), links(0.0, 0.0)
+    slot = dice.between(0.05, math.pi - 0.05) * side
+    return RPP(a, b, one, f"G{number}", dice.guide(here), slot, dice.between(-0.05, 0.05)), links(0.0, 0.0)
+
+
+def _stands(fixed, links, made, new, phi) -> np.ndarray:
+    """Which designs of the last group can be assembled."""
+    group, own = new
+    machine = SimpleNamespace(fixed=fixed, links=links | own, groups=[*made, group])
+    with np.errstate(invalid="ignore"):
+        points, directions = oracle.assemble(machine, phi)
+    good = np.ones(len(phi), bool)
+    for link, pins in group.pins().items():
+        good &= np.isfinite(directions[link])
+        for p in pins:
+            good &= np.isfinite(points[p]) if p else True
+    if isinstance(group, PRP):
+        good &= group.side * (directions[group.blocks[1]] / directions[group.blocks[0]]).imag > 0
+    return good
+
+
+# ---- drawn by links and joints
+
+
+def drawn(batch: Batch, plan: int) -> Batch:
+    """The same machines given by links and joints, the axes of links through other pins than groups hold them at."""
+    each = [(batch.one(i), float(phi)) for i, phi in enumerate(batch.phi)]
+    scenes = [_drawn_one(scene, phi, np.random.default_rng((9, plan))) for scene, phi in each]
+    scene = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype=float), *scenes)
+    return batch._replace(name=f"{batch.name}, drawn", scene=scene)
+
+
+def _drawn_one(scene: lj.Scene, phi: float, choose: np.random.Generator) -> lj.Scene:
+    m = jax.tree.map(jnp.asarray, scene.mechanism)
+    at, _ = oracle.assemble(m, phi)
+    used = {getattr(g, end) for g in m.groups for end in ("from_", "to", "about") if hasattr(g, end)}
+    turned: dict[str, complex] = {}
+    links = {}
+    for group in m.groups:
+        for name, (origin, far) in group.pins().items():
+            link = m.links[name]
+            pins = [p for p in (origin, far, *link.points) if p and (p in (origin, far) or p in used)]
+            if isinstance(group, RRR | RRP | Crank) and far is not None:
+                pins = [pins[i] for i in choose.permutation(len(pins))]
+            if isinstance(group, Crank):  # turns about one of its first two pins
+                pins.sort(key=lambda p, origin=origin: p != origin)
+                pins[:2] = pins[:2][:: int(choose.choice((1, -1)))]
+            links[name], turned[name] = _redrawn(link, origin, far, pins)
+
+    def guide(g: Guide) -> Guide:
+        return dataclasses.replace(g, along=g.along - cmath.phase(turned.get(g.on, 1.0)))
+
+    slots: list[Slot] = []
+    for g in m.groups:
+        if isinstance(g, RRP):
+            slots.append(Slot(g.block, guide(g.guide)))
+        elif isinstance(g, PRP):
+            slots += [Slot(block, guide(slot)) for block, slot in zip(g.blocks, g.slots, strict=True)]
+        elif isinstance(g, RPR):
+            slots.append(Slot(g.block, Guide(g.about, 0.0, g.offset, g.link)))
+        elif isinstance(g, RPP):
+            slots += [Slot(g.link, guide(g.guide)), Slot(g.block, Guide(g.end, g.slot, g.offset, g.link))]
+    sketch = {p: (at[p].real, at[p].imag) for link in links.values() for p in link.pins if p not in m.fixed}
+    crank = m.groups[0]
+    assert isinstance(crank, Crank) and crank.law is None
+    phase = crank.phase + cmath.phase(turned["crank"])
+    found = linkage(m.fixed, links, Drive("crank", turns=crank.turns, phase=phase + crank.turns * phi), slots, sketch,
+                    m.flywheel)  # fmt: skip
+    first = dataclasses.replace(found.groups[0], phase=found.groups[0].phase - crank.turns * phi)
+    ordered = {name: found.links[name] for name in found.link_names}
+    found = Mechanism(found.fixed, ordered, [first, *found.groups[1:]], found.flywheel)
+    assert sorted(g.kind for g in found.groups) == sorted(g.kind for g in m.groups)
+    return scene.with_mechanism(found)
+
+
+def _redrawn(link: Link, origin: str, far: str | None, pins: list[str]) -> tuple[Link, complex]:
+    """A link in the axes that begin at the first of its pins and run to the second, and the direction of these."""
+    body = link.actual()
+    places = {p: complex(at.x, at.y) for p, at in body.points.items()} | {origin: 0j}
+    if far is not None:
+        places[far] = complex(link.length)
+    start = places[pins[0]]
+    span = places[pins[1]] - start if far is not None else 1.0 + 0j
+    axis = span / abs(span)
+    new = {p: (z - start) / axis for p, z in places.items() if p not in pins[: 1 if far is None else 2]}
+    centre = (complex(body.centre.x, body.centre.y) - start) / axis
+    return Link(abs(span) if far is not None else 0.0, body.mass, body.inertia, Vec(centre.real, centre.imag),
+                {p: Vec(z.real, z.imag) for p, z in new.items()}, pins=pins), axis  # fmt: skip

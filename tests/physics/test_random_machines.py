@@ -1,0 +1,81 @@
+"""Random machines by the thousand: each group alone, and compositions of up to eight groups, against other roads.
+
+None of them is left out: what can be assembled at its crank angle is judged there, however near a dead position.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tests.physics.judged import Verdict, histogram, judged
+from tests.physics.random_machines import KINDS, composed, drawn
+
+DESIGNS, FEW = 36, 12
+
+
+class Case(NamedTuple):
+    """A composition: its number, how many groups or which, its driver; given by links and joints or by groups."""
+
+    plan: int
+    groups: int
+    kinds: tuple[str, ...] = ()
+    driver: str = ""
+    drawn: bool = False
+
+    def batch(self, designs: int):
+        made = composed(self.plan, self.groups, designs, self.kinds, self.driver)
+        return drawn(made, self.plan) if self.drawn else made
+
+
+ALONE = [Case(1000 + 10 * i + j, 1, (kind,), driver)
+         for i, kind in enumerate(KINDS) for j, driver in enumerate(("turns", "swings", "slides"))]  # fmt: skip
+TOGETHER = [
+    Case(plan, 2 + plan % 7, driver="turns" if plan % 3 == 0 else "", drawn=plan % 3 == 0) for plan in range(42)
+]
+QUICK = [Case(2000, 5, KINDS, "turns"), TOGETHER[0]]
+
+
+@pytest.fixture(scope="module")
+def verdicts():
+    """Collects the verdicts, and prints how near to what is allowed they come (seen with `pytest -s`)."""
+    found: list[Verdict] = []
+    yield found
+    if found:
+        print(f"\n{sum(len(v.over['closure']) for v in found)} machines\n{histogram(found)}")
+
+
+def check(case: Case, designs: int, verdicts: list[Verdict], **options):
+    rng = np.random.default_rng(zlib.crc32(repr(case).encode()))
+    batch = case.batch(designs)
+    verdict = judged(batch, rng, **options)
+    verdicts.append(verdict)
+    for name, over in verdict.over.items():
+        assert np.all(over <= 1.0), (
+            f"{batch.name}: {name} of design {np.argmax(over)} is off by {np.max(over):.2g} times"
+        )
+
+
+@pytest.mark.parametrize("case", QUICK, ids=str)
+def test_some(case, verdicts):
+    check(case, FEW, verdicts, exact=4, slopes=2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [*ALONE, *TOGETHER], ids=str)
+def test_all(case, verdicts):
+    check(case, DESIGNS, verdicts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [*ALONE[::3], TOGETHER[0]], ids=str)
+def test_compiled(case, verdicts):
+    check(case, DESIGNS, verdicts, compiled=True, exact=4, slopes=4)
+
+
+def test_there_are_as_many_as_promised():
+    assert (len(ALONE) + len(TOGETHER)) * DESIGNS >= 2000
+    assert {case.groups for case in (*ALONE, *TOGETHER)} == set(range(1, 9))
