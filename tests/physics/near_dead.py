@@ -132,8 +132,24 @@ def _reactions(mechanism, gravity, here, rates, turning) -> list:
     return [x for force, couple in rows for x in (mpmath.mpc(force).real, mpmath.mpc(force).imag, couple)]
 
 
+def vectors(scene: lj.Scene) -> dict[str, list[int]]:
+    """For every component of the parts, the number of the vector that it belongs to."""
+    group = scene.mechanism.groups[-1]
+    pins, links, joints = len(group.brings()), len(group.link_names()), len(group.joints())
+    return {
+        "position": [k // 2 for k in range(2 * (pins + links))],
+        "coefficients": [k // 2 for k in range(4 * pins)] + [2 * pins + k for k in range(2 * links)],
+        "reactions": [2 * (k // 3) + (k % 3 == 2) for k in range(3 * joints)],
+    }
+
+
+def together(values: np.ndarray, numbers: list[int]) -> np.ndarray:
+    """For every component the largest of its vector: a direction along x has a y that is small, and no better known."""
+    return np.asarray([max(v for v, k in zip(values, numbers, strict=True) if k == number) for number in numbers])
+
+
 class Judged(NamedTuple):
-    """Errors of the components of a result, what one relative rounding everywhere does to each, and their sizes."""
+    """Errors of the components of a result; what one relative rounding everywhere does to each vector, and its size."""
 
     error: np.ndarray
     condition: np.ndarray
@@ -153,7 +169,7 @@ def direction(leaves: list) -> list[float]:
 
 
 @compiled_soon
-def _computed(scene: lj.Scene, phi: jax.Array) -> tuple[dict[str, jax.Array], dict[str, jax.Array], jax.Array]:
+def computed(scene: lj.Scene, phi: jax.Array) -> tuple[dict[str, jax.Array], dict[str, jax.Array], jax.Array]:
     """The figures, their derivatives along `direction`, and one of them in reverse mode."""
     leaves, tree = jax.tree.flatten(scene.mechanism)
     moves = [leaf * c for leaf, c in zip(leaves, direction(leaves), strict=True)]
@@ -168,8 +184,12 @@ def _computed(scene: lj.Scene, phi: jax.Array) -> tuple[dict[str, jax.Array], di
 
 def judged(case: str, distance: float) -> dict[str, Judged]:
     """Position, coefficients, reactions and gradients of all three this near to a dead position."""
-    scene = near(case, distance)
-    values, slopes, back = jax.device_get(_computed(scene, jnp.asarray(PHI)))
+    return judge(near(case, distance), distance)
+
+
+def judge(scene: lj.Scene, distance: float = 1.0) -> dict[str, Judged]:
+    """The same of a scene whose numbers must change by the `distance`, relatively, to make another of it."""
+    values, slopes, back = jax.device_get(computed(scene, jnp.asarray(PHI)))
     got = {**values, "gradients": np.concatenate([*(slopes[part] for part in PARTS), back[None]])}
     with mpmath.workdps(DIGITS):
         leaves = [mpmath.mpf(float(leaf)) for leaf in jax.tree.leaves(scene.mechanism)]
@@ -189,11 +209,20 @@ def judged(case: str, distance: float) -> dict[str, Judged]:
         here = everything(leaves, phi)
         others = [everything(leaves, phi * (1 + t))]
         others += [everything([*leaves[:i], x * (1 + t), *leaves[i + 1 :]], phi) for i, x in enumerate(leaves) if x]
-        return {
-            part: Judged(
-                np.asarray([float(abs(float(g) - e)) for g, e in zip(got[part], truth, strict=True)]),
-                np.asarray([float(sum(abs(o[part][k] - e) for o in others) / t) for k, e in enumerate(truth)]),
-                np.asarray([float(abs(e)) for e in truth]),
-            )
+        felt = {
+            part: np.asarray([float(sum(abs(o[part][k] - e) for o in others) / t) for k, e in enumerate(truth)])
             for part, truth in here.items()
         }
+    # the numbers of the direction are rounded, too, and a derivative is linear in them
+    felt["gradients"] += np.concatenate([*(felt[part] for part in PARTS), felt["position"][:1]])
+    ids = vectors(scene)
+    of_slopes = [(part, k) for part in PARTS for k in ids[part]]
+    ids["gradients"] = [of_slopes.index(each) for each in of_slopes] + [len(of_slopes)]
+    return {
+        part: Judged(
+            np.asarray([float(abs(float(g) - e)) for g, e in zip(got[part], truth, strict=True)]),
+            together(felt[part], ids[part]),
+            together(np.asarray([float(abs(e)) for e in truth]), ids[part]),
+        )
+        for part, truth in here.items()
+    }
