@@ -159,20 +159,25 @@ class Judged(NamedTuple):
         """Largest error over what half a unit of rounding in every number and in the result does."""
         allowed = HALF * (self.condition + self.size)
         there = allowed > 1e-40 * np.max(allowed)  # else exactly zero, but for the differences behind the truth
-        assert np.all(self.error[~there] < 1e-40 * np.max(allowed))
-        return float(np.max(self.error[there] / allowed[there]))
+        assert np.all(self.error[~there] <= 1e-40 * np.max(allowed))
+        return float(np.max(self.error[there] / allowed[there], initial=0.0))
 
 
 def direction(leaves: list) -> list[float]:
-    """Relative changes of all numbers, for derivatives."""
+    """Changes of all numbers, for derivatives, of their `scale`."""
     return [math.cos(1.0 + 2.7 * k) for k, _ in enumerate(leaves)]
+
+
+def scale(leaf) -> Any:
+    """What a number is changed in proportion to: itself, or, where it is zero, something."""
+    return leaf if leaf else mpmath.mpf("0.125")
 
 
 @compiled_soon
 def computed(scene: lj.Scene, phi: jax.Array) -> tuple[dict[str, jax.Array], dict[str, jax.Array], jax.Array]:
     """The figures, their derivatives along `direction`, and one of them in reverse mode."""
     leaves, tree = jax.tree.flatten(scene.mechanism)
-    moves = [leaf * c for leaf, c in zip(leaves, direction(leaves), strict=True)]
+    moves = [jnp.where(leaf == 0, 0.125, leaf) * c for leaf, c in zip(leaves, direction(leaves), strict=True)]
 
     def of(leaves):
         return figures(scene.with_mechanism(jax.tree.unflatten(tree, leaves)), phi)
@@ -198,7 +203,7 @@ def judge(scene: lj.Scene, distance: float = 1.0) -> dict[str, Judged]:
         def everything(leaves, phi):
             found = exact(scene, leaves, phi)
             ends = [
-                exact(scene, [x * (1 + s * t * mpmath.mpf(c)) for x, c in zip(leaves, moves, strict=True)], phi)
+                exact(scene, [x + s * t * mpmath.mpf(c) * scale(x) for x, c in zip(leaves, moves, strict=True)], phi)
                 for s in (1, -1)
             ]
             slope = {part: [(a - b) / (2 * t) for a, b in zip(ends[0][part], ends[1][part], strict=True)]
@@ -208,13 +213,16 @@ def judge(scene: lj.Scene, distance: float = 1.0) -> dict[str, Judged]:
 
         here = everything(leaves, phi)
         others = [everything(leaves, phi * (1 + t))]
-        others += [everything([*leaves[:i], x * (1 + t), *leaves[i + 1 :]], phi) for i, x in enumerate(leaves) if x]
-        felt = {
-            part: np.asarray([float(sum(abs(o[part][k] - e) for o in others) / t) for k, e in enumerate(truth)])
-            for part, truth in here.items()
-        }
-    # the numbers of the direction are rounded, too, and a derivative is linear in them
-    felt["gradients"] += np.concatenate([*(felt[part] for part in PARTS), felt["position"][:1]])
+        others += [everything([*leaves[:i], x + t * scale(x), *leaves[i + 1 :]], phi) for i, x in enumerate(leaves)]
+        rounded = [others[0], *(o for o, x in zip(others[1:], leaves, strict=True) if x)]  # zero is no rounded number
+
+        def felt_by(others, part):
+            return np.asarray([float(sum(abs(o[part][k] - e) for o in others) / t) for k, e in enumerate(here[part])])
+
+        felt = {part: felt_by(rounded, part) for part in here}
+        # the numbers of the direction are rounded, too, and a derivative is linear in them
+        linear = {part: felt_by(others, part) for part in PARTS}
+    felt["gradients"] += np.concatenate([*linear.values(), linear["position"][:1]])
     ids = vectors(scene)
     of_slopes = [(part, k) for part in PARTS for k in ids[part]]
     ids["gradients"] = [of_slopes.index(each) for each in of_slopes] + [len(of_slopes)]
