@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import Crank, General
+from linkjax.groups import RRP, RRR, Crank, General
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -118,7 +118,7 @@ def explain(cycle: Cycle) -> None:
             "given; change the side, or the slots so that they are never parallel"
             if side == "parallel"
             else "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
-            if side == "loops" and _trouble(cycle, group) == "astray"
+            if _trouble(cycle, group) == "astray"
             else f"passes on to another assembly near {place}: it has a change point or a dead position there"
             if side == "loops" and _trouble(cycle, group) == "change point"
             else f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
@@ -166,9 +166,9 @@ def _where_it_can(cycle: Cycle) -> str:
 
 
 def _trouble(cycle: Cycle, name: str) -> str:
-    """What is wrong with a general group that closes everywhere."""
+    """What is wrong with a followed group that closes everywhere."""
     group = named_groups(ready(cycle.scene).mechanism)[name]
-    return group.path.trouble() if isinstance(group, General) and group.path is not None else ""
+    return group.path.trouble() if isinstance(group, General | RRR | RRP) and group.path is not None else ""
 
 
 def _first_lost(cycle: Cycle) -> tuple[str, str, Least]:

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
+from linkjax.groups._base import Margin
 
 BRANCHES = ("fixed", "continue")
 TOUCHING = 1e-9  # an assembly margin within this of zero is a change point
@@ -22,6 +23,8 @@ REACH = 0.3  # rad to either side, from which the polynomial takes its values
 INSIDE = 0.1  # rad to either side, in which it is used
 DEGREE = 15
 NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))  # Chebyshev's, none of them zero
+BLUNT = 1e-8  # sine of the angle between the links, below which reactions are not followed any further
+BEYOND = 1e-6  # what the margins fall short by where a dyad is not after the cycle where it began
 CLOSEST = 1e-6  # rad from a change point within which nothing has a derivative by the design
 
 
@@ -49,6 +52,24 @@ class Course(NamedTuple):
     def comes_back(self) -> Array:
         """Whether it is after all its turns where it began."""
         return jnp.sum(jnp.isfinite(self.at)) % 2 == 0
+
+    def judged(self, found: dict[str, Margin]) -> dict[str, Margin]:
+        """The margins, or, where it does not come back, that it does not."""
+        back, zero = self.comes_back(), jnp.zeros_like(next(iter(found.values())).value)
+        return {
+            side: Margin(
+                jnp.where(back, m.value, jnp.minimum(m.value, -BEYOND)), *(jnp.where(back, x, zero) for x in m[1:])
+            )
+            for side, m in found.items()
+        }
+
+    def trouble(self) -> str:
+        """What is wrong with it: "astray" where it does not come back."""
+        return "" if bool(self.comes_back()) else "astray"
+
+    def touches(self) -> Array:
+        """Whether there is any change point."""
+        return jnp.any(jnp.isfinite(self.at))
 
     def near(self, phi: Array, turns: int) -> Near:
         """The crossing as the nearest polynomial has it."""

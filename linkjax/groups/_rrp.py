@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_sqrt
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
-from linkjax.groups._course import TOUCHING, Course, check_branch
+from linkjax.groups._course import BLUNT, TOUCHING, Course, check_branch
 from linkjax.groups._guide import Guide, as_guide
 from linkjax.groups._state import LinkState, PointState
 
@@ -105,10 +105,11 @@ class RRP(AbstractGroup):
         length = links[self.link].length
         q, dq, ddq = self.guide.line(states, points).height(points[self.from_])
         beyond = TOUCHING if self.branch == "continue" else 0.0  # change points are passed
-        return {
+        found = {
             "left": Margin((length - q) / length + beyond, -dq / length, -ddq / length),
             "right": Margin((length + q) / length + beyond, dq / length, ddq / length),
         }
+        return found if self.path is None else self.path.judged(found)
 
     def transmission(self, states, points):
         u, t = points[self.end].r - points[self.from_].r, states[self.block].u
@@ -129,7 +130,7 @@ class RRP(AbstractGroup):
         push = on_block.force.dot(t)
         reach = rod.dot(t)
         if self.path is not None:  # zero at a change point, where reactions have no bound
-            least = 1e-12 * safe_sqrt(rod.squared(), 1.0)
+            least = BLUNT * safe_sqrt(rod.squared(), 1.0)
             reach = jnp.where(jnp.abs(reach) < least, least, reach)
         lift = -(on_rod.moment + push * rod.cross(t)) / reach
         pin = t * push + n * lift  # force on the rod by the block

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
-from linkjax.groups._course import TOUCHING, Course, check_branch
+from linkjax.groups._course import BLUNT, TOUCHING, Course, check_branch
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -116,10 +116,11 @@ class RRR(AbstractGroup):
         dr = safe_divide(s.dot(ds), r)
         ddr = safe_divide(s.dot(dds) + ds.squared() - dr * dr, r)
         total, beyond = l1 + l2, TOUCHING if self.branch == "continue" else 0.0  # change points are passed
-        return {
+        found = {
             "stretched": Margin((total - r) / total + beyond, -dr / total, -ddr / total),
             "folded": Margin((r - jnp.abs(l1 - l2)) / total + beyond, dr / total, ddr / total),
         }
+        return found if self.path is None else self.path.judged(found)
 
     def transmission(self, states, points):
         u, v = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
@@ -134,7 +135,7 @@ class RRR(AbstractGroup):
         p, q = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
         det = p.cross(q)
         if self.path is not None:  # zero at a change point, where reactions have no bound
-            least = 1e-12 * safe_sqrt(p.squared() * q.squared(), 1.0)
+            least = BLUNT * safe_sqrt(p.squared() * q.squared(), 1.0)
             det = jnp.where(jnp.abs(det) < least, least, det)
         m1, m2 = loads[one].moment, loads[two].moment
         inner = -(p * m2 + q * m1) / det  # force at the inner pin on link one by link two
