@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from linkjax.groups import Slot as Slot
     from linkjax.groups import Spline as Spline
     from linkjax.kinematics import assemblies as assemblies
+    from linkjax.kinematics import crank_limits as crank_limits
     from linkjax.kinematics import dead_centres as dead_centres
     from linkjax.kinematics import margins as margins
     from linkjax.kinematics import pose as pose
@@ -100,7 +101,15 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "Spline",
     ),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError", "linkage", "structure"),
-    "kinematics": ("assemblies", "dead_centres", "margins", "pose", "strokes", "transmission_angles"),
+    "kinematics": (
+        "assemblies",
+        "crank_limits",
+        "dead_centres",
+        "margins",
+        "pose",
+        "strokes",
+        "transmission_angles",
+    ),  # fmt: skip
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),

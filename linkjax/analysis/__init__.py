@@ -10,5 +10,6 @@ from linkjax.analysis._document import document as document
 from linkjax.analysis._document import plain as plain
 from linkjax.analysis._measured import measured as measured
 from linkjax.analysis._pick import pick as pick
+from linkjax.analysis._precision import float32_digits as float32_digits
 from linkjax.analysis._words import load_size as load_size
 from linkjax.analysis._words import peak_unit as peak_unit

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import General
-from linkjax.kinematics import Least, Pose, Reversals, named_groups
+from linkjax.groups import RRP, RRR, Crank, General
+from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
 
 CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
+INSIDE = 0.1  # of a range of crank angles: how far inside it the law that is proposed stays
 NEARLY = 1e-6  # or within this, where Newton's method closes the loops: at a change point it is slow
 
 Margins = dict[str, dict[str, Least]]
@@ -115,14 +118,15 @@ def explain(cycle: Cycle) -> None:
             "given; change the side, or the slots so that they are never parallel"
             if side == "parallel"
             else "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
-            if side == "loops" and _trouble(cycle, group) == "astray"
+            if _trouble(cycle, group) == "astray"
             else f"passes on to another assembly near {place}: it has a change point or a dead position there"
             if side == "loops" and _trouble(cycle, group) == "change point"
             else f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
             if short > (NEARLY if side == "loops" else CHANGE_POINT)
             else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"
         )
-        raise MachineError(f"{title}group {group!r} {what}. {MESSAGES[code]}", code)
+        where = _where_it_can(cycle) if what.startswith("cannot be assembled at") else ""
+        raise MachineError(f"{title}group {group!r} {what}. {where}{MESSAGES[code]}", code)
     if code is Result.INTEGRATION_FAILED:
         raise MachineError(f"{title}{MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:
@@ -139,10 +143,32 @@ def explain(cycle: Cycle) -> None:
         )
 
 
+def _where_it_can(cycle: Cycle) -> str:
+    """The ranges of crank angle in which it can be assembled, and a law that stays inside the first; nothing for a
+    crank that comes round."""
+    crank = cycle.scene.mechanism.groups[0]
+    if not isinstance(crank, Crank):
+        return ""
+    ranges = crank_limits(cycle.scene.mechanism)
+    if not ranges:
+        return "It can be assembled at no crank angle. "
+    if not ranges[0].at_start:
+        return ""
+    told = " and ".join(f"{math.degrees(r.start):.4f} to {math.degrees(r.stop):.4f} degrees" for r in ranges)
+    inset = INSIDE * (ranges[0].stop - ranges[0].start)
+    ends = (ranges[0].start + inset) * crank.turns, (ranges[0].stop - inset) * crank.turns
+    law = ", ".join(f'{key} = "{math.degrees(at):.4g} deg"' for key, at in zip(("start", "stop"), ends, strict=True))
+    has = "its law goes beyond that" if crank.law is not None else "its crank does not come round"
+    return (
+        f"It can be assembled from {told} of crank angle, and {has}: let it swing inside, e.g. law = {{ {law} }} on "
+        "the crank, or change lengths. "
+    )
+
+
 def _trouble(cycle: Cycle, name: str) -> str:
-    """What is wrong with a general group that closes everywhere."""
+    """What is wrong with a followed group that closes everywhere."""
     group = named_groups(ready(cycle.scene).mechanism)[name]
-    return group.path.trouble() if isinstance(group, General) and group.path is not None else ""
+    return group.path.trouble() if isinstance(group, General | RRR | RRP) and group.path is not None else ""
 
 
 def _first_lost(cycle: Cycle) -> tuple[str, str, Least]:

@@ -8,7 +8,6 @@ Source: any text on constrained planar systems, e.g. Haug, Computer Aided Kinema
 
 from __future__ import annotations
 
-import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -377,10 +376,3 @@ class General(AbstractGroup):
         if slot.guide.on != "frame":
             under = under + (block.r - base.r).perp() * states[slot.guide.on].w
         return (block.dr - under).dot(states[slot.block].u)
-
-
-def without_path(group: AbstractGroup) -> AbstractGroup:
-    """The group without the reference path that it may have."""
-    if isinstance(group, General) and group.path is not None:
-        return dataclasses.replace(group, path=None, turns=1)
-    return group

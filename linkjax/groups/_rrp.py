@@ -9,6 +9,7 @@ import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_sqrt
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
+from linkjax.groups._course import BLUNT, TOUCHING, Course, check_branch
 from linkjax.groups._guide import Guide, as_guide
 from linkjax.groups._state import LinkState, PointState
 
@@ -19,7 +20,9 @@ class RRP(AbstractGroup):
     The path of the pin is the `guide`, or the name of a frame point through which it runs along x.
 
     `side` is +1 when the pin lies ahead of the foot of the perpendicular on the path, -1 when behind. The block's axes
-    are along the path and to its left.
+    are along the path and to its left. With `branch` "continue" the side is so just after crank angle zero, and motion
+    goes on smoothly through change points, where it turns round; `path` and `turns` are then filled in by
+    `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "RRP"
@@ -31,9 +34,13 @@ class RRP(AbstractGroup):
     end: str = eqx.field(static=True)
     guide: Guide = eqx.field(converter=as_guide)
     side: int = eqx.field(static=True, default=1)
+    branch: str = eqx.field(static=True, default="fixed")
+    path: Course | None = None
+    turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
+        check_branch(self.kind, self.branch)
 
     def link_names(self):
         return (self.link, self.block)
@@ -56,11 +63,18 @@ class RRP(AbstractGroup):
         t, n = line.t, line.t.perp()
         height, along = line.height(b), line.along(b)
         q = once(height.value)
-        squared = (length - q) * (length + q)
-        h = once(jnp.where(squared > 0, safe_sqrt(squared, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder
+        h = self._reach(length, q) * (self.side if self.path is None else self.side * self.path.flips(phi, self.turns))
+        over = h
+        if self.path is not None:  # zero at a change point
+            over = jnp.where(jnp.abs(h) < 1e-12 * length, 1e-12 * length, h)
+        w = -height.d / over  # as seen from the guide the pin does not move across it: height' + w h = 0
+        e = -(height.dd + w * w * q) / over
+        if self.path is not None:
+            near = self.path.near(phi, self.turns)
+            turning = (q * near.d[0] - near.value[0] * height.d) / length**2
+            bending = (q * near.dd[0] - near.value[0] * height.dd) / length**2
+            h, w, e = near.instead((h, w, e), (near.value[0], turning, bending))
         rod = t * h - n * q
-        w = -height.d / h  # as seen from the guide the pin does not move across it: height' + w h = 0
-        e = -(height.dd + w * w * q) / h
         carrier = line.state
         if line.turning is None:
             end = PointState(b.r + rod, t * (along.d + w * q), t * (along.dd + e * q - w * w * h))
@@ -69,13 +83,33 @@ class RRP(AbstractGroup):
             end = PointState(b.r + rod, b.dr + rod.perp() * w, b.ddr + rod.perp() * e - rod * (w * w))
         return {self.link: LinkState(rod / length, w, e), self.block: carrier}, {self.end: end}
 
+    def _reach(self, length, q):
+        """How far the pin is along the guide from the foot of the other; a flagged placeholder where it is nowhere."""
+        squared = (length - q) * (length + q)
+        return once(jnp.where(squared > 0, safe_sqrt(squared, 1.0), 0.1 * length))
+
+    def gaps(self, links, states, points):
+        """Both distances to a dead position, their derivatives, and what counts as zero."""
+        length = links[self.link].length
+        height = jnp.stack(self.guide.line(states, points).height(points[self.from_])) / length
+        whole = jnp.zeros_like(height).at[0].set(1.0)
+        return (*jnp.stack([whole - height, whole + height]).T, jnp.full(2, TOUCHING))
+
+    def coordinates(self, links, states, points, sense):
+        """What a polynomial takes through a change point."""
+        q = self.guide.line(states, points).height(points[self.from_]).value
+        h = self._reach(links[self.link].length, q) * self.side * sense
+        return jnp.stack([h, jnp.zeros_like(h)])
+
     def margins(self, links, states, points, phi):
         length = links[self.link].length
         q, dq, ddq = self.guide.line(states, points).height(points[self.from_])
-        return {
-            "left": Margin((length - q) / length, -dq / length, -ddq / length),
-            "right": Margin((length + q) / length, dq / length, ddq / length),
+        beyond = TOUCHING if self.branch == "continue" else 0.0  # change points are passed
+        found = {
+            "left": Margin((length - q) / length + beyond, -dq / length, -ddq / length),
+            "right": Margin((length + q) / length + beyond, dq / length, ddq / length),
         }
+        return found if self.path is None else self.path.judged(found)
 
     def transmission(self, states, points):
         u, t = points[self.end].r - points[self.from_].r, states[self.block].u
@@ -94,7 +128,11 @@ class RRP(AbstractGroup):
         rod = points[self.end].r - points[self.from_].r
         on_rod, on_block = loads[self.link], loads[self.block]
         push = on_block.force.dot(t)
-        lift = -(on_rod.moment + push * rod.cross(t)) / rod.dot(t)
+        reach = rod.dot(t)
+        if self.path is not None:  # zero at a change point, where reactions have no bound
+            least = BLUNT * safe_sqrt(rod.squared(), 1.0)
+            reach = jnp.where(jnp.abs(reach) < least, least, reach)
+        lift = -(on_rod.moment + push * rod.cross(t)) / reach
         pin = t * push + n * lift  # force on the rod by the block
         normal = lift - on_block.force.dot(n)
         none = jnp.zeros_like(normal)

@@ -12,14 +12,18 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
+from linkjax.groups._course import BLUNT, TOUCHING, Course, check_branch
 from linkjax.groups._state import LinkState, PointState
 
 
 class RRR(AbstractGroup):
     """Two links, the first from point `from_`, the second from point `to`, meeting in a pin `meet`.
 
-    `side` is +1 when `meet` lies to the left of the directed line from `from_` to `to`, -1 when to the right.
+    `side` is +1 when `meet` lies to the left of the directed line from `from_` to `to`, -1 when to the right. With
+    `branch` "continue" it is so just after crank angle zero, and motion goes on smoothly through change points, where
+    the side turns round; `path` and `turns` are then filled in by `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "RRR"
@@ -30,9 +34,13 @@ class RRR(AbstractGroup):
     to: str = eqx.field(static=True)
     meet: str = eqx.field(static=True)
     side: int = eqx.field(static=True, default=1)
+    branch: str = eqx.field(static=True, default="fixed")
+    path: Course | None = None
+    turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
+        check_branch(self.kind, self.branch)
         check_apart(self.kind, self.from_, self.to)
 
     def link_names(self):
@@ -47,7 +55,33 @@ class RRR(AbstractGroup):
     def solve(self, links, states, points, phi):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
-        span = b.r - a.r
+        side = self.side if self.path is None else self.side * self.path.flips(phi, self.turns)
+        p, q, h, r = self._crossing(links, points, side)
+        det = side * h * r
+        if self.path is not None:  # zero at a change point
+            least = 1e-12 * l1 * l2
+            det = jnp.where(jnp.abs(det) < least, least, det)
+        dv = a.dr - b.dr
+        w1, w2 = -dv.dot(q) / det, -dv.dot(p) / det
+        da = a.ddr - b.ddr - p * (w1 * w1) + q * (w2 * w2)
+        e1, e2 = -da.dot(q) / det, -da.dot(p) / det
+        if self.path is not None:
+            near, span = self.path.near(phi, self.turns), b.r - a.r
+            arm, first, second = (Vec(*part) for part in (near.value, near.d, near.dd))
+            other = arm - span, first + dv, second - (b.ddr - a.ddr)
+            turning = arm.cross(first) / l1**2, other[0].cross(other[1]) / l2**2
+            bending = arm.cross(second) / l1**2, other[0].cross(other[2]) / l2**2
+            smooth = (arm, other[0], *turning, *bending)
+            p, q, w1, w2, e1, e2 = near.instead((p, q, w1, w2, e1, e2), smooth)
+        first, second = LinkState(p / l1, w1, e1), LinkState(q / l2, w2, e2)
+        meet = PointState(a.r + p, a.dr + p.perp() * w1, a.ddr + p.perp() * e1 - p * (w1 * w1))
+        return {self.links[0]: first, self.links[1]: second}, {self.meet: meet}
+
+    def _crossing(self, links, points, side):
+        """The links as vectors, from their outer pins to where they meet, its height over the line of these, and their
+        distance."""
+        l1, l2 = links[self.links[0]].length, links[self.links[1]].length
+        span = points[self.to].r - points[self.from_].r
         r = safe_sqrt(span.squared(), 1.0)
         along = span / r
         # h = height of the crossing over the line a-b, from Heron's product: no digits lost near a dead position
@@ -55,16 +89,24 @@ class RRR(AbstractGroup):
         h = safe_sqrt(squared, jnp.asarray(1.0)) / (2 * r)
         h = jnp.where(squared > 0, h, 0.1 * (l1 + l2))  # cannot close: a finite placeholder, flagged by the margin
         foot = 0.5 * (r + (l1 - l2) * (l1 + l2) / r)
-        up = along.perp() * (self.side * h)
-        p, q = along * foot + up, along * (foot - r) + up
-        det = self.side * h * r
-        dv = a.dr - b.dr
-        w1, w2 = -dv.dot(q) / det, -dv.dot(p) / det
-        da = a.ddr - b.ddr - p * (w1 * w1) + q * (w2 * w2)
-        e1, e2 = -da.dot(q) / det, -da.dot(p) / det
-        first, second = LinkState(p / l1, w1, e1), LinkState(q / l2, w2, e2)
-        meet = PointState(a.r + p, a.dr + p.perp() * w1, a.ddr + p.perp() * e1 - p * (w1 * w1))
-        return {self.links[0]: first, self.links[1]: second}, {self.meet: meet}
+        up = along.perp() * (side * h)
+        return along * foot + up, along * (foot - r) + up, h, r
+
+    def gaps(self, links, states, points):
+        """Both distances to a dead position as smooth functions, their derivatives, and what counts as zero."""
+        l1, l2 = links[self.links[0]].length, links[self.links[1]].length
+        a, b = points[self.from_], points[self.to]
+        s, ds, dds = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
+        total, apart = l1 + l2, jnp.abs(l1 - l2)
+        d, dd = 2 * s.dot(ds), 2 * (s.dot(dds) + ds.squared())
+        found = jnp.stack([jnp.stack([total**2 - s.squared(), -d, -dd]), jnp.stack([s.squared() - apart**2, d, dd])])
+        zero = 2 * TOUCHING * jnp.stack([jnp.ones_like(total), apart / total + TOUCHING])
+        return (*(found / total**2).T, zero)
+
+    def coordinates(self, links, states, points, sense):
+        """What a polynomial takes through a change point."""
+        p = self._crossing(links, points, self.side * sense)[0]
+        return jnp.stack([p.x, p.y])
 
     def margins(self, links, states, points, phi):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
@@ -73,11 +115,12 @@ class RRR(AbstractGroup):
         r = safe_sqrt(s.squared())
         dr = safe_divide(s.dot(ds), r)
         ddr = safe_divide(s.dot(dds) + ds.squared() - dr * dr, r)
-        total = l1 + l2
-        return {
-            "stretched": Margin((total - r) / total, -dr / total, -ddr / total),
-            "folded": Margin((r - jnp.abs(l1 - l2)) / total, dr / total, ddr / total),
+        total, beyond = l1 + l2, TOUCHING if self.branch == "continue" else 0.0  # change points are passed
+        found = {
+            "stretched": Margin((total - r) / total + beyond, -dr / total, -ddr / total),
+            "folded": Margin((r - jnp.abs(l1 - l2)) / total + beyond, dr / total, ddr / total),
         }
+        return found if self.path is None else self.path.judged(found)
 
     def transmission(self, states, points):
         u, v = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
@@ -91,6 +134,9 @@ class RRR(AbstractGroup):
         one, two = self.links
         p, q = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
         det = p.cross(q)
+        if self.path is not None:  # zero at a change point, where reactions have no bound
+            least = BLUNT * safe_sqrt(p.squared() * q.squared(), 1.0)
+            det = jnp.where(jnp.abs(det) < least, least, det)
         m1, m2 = loads[one].moment, loads[two].moment
         inner = -(p * m2 + q * m1) / det  # force at the inner pin on link one by link two
         none = jnp.zeros_like(det)

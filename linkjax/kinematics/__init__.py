@@ -11,6 +11,8 @@ from linkjax.kinematics._cycle import find_reversals as find_reversals
 from linkjax.kinematics._cycle import least_margin as least_margin
 from linkjax.kinematics._cycle import scan_angles as scan_angles
 from linkjax.kinematics._cycle import strokes as strokes
+from linkjax.kinematics._limits import CrankRange as CrankRange
+from linkjax.kinematics._limits import crank_limits as crank_limits
 from linkjax.kinematics._pose import Pose as Pose
 from linkjax.kinematics._pose import margins as margins
 from linkjax.kinematics._pose import named_groups as named_groups

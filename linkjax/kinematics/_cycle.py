@@ -225,18 +225,18 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     scan = scan_angles(turns, MARGIN_SCAN)
     step = scan[1] - scan[0]
     fixed = jax.lax.stop_gradient(mechanism)
-    scanned = jax.vmap(lambda phi: _stacked(fixed, phi))(scan)  # leaves (scan, margins)
+    scanned = jax.vmap(lambda phi: stacked(fixed, phi))(scan)  # leaves (scan, margins)
     start = jax.vmap(lambda m: _lowest(m, scan), in_axes=1)(scanned)
 
     def sharpen(_, phi):
-        here = jax.tree.map(jnp.diagonal, jax.vmap(lambda one: _stacked(fixed, one))(phi))
+        here = jax.tree.map(jnp.diagonal, jax.vmap(lambda one: stacked(fixed, one))(phi))
         bend = jnp.where(here.dd > 0, here.dd, jnp.abs(here.d) + 1.0)
         kink = here.d * here.d > KINK * here.value * jnp.maximum(here.dd, 0.0)  # a singular value that comes to zero
         move = jnp.where(kink & (here.value > 0), safe_divide(here.value, here.d), here.d / bend)
         return jnp.clip(phi - move, start - step, start + step)
 
     phi = repeat(SHARPEN, sharpen, start)
-    value = jnp.diagonal(jax.vmap(lambda one: _stacked(mechanism, one))(phi).value)
+    value = jnp.diagonal(jax.vmap(lambda one: stacked(mechanism, one))(phi).value)
     angle = wrapped(phi, scan.size * step)
     result: dict[str, dict[str, Least]] = {}
     for i, (group, side) in enumerate(names):
@@ -244,7 +244,7 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     return result
 
 
-def _stacked(mechanism: Mechanism, phi: Array) -> Margin:
+def stacked(mechanism: Mechanism, phi: Array) -> Margin:
     """All margins at one crank angle, leaves of shape (margins,)."""
     at, groups = margins(mechanism, phi), named_groups(mechanism)
     every = [at[name][side] for name, group in groups.items() for side in group.dead_positions]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,7 +15,20 @@ from jaxtyping import Array
 
 from linkjax._types import Scalar
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, General, LinkState, Margin, PointState, at_rest, carried
+from linkjax.groups import (
+    RRP,
+    RRR,
+    AbstractGroup,
+    Course,
+    General,
+    LinkState,
+    Margin,
+    PointState,
+    at_rest,
+    carried,
+    course_of,
+    is_followed,
+)
 from linkjax.kinematics._path import path_of
 from linkjax.mechanism import Lump, Mechanism, lumps
 
@@ -75,7 +88,8 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
 
 
 def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
-    """The mechanism with a reference path for each of its general groups, over `turns` turns of the crank (as many as a
+    """The mechanism with a reference path for each of its general groups, and for dyads that continue through change
+    points, over `turns` turns of the crank (as many as a
     law of the driver takes, or one): from the sketch to crank angle zero, and on in small steps. Others are handed back
     as they are.
 
@@ -83,7 +97,7 @@ def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
     Newton's method begins. It belongs to the numbers it was made of: a mechanism that is made anew, by its constructor
     or `dataclasses.replace`, has none, and one whose leaves were replaced keeps the old one.
     """
-    groups = [group for group in mechanism.groups if isinstance(group, General)]
+    groups: list[Any] = [group for group in mechanism.groups if is_followed(group)]
     law = mechanism.driver.follows()
     turns = max(turns or 1, 1 if law is None else round(law.period() / (2 * math.pi)))
     if all(group.path is not None and group.turns % turns == 0 for group in groups):
@@ -97,16 +111,19 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
     fixed = jax.lax.stop_gradient(mechanism)
     angles = jnp.linspace(0.0, 2 * math.pi * turns, STEPS * turns + 1)
     for group in fixed.groups:
-        if isinstance(group, General):
+        if is_followed(group):
 
             def before(phi, so_far=tuple(groups)):
                 here = _of_groups(fixed, so_far, phi)
                 return here.links, here.points
 
-            path = path_of(group, fixed.links, before, angles)
-            group = dataclasses.replace(group, path=jax.lax.stop_gradient(path), turns=turns)
+            if isinstance(group, General):
+                path = path_of(group, fixed.links, before, angles)
+            else:
+                path = _course(group, fixed, before, turns)
+            group = dataclasses.replace(group, path=jax.lax.stop_gradient(path), turns=turns)  # pyright: ignore[reportCallIssue]
         groups.append(group)
-    made = [dataclasses.replace(old, path=new.path, turns=turns) if isinstance(new, General) else old
+    made = [dataclasses.replace(old, path=getattr(new, "path"), turns=turns) if is_followed(new) else old  # noqa: B009
             for old, new in zip(mechanism.groups, groups, strict=True)]  # fmt: skip
     return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would drop the paths
 
@@ -115,6 +132,18 @@ def before_group(mechanism: Mechanism, number: int, phi: Scalar) -> tuple[dict[s
     """States of the links and points that are there before the group of this number is attached."""
     here = jax.jit(lambda m, phi: _of_groups(m, m.groups[:number], phi)[:2])(mechanism, phi)
     return here[1], here[0]
+
+
+def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int) -> Course:
+    """The course of a dyad through its change points."""
+    assert isinstance(group, RRR | RRP)
+    held = fixed.held_by(group)
+    return course_of(
+        lambda phi: group.gaps(held, *before(phi)),
+        lambda phi, sense: group.coordinates(held, *before(phi), sense),
+        STEPS,
+        turns,
+    )
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:

@@ -16,6 +16,16 @@ from linkjax import groups
 from linkjax.scenes._fields import Angle, Length, Name, Pair, Table
 from linkjax.scenes._guides import AngleLaw, Fault, Guide, LengthLaw, in_angle, in_length, law_keys
 
+Branch = Literal["fixed", "continue"]
+BRANCH: Any = Field(
+    "fixed", description="at a change point: keep the side, or go on smoothly to the other", examples=["continue"]
+)
+
+
+def branch_keys(group: groups.RRR | groups.RRP) -> dict[str, Any]:
+    """The key, where it is not as by default."""
+    return {"branch": group.branch} if group.branch != "fixed" else {}
+
 
 class GroupTable(Table, abc.ABC):
     """A group of any kind."""
@@ -118,15 +128,17 @@ class RRPTable(GroupTable):
     side: Literal["+", "-"] = Field(
         "+", description="pin ahead of (+) or behind (-) the foot of the perpendicular", examples=["-"]
     )
+    branch: Branch = BRANCH
 
     def build(self, turns: int) -> groups.AbstractGroup:
         side = 1 if self.side == "+" else -1
-        return groups.RRP(self.link, self.block, self.from_, self.end, self.guide.build(), side)
+        return groups.RRP(self.link, self.block, self.from_, self.end, self.guide.build(), side, self.branch)
 
     @staticmethod
     def keys_of(group: groups.RRP) -> dict[str, Any]:
         return {"link": group.link, "from": group.from_, "end": group.end, "block": group.block,
-                "guide": Guide.keys_of(group.guide), "side": "+" if group.side > 0 else "-"}  # fmt: skip
+                "guide": Guide.keys_of(group.guide), "side": "+" if group.side > 0 else "-",
+                **branch_keys(group)}  # fmt: skip
 
     def pins(self) -> tuple[str, ...]:
         return (self.end,)
@@ -152,14 +164,16 @@ class RRRTable(GroupTable):
     side: Literal["left", "right"] = Field(
         "left", description="where they meet, seen along the line from-to", examples=["right"]
     )
+    branch: Branch = BRANCH
 
     def build(self, turns: int) -> groups.AbstractGroup:
-        return groups.RRR(self.links, self.from_, self.to, self.meet, 1 if self.side == "left" else -1)
+        side = 1 if self.side == "left" else -1
+        return groups.RRR(self.links, self.from_, self.to, self.meet, side, self.branch)
 
     @staticmethod
     def keys_of(group: groups.RRR) -> dict[str, Any]:
         return {"links": list(group.links), "from": group.from_, "to": group.to, "meet": group.meet,
-                "side": "left" if group.side > 0 else "right"}  # fmt: skip
+                "side": "left" if group.side > 0 else "right", **branch_keys(group)}  # fmt: skip
 
     def pins(self) -> tuple[str, ...]:
         return (self.meet,)

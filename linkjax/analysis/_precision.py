@@ -1,0 +1,73 @@
+"""How many digits a machine keeps in single precision."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from linkjax._types import as_float
+from linkjax.analysis._cycle import Cycle
+from linkjax.forces import kinetostatics
+from linkjax.kinematics import pose, scan_angles
+from linkjax.machine import Scene, ready
+from linkjax.motion import steady
+
+FEWEST = 4  # digits, below which single precision is warned of
+SCAN = 90  # crank angles a turn that are compared
+
+
+def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
+    """Decimal digits that survive where a scene is computed in float32 instead of float64, by comparison of both.
+
+    Of `position`, `coefficients` (first and second), `drive_torque` at constant nominal speed, each relative to its
+    largest magnitude over the cycle, and of `delta`. Computes everything twice, whatever the precision of the program;
+    the scene's numbers are rounded to float32 first, which is part of the loss. Raises `RuntimeError` from JAX where
+    it cannot change its precision; not for use under jax transformations.
+    """
+    found = []
+    for wide in (True, False):
+        with jax.enable_x64(wide):
+            kind = jnp.float64 if wide else jnp.float32
+            given = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), scene)
+            found.append([np.asarray(part, dtype=float) for part in _figures(given, nodes)])
+    names = ("position", "coefficients", "drive_torque", "delta")
+    return {name: _digits(one, two) for name, one, two in zip(names, *found, strict=True)}
+
+
+def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
+    """What is compared, each of shape (quantities, angles) but for the last."""
+    scene = ready(jax.tree.map(as_float, scene))
+    phi = scan_angles(scene.cycle_turns, SCAN)
+
+    def at(phi):
+        here = pose(scene.mechanism, phi)
+        points, links = here.points.values(), here.links.values()
+        torque = kinetostatics(scene, phi, scene.speed, jnp.zeros_like(phi)).drive_torque
+        return (
+            jnp.stack([x for p in points for x in (p.r.x, p.r.y)]),
+            jnp.stack([x for p in points for v in (p.dr, p.ddr) for x in (v.x, v.y)]
+                      + [x for link in links for x in (link.w, link.e)]),
+            torque[None],
+        )  # fmt: skip
+
+    rows = jax.jit(jax.vmap(at, out_axes=1))(phi)
+    return (*rows, jax.jit(lambda scene: steady(scene, nodes).delta)(scene)[None, None])
+
+
+def _digits(exact: np.ndarray, rough: np.ndarray) -> float:
+    """Digits that two results share, relative to the largest magnitude of each row; the fewest of all rows."""
+    size = np.max(np.abs(exact), axis=1)
+    there = size > 1e-6 * np.max(size)  # what hardly moves has no digits to lose
+    wrong = np.max(np.abs(exact - rough), axis=1)[there] / size[there]
+    return float(np.min(-np.log10(np.maximum(wrong, np.finfo(float).eps)), initial=16.0))
+
+
+def fewest_digits(cycle: Cycle) -> float:
+    """Digits that an analysis vouches for by its own checks and the bound of the error of δ."""
+    checks = jnp.stack([cycle.checks.virtual_power, cycle.checks.force_balance])
+    delta = jnp.abs(cycle.delta)
+    share = jnp.where(delta > 0, cycle.delta_error / jnp.where(delta > 0, delta, 1.0), 0.0)
+    worst = float(jnp.maximum(jnp.max(checks), share))
+    return float(-np.log10(max(worst, np.finfo(float).tiny)))

@@ -1,0 +1,133 @@
+"""Crank ranges that end: where a linkage whose crank does not come round can be assembled."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from linkjax.groups import Crank
+from linkjax.kinematics._cycle import scan_angles, stacked
+from linkjax.kinematics._pose import named_groups, prepared
+from linkjax.mechanism import Mechanism
+
+SCAN = 360  # crank angles a turn at which the margins are first looked at
+HALVINGS = 50  # of a scan step: down to rounding
+BATCH = 16  # ends that are sharpened together
+
+
+class CrankRange(NamedTuple):
+    """Crank angles (rad) from `start` to `stop`, growing, between which a mechanism can be assembled all the way; what
+    ends it there, e.g. "coupler-rocker, stretched", and "" where the crank comes round and nothing does."""
+
+    start: float
+    stop: float
+    at_start: str
+    at_stop: str
+
+
+def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
+    """The ranges of crank angle in which a mechanism can be assembled, from the one that holds crank angle zero, or
+    comes next, on; one from 0 to 2π for a crank that comes round, none for a linkage that closes nowhere.
+
+    Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
+    driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding
+    (for groups closed in closed form some 1e-15 rad over the margin's slope; for a general group up to 1e-3 rad short
+    of it, and only as far as its reference path, which begins at crank angle zero, comes without a gap). Ranges narrower than a thousandth
+    of a turn may be overlooked. Not for use under jax transformations: plain numbers come out.
+    Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
+    """
+    crank = mechanism.groups[0]
+    turns = 1
+    if isinstance(crank, Crank):
+        mechanism = dataclasses.replace(
+            mechanism, groups=(dataclasses.replace(crank, law=None, turns=crank.turns), *mechanism.groups[1:])
+        )
+    elif mechanism.prescribed:
+        law = mechanism.driver.follows()
+        assert law is not None
+        turns = max(1, round(law.period() / (2 * math.pi)))
+    whole = 2 * math.pi * turns
+    names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions]
+    if not names:
+        return (CrankRange(0.0, whole, "", ""),)
+    mechanism = prepared(mechanism, turns)
+    found = sorted(_crossings(mechanism, np.asarray(scan_angles(turns, SCAN)), whole))
+    if not found:
+        return (CrankRange(0.0, whole, "", ""),) if bool(_sound(mechanism, np.zeros(1))[0]) else ()
+    ends = np.asarray([angle for angle, _ in found])
+    after = np.append(ends[1:], ends[0] + whole)
+    sound = _sound(mechanism, 0.5 * (ends + after)) & (after > ends)
+    if np.all(sound):
+        return (CrankRange(0.0, whole, "", ""),)
+    ranges, count = [], len(ends)
+    for first in range(count):
+        if sound[first] and not sound[first - 1]:
+            last = first
+            while sound[(last + 1) % count]:
+                last += 1
+            start, stop = ends[first], after[last % count] + whole * (last // count)
+            start, stop = (start, stop) if stop <= whole or stop - whole <= 0 else (start - whole, stop - whole)
+            ranges.append(CrankRange(float(start), float(stop), names[found[first][1]],
+                                     names[found[(last + 1) % count][1]]))  # fmt: skip
+    return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.start)))
+
+
+@eqx.filter_jit
+def _margins(mechanism: Mechanism, phi):
+    """All margins and their slopes, each of shape (angles, margins)."""
+    here = jax.vmap(lambda one: stacked(mechanism, one))(phi)
+    return here.value, here.d
+
+
+def _at(mechanism: Mechanism, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same at any number of angles, in batches of one size."""
+    rows = []
+    for i in range(0, len(phi), BATCH):
+        part = phi[i : i + BATCH]
+        value, slope = _margins(mechanism, np.pad(part, (0, BATCH - len(part)), mode="edge"))
+        rows.append((np.asarray(value)[: len(part)], np.asarray(slope)[: len(part)]))
+    return np.concatenate([v for v, _ in rows]), np.concatenate([d for _, d in rows])
+
+
+def _sound(mechanism: Mechanism, phi: np.ndarray) -> np.ndarray:
+    """Whether it can be assembled at these angles."""
+    return np.all(_at(mechanism, phi)[0] > 0, axis=1)
+
+
+def _crossings(mechanism: Mechanism, scan: np.ndarray, whole: float) -> list[tuple[float, int]]:
+    """Angles at which a margin changes its sign, with the number of the margin."""
+    value, slope = (np.asarray(part) for part in _margins(mechanism, scan))
+    step, rows, cells = scan[1], [], []
+    above, after = value > 0, np.roll(value, -1, axis=0) > 0
+    turn = slope * np.roll(slope, -1, axis=0) < 0
+    for i, k in np.argwhere(turn & (above == after) & (above == (slope < 0))):  # it may dip to the other side
+        rows.append((scan[i], k))
+    if rows:
+        at, columns = np.asarray([a for a, _ in rows]), np.asarray([k for _, k in rows])
+        bottom = _halved(mechanism, at, at + step, columns, 1)
+        beyond = (_at(mechanism, bottom)[0][np.arange(len(at)), columns] > 0) != (
+            _at(mechanism, at)[0][np.arange(len(at)), columns] > 0
+        )
+        for a, b, k in zip(at[beyond], bottom[beyond], columns[beyond], strict=True):
+            cells += [(a, b, k), (b, a + step, k)]
+    cells += [(scan[i], scan[i] + step, k) for i, k in np.argwhere(above != after)]
+    if not cells:
+        return []
+    low, high, columns = (np.asarray(part) for part in zip(*cells, strict=True))
+    return [(float(a % whole), int(k)) for a, k in zip(_halved(mechanism, low, high, columns, 0), columns, strict=True)]
+
+
+def _halved(mechanism: Mechanism, low: np.ndarray, high: np.ndarray, columns: np.ndarray, which: int) -> np.ndarray:
+    """Where margins (`which` 0) or their slopes (1) change their sign between two angles, by halving."""
+    rows = np.arange(len(low))
+    first = _at(mechanism, low)[which][rows, columns] > 0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        same = (_at(mechanism, middle)[which][rows, columns] > 0) == first
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return 0.5 * (low + high)

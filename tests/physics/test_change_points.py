@@ -1,0 +1,151 @@
+"""Machines that run through their change points: smooth with branch = "continue", refused with a fixed side."""
+
+import dataclasses
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import RRP, RRR, Crank, Flywheel, Link, Mechanism, OpposingTorque, Torque, Vec
+from linkjax.kinematics import least_margin, pose, prepared
+
+PLACES = np.concatenate([at + s * 10.0 ** -np.arange(1.0, 13.0) for at in (0.0, math.pi) for s in (1, -1)])
+ANGLES = np.concatenate([np.linspace(0.0, 2 * math.pi, 73), np.mod(PLACES, 2 * math.pi)])
+poses = jax.jit(lambda m, phi: jax.vmap(lambda one: pose(m, one))(phi))
+
+
+def four_bar(crank: float, coupler: float, rocker: float, frame: float, side: int = 1, branch: str = "continue"):
+    links = {
+        name: Link(length=length, mass=1.0, inertia=0.01, centre=Vec(0.5 * length, 0.02))
+        for name, length in (("crank", crank), ("coupler", coupler), ("rocker", rocker))
+    }
+    groups = [Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C", side, branch)]
+    return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(frame, 0.0)}, links, groups, Flywheel(1.0))
+
+
+def slider(branch: str = "continue") -> Mechanism:
+    links = {"crank": Link(length=0.2), "rod": Link(length=0.2), "ram": Link(mass=2.0)}
+    groups = [Crank("crank", "A", "B"), RRP("rod", "ram", "B", "D", "A", 1, branch)]
+    return Mechanism({"A": Vec(0.0, 0.0)}, links, groups, Flywheel(1.0))
+
+
+def check(state, exact, first, second):
+    """Place, first and second coefficients of a point: fifteen, thirteen and eleven digits also at the change point."""
+    for part, truth, tolerance in zip(state, (exact, first, second), (1e-14, 1e-12, 1e-10), strict=True):
+        np.testing.assert_allclose(part.x + 1j * part.y, truth, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("lengths", [(0.1, 0.4, 0.1, 0.4), (0.3, 0.3, 0.3, 0.3)], ids=["parallelogram", "rhombus"])
+def test_a_parallelogram_stays_one(lengths):
+    """The coupler keeps its direction, the rocker turns with the crank."""
+    here = jax.device_get(poses(prepared(four_bar(*lengths)), jnp.asarray(ANGLES)))
+    arm = lengths[0] * np.exp(1j * ANGLES)
+    check(here.points["C"], lengths[3] + arm, 1j * arm, -arm)
+    np.testing.assert_allclose(here.links["coupler"].u.y, 0.0, atol=1e-14)
+    np.testing.assert_allclose(here.links["coupler"].w, 0.0, atol=1e-12)
+    np.testing.assert_allclose(here.links["rocker"].w, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(here.links["rocker"].e, 0.0, atol=1e-10)
+
+
+@pytest.mark.slow
+def test_an_antiparallelogram_stays_one():
+    """Crossed, the tangents of the half angles of crank and rocker have a constant product."""
+    here = jax.device_get(poses(prepared(four_bar(0.1, 0.4, 0.1, 0.4, -1)), jnp.asarray(ANGLES)))
+    half = np.exp(0.5j * ANGLES)
+    turned = np.conj(0.6 * half.real + 1j * half.imag)  # the rocker's half angle: tan ψ/2 = -tan(φ/2) / 0.6
+    turned = turned / np.abs(turned)
+    slope = -0.6 / (0.36 * np.cos(ANGLES / 2) ** 2 + np.sin(ANGLES / 2) ** 2)
+    np.testing.assert_allclose(here.links["rocker"].u.x + 1j * here.links["rocker"].u.y, turned**2, atol=1e-13)
+    np.testing.assert_allclose(here.links["rocker"].w, slope, atol=1e-11)
+
+
+def test_a_kite_stays_one():
+    """The far pin is the mirror image of the crank's pivot in the line from crank pin to rocker's pivot; on the other
+    branch it stays on the pivot."""
+    here = jax.device_get(poses(prepared(four_bar(0.1, 0.1, 0.4, 0.4)), jnp.asarray(ANGLES)))
+    line = 0.1 * np.exp(1j * ANGLES) - 0.4
+    line = line / np.abs(line)
+    c = here.points["C"].r
+    np.testing.assert_allclose(c.x + 1j * c.y, 0.4 - 0.4 * line**2, atol=1e-14)
+    here = jax.device_get(poses(prepared(four_bar(0.1, 0.1, 0.4, 0.4, -1)), jnp.asarray(ANGLES)))
+    check(here.points["C"], 0.0, 0.0, 0.0)
+
+
+@pytest.mark.slow
+def test_a_kite_on_its_own_line_needs_two_turns():
+    """Crank and frame alike: the pin runs on the half angle, and is back after two turns only."""
+    machine = prepared(four_bar(0.3, 0.4, 0.4, 0.3), 2)
+    phi = np.concatenate([ANGLES, ANGLES + 2 * math.pi])
+    here = jax.device_get(poses(machine, jnp.asarray(phi)))
+    reach = 0.3 * np.cos(phi / 2) + np.sqrt(0.16 - 0.09 * np.sin(phi / 2) ** 2)
+    c = here.points["C"].r
+    np.testing.assert_allclose(c.x + 1j * c.y, reach * np.exp(0.5j * phi), atol=1e-14)
+    assert float(least_margin(machine, 2)) > 0 > float(least_margin(four_bar(0.3, 0.4, 0.4, 0.3)))
+
+
+def test_a_slider_with_a_rod_as_long_as_its_crank():
+    """2 r cos φ: through the dead point, where the crank stands across the guide."""
+    phi = np.mod(ANGLES + 0.5 * math.pi, 2 * math.pi)
+    here = jax.device_get(poses(prepared(slider()), jnp.asarray(phi)))
+    check(here.points["D"], 0.4 * np.cos(phi), -0.4 * np.sin(phi), -0.4 * np.cos(phi))
+    np.testing.assert_allclose(here.links["rod"].w, -1.0, rtol=1e-12)
+
+
+def test_where_there_is_no_change_point_nothing_changes():
+    one, two = (four_bar(0.1, 0.4, 0.3, 0.4, branch=branch) for branch in ("fixed", "continue"))
+    one, two = (jax.device_get(poses(prepared(m), jnp.asarray(ANGLES))) for m in (one, two))
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(two), strict=True):
+        np.testing.assert_allclose(b, a, rtol=0, atol=1e-14)
+
+
+def test_the_course_belongs_to_its_numbers():
+    """A mechanism made anew has none, and none has derivatives by the design."""
+    machine = prepared(four_bar(0.1, 0.4, 0.1, 0.4))
+    group = machine.groups[1]
+    assert isinstance(group, RRR) and group.path is not None
+    again = dataclasses.replace(machine, flywheel=Flywheel(2.0)).groups[1]
+    assert isinstance(again, RRR) and again.path is None
+    slopes = jax.grad(lambda m: pose(m, jnp.asarray(0.0)).points["C"].r.x)(machine)
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slopes))
+    assert not any(np.any(leaf) for leaf in jax.tree.leaves(slopes.groups[1].path))
+
+
+def test_a_branch_that_is_none():
+    with pytest.raises(ValueError, match='branch of an RRR must be "fixed" or "continue", but is \'smooth\''):
+        four_bar(0.1, 0.4, 0.1, 0.4, branch="smooth")
+
+
+@pytest.mark.slow
+def test_a_parallelogram_at_work():
+    """A brake on the rocker is a brake on the crank: the crank turns evenly. Reactions have no bound, which is said."""
+    scene = lj.Scene(four_bar(0.1, 0.4, 0.1, 0.4), (OpposingTorque("brake", "rocker", magnitude=3.0),), speed=10.0)
+    cycle = lj.analyse(scene, angles=36)
+    assert int(cycle.result) == 0 and float(cycle.delta) < 1e-10
+    drive = np.asarray(cycle.forces_constant_speed.drive_torque)
+    lost = np.isnan(drive)
+    assert list(np.flatnonzero(lost)) == [0, 18]
+    np.testing.assert_allclose(drive[~lost], 3.0, rtol=1e-9)
+    names = lj.measures.peak_names(scene)
+    assert all(np.isinf(v) == n.startswith("reaction") for n, v in zip(names, cycle.peaks.value, strict=True))
+    assert max(float(x) for x in (cycle.checks.virtual_power, cycle.checks.force_balance)) < 1e-10
+    with pytest.raises(lj.MachineError, match="is not after the cycle where it began"):
+        lj.analyse(lj.Scene(four_bar(0.3, 0.4, 0.4, 0.3), scene.loads, speed=10.0), angles=36)
+    with pytest.raises(lj.MachineError, match="has a change point at"):
+        fixed = four_bar(0.1, 0.4, 0.1, 0.4, branch="fixed")
+        lj.analyse(lj.Scene(fixed, scene.loads, speed=10.0), angles=36)
+
+
+@pytest.mark.slow
+def test_a_slider_at_work():
+    """Drive torque at constant speed: the brake's and what the ram takes, m x′ x″ ω²."""
+    scene = lj.Scene(slider(), (Torque("brake", "crank", torque=-1.0),), speed=10.0)
+    cycle = lj.analyse(scene, angles=36)
+    assert int(cycle.result) == 0
+    phi, drive = np.asarray(cycle.angles), np.asarray(cycle.forces_constant_speed.drive_torque)
+    lost = np.isnan(drive)
+    assert list(np.flatnonzero(lost)) == [9, 27]
+    exact = 1.0 + 2.0 * 0.16 * np.sin(phi) * np.cos(phi) * 100.0
+    np.testing.assert_allclose(drive[~lost], exact[~lost], atol=1e-9)

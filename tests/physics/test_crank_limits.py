@@ -1,0 +1,134 @@
+"""Cranks that do not come round: where they stop, against the law of cosines, and what is said of it."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
+from linkjax.groups import General
+from linkjax.kinematics import crank_limits
+from tests.physics.test_hard_cases import four_bar
+
+
+def body(length: float) -> Link:
+    return Link(length=length, mass=1.0, inertia=0.01, centre=Vec(0.5 * length, 0.02))
+
+
+def stretched(crank: float, reach: float, frame: float) -> float:
+    """Crank angle at which the far pin of the crank is this far from the rocker's pivot: the law of cosines."""
+    return math.acos((crank**2 + frame**2 - reach**2) / (2 * crank * frame))
+
+
+@pytest.mark.parametrize("turns", [1, -1])
+def test_a_four_bar_that_stretches(turns):
+    """A double rocker: the dyad stretches on either side of the line of centres, from which it is symmetrical."""
+    machine = four_bar(0.3, 0.25, 0.2, 0.4)
+    machine = dataclasses.replace(machine, groups=(Crank("crank", "A", "B", turns), machine.groups[1]))
+    (only,) = crank_limits(machine)
+    end = stretched(0.3, 0.45, 0.4)
+    assert (only.start, only.stop) == pytest.approx((-end, end), abs=1e-12)
+    assert (only.at_start, only.at_stop) == ("coupler-rocker, stretched",) * 2
+
+
+def test_a_four_bar_that_folds_and_stretches():
+    """Two ranges, each between a folded and a stretched dyad; the phase of the crank shifts them."""
+    lengths, phase = (0.3, 0.35, 0.15, 0.4), 0.7
+    machine = four_bar(*lengths)
+    machine = dataclasses.replace(machine, groups=(Crank("crank", "A", "B", phase=phase), machine.groups[1]))
+    near, far = (stretched(0.3, reach, 0.4) for reach in (0.2, 0.5))
+    found = crank_limits(machine)
+    exact = sorted([(near - phase, far - phase), (2 * math.pi - far - phase, 2 * math.pi - near - phase)],
+                   key=lambda r: (not r[0] <= 0 <= r[1], r[0]))  # fmt: skip
+    np.testing.assert_allclose([(r.start, r.stop) for r in found], exact, atol=1e-12)
+    assert {r.at_start for r in found} | {r.at_stop for r in found} == {
+        "coupler-rocker, folded",
+        "coupler-rocker, stretched",
+    }
+
+
+def test_a_crank_longer_than_its_rod():
+    """|r sin φ - e| = l: ranges about both dead centres."""
+    links = {"crank": body(0.3), "rod": body(0.2), "ram": Link(mass=1.0)}
+    groups = [Crank("crank", "A", "B"), RRP("rod", "ram", "B", "D", Guide("A", offset=0.05))]
+    found = crank_limits(Mechanism({"A": Vec(0.0, 0.0)}, links, groups))
+    up, down = math.asin(0.25 / 0.3), math.asin(0.15 / 0.3)
+    exact = [(-down, up), (math.pi - up, math.pi + down)]
+    np.testing.assert_allclose([(r.start, r.stop) for r in found], exact, atol=1e-12)
+    assert {found[0].at_stop, found[1].at_start} == {"rod-ram, left"}
+
+
+def test_a_narrow_gap_between_two_degrees():
+    """A gap, or a range, narrower than the steps of the search is found too."""
+    frame, half = 0.4, 1e-3
+    reach = math.sqrt(0.1**2 + frame**2 - 2 * 0.1 * frame * math.cos(math.pi - half))
+    (only,) = crank_limits(four_bar(0.1, 0.6 * reach, 0.4 * reach, frame))
+    assert (only.start, only.stop) == pytest.approx((-math.pi + half, math.pi - half), abs=1e-12)
+    reach = math.sqrt(0.1**2 + frame**2 - 2 * 0.1 * frame * math.cos(half))
+    (only,) = crank_limits(four_bar(0.1, 0.6 * reach, 0.4 * reach, frame))
+    assert (only.start, only.stop) == pytest.approx((-half, half), abs=1e-12)
+
+
+def test_cranks_that_come_round_and_none():
+    assert crank_limits(four_bar(0.1, 0.4, 0.3, 0.4)) == ((0.0, 2 * math.pi, "", ""),)
+    assert crank_limits(four_bar(0.1, 0.2, 0.1, 1.0)) == ()
+    alone = Mechanism({"A": Vec(0.0, 0.0)}, {"crank": Link(length=0.1)}, [Crank("crank", "A", "B")])
+    assert crank_limits(alone) == ((0.0, 2 * math.pi, "", ""),)
+
+
+def test_the_second_group_ends_it():
+    """A lever with an eccentric slot on the rocker side: the range is that in which both groups close."""
+    links = {"crank": body(0.3), "coupler": body(0.25), "rocker": body(0.2), "lever": body(0.5), "die": Link()}
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0), "P": Vec(0.05, 0.0)}
+    groups = [
+        Crank("crank", "A", "B"),
+        RRR(("coupler", "rocker"), "B", "D", "C", 1),
+        RPR("lever", "die", "B", "P", "E", offset=0.27),
+    ]
+    found = crank_limits(Mechanism(fixed, links, groups))
+    end, inner = stretched(0.3, 0.45, 0.4), stretched(0.3, 0.27, 0.05)
+    exact = [(inner, end), (2 * math.pi - end, 2 * math.pi - inner)]
+    np.testing.assert_allclose([(r.start, r.stop) for r in found], exact, atol=1e-12)
+    assert [r.at_start for r in found] == ["lever-die, pivot", "coupler-rocker, stretched"]
+
+
+@pytest.mark.slow
+def test_a_general_group():
+    """The stretching four-bar, its dyad closed by Newton's method: the end that the path from zero meets, a little
+    short of it: Newton's method has no root to go to there."""
+    links = {"crank": body(0.3), "coupler": body(0.25), "rocker": body(0.2)}
+    dyad = General((("coupler", ("B", "C")), ("rocker", ("D", "C"))), ("B", "D"), {"C": Vec(0.42, 0.2)})
+    mechanism = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, links, [Crank("crank", "A", "B"), dyad])
+    first = crank_limits(mechanism)[0]
+    assert 0 <= stretched(0.3, 0.45, 0.4) - first.stop < 1e-3
+    assert first.at_stop == "coupler-rocker, loops"
+
+
+def test_what_is_said_of_it():
+    """The message has the range, and a law inside it, with which the machine runs."""
+    scene = lj.Scene(dataclasses.replace(four_bar(0.3, 0.25, 0.2, 0.4), flywheel=Flywheel(1.0)), speed=3.0)
+    with pytest.raises(lj.MachineError) as told:
+        lj.analyse(scene, angles=8, nodes=32)
+    end = math.degrees(stretched(0.3, 0.45, 0.4))
+    text = str(told.value)
+    assert "'coupler-rocker' cannot be assembled at 180.00 degrees" in text
+    assert f"from {-end:.4f} to {end:.4f} degrees of crank angle" in text
+    assert f'law = {{ start = "{-0.8 * end:.4g} deg", stop = "{0.8 * end:.4g} deg" }}' in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.8, 1.05])
+def test_an_oscillating_drive(share):
+    """Inside the range it runs, beyond it the message says where the range ends."""
+    end = stretched(0.3, 0.45, 0.4)
+    machine = four_bar(0.3, 0.25, 0.2, 0.4)
+    crank = Crank("crank", "A", "B", law=lj.Harmonic(-share * end, share * end))
+    scene = lj.Scene(dataclasses.replace(machine, groups=(crank, machine.groups[1])), speed=3.0)
+    if share < 1:
+        cycle = lj.analyse(scene, angles=8, nodes=32)
+        assert int(cycle.result) == 0 and float(np.max(cycle.checks.virtual_power)) < 1e-12
+    else:
+        with pytest.raises(lj.MachineError, match=f"to {math.degrees(end):.4f} degrees .* its law goes beyond that"):
+            lj.analyse(scene, angles=8, nodes=32)

@@ -1,0 +1,34 @@
+"""What is left of position, coefficients, reactions and gradients at 1e-2 … 1e-14 of a length from a dead position."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.physics.near_dead import CASES, judged
+
+DISTANCES = (1e-2, 1e-8, 1e-14)
+QUICK = ("stretched", "parallel")
+
+
+@pytest.mark.parametrize("case", [c if c in QUICK else pytest.param(c, marks=pytest.mark.slow) for c in CASES])
+def test_errors_grow_as_the_condition_of_the_problem_does(case):
+    """At most ten times what half a unit of rounding in every number of the design and in the result does to it."""
+    for distance in DISTANCES:
+        for part, found in judged(case, distance).items():
+            assert found.excess() <= 10, (distance, part)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_at_every_power_of_ten(case):
+    """The same, and that the condition itself grows as it must: the height of a dyad's crossing is the root of the
+    distance, rates are over that height and its powers; where two lines cross is over the distance itself."""
+    conditions = []
+    for exponent in range(2, 15):
+        found = judged(case, 10.0**-exponent)
+        assert max(each.excess() for each in found.values()) <= 10, exponent
+        conditions.append([np.max(found[part].condition) for part in ("position", "coefficients", "reactions")])
+    growth = [math.log10(b / a) / 4 for a, b in zip(conditions[5], conditions[9], strict=True)]
+    powers = {"pivot": (1.0, 3.0, 4.0), "parallel": (2.0, 4.0, 5.0)}
+    assert growth == pytest.approx(powers.get(case, (0.5, 2.5, 3.0)), abs=0.02)
