@@ -109,7 +109,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "pose",
         "strokes",
         "transmission_angles",
-    ),  # fmt: skip
+    ),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
