@@ -5,12 +5,14 @@ None of them is left out: what can be assembled at its crank angle is judged the
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from linkjax import RRR
 from tests.physics.judged import Verdict, histogram, judged
 from tests.physics.random_machines import KINDS, composed, drawn
 
@@ -74,6 +76,20 @@ def test_all(case, verdicts):
 @pytest.mark.parametrize("case", [*ALONE[::3], TOGETHER[0]], ids=str)
 def test_compiled(case, verdicts):
     check(case, DESIGNS, verdicts, compiled=True, exact=4, slopes=4)
+
+
+@pytest.mark.slow
+def test_what_is_wrong_is_seen(monkeypatch):
+    """A link of the group two parts in 10^12 too long, as linkjax solves it."""
+
+    def solve(self, links, states, points, phi, true=RRR.solve):
+        longer = dataclasses.replace(links["a1"], length=links["a1"].length * (1 + 2e-12))
+        return true(self, {**links, "a1": longer}, states, points, phi)
+
+    monkeypatch.setattr(RRR, "solve", solve)
+    over = judged(ALONE[0].batch(FEW), np.random.default_rng(0), exact=3, slopes=2).over
+    assert all(np.max(over[f"{kind} by mpmath"]) > 1.0 for kind in ("position", "velocity", "acceleration", "turning"))
+    assert np.max(over["closure"]) > 1.0 and np.max(over["force by NumPy"]) > 1.0
 
 
 def test_there_are_as_many_as_promised():
