@@ -12,8 +12,9 @@ TEXT = (study.HERE / "README.md").read_text(encoding="utf-8")
 ANCHORS = (1.47, 1.2074, 0.0)  # as the README tells them
 
 
-def force_of_one_pair(eye, x, y, alpha):
+def force_of_one_pair(anchors, alpha):
     """By the work of the loads, 4 F L cos α dα, and that of the cylinder."""
+    eye, x, y = anchors
     off = np.array([(L - eye) * np.cos(alpha) - x, (L + eye) * np.sin(alpha) - y])
     slope = (-(L - eye) * np.sin(alpha) * off[0] + (L + eye) * np.cos(alpha) * off[1]) / np.hypot(*off)
     return np.hypot(*off), 4 * F * L * np.cos(alpha) / slope
@@ -27,18 +28,18 @@ def test_driven_by_the_bar():
     np.testing.assert_allclose(force, F * length / (B * np.sin(alpha)), rtol=1e-12)
     assert 2 * force[-1] == pytest.approx(27448, rel=1e-5) and 2 * force[0] == pytest.approx(66001.55, rel=1e-7)
     away = np.array([1.2, 0.9, 0.2])
-    for ours, exact in zip(study.course(away, jnp.asarray(alpha)), force_of_one_pair(*away, alpha), strict=True):
+    for ours, exact in zip(study.course(away, jnp.asarray(alpha)), force_of_one_pair(away, alpha), strict=True):
         np.testing.assert_allclose(ours, exact, rtol=1e-12)
 
 
 def test_no_other_anchors_are_better(rng):
     """20000 anchors at random, those that keep the ratio; the README's are found by the program (slow test)."""
     alpha = np.linspace(study.LOW, study.HIGH, 60)
-    told = 2 * force_of_one_pair(*ANCHORS, alpha)[1].max()
+    told = 2 * force_of_one_pair(ANCHORS, alpha)[1].max()
     assert told == pytest.approx(29235.41, rel=1e-4) and "29235.41" in TEXT
     better = 0
-    for eye, x, y in rng.uniform(0, 1, (20000, 3)) * [L, 2 * L * np.cos(study.HIGH), study.CLOSED]:
-        length, force = force_of_one_pair(eye, x, y, alpha)
+    for anchors in rng.uniform(0, 1, (20000, 3)) * [L, 2 * L * np.cos(study.HIGH), study.CLOSED]:
+        length, force = force_of_one_pair(anchors, alpha)
         kept = length[-1] <= study.RATIO * length[0] and length[0] >= 0.5 and force.min() > 0
         better += bool(kept and 2 * force.max() < told * (1 - 1e-4))
     assert better == 0
