@@ -387,7 +387,7 @@ def test_impossible_machines(name):
         lj.analyse(load(scene, changes))
     message = str(caught.value)
     assert part in message and not NOISE.search(message), message
-    assert message.startswith(("Scene '", f"{scene}.toml"))
+    assert message.startswith(("Scene ", f"{scene}.toml"))
 
 
 COMMANDS = {  # text of the file, exit code, part of what is said
