@@ -77,7 +77,8 @@ def main(out: Path = HERE) -> None:
     coarse, fine = sums(scene), exact(scene)
     heads = ("position", "M_O [N m]", "A_O [J]", "A_P [J]", "energy [J]", "exact [J]")
     print("".join(f"{head:>12s}" for head in heads))
-    for n, row in enumerate(zip(*(coarse[i] for i in (1, 2, 4, 5)), fine.energy[::60], strict=True)):
+    columns = coarse.resistance, coarse.resistance_work, coarse.drive_work, coarse.energy, fine.energy[::60]
+    for n, row in enumerate(zip(*columns, strict=True)):
         print(f"{n:12d}" + "".join(f"{x:12.4f}" for x in row))
     print(
         f"\n{'positions':>12s}{'drive [N m]':>14s}{'work [J]':>14s}{'error':>10s}{'energy span [J]':>18s}{'error':>10s}"

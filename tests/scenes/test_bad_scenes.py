@@ -371,9 +371,7 @@ SLOW = {
         },
         "inertia",
     ),
-    "a knee that cannot be reached": ("toggle-press", {"links.rod.length": "300 mm"}, "cannot be assembled"),
-    "arms that pass the straight position": ("toggle-press", {"links.rod.length": "440 mm"}, "cannot be assembled"),
-    "an arm that does not reach": ("andrews-squeezer", {"links.K5.length": "10 mm"}, "cannot be assembled"),
+    "a knee that cannot be reached": ("toggle-press", {"links.rod.length": "200 mm"}, "cannot be assembled"),
     "a trammel with a slot along the other": ("elliptic-trammel", {"slots[1].guide.along": "0 deg"}, ""),
     "a lift beyond its bars": ("scissor-lift", {"drive.stroke.stop": "4 m"}, "cannot be assembled"),
     "a lift through the ground": ("scissor-lift", {"drive.stroke.start": "0.9 m"}, "cannot be assembled"),
@@ -389,7 +387,7 @@ def test_impossible_machines(name):
         lj.analyse(load(scene, changes))
     message = str(caught.value)
     assert part in message and not NOISE.search(message), message
-    assert message.startswith(("Scene '", f"{scene}.toml"))
+    assert message.startswith(("Scene ", f"{scene}.toml"))
 
 
 COMMANDS = {  # text of the file, exit code, part of what is said
