@@ -17,7 +17,7 @@ BLUNT = 1e-5  # sine of the transmission angle below which forces at joints are 
 def blunt(transmission: dict[str, Array], mechanism: Mechanism) -> Array:
     """Where a group that continues through change points is at one of them."""
     sines = [
-        jnp.abs(jnp.sin(transmission[name]) if isinstance(group, RRR) else jnp.cos(transmission[name]))
+        jnp.abs(jnp.sin(transmission[name]))
         for name, group in named_groups(mechanism).items()
         if isinstance(group, RRR | RRP) and group.branch == "continue"
     ]

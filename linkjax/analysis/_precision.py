@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,7 +30,8 @@ def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
     """
     found = []
     for wide in (True, False):
-        with jax.enable_x64(wide):
+        with jax.enable_x64(wide), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Explicitly requested dtype float64")  # of constants of the first pass
             kind = jnp.float64 if wide else jnp.float32
             given = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), scene)
             found.append([np.asarray(part, dtype=float) for part in _figures(given, nodes)])

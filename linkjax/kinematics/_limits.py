@@ -37,8 +37,9 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
     driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding
     (for groups closed in closed form some 1e-15 rad over the margin's slope; for a general group up to 1e-3 rad short
-    of it, and only as far as its reference path, which begins at crank angle zero, comes without a gap). Ranges narrower than a thousandth
-    of a turn may be overlooked. Not for use under jax transformations: plain numbers come out.
+    of it, and only as far as its reference path, which begins at crank angle zero, comes without a gap). Ranges
+    narrower than a thousandth of a turn may be overlooked. Not for use under jax transformations: plain numbers come
+    out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
     crank = mechanism.groups[0]

@@ -1,0 +1,40 @@
+"""What single precision leaves: by comparison, and a warning where it is fewer than four digits."""
+
+import math
+import subprocess
+import sys
+
+import pytest
+
+import linkjax as lj
+from linkjax.analysis import float32_digits
+
+DELTA = "import linkjax as lj; from linkjax.motion import steady; print(float(steady(lj.load('slider-crank')).delta))"
+NEARLY = """
+import linkjax as lj
+from linkjax import *
+links = {n: Link(length=l, mass=1.0, inertia=0.01) for n, l in (("crank", 0.1), ("one", 0.3), ("two", 0.20000X))}
+groups = [Crank("crank", "A", "B"), RRR(("one", "two"), "B", "D", "C", 1)]
+machine = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, links, groups, Flywheel(1.0))
+lj.analyse(Scene(machine, (OpposingTorque("brake", "two", magnitude=3.0),), speed=10.0), angles=36, throw=False)
+"""
+
+
+@pytest.mark.slow
+def test_digits_of_a_scene():
+    """Six or seven of places and coefficients; of δ as many as a process of its own gets in float32."""
+    found = float32_digits(lj.load("slider-crank"))
+    assert all(5.5 < found[part] < 7.5 for part in ("position", "coefficients", "drive_torque"))
+    run = subprocess.run([sys.executable, "-c", DELTA], capture_output=True, text=True, check=True)
+    full = float(lj.steady(lj.load("slider-crank")).delta)
+    assert found["delta"] == pytest.approx(-math.log10(abs(float(run.stdout) / full - 1)), abs=0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("digits", "warned"), [("1", True), ("9", True)])
+def test_a_warning_near_a_dead_position(digits, warned):
+    """A dyad that stretches to a millionth."""
+    run = subprocess.run(
+        [sys.executable, "-c", NEARLY.replace("X", digits)], capture_output=True, text=True, check=True
+    )
+    assert ("float32 leaves this machine about" in run.stderr) == warned
