@@ -138,12 +138,12 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
     """The course of a dyad through its change points."""
     assert isinstance(group, RRR | RRP)
     held = fixed.held_by(group)
-    return course_of(
-        lambda phi: group.gaps(held, *before(phi)),
-        lambda phi, sense: group.coordinates(held, *before(phi), sense),
-        STEPS,
-        turns,
-    )
+
+    def coordinates(phi, sense):
+        states, points = before(phi)
+        return group.coordinates(held, states, points, sense)
+
+    return course_of(lambda phi: group.gaps(held, *before(phi)), coordinates, STEPS, turns)
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
