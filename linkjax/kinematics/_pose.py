@@ -134,7 +134,7 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
     held = fixed.held_by(group)
     return course_of(
         lambda phi: group.gaps(held, *before(phi)),
-        lambda phi, sense: group.coordinates(held, *before(phi), sense),
+        lambda phi, sense: group.coordinates(held, *before(phi), sense=sense),
         STEPS,
         turns,
     )

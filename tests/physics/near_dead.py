@@ -115,7 +115,7 @@ def _reactions(mechanism, gravity, here, rates, turning) -> list:
         for name, sign in ((j.link, 1), (j.by, -1)):
             if name in names:
                 row, arm = 3 * names.index(name), points[j.point] - points[centre[name]]
-                f = sign * mpmath.mpc(force)
+                f: Any = sign * mpmath.mpc(force)  # pyright: ignore[reportArgumentType]
                 for k, part in enumerate((f.real, f.imag, (mpmath.conj(arm) * f).imag + sign * couple)):
                     matrix[row + k, column] += part
     for i, name in enumerate(names):
