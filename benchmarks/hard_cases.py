@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image
 
 import linkjax as lj
 
@@ -160,7 +161,9 @@ def main() -> None:
     use_compilation_cache()
     IMAGES.mkdir(parents=True, exist_ok=True)
     for name in names:
-        FIGURES[name]().savefig(IMAGES / f"hard-{name}.png", dpi=100)
+        file = IMAGES / f"hard-{name}.png"
+        FIGURES[name]().savefig(file, dpi=100)
+        Image.open(file).convert("RGB").quantize(64).save(file, optimize=True)
 
 
 if __name__ == "__main__":
