@@ -60,6 +60,7 @@ def test_a_crank_longer_than_its_rod():
     assert {found[0].at_stop, found[1].at_start} == {"rod-ram, left"}
 
 
+@pytest.mark.slow
 def test_a_narrow_gap_between_two_degrees():
     """A gap, or a range, narrower than the steps of the search is found too."""
     frame, half = 0.4, 1e-3
@@ -78,6 +79,7 @@ def test_cranks_that_come_round_and_none():
     assert crank_limits(alone) == ((0.0, 2 * math.pi, "", ""),)
 
 
+@pytest.mark.slow
 def test_the_second_group_ends_it():
     """A lever with an eccentric slot on the rocker side: the range is that in which both groups close."""
     links = {"crank": body(0.3), "coupler": body(0.25), "rocker": body(0.2), "lever": body(0.5), "die": Link()}
@@ -106,6 +108,7 @@ def test_a_general_group():
     assert first.at_stop == "coupler-rocker, loops"
 
 
+@pytest.mark.slow
 def test_what_is_said_of_it():
     """The message has the range, and a law inside it, with which the machine runs."""
     scene = lj.Scene(dataclasses.replace(four_bar(0.3, 0.25, 0.2, 0.4), flywheel=Flywheel(1.0)), speed=3.0)

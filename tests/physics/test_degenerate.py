@@ -75,6 +75,7 @@ def test_a_guide_along_the_rod():
     np.testing.assert_allclose(here.links["one"].e, 0.0, atol=1e-16)
 
 
+@pytest.mark.slow
 def test_a_guide_along_the_rod_all_the_way():
     """A guide on the crank through the rod's own pin: the rod lies on it for good, and turns with the crank."""
     links = {"crank": body(0.13), "rod": body(0.4), "block": NOTHING}
@@ -88,6 +89,7 @@ def test_a_guide_along_the_rod_all_the_way():
     np.testing.assert_allclose(here.points["D"].ddr.x + 1j * here.points["D"].ddr.y, -exact, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_points_that_coincide():
     """A marked point on a pin moves as the pin does; a dyad may hang on either."""
     mark = dataclasses.replace(body(0.4), points={"E": Vec(0.4, 0.0), "O": Vec(0.0, 0.0)})

@@ -271,6 +271,7 @@ def test_close_to_a_dead_position(least):
         assert float(least(0.3, four_bar(far=0.45 + 1e-4, phase=phase))[0]) < 0
 
 
+@pytest.mark.slow
 def test_a_fast_law_is_followed(least):
     """A law that turns the crank by six degrees a step of the path."""
     law = lj.Spline((0.0, 1.5, 3.0, 4.5), [-0.0195, -0.9717, 1.5215, 0.0266])

@@ -58,6 +58,7 @@ def test_the_scotch_yoke(slot, offset, along, path):
     assert reach == pytest.approx(0.2 / abs(math.sin(slot)), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_built_in_yoke():
     """Reduced inertia J + m (r sin φ)², reduced torque −F r sin φ while the piston moves out, work 2 F r."""
     scene = lj.load("scotch-yoke")

@@ -96,6 +96,7 @@ def test_the_walk_from_body_to_body_ends_where_it_began(given):
     np.testing.assert_allclose(made.radii, [float(size) for _, size in steps[:-1]], rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_an_open_chain_touches_all_but_its_ends():
     design = Rolling(0.04, 0.1, 8, eccentricity=0.01, start=0.7)
     steps = walk(0.04, 0.1, 0.01, 0.7, 9)
@@ -173,6 +174,7 @@ def test_centres_lie_on_the_ellipse(given):
     assert np.abs(sum(abs(drawn - focus) for focus in foci) - (given[0] + size)).max() < 1e-14 * size
 
 
+@pytest.mark.slow
 def test_star_chains_overlap_and_simple_ones_do_not():
     for given in DESIGNS:
         apart = np.asarray(jax.jit(clearances)(closed(*given)))

@@ -43,7 +43,7 @@ QUANTITIES = {
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
-@pytest.mark.parametrize("e", [0.005, 0.03])
+@pytest.mark.parametrize("e", [pytest.param(0.005, marks=pytest.mark.slow), 0.03])
 def test_gradients(name, e, rng):
     design = Rolling(0.04, 0.095, 8, eccentricity=e, start=0.3)
     assert_gradients_agree(QUANTITIES[name], design, rng, difference=1e-8)

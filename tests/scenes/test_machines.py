@@ -97,6 +97,7 @@ def test_two_slider_press():
         np.testing.assert_allclose(three(here.points[point]), derivatives(ram(sign)), atol=1e-13)
 
 
+@pytest.mark.slow
 def test_toggle_press():
     """The arms are in line with a force ratio without bound: ram force over knee force is 1 / (2 tan θ), and the drive
     torque that holds a ram force statically is that ratio by the knee's own moment arm."""
@@ -170,6 +171,7 @@ def test_andrews_squeezer_at_the_published_start():
     assert float(lj.reduce(scene, jnp.asarray(0.0)).inertia) == pytest.approx(rates @ mass @ rates, rel=1e-11)
 
 
+@pytest.mark.slow
 def test_kozhevnikov_press_is_four_times_the_same():
     """Each ram does a quarter of a turn later what the one before it does."""
     scene = lj.load("kozhevnikov-press")
