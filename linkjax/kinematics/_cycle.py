@@ -228,10 +228,12 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     scanned = jax.vmap(lambda phi: stacked(fixed, phi))(scan)  # leaves (scan, margins)
     start = jax.vmap(lambda m: _lowest(m, scan), in_axes=1)(scanned)
 
+    loops = jnp.asarray([side == "loops" for _, side in names])  # singular values, which have no sign
+
     def sharpen(_, phi):
         here = jax.tree.map(jnp.diagonal, jax.vmap(lambda one: stacked(fixed, one))(phi))
         bend = jnp.where(here.dd > 0, here.dd, jnp.abs(here.d) + 1.0)
-        kink = here.d * here.d > KINK * here.value * jnp.maximum(here.dd, 0.0)  # a singular value that comes to zero
+        kink = loops & (here.d * here.d > KINK * here.value * jnp.maximum(here.dd, 0.0))  # one that comes to zero
         move = jnp.where(kink & (here.value > 0), safe_divide(here.value, here.d), here.d / bend)
         return jnp.clip(phi - move, start - step, start + step)
 

@@ -173,7 +173,7 @@ def test_what_cannot_be_asked(change, says):
         ("slider-crank", delta),
         ("slider-crank", regime_margin),
         ("slider-crank", flywheel_for_target_delta),
-        ("hay-press", least_inertia),
+        pytest.param("hay-press", least_inertia, marks=pytest.mark.slow),
         ("slider-crank", rms_shaking_force_constant_speed),
         *(
             pytest.param("four-bar", one, marks=pytest.mark.slow)

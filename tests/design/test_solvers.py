@@ -93,7 +93,8 @@ def test_lost_machines_are_led_back(few):
             assert path.point.value < -0.3  # maximised: more than 0.3 of what the unchanged machine has
 
 
-@pytest.mark.parametrize("solver", ["slsqp", pytest.param("many", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["slsqp", "many"])
 def test_no_feasible_design(solver, few):
     """δ and the flywheel clash, by name; what is found violates least: it is what the cone solver finds."""
 

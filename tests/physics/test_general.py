@@ -72,7 +72,7 @@ def everything(scene):
 
 
 @pytest.mark.parametrize(
-    "name", ["hay-press", *(pytest.param(name, marks=pytest.mark.slow) for name in ("slotted-levers", "moving-guides"))]
+    "name", [pytest.param(n, marks=pytest.mark.slow) for n in ("hay-press", "slotted-levers", "moving-guides")]
 )
 def test_class_two_by_newtons_method(name):
     """Positions, coefficients and reactions as in closed form, to 1e-12 of the largest of their kind."""

@@ -63,7 +63,7 @@ def test_g1_to_g3_kinematics(at45, point):
 @pytest.mark.parametrize("order", ["positions", "first", "second"])
 def test_g1_to_g3_as_printed(at45, order):
     table = PRINTED[order]
-    number = list(PRINTED).index(order) - 1
+    number = ("positions", "first", "second").index(order)
     for point, printed in table["values"].items():
         got = parts(at45[0].points[point])[number]
         for value, known in zip(got, printed, strict=True):

@@ -137,7 +137,7 @@ def test_slots_that_become_parallel_are_told():
     ("guide", "says"),
     [
         (Guide("A", on="rocker"), "groups.2. .RRP.: the guide is on link 'rocker', but point 'A' is not; known here: "),
-        (Guide("D", on="rod"), "the guide is on link 'rod', which is not attached yet; move this group behind"),
+        (Guide("D", on="rod"), "the guide is on 'rod', a link of the group itself; name the frame, or a link"),
         (Guide("D", on="roker"), "the guide is on link 'roker', which is not attached yet; did you mean 'rocker'"),
         (Guide("C"), "the guide is of the frame, but point 'C' is not; known here: A, D"),
         (Guide("X", on="rocker"), "point 'X' is not defined"),

@@ -117,6 +117,7 @@ def test_a_crank_alone():
     finite_gradient(scene)
 
 
+@pytest.mark.slow
 def test_massless_links():
     """Rods without mass carry forces like any: SciPy's motion, the checks, and finite gradients."""
     scene = machine("hay-press-slider")
@@ -132,7 +133,11 @@ def test_massless_links():
 
 
 @pytest.mark.parametrize(
-    ("mechanism", "degrees"), [(four_bar(0.1, 0.4, 0.3, 0.4, 0.0, 0.0), None), (crank_slider(2.0), (0.0, 180.0))]
+    ("mechanism", "degrees"),
+    [
+        (four_bar(0.1, 0.4, 0.3, 0.4, 0.0, 0.0), None),
+        pytest.param(crank_slider(2.0), (0.0, 180.0), marks=pytest.mark.slow),
+    ],
 )
 def test_nothing_to_set_in_motion(mechanism, degrees):
     """No inertia anywhere, or none where the ram stops: the speed has no bound there, which is said with the place."""

@@ -48,7 +48,7 @@ def test_harmonic_ends():
     assert float(start.d) == 0.0 and abs(float(stop.d)) < 1e-15 and float(start.dd) > 0 > float(stop.dd)
 
 
-@pytest.mark.parametrize("name", [pytest.param("swinging", marks=pytest.mark.slow), "hydraulic"])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) for n in PRESCRIBED])
 def test_the_analysis(name):
     """The speed is what was asked for; drive force or torque times the driver's velocity is what the loads take."""
     scene = machine(name)
@@ -85,7 +85,7 @@ def test_the_analysis(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["swinging", pytest.param("hydraulic", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", PRESCRIBED)
 def test_every_measure_has_a_value_and_a_slope(name):
     scene = machine(name)
 

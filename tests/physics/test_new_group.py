@@ -106,6 +106,7 @@ def shaper() -> lj.Scene:
     return lj.Scene(Mechanism(fixed, links, groups, Flywheel(2.0)), (cut,), Vec(0.0, -9.81), 12.0, title="Shaper")
 
 
+@pytest.mark.slow
 def test_the_whole_analysis_holds(shaper):
     cycle = lj.analyse(shaper, angles=72)
     assert shaper.mechanism.formula() == "I1(crank) → II3(block, lever) → II2(rod, ram)"
