@@ -31,7 +31,7 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
     "unknown key of a guide": (edit('along = "0', 'angle = "0'), "groups[1].guide.angle", '"0 deg"', "not a known key",
         "did you mean 'along'?"),
     "key of another kind of group": (edit('end = "D"', 'end = "D"\nmeet = "X"'), "groups[1].meet", '"X"',
-        "not a known key", "known here: block, end, from, guide"),
+        "not a known key", "known here: block, branch, end, from, guide"),
     "missing key": (edit('speed = "700 rpm"', ""), "speed", "", "missing", 'add speed = "700 rpm"'),
     "missing key of a group": (edit('pivot = "A"', ""), "groups[0].pivot", "", "missing", 'add pivot = "A"'),
     "missing key of a load": (edit('link = "rocker"', ""), "loads[0].link", "", "missing", 'add link = "slider"'),
