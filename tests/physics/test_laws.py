@@ -16,7 +16,7 @@ from linkjax import RRP, Crank, Flywheel, Guide, Harmonic, Link, Mechanism, Slid
 from linkjax.analysis import document
 from linkjax.design import number
 from linkjax.measures import MEASURES, evaluate
-from tests.physics.machines import machine
+from tests.physics.machines import PRESCRIBED, machine
 
 KNOTS = np.array([0.3, 0.9, 2.0, 2.2, 4.0, 5.5])
 VALUES = np.array([0.1, 0.4, 0.7, 0.65, -0.2, 0.0])
