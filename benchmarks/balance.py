@@ -118,7 +118,6 @@ def main() -> None:
     from benchmarks.baselines import optimise_slsqp as baseline
     from linkjax.design import descend, slsqp
 
-    lj.enable_x64()
     for number, count in ((1, 4), (2, 7)):
         posed = problem(number)
 

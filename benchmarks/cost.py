@@ -63,7 +63,6 @@ def main() -> None:
     words.add_argument("--compiled", action="store_true", help="as it leaves the compiler")
     words.add_argument("--write", action="store_true", help=f"renew {FILE.name}")
     asked = words.parse_args()
-    lj.enable_x64()
     stage, before = "compiled" if asked.compiled else "lowered", kept()
     if asked.write and before.get("jax") != jax.__version__:
         before = {}  # counts of different versions do not compare

@@ -163,7 +163,6 @@ def main() -> None:
     words.add_argument("rows", nargs="*", metavar="ROW", help="growth, numba")
     words.add_argument("--plot", type=Path, default=Path("out/groups.png"), metavar="FILE")
     asked = words.parse_args()
-    lj.enable_x64()
     lj.use_cpu_devices()
     use_compilation_cache()
     for row in asked.rows or ("numba", "growth"):

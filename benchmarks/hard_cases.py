@@ -18,13 +18,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import linkjax as lj
-
-lj.enable_x64()  # before the tests' machines are made
-
-from linkjax._config import use_compilation_cache  # noqa: E402
-from linkjax.analysis import float32_digits  # noqa: E402
-from linkjax.kinematics import crank_limits, margins, pose, prepared  # noqa: E402
-from tests.physics import near_dead, test_change_points, test_degenerate, test_hard_cases, test_scales  # noqa: E402
+from linkjax._config import use_compilation_cache
+from linkjax.analysis import float32_digits
+from linkjax.kinematics import crank_limits, margins, pose, prepared
+from tests.physics import near_dead, test_change_points, test_degenerate, test_hard_cases, test_scales
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 SCENES = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")

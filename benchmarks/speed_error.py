@@ -113,7 +113,6 @@ def main() -> None:
     if asked.float32:
         print(json.dumps(panels("float32")))
         return
-    lj.enable_x64()
     points = [*panels("float64"), *float32(), *by_diffrax(), *peers()]
     print(f"{'way':18s} {'setting':>10s} {'ms':>10s} {'error of δ':>11s}")
     for p in points:

@@ -145,7 +145,6 @@ ROWS = {row.__name__: row for row in (kinematics, cycle, one, gradient, start, d
 
 def main(names: list[str]) -> None:
     """Run the rows asked for."""
-    lj.enable_x64()
     lj.use_cpu_devices()
     use_compilation_cache()
     line("devices", len(jax.devices()), jax.devices()[0].device_kind.replace(" ", "_"))

@@ -13,18 +13,18 @@ from benchmarks.cost import PROGRAMS, cost, kept
 from linkjax.scenes import scene_names
 
 WITHIN = 0.03
+ANOTHER = 0.25  # with another version of jax than the one that was counted with, which may lower a little differently
 QUICK = [("slider-crank", "cycle")]
 EVERY = [(scene, program) for scene in scene_names() for program in PROGRAMS]
 
 
 def compare(scene: str, program: str, stage: str):
     file = kept()
-    if file["jax"] != jax.__version__:
-        pytest.skip(f"the counts are those of jax {file['jax']}, this is {jax.__version__}: they do not compare")
+    within = WITHIN if file["jax"] == jax.__version__ else ANOTHER
     known, found = file[stage][scene][program], cost(scene, program, stage == "compiled")
     for what, count in found.items():
         change = count / known[what] - 1
-        assert abs(change) <= WITHIN, f"{scene}, {program}: {100 * change:+.1f} % {what} ({stage})"
+        assert abs(change) <= within, f"{scene}, {program}: {100 * change:+.1f} % {what} ({stage})"
 
 
 @pytest.mark.parametrize(

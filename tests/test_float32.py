@@ -27,13 +27,15 @@ def test_digits_of_a_scene():
     assert all(5.5 < found[part] < 7.5 for part in ("position", "coefficients", "drive_torque"))
     run = subprocess.run([sys.executable, "-c", DELTA], capture_output=True, text=True, check=True)
     full = float(lj.steady(lj.load("slider-crank")).delta)
-    assert found["delta"] == pytest.approx(-math.log10(abs(float(run.stdout) / full - 1)), abs=0.5)
+    assert found["delta"] == pytest.approx(
+        -math.log10(abs(float(run.stdout) / full - 1)), abs=0.5
+    )  # the last rounding is chance
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("length", "warned"), [("0.200001", True)])
+@pytest.mark.parametrize(("length", "warned"), [("0.200001", True), ("0.25", False)])
 def test_a_warning_near_a_dead_position(length, warned):
-    """A dyad that stretches to a millionth."""
+    """A dyad that stretches to a millionth, and one that is far from it."""
     run = subprocess.run(
         [sys.executable, "-c", NEARLY.replace("X", length)], capture_output=True, text=True, check=True
     )

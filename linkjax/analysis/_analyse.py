@@ -94,7 +94,7 @@ def analyse(
         left = fewest_digits(cycle)
         if left < FEWEST:
             warnings.warn(
-                f"float32 leaves this machine about {max(left, 0.0):.1f} digits, by its own checks; call "
+                f"float32 leaves this machine about {max(left, 0.0):.1f} digits, by its margins and checks; call "
                 "linkjax.enable_x64() before loading the scene",
                 stacklevel=2,
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 
 import jax
@@ -68,9 +69,11 @@ def _digits(exact: np.ndarray, rough: np.ndarray) -> float:
 
 
 def fewest_digits(cycle: Cycle) -> float:
-    """Digits that an analysis vouches for by its own checks and the bound of the error of δ."""
-    checks = jnp.stack([cycle.checks.virtual_power, cycle.checks.force_balance])
-    delta = jnp.abs(cycle.delta)
-    share = jnp.where(delta > 0, cycle.delta_error / jnp.where(delta > 0, delta, 1.0), 0.0)
-    worst = float(jnp.maximum(jnp.max(checks), share))
-    return float(-np.log10(max(worst, np.finfo(float).tiny)))
+    """Digits that the precision in force leaves of an analysis, roughly: those of kinematic coefficients at the least
+    assembly margin, where rounding grows as its inverse (docs/hard-cases.md), those of δ, which is a difference of
+    speeds, and what the checks of the analysis itself say."""
+    rounding = float(jnp.finfo(cycle.delta.dtype).eps)
+    worst = float(jnp.maximum(cycle.checks.virtual_power, cycle.checks.force_balance))
+    sizes = [float(m.value) for sides in cycle.margins.values() for m in sides.values()] + [float(cycle.delta)]
+    worst = max([worst, rounding, *(rounding / size for size in sizes if size > 0)])
+    return -math.log10(worst)

@@ -13,6 +13,7 @@ from linkjax.groups._driver import AbstractDriver as AbstractDriver
 from linkjax.groups._driver import Crank as Crank
 from linkjax.groups._driver import Slide as Slide
 from linkjax.groups._followed import is_followed as is_followed
+from linkjax.groups._followed import with_path as with_path
 from linkjax.groups._followed import without_path as without_path
 from linkjax.groups._general import General as General
 from linkjax.groups._guide import Guide as Guide

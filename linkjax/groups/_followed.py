@@ -5,9 +5,11 @@ from __future__ import annotations
 import dataclasses
 
 from linkjax.groups._base import AbstractGroup
+from linkjax.groups._course import Course
 from linkjax.groups._general import General
 from linkjax.groups._rrp import RRP
 from linkjax.groups._rrr import RRR
+from linkjax.groups._track import Track
 
 
 def is_followed(group: AbstractGroup) -> bool:
@@ -15,8 +17,12 @@ def is_followed(group: AbstractGroup) -> bool:
     return isinstance(group, General) or (isinstance(group, RRR | RRP) and group.branch == "continue")
 
 
+def with_path(group: AbstractGroup, path: Track | Course | None, turns: int = 1) -> AbstractGroup:
+    """A group that is followed, with another reference path over so many turns, or none."""
+    assert isinstance(group, General | RRR | RRP)
+    return dataclasses.replace(group, **{"path": path, "turns": turns})
+
+
 def without_path(group: AbstractGroup) -> AbstractGroup:
     """The group without the reference path that it may have."""
-    if isinstance(group, General | RRR | RRP) and group.path is not None:
-        return dataclasses.replace(group, path=None, turns=1)
-    return group
+    return with_path(group, None) if getattr(group, "path", None) is not None else group

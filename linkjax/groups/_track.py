@@ -31,9 +31,13 @@ class Track(NamedTuple):
         return whole.astype(int), place - whole
 
     def at(self, phi: Array, turns: int) -> Array:
-        """The configuration at a crank angle, roughly."""
+        """The configuration at a crank angle, roughly: a cubic through four places of the path."""
         i, rest = self.place(phi, turns)
-        return self.z[i] + (self.z[i + 1] - self.z[i]) * rest
+        first = jnp.clip(i - 1, 0, self.sense.size - 4)
+        x = rest + (i - first).astype(rest.dtype)  # from the first of the four
+        a, b, c, d = (self.z[first + k] for k in range(4))
+        left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6
+        return a * left + b * (x * (x - 2) * (x - 3) / 2) - c * (x * (x - 1) * (x - 3) / 2) + d * right
 
     def elsewhere(self, phi: Array, turns: int) -> Array:
         """Whether the group is in another assembly than it began with, though it closes all the way."""

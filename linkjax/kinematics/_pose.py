@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
@@ -24,10 +23,12 @@ from linkjax.groups import (
     LinkState,
     Margin,
     PointState,
+    Track,
     at_rest,
     carried,
     course_of,
     is_followed,
+    with_path,
 )
 from linkjax.kinematics._path import path_of
 from linkjax.mechanism import Lump, Mechanism, lumps
@@ -88,10 +89,9 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
 
 
 def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
-    """The mechanism with a reference path for each of its general groups, and for dyads that continue through change
-    points, over `turns` turns of the crank (as many as a
-    law of the driver takes, or one): from the sketch to crank angle zero, and on in small steps. Others are handed back
-    as they are.
+    """The mechanism with a reference path for each of its general groups, and of its dyads that continue through change
+    points, over `turns` turns of the crank (as many as a law of the driver takes, or one): from the sketch to crank
+    angle zero, and on in small steps. Others are handed back as they are.
 
     Whoever evaluates a mechanism many times prepares it once. The path carries no derivatives: it only says where
     Newton's method begins. It belongs to the numbers it was made of: a mechanism that is made anew, by its constructor
@@ -108,6 +108,7 @@ def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
 @functools.partial(jax.jit, static_argnames="turns")
 def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
     groups: list[AbstractGroup] = []
+    paths: dict[int, Track | Course] = {}
     fixed = jax.lax.stop_gradient(mechanism)
     angles = jnp.linspace(0.0, 2 * math.pi * turns, STEPS * turns + 1)
     for group in fixed.groups:
@@ -118,13 +119,12 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
                 return here.links, here.points
 
             if isinstance(group, General):
-                path = path_of(group, fixed.links, before, angles)
+                paths[len(groups)] = jax.lax.stop_gradient(path_of(group, fixed.links, before, angles))
             else:
-                path = _course(group, fixed, before, turns)
-            group = dataclasses.replace(group, path=jax.lax.stop_gradient(path), turns=turns)  # pyright: ignore[reportCallIssue]
+                paths[len(groups)] = jax.lax.stop_gradient(_course(group, fixed, before, turns))
+            group = with_path(group, paths[len(groups)], turns)
         groups.append(group)
-    made = [dataclasses.replace(old, path=getattr(new, "path"), turns=turns) if is_followed(new) else old  # noqa: B009
-            for old, new in zip(mechanism.groups, groups, strict=True)]  # fmt: skip
+    made = [with_path(group, paths[i], turns) if i in paths else group for i, group in enumerate(mechanism.groups)]
     return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would drop the paths
 
 

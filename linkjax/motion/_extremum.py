@@ -72,9 +72,9 @@ def newton(x: Array, tilt: Array, bend: Array) -> Array:
 
 def doubt(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Array:
     """How wrong each cubic piece may be: what the cubic over twice its width misses at the point left out, shrunk."""
-    points = jnp.asarray(rule.points)[None]
-    width = points[:, 2:] - points[:, :-2]
-    s = (points[:, 1:-1] - points[:, :-2]) / width
+    points = rule.points[None]
+    wide = points[:, 2:] - points[:, :-2]
+    width, s = jnp.asarray(wide), jnp.asarray((points[:, 1:-1] - points[:, :-2]) / wide)
     rise, m0, m1 = value[:, 2:] - value[:, :-2], slope[:, :-2] * width, slope[:, 2:] * width
     cubic = value[:, :-2] + s * (m0 + s * (3 * rise - 2 * m0 - m1 + s * (m0 + m1 - 2 * rise)))
     missed = 0.25 * jnp.abs(cubic - value[:, 1:-1])  # the fourth power of the width would give 1/16

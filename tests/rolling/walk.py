@@ -12,7 +12,10 @@ mpmath.mp.dps = 50
 def radius(inner: Any, outer: Any, e: Any, angle: Any) -> Any:
     """Radius of the body that touches both rings at an angle: the root of its distance to the outer ring."""
     towards = mpmath.expj(angle)
-    gap = lambda r: abs((inner + r) * towards - e) - (outer - r)  # noqa: E731
+
+    def gap(r):
+        return abs((inner + r) * towards - e) - (outer - r)
+
     return mpmath.findroot(gap, (mpmath.mpf(0), outer - inner + e), solver="anderson", tol=mpmath.mpf(10) ** -80)
 
 
