@@ -30,14 +30,21 @@ if TYPE_CHECKING:
     from linkjax.groups import RPR as RPR
     from linkjax.groups import RRP as RRP
     from linkjax.groups import RRR as RRR
+    from linkjax.groups import Belt as Belt
     from linkjax.groups import Crank as Crank
     from linkjax.groups import Drive as Drive
+    from linkjax.groups import Gear as Gear
+    from linkjax.groups import GearPair as GearPair
     from linkjax.groups import General as General
     from linkjax.groups import Guide as Guide
     from linkjax.groups import Harmonic as Harmonic
+    from linkjax.groups import Pinion as Pinion
+    from linkjax.groups import Rack as Rack
+    from linkjax.groups import RackPair as RackPair
     from linkjax.groups import Slide as Slide
     from linkjax.groups import Slot as Slot
     from linkjax.groups import Spline as Spline
+    from linkjax.groups import Teeth as Teeth
     from linkjax.kinematics import assemblies as assemblies
     from linkjax.kinematics import crank_limits as crank_limits
     from linkjax.kinematics import dead_centres as dead_centres
@@ -91,14 +98,21 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "RPR",
         "RRP",
         "RRR",
+        "Belt",
         "Crank",
         "Drive",
+        "Gear",
+        "GearPair",
         "General",
         "Guide",
         "Harmonic",
+        "Pinion",
+        "Rack",
+        "RackPair",
         "Slide",
         "Slot",
         "Spline",
+        "Teeth",
     ),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError", "linkage", "structure"),
     "kinematics": (

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import RRP, RRR, Crank, General
+from linkjax.groups import Crank
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -117,6 +117,8 @@ def explain(cycle: Cycle) -> None:
             f"cannot be assembled over the cycle: at {place} its slots point past each other, on the other side than "
             "given; change the side, or the slots so that they are never parallel"
             if side == "parallel"
+            else "has its wheels too near to each other for a belt between them; change radii or distance"
+            if side == "apart"
             else "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
             if _trouble(cycle, group) == "astray"
             else f"passes on to another assembly near {place}: it has a change point or a dead position there"
@@ -168,7 +170,8 @@ def _where_it_can(cycle: Cycle) -> str:
 def _trouble(cycle: Cycle, name: str) -> str:
     """What is wrong with a followed group that closes everywhere."""
     group = named_groups(ready(cycle.scene).mechanism)[name]
-    return group.path.trouble() if isinstance(group, General | RRR | RRP) and group.path is not None else ""
+    path = getattr(group, "path", None)
+    return "" if path is None else path.trouble()
 
 
 def _first_lost(cycle: Cycle) -> tuple[str, str, Least]:

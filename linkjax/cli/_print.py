@@ -59,8 +59,7 @@ def print_scene(machine: Scene, name: str, show: Numbers) -> None:
 
 def print_structure(found: Structure) -> None:
     """Mobility, formula, and how every group is attached."""
-    count = f"3·{len(found.links)} - 2·{len(found.pairs)} = {found.mobility}"
-    console.print(f"mobility   W = 3 n - 2 p = {count}", highlight=False)
+    console.print(f"mobility   {found.mobility_told()}", highlight=False)
     console.print(f"structure  {found.formula()}", highlight=False)
     console.print(f"numbered   {found.formula(numbers=True)}", highlight=False)
     console.print(f"pairs      {found.formula(letters=True)}\n", highlight=False)
@@ -147,7 +146,7 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
 def _print_limits(data: dict[str, Any], show: Numbers) -> None:
     console.print()
     for name, group in data["groups"].items():
-        if "margin" in group:
+        if group.get("margin", 1.0) < 1:  # wheels with teeth have none that could be less
             worst = f"margin {group['margin']:.4g} at {show.turned(group['margin_angle'])}"
             ends = [show.turned(angle) for angle in group.get("transmission_span", ())]
             span = f", transmission angle {ends[0]} … {ends[1]}" if ends else ""

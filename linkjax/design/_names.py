@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, AbstractLaw, Drive, General, Guide, Slide, Slot
+from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, General, Guide, Slide, Slot, Teeth
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -26,9 +26,10 @@ Where = Callable[[Scene], Any]
 UNITS = {
     "length": "m", "mass": "kg", "inertia": "kg m^2", "along": "m", "across": "m", "x": "m", "y": "m", "area": "m^2",
     "density": "kg/m^3", "thickness": "m", "offset": "m", "speed": "rad/s", "angle": "rad", "torque": "N m",
-    "force": "N",
+    "force": "N", "radius": "m", "other": "m", "start": "m", "tension": "N", "phase": "rad", "slot": "rad",
+    "pressure_angle": "rad",
 }  # fmt: skip
-LEAST = {"inertia": 0.0, "thickness": 1e-6, "density": 1.0}  # without either a disc has no radius
+LEAST = {"inertia": 0.0, "thickness": 1e-6, "density": 1.0, "radius": 1e-6, "other": 1e-6}  # discs have a radius
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +117,7 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
 
 
 def _group(
-    name: str, group: AbstractGroup | Guide | Drive | Slot, where: Where, slides: bool = False
+    name: str, group: AbstractGroup | Guide | Drive | Slot | Teeth | Belt, where: Where, slides: bool = False
 ) -> Iterator[Number]:
     """The numbers of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
     drive does."""
@@ -128,15 +129,15 @@ def _group(
         if isinstance(value, AbstractLaw):
             unit = "m" if slides else "rad"
             yield from _law(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), unit)
-        elif isinstance(value, Guide | Drive):
+        elif isinstance(value, Guide | Drive | Teeth | Belt):
             yield from _group(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), slides)
         elif isinstance(value, tuple) and not field.metadata.get("static"):
             for i, each in enumerate(value):
                 own = f"{name}.{field.name}[{i}]"
                 yield from _group(own, each, lambda s, f=field.name, i=i: getattr(where(s), f)[i])
         elif eqx.is_array(value):
-            unit = "m" if field.name == "offset" else "rad"
-            yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit)
+            yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), UNITS[field.name],
+                         LEAST.get(field.name, -math.inf))  # fmt: skip
 
 
 def _law(name: str, law: AbstractLaw, where: Where, unit: str) -> Iterator[Number]:

@@ -25,11 +25,11 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
 
     Every link is a body in the plane z = 0, with its name and its axes. It hangs on the frame or on another link by one
     joint of the same name, a hinge or a slide, whose coordinate (rad or m) is zero at `phi`. Loops are closed by
-    equality constraints: pins by `connect`; slides by `weld`, to a body `<block>.guide` that runs on the guide. Every
-    named point is a site of its name on the link that it belongs to; where a pin closes a loop, the other link has a
-    site `<link>.<point>` there. The motor `drive` acts on the driver; a flywheel is the armature of its joint.
-    Counterweights are part of their link. A `Scene` brings its gravity; working loads, speeds and laws of motion have
-    no place in a model.
+    equality constraints: pins by `connect`; slides by `weld`, to a body `<block>.guide` that runs on the guide. Wheels
+    in gear have a tendon `<wheel>.mesh` of constant length. Every named point is a site of its name on the link that it
+    belongs to; where a pin closes a loop, the other link has a site `<link>.<point>` there. The motor `drive` acts on
+    the driver; a flywheel is the armature of its joint. Counterweights are part of their link. A `Scene` brings its
+    gravity; working loads, speeds and laws of motion have no place in a model.
 
     MuJoCo knows no body without mass and inertia: where a link has none, it has `massless` times the greatest mass of
     a link (1 kg if none has any), and this by the square of the greatest distance on a link.
@@ -62,6 +62,7 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
     for point, owner in mechanism.owners().items():
         ET.SubElement(bodies[owner], "site", name=point, pos=_numbers(tree.places[owner][point]))
     _close(model, bodies, tree, at, _inertial(0j, massless * _heaviest(here), massless * _heaviest(here) * size**2))
+    _couple(model, mechanism, tree)
     _drive(model, mechanism, bodies, tree)
     ET.indent(model)
     return ET.tostring(model, encoding="unicode") + "\n"
@@ -134,6 +135,35 @@ def _close(model: ET.Element, bodies: dict[str, ET.Element], tree: Tree, here: S
         on = way.base + ahead(joint.link, way, here) * way.along
         _body(bodies[way.on], Placed(mark, way.on, on, way.along, axis=1 + 0j), inertial)
         ET.SubElement(equality, "weld", name=mark, body1=mark, body2=joint.link, relpose="0 0 0 1 0 0 0")
+
+
+def _couple(model: ET.Element, mechanism: Mechanism, tree: Tree) -> None:
+    """Keep wheels in gear: a tendon whose length is what they keep constant."""
+    above = {body.body: body for body in tree.bodies}
+    for group in mechanism.groups:
+        coupling = group.coupling()
+        if coupling is None:
+            continue
+        factors: dict[str, float] = {}
+        for link, factor in coupling.angles.items():  # the angle of a link is the sum of all hinges it hangs on
+            while link != "frame":
+                if above[link].axis is None:
+                    factors[link] = factors.get(link, 0.0) + float(factor)
+                link = above[link].parent
+        for block, factor in coupling.ways.items():
+            on = tree.ways[block].on
+            ends = [body for body in (block, on) if body in above and above[body].axis is not None]
+            hung = [body for body in ends if {body, above[body].parent} == {block, on}]
+            joint = hung[0] if hung else f"{block}.guide"
+            factors[joint] = factors.get(joint, 0.0) + float(factor)
+        name = f"{group.link_names()[0]}.mesh"
+        tendons, equality = model.find("tendon"), model.find("equality")
+        tendon = ET.SubElement(ET.SubElement(model, "tendon") if tendons is None else tendons, "fixed", name=name)
+        for joint, factor in factors.items():
+            if factor:
+                ET.SubElement(tendon, "joint", joint=joint, coef=repr(factor))
+        assert equality is not None
+        ET.SubElement(equality, "tendon", name=name, tendon1=name)
 
 
 def _site(body: ET.Element, link: str, point: str, tree: Tree) -> str:

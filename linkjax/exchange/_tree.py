@@ -16,7 +16,7 @@ from linkjax._compile import compiled_soon
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups import PRP, RPP, RPR, RRP, AbstractGroup, General, Guide, Joint, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, AbstractGroup, General, Guide, Joint, Rack, Slide
 from linkjax.kinematics import Pose, margins, pose
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -83,7 +83,7 @@ def places_of(mechanism: Mechanism) -> dict[str, dict[str, complex]]:
 
 def is_pin(joint: Joint) -> bool:
     """Whether a joint is a pin, and not a slide or what drives."""
-    return not joint.slides and joint.name == joint.point
+    return not joint.slides and not joint.meshes and joint.name == joint.point
 
 
 class Stand(NamedTuple):
@@ -109,7 +109,7 @@ def ways_of(group: AbstractGroup, places: Places, owners: Mapping[str, str], her
 
     if isinstance(group, RRP):
         return {group.block: way(group.guide)}
-    if isinstance(group, Slide):
+    if isinstance(group, Slide | Rack):
         return {group.link: way(group.guide)}
     if isinstance(group, PRP):
         return {block: way(slot) for block, slot in zip(group.blocks, group.slots, strict=True)}

@@ -1,6 +1,7 @@
 """Structural groups: the driver and the Assur groups, one file each."""
 
 from linkjax.groups._base import AbstractGroup as AbstractGroup
+from linkjax.groups._base import Coupling as Coupling
 from linkjax.groups._base import Joint as Joint
 from linkjax.groups._base import Margin as Margin
 from linkjax.groups._base import Wrench as Wrench
@@ -8,23 +9,33 @@ from linkjax.groups._course import TOUCHING as TOUCHING
 from linkjax.groups._course import Course as Course
 from linkjax.groups._course import course_of as course_of
 from linkjax.groups._drawn import Drive as Drive
+from linkjax.groups._drawn import GearPair as GearPair
+from linkjax.groups._drawn import RackPair as RackPair
 from linkjax.groups._drawn import Slot as Slot
 from linkjax.groups._driver import AbstractDriver as AbstractDriver
 from linkjax.groups._driver import Crank as Crank
 from linkjax.groups._driver import Slide as Slide
-from linkjax.groups._followed import is_followed as is_followed
+from linkjax.groups._followed import Path as Path
+from linkjax.groups._followed import followed as followed
 from linkjax.groups._followed import with_path as with_path
 from linkjax.groups._followed import without_path as without_path
+from linkjax.groups._gear import Gear as Gear
 from linkjax.groups._general import General as General
 from linkjax.groups._guide import Guide as Guide
 from linkjax.groups._law import AbstractLaw as AbstractLaw
 from linkjax.groups._law import Harmonic as Harmonic
 from linkjax.groups._law import Spline as Spline
+from linkjax.groups._mesh import PRESSURE as PRESSURE
+from linkjax.groups._mesh import Belt as Belt
+from linkjax.groups._mesh import Mesh as Mesh
+from linkjax.groups._mesh import Teeth as Teeth
 from linkjax.groups._pairs import FRAME as FRAME
 from linkjax.groups._pairs import KINDS_OF_II as KINDS_OF_II
 from linkjax.groups._pairs import Pair as Pair
 from linkjax.groups._pairs import classified as classified
 from linkjax.groups._prp import PRP as PRP
+from linkjax.groups._rack import Pinion as Pinion
+from linkjax.groups._rack import Rack as Rack
 from linkjax.groups._rpp import RPP as RPP
 from linkjax.groups._rpr import RPR as RPR
 from linkjax.groups._rrp import RRP as RRP
@@ -35,5 +46,7 @@ from linkjax.groups._state import at_rest as at_rest
 from linkjax.groups._state import carried as carried
 from linkjax.groups._track import Track as Track
 from linkjax.groups._track import closed_to as closed_to
+from linkjax.groups._winding import Winding as Winding
+from linkjax.groups._winding import unwound as unwound
 
-KINDS = {group.kind: group for group in (Crank, Slide, RRR, RRP, RPR, PRP, RPP)}
+KINDS = {group.kind: group for group in (Crank, Slide, RRR, RRP, RPR, PRP, RPP, Gear, Rack, Pinion)}

@@ -38,13 +38,28 @@ class Margin(NamedTuple):
 class Joint(NamedTuple):
     """A joint that a group brings in: its name, the point its moments are referred to, and the two links it joins;
     `by` is "frame", a link, or None for the link that the point belongs to. In one that `slides`, called
-    `<link>.guide`, the link moves along a straight line of the other; else it turns about the point."""
+    `<link>.guide`, the link moves along a straight line of the other; in one that `meshes`, called `<link>.mesh`, both
+    are in gear; else it turns about the point."""
 
     name: str
     point: str
     link: str
     by: str | None = None
     slides: bool = False
+    meshes: bool = False
+
+    @property
+    def letter(self) -> str:
+        """P for a sliding joint, G for wheels in gear, else R."""
+        return "P" if self.slides else "G" if self.meshes else "R"
+
+
+class Coupling(NamedTuple):
+    """What wheels in gear keep constant: the sum of the angles of links (rad) and of the way of blocks along what they
+    slide on (m), each times its factor."""
+
+    angles: dict[str, Array]
+    ways: dict[str, Array]
 
 
 def check_side(kind: str, side: int) -> None:
@@ -72,7 +87,7 @@ class AbstractGroup(eqx.Module):
     def pairs(self) -> list[Pair]:
         """The pairs by which it is attached, as if to the frame, and those inside it."""
         inside = self.link_names()
-        return [Pair("P" if j.slides else "R", j.name, j.link, j.by if j.by in inside else FRAME)
+        return [Pair(j.letter, j.name, j.link, j.by if j.by in inside else FRAME)
                 for j in self.joints() if not j.name.endswith(".drive")]  # fmt: skip
 
     def classified(self) -> tuple[str, str]:
@@ -112,6 +127,18 @@ class AbstractGroup(eqx.Module):
 
     def on_frame(self) -> tuple[str, ...]:
         """Points that must belong to the frame."""
+        return ()
+
+    def coupling(self) -> Coupling | None:
+        """The wheels in gear inside it; None for a group that has none."""
+        return None
+
+    def lies_on(self) -> tuple[tuple[str, str], ...]:
+        """Which points must belong to which links that are there already, as (link or "frame", point)."""
+        return ()
+
+    def slides_on(self) -> tuple[tuple[str, str], ...]:
+        """Which links must slide along which others, as (link, link or "frame")."""
         return ()
 
     def guides(self) -> tuple[Guide, ...]:

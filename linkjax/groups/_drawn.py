@@ -15,6 +15,7 @@ from linkjax._units import nearest
 from linkjax._vec import Vec, unit
 from linkjax.groups._guide import Guide, as_guide
 from linkjax.groups._law import AbstractLaw, check_law
+from linkjax.groups._mesh import PRESSURE, Mesh
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState
 
@@ -24,6 +25,30 @@ class Slot(eqx.Module):
 
     block: str = eqx.field(static=True)
     guide: Guide = eqx.field(converter=as_guide)
+
+
+class GearPair(eqx.Module):
+    """Two links in gear by a `mesh`: `link` is the wheel of which its first radius or number of teeth is, `to` the
+    other. Both are pinned to the frame or to the same link, on which they turn. Seen from there `link` stands at
+    `phase` (rad) while `to` stands at zero."""
+
+    link: str = eqx.field(static=True)
+    to: str = eqx.field(static=True)
+    mesh: Mesh
+    phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+
+
+class RackPair(eqx.Module):
+    """The block `link` of a slot as a rack, and the wheel `to` of pitch `radius` (m), which is pinned to what the slot
+    is on, to the left of its direction for `side` +1, to the right for -1. The block is `start` (m) along its guide
+    while the wheel, seen from there, stands at zero. `pressure_angle` (rad) is that of the teeth."""
+
+    link: str = eqx.field(static=True)
+    to: str = eqx.field(static=True)
+    radius: jnp.ndarray = eqx.field(converter=as_float)
+    side: int = eqx.field(static=True, default=1)
+    start: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    pressure_angle: jnp.ndarray = eqx.field(converter=as_float, default=PRESSURE)
 
 
 class Drive(eqx.Module):

@@ -73,13 +73,14 @@ class Crank(AbstractDriver):
 
     def solve(self, links, states, points, phi):
         if self.law is None:
-            u, w, e = unit(self.phase + self.turns * phi), jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
+            angle, w, e = self.turns * phi, jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
         else:
-            angle, d, dd = self.law.at(phi)
-            u, w, e = unit(self.phase + angle), d, dd
+            angle, w, e = self.law.at(phi)
+        angle = self.phase + angle
+        u = unit(angle)
         arm = u * links[self.link].length
         there = -arm if self.law is None else arm.perp() * e - arm * (w * w)
-        return {self.link: LinkState(u, w, e)}, {
+        return {self.link: LinkState(u, w, e, angle)}, {
             self.end: PointState(points[self.pivot].r + arm, arm.perp() * w, there)
         }
 

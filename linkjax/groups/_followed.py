@@ -3,23 +3,45 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 from linkjax.groups._base import AbstractGroup
 from linkjax.groups._course import Course
+from linkjax.groups._driver import Crank
+from linkjax.groups._gear import Gear
 from linkjax.groups._general import General
+from linkjax.groups._mesh import Belt
+from linkjax.groups._pairs import FRAME
+from linkjax.groups._rack import Pinion, Rack
 from linkjax.groups._rrp import RRP
 from linkjax.groups._rrr import RRR
 from linkjax.groups._track import Track
+from linkjax.groups._winding import Winding
+
+Path = Track | Course | Winding
 
 
-def is_followed(group: AbstractGroup) -> bool:
-    """Whether a group needs a reference path; see `kinematics.prepared`."""
-    return isinstance(group, General) or (isinstance(group, RRR | RRP) and group.branch == "continue")
+def followed(groups: Sequence[AbstractGroup]) -> list[int]:
+    """Numbers of the groups that need a reference path; see `kinematics.prepared`. Wheels do not where the angles that
+    they follow are those of cranks and other wheels, and the ratio of their teeth is that of whole numbers."""
+    found, counted = [], {FRAME}
+    for number, group in enumerate(groups):
+        if isinstance(group, RRR | RRP):
+            needs = group.branch == "continue"
+        elif isinstance(group, Gear | Rack):
+            ratio = isinstance(group, Gear) and isinstance(group.mesh, Belt)
+            needs = ratio or not set(group.mates()) <= counted
+        else:
+            needs = isinstance(group, General)
+        found += [number] * needs
+        if isinstance(group, Crank | Gear) or (isinstance(group, Pinion) and group.carrier in counted):
+            counted.add(group.link)
+    return found
 
 
-def with_path(group: AbstractGroup, path: Track | Course | None, turns: int = 1) -> AbstractGroup:
+def with_path(group: AbstractGroup, path: Path | None, turns: int = 1) -> AbstractGroup:
     """A group that is followed, with another reference path over so many turns, or none."""
-    assert isinstance(group, General | RRR | RRP)
+    assert isinstance(group, General | RRR | RRP | Gear | Rack)
     return dataclasses.replace(group, **{"path": path, "turns": turns})
 
 

@@ -188,7 +188,7 @@ class General(AbstractGroup):
         links = {g.on: states[g.on] for g in self.guides() if g.on != "frame"}
         return Known(
             {name: points[name].r + points[name].dr * t + points[name].ddr * half for name in self.needs()},
-            {name: u + u.perp() * (w * t + e * half) - u * (w * w * half) for name, (u, w, e) in links.items()},
+            {name: u + u.perp() * (w * t + e * half) - u * (w * w * half) for name, (u, w, e, _) in links.items()},
         )
 
     def _drive(self, phi: Array, t=0.0) -> Array:

@@ -82,9 +82,19 @@ class Line(NamedTuple):
         d = point.r - self.base.r
         if self.turning is None:
             return Seen(d.dot(axis), point.dr.dot(axis), point.ddr.dot(axis))
-        v, a, n, w, e = point.dr - self.base.dr, point.ddr - self.base.ddr, axis.perp(), *self.turning[1:]
+        v, a, n, w, e = point.dr - self.base.dr, point.ddr - self.base.ddr, axis.perp(), self.turning.w, self.turning.e
         first = v.dot(axis) + w * d.dot(n)
         return Seen(d.dot(axis), first, a.dot(axis) + 2 * w * v.dot(n) + e * d.dot(n) - w * w * d.dot(axis))
+
+    def point(self, s: Array, d: Array, dd: Array) -> PointState:
+        """A point on the path, `s` ahead of the foot of its base, with the derivatives of that."""
+        t, n, base = self.t, self.t.perp(), self.base
+        arm = t * s + n * self.offset
+        if self.turning is None:
+            return PointState(base.r + arm, base.dr + t * d, base.ddr + t * dd)
+        w, e = self.turning.w, self.turning.e
+        first = base.dr + t * d + arm.perp() * w
+        return PointState(base.r + arm, first, base.ddr + t * dd + n * (2 * w * d) + arm.perp() * e - arm * (w * w))
 
     def wanted(self, at: Vec, v: Vec | None = None) -> Array:
         """What a point `at` on the line moves across it: the velocity's part along the left normal, or with the
@@ -92,7 +102,7 @@ class Line(NamedTuple):
         n = self.t.perp()
         if self.turning is None:
             return jnp.zeros_like(n.x)
-        d, w, e = at - self.base.r, *self.turning[1:]
+        d, w, e = at - self.base.r, self.turning.w, self.turning.e
         if v is None:
             return self.base.dr.dot(n) + w * d.dot(self.t)
         return self.base.ddr.dot(n) + 2 * w * (v - self.base.dr).dot(self.t) + e * d.dot(self.t) + w * w * d.dot(n)

@@ -14,12 +14,15 @@ ROMAN = {3: "III", 4: "IV", 5: "V", 6: "VI", 7: "VII", 8: "VIII", 9: "IX"}
 
 
 class Pair(NamedTuple):
-    """A lower pair between two links, or a link and the frame: "R" turns about the point, "P" slides along a guide."""
+    """A pair between two links, or a link and the frame: "R" turns about the point, "P" slides along a guide; "G" are
+    wheels in gear on what `on` names, of which the first is a rack if `rack`."""
 
     letter: str
     name: str
     one: str
     other: str
+    on: str = FRAME
+    rack: bool = False
 
     @property
     def ends(self) -> tuple[str, str]:

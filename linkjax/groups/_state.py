@@ -18,11 +18,13 @@ class PointState(NamedTuple):
 
 
 class LinkState(NamedTuple):
-    """Orientation of a link as the unit vector `u` along it, with ω' = dθ/dφ and ε' = d²θ/dφ²."""
+    """Orientation of a link as the unit vector `u` along it, with ω' = dθ/dφ and ε' = d²θ/dφ²; its `angle` (rad) with
+    all turns counted where that is known in closed form, as of cranks and wheels."""
 
     u: Vec
     w: Array
     e: Array
+    angle: Array | None = None
 
 
 def at_rest(r: Vec) -> PointState:

@@ -18,16 +18,19 @@ from linkjax.groups import (
     RRP,
     RRR,
     AbstractGroup,
-    Course,
+    Gear,
     General,
     LinkState,
     Margin,
+    Path,
     PointState,
-    Track,
+    Rack,
+    Winding,
     at_rest,
     carried,
     course_of,
-    is_followed,
+    followed,
+    unwound,
     with_path,
 )
 from linkjax.kinematics._path import path_of
@@ -77,7 +80,7 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
             link = mechanism.links[name]
             body, held = link.actual(), link.held(origin, far)
             if held is not None:
-                links[name] = links[name]._replace(u=links[name].u.turned(Vec(held.axis.x, -held.axis.y)))
+                links[name] = _in_own_axes(links[name], held.axis)
             bodies[name] = lumps(link, body, origin)
             weights = {piece: weight.at for piece, weight in link.counterweights.items()}
             for point, at in {link.centre_name: body.centre, **body.points, **weights}.items():
@@ -88,16 +91,23 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
     return Pose(points, links, bodies)
 
 
+def _in_own_axes(link: LinkState, axis: Vec) -> LinkState:
+    """State of a link from that of the line between the two pins at which it is held, which lies at `axis` on it."""
+    angle = None if link.angle is None else link.angle - jnp.atan2(axis.y, axis.x)
+    return link._replace(u=link.u.turned(Vec(axis.x, -axis.y)), angle=angle)
+
+
 def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
-    """The mechanism with a reference path for each of its general groups, and of its dyads that continue through change
-    points, over `turns` turns of the crank (as many as a law of the driver takes, or one): from the sketch to crank
-    angle zero, and on in small steps. Others are handed back as they are.
+    """The mechanism with a reference path for each of its general groups, of its dyads that continue through change
+    points, and of wheels in gear with links whose turns must be counted, over `turns` turns of the crank (as many as a
+    law of the driver takes, or one): from the sketch to crank angle zero, and on in small steps. Others are handed back
+    as they are.
 
     Whoever evaluates a mechanism many times prepares it once. The path carries no derivatives: it only says where
     Newton's method begins. It belongs to the numbers it was made of: a mechanism that is made anew, by its constructor
     or `dataclasses.replace`, has none, and one whose leaves were replaced keeps the old one.
     """
-    groups: list[Any] = [group for group in mechanism.groups if is_followed(group)]
+    groups: list[Any] = [mechanism.groups[number] for number in followed(mechanism.groups)]
     law = mechanism.driver.follows()
     turns = max(turns or 1, 1 if law is None else round(law.period() / (2 * math.pi)))
     if all(group.path is not None and group.turns % turns == 0 for group in groups):
@@ -108,20 +118,24 @@ def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
 @functools.partial(jax.jit, static_argnames="turns")
 def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
     groups: list[AbstractGroup] = []
-    paths: dict[int, Track | Course] = {}
+    paths: dict[int, Path] = {}
+    needed = followed(mechanism.groups)
     fixed = jax.lax.stop_gradient(mechanism)
     angles = jnp.linspace(0.0, 2 * math.pi * turns, STEPS * turns + 1)
     for group in fixed.groups:
-        if is_followed(group):
+        if len(groups) in needed:
 
             def before(phi, so_far=tuple(groups)):
                 here = _of_groups(fixed, so_far, phi)
                 return here.links, here.points
 
             if isinstance(group, General):
-                paths[len(groups)] = jax.lax.stop_gradient(path_of(group, fixed.links, before, angles))
+                path = path_of(group, fixed.links, before, angles)
+            elif isinstance(group, Gear | Rack):
+                path = _winding(group, before, angles)
             else:
-                paths[len(groups)] = jax.lax.stop_gradient(_course(group, fixed, before, turns))
+                path = _course(group, fixed, before, turns)
+            paths[len(groups)] = jax.lax.stop_gradient(path)
             group = with_path(group, paths[len(groups)], turns)
         groups.append(group)
     made = [with_path(group, paths[i], turns) if i in paths else group for i, group in enumerate(mechanism.groups)]
@@ -134,7 +148,7 @@ def before_group(mechanism: Mechanism, number: int, phi: Scalar) -> tuple[dict[s
     return here[1], here[0]
 
 
-def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int) -> Course:
+def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int) -> Path:
     """The course of a dyad through its change points."""
     assert isinstance(group, RRR | RRP)
     held = fixed.held_by(group)
@@ -144,6 +158,21 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
         return group.coordinates(held, states, points, sense)
 
     return course_of(lambda phi: group.gaps(held, *before(phi)), coordinates, STEPS, turns)
+
+
+def _winding(group: Gear | Rack, before: Callable, angles: Array) -> Winding:
+    """How the links turn round that a wheel or rack follows, and whether it comes back to where it began."""
+
+    def directions(phi):
+        states, _ = before(phi)
+        still = Vec(jnp.ones_like(phi), jnp.zeros_like(phi))
+        return tuple(states[name].u if name in states else still for name in group.mates())
+
+    at = unwound(jax.vmap(directions)(angles))
+    there, on = at[:, -1] - at[:, 0]
+    if isinstance(group, Rack):
+        return Winding(at, jnp.abs(there - on))
+    return Winding(at, 2 * jnp.abs(jnp.sin(0.5 * (on + group.mesh.ratio() * (there - on)))))
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:

@@ -16,9 +16,24 @@ from linkjax.groups import FRAME, Pair
 GENERIC = 1e-9  # a singular value below this of the largest counts as none, where all places are drawn at random
 
 
-def mobility(links: int, pairs: int) -> int:
-    """Degrees of freedom W = 3 n - 2 p of a plane chain of n moving links with p lower pairs (Chebyshev, Grübler)."""
-    return 3 * links - 2 * pairs
+def mobility(links: int, pairs: Sequence[Pair]) -> int:
+    """Degrees of freedom W = 3 n - 2 p - h of a plane chain of n moving links with p lower pairs and h pairs of wheels
+    in gear (Chebyshev, Grübler)."""
+    return 3 * links - sum(taken(pair) for pair in pairs)
+
+
+def counted(links: int, pairs: Sequence[Pair]) -> str:
+    """That formula with its numbers."""
+    gears = sum(pair.letter == "G" for pair in pairs)
+    lower, found = len(pairs) - gears, mobility(links, pairs)
+    if gears:
+        return f"W = 3 n - 2 p - h = 3·{links} - 2·{lower} - {gears} = {found}"
+    return f"W = 3 n - 2 p = 3·{links} - 2·{lower} = {found}"
+
+
+def taken(pair: Pair) -> int:
+    """Degrees of freedom that a pair takes."""
+    return 1 if pair.letter == "G" else 2
 
 
 class Freedom(NamedTuple):
@@ -32,11 +47,12 @@ class Freedom(NamedTuple):
 
 
 def rates(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None) -> np.ndarray:
-    """How the rates of all links (x, y, angle each) violate the pairs, two rows each, of a chain whose points and
-    guides lie at random; the last row is the rate of the drive."""
+    """How the rates of all links (x, y, angle each) violate the pairs, two rows each and one for wheels in gear, of a
+    chain whose points and guides lie at random; the last row is the rate of the drive."""
     rng = np.random.default_rng(1)
     column = {name: 3 * i for i, name in enumerate(links)}
     spots: dict[str, np.ndarray] = {}
+    along: dict[str, np.ndarray] = {}  # of every block on its guide
 
     def row(pair: Pair, at_one: Sequence[float]) -> np.ndarray:
         found = np.zeros(3 * len(links))
@@ -45,8 +61,16 @@ def rates(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None
                 found[column[end] : column[end] + 3] += sign * np.asarray(at_one)
         return found
 
+    def spin(link: str, factor: float) -> np.ndarray:
+        return factor * row(Pair("R", "", link, FRAME), (0.0, 0.0, 1.0))
+
     rows, driven = [], np.zeros(3 * len(links))
     for pair in pairs:
+        if pair.letter == "G":
+            ratio = rng.uniform(0.3, 0.9)
+            both = spin(pair.other, -ratio) + spin(pair.on, ratio)
+            rows.append(both + (along[pair.one] if pair.rack else spin(pair.one, 1.0) - spin(pair.on, 1.0)))
+            continue
         key = pair.name if pair.letter == "R" else f"{pair.name} of {pair.one}"
         x, y = spots.setdefault(key, rng.uniform(-1, 1, 2))
         c, s = np.cos(3 * x + y), np.sin(3 * x + y)
@@ -54,8 +78,9 @@ def rates(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None
             rows += [row(pair, (1.0, 0.0, -y)), row(pair, (0.0, 1.0, x))]
         else:
             rows += [row(pair, (0.0, 0.0, 1.0)), row(pair, (-s, c, s * y + c * x))]
+            along[pair.one] = row(pair, (c, s, s * x - c * y))
         if pair == drive:
-            driven = row(pair, (0.0, 0.0, 1.0)) if pair.letter == "R" else row(pair, (c, s, s * x - c * y))
+            driven = row(pair, (0.0, 0.0, 1.0)) if pair.letter == "R" else along[pair.one]
     return np.array([*rows, driven] if drive is not None else rows).reshape((-1, 3 * len(links)))
 
 
@@ -70,7 +95,9 @@ def freedom(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = No
     """What a chain of general dimensions can do."""
     matrix = rates(links, pairs)
     free, spare = _null_space(matrix), _null_space(matrix.T)
-    touched = np.max(np.abs(spare), axis=0, initial=0.0).reshape((-1, 2)).max(axis=1, initial=0.0)
+    owner = np.repeat(np.arange(len(pairs)), [taken(pair) for pair in pairs])
+    part = np.max(np.abs(spare), axis=0, initial=0.0)
+    touched = [part[owner == k].max() for k in range(len(pairs))]
     held = matrix if drive is None else rates(links, pairs, drive)
     still = np.max(np.abs(_null_space(held)), axis=0, initial=0.0).reshape((-1, 3)).max(axis=1, initial=0.0)
     return Freedom(

@@ -20,13 +20,16 @@ from linkjax.groups import (
     AbstractGroup,
     Crank,
     Drive,
+    GearPair,
     General,
     Guide,
     Pair,
+    RackPair,
     Slide,
     Slot,
 )
-from linkjax.mechanism._freedom import blocks, freedom, mobility
+from linkjax.mechanism._freedom import blocks, counted, freedom
+from linkjax.mechanism._geared import Wheels, pairs_of
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._mechanism import Mechanism, StructureError
 
@@ -40,22 +43,26 @@ def linkage(
     slots: Iterable[Slot] = (),
     sketch: Mapping[str, Place] | None = None,
     flywheel: Flywheel | None = None,
+    gears: Iterable[GearPair] = (),
+    racks: Iterable[RackPair] = (),
 ) -> Mechanism:
     """A mechanism from links and joints: mobility is checked, and the Assur groups are found.
 
     Every link names its `pins`. A point that two or more links name is a pin between them; one that stands in `fixed`
     is a pin on the frame. `slots` are the sliding joints: a block is a link whose first pin runs along the guide and
-    whose axes are those of the guide. `drive` says what drives. `sketch` says roughly where the moving pins are at
-    crank angle zero (m); it chooses the assembly. A link without a length has it from the sketch, and so have further
-    pins that are no marked points.
+    whose axes are those of the guide. `gears` and `racks` are the wheels in gear: a wheel names the pin that it turns
+    about first. `drive` says what drives. `sketch` says roughly where the moving pins are at crank angle zero (m); it
+    chooses the assembly. A link without a length has it from the sketch, and so have further pins that are no marked
+    points.
 
     Raises `StructureError`, naming links and joints, where the parts do not hang together, hold each other fast, are
     left loose or are not driven, and where the sketch does not say enough.
     """
     slots, spots = tuple(slots), {name: _complex(f"sketch.{name}", at) for name, at in (sketch or {}).items()}
     drawing = Drawing(
-        {n: at if isinstance(at, Vec) else Vec(*at) for n, at in fixed.items()}, dict(links), slots, spots
-    )
+        {n: at if isinstance(at, Vec) else Vec(*at) for n, at in fixed.items()}, dict(links), slots, spots,
+        tuple(gears), tuple(racks),
+    )  # fmt: skip
     drawing.check()
     found = drawing.pairs()
     driven = drawing.driven(drive, found)
@@ -80,7 +87,7 @@ def _complex(where: str, at: Place) -> complex:
 def _check_freedom(links: Sequence[str], found: Sequence[Pair], driven: Pair) -> None:
     """Raise `StructureError` unless the chain has the one degree of freedom that the drive takes."""
     degrees, redundant, loose, moved = freedom(links, found, driven)
-    count = f"W = 3 n - 2 p = 3·{len(links)} - 2·{len(found)} = {mobility(len(links), len(found))}"
+    count = counted(len(links), found)
     if redundant:
         at = {name: {pair.name for pair in redundant if name in pair.ends} for name in links}
         held = ", ".join(name for name in links if len(at[name]) > 1)
@@ -105,6 +112,8 @@ class Drawing:
     links: dict[str, Link]
     slots: tuple[Slot, ...]
     spots: dict[str, complex]
+    gears: tuple[GearPair, ...] = ()
+    racks: tuple[RackPair, ...] = ()
 
     def check(self) -> None:
         """Raise `StructureError` where names do not fit together."""
@@ -155,7 +164,8 @@ class Drawing:
     def pairs(self) -> list[Pair]:
         """All pairs; several links at one pin are joined to the first of them."""
         found = [Pair("R", p, end, ends[0]) for p, ends in self.pins().items() for end in ends[1:]]
-        return found + [Pair("P", f"{s.block}.guide", s.block, s.guide.on) for s in self.slots]
+        found += [Pair("P", f"{s.block}.guide", s.block, s.guide.on) for s in self.slots]
+        return found + pairs_of(self.gears, self.racks, self.slots, self.pins(), self.links)
 
     def driven(self, drive: Drive, found: Sequence[Pair]) -> Pair:
         """The pair that the drive moves."""
@@ -163,7 +173,7 @@ class Drawing:
         for name in (drive.link, drive.on):
             if name not in (FRAME, *self.links):
                 raise StructureError("drive", f"link {name!r} is not defined", nearest(name, self.links))
-        at = [pair for pair in found if set(pair.ends) == ends]
+        at = [pair for pair in found if set(pair.ends) == ends and pair.letter != "G"]
         at += [Pair("R", point, drive.link, drive.on) for point, joined in self.pins().items() if ends <= set(joined)]
         if not at:
             problem = f"{drive.link!r} and {drive.on!r} share no joint"
@@ -186,6 +196,10 @@ class Drawing:
         """Find the places of the points of a link that the drive turns on the frame."""
         self.spots |= {name: _complex(f"fixed.{name}", at) for name, at in self.fixed.items()}
         link = self.links[drive.link]
+        guide = next((s.guide for s in self.slots if s.block == drive.link), None)
+        if drive.law is not None and guide is not None and guide.on == drive.on == FRAME:
+            ahead = complex(float(drive.law.at(drive.phase * 0.0)[0]), float(guide.offset))
+            self.spots[link.pins[0]] = self.spots[guide.through] + self.along(guide) * ahead
         pivot = next((p for p in link.pins if p in self.fixed), None)
         if drive.on != FRAME or pivot is None or any(s.block == drive.link for s in self.slots):
             return
@@ -244,13 +258,28 @@ class Drawing:
 
     def groups(self, parts: Sequence[tuple[str, ...]], drive: Drive) -> list[AbstractGroup]:
         """The driver and the Assur groups, in the order of their parts."""
+        self._check_wheels(parts[0], {FRAME})
         made: list[AbstractGroup] = [self._driver(parts[0], drive)]
         placed = {FRAME, *parts[0]}
+        wheels = Wheels(self.gears, self.racks, self, drive)
         for part in parts[1:]:
-            group = self._dyad(part, placed) if len(part) == 2 else None
+            self._check_wheels(part, placed)
+            if len(part) == 1:
+                group = wheels.group(part[0], placed)
+            else:
+                group = self._dyad(part, placed) if len(part) == 2 else None
             made.append(self._general(part, placed) if group is None else group)
             placed |= set(part)
         return made
+
+    def _check_wheels(self, part: tuple[str, ...], placed: set[str]) -> None:
+        """Raise `StructureError` for wheels whose turns only come out together with other links."""
+        for gear in (*self.gears, *self.racks):
+            ends = {gear.link, gear.to}
+            if len(part) > 1 and ends & set(part) and ends <= {*part, *placed}:
+                problem = f"{', '.join(part)} can only be solved together, with {gear.link!r} and {gear.to!r} in gear"
+                remedy = "drive the mechanism so that one wheel after the other follows, e.g. by the carrier"
+                raise StructureError(f"gear of {gear.link}", problem, remedy)
 
     def _driver(self, part: tuple[str, ...], drive: Drive) -> AbstractGroup:
         if len(part) > 1 or drive.on != FRAME:

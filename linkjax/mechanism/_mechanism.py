@@ -137,6 +137,7 @@ def check_structure(mechanism: Mechanism) -> None:
                 problem = f"point {point!r} moves, but must be a point of the frame"
                 raise StructureError(element, problem, nearest(point, mechanism.fixed))
         _check_guides(mechanism, group, element, placed)
+        _check_couplings(mechanism, group, element, placed, number)
         if (lacking := group.lacking(mechanism.links)) is not None:
             raise StructureError(element, *lacking)
         for link, (origin, far) in group.pins().items():
@@ -171,6 +172,25 @@ def _check_guides(mechanism, group, element, placed):
             where = "of the frame" if guide.on == "frame" else f"on link {guide.on!r}"
             problem = f"the guide is {where}, but point {guide.through!r} is not"
             raise StructureError(element, problem, nearest(guide.through, own))
+
+
+def _check_couplings(mechanism, group, element, placed, number):
+    """Points that wheels turn about belong to the links that carry them, and racks slide on what carries the wheel."""
+    there = [name for name in placed if name not in group.link_names()]
+    for link in (link for link, _ in (*group.lies_on(), *group.slides_on())):
+        if link != "frame" and link not in there:
+            problem, remedy = f"link {link!r} is not attached yet", "move this group behind the one that brings it in"
+            raise StructureError(element, problem, remedy if link in mechanism.links else nearest(link, there))
+    for link, point in group.lies_on():
+        if point not in (own := mechanism.points_on(link)):
+            where = "of the frame" if link == "frame" else f"on link {link!r}"
+            raise StructureError(element, f"point {point!r} is not {where}", nearest(point, own))
+    for link, on in group.slides_on():
+        joints = [joint for before in mechanism.groups[:number] for joint in before.joints()]
+        by = [joint.by for joint in joints if joint.slides and joint.link == link]
+        if on not in by:
+            problem = f"{link!r} does not slide along {on!r}"
+            raise StructureError(element, problem, f"name what it slides along: {', '.join(map(str, by)) or 'nothing'}")
 
 
 def _check_names(mechanism, points):

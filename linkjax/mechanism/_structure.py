@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from linkjax.groups import FRAME, Pair
-from linkjax.mechanism._freedom import mobility
+from linkjax.mechanism._freedom import counted, mobility
 from linkjax.mechanism._mechanism import Mechanism
 
 
@@ -21,12 +21,16 @@ class Part(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """Moving links and pairs, degrees of freedom W = 3 n - 2 p, and the parts in their order of attachment."""
+    """Moving links and pairs, degrees of freedom W = 3 n - 2 p - h, and the parts in their order of attachment."""
 
     links: tuple[str, ...]
     pairs: tuple[Pair, ...]
     mobility: int
     parts: tuple[Part, ...]
+
+    def mobility_told(self) -> str:
+        """The formula of Chebyshev and Grübler with its numbers."""
+        return counted(len(self.links), self.pairs)
 
     def formula(self, letters: bool = False, numbers: bool = False) -> str:
         """Structural formula, e.g. `I1(crank) → II2(rod, slider)`; with letters `R(crank) → RRP(rod, slider)`; with
@@ -46,10 +50,10 @@ def structure(mechanism: Mechanism) -> Structure:
     owners, parts = mechanism.owners(), []
     for group in mechanism.groups:
         kind, letters = group.classified()
-        pairs = [Pair("P" if j.slides else "R", j.name, j.link, j.by or owners[j.point])
+        pairs = [Pair(j.letter, j.name, j.link, j.by or owners[j.point])
                  for j in group.joints() if not j.name.endswith(".drive")]  # fmt: skip
         inner = [pair for pair in pairs if set(pair.ends) <= set(group.link_names())]
         outer = [pair for pair in pairs if pair not in inner]
         parts.append(Part(group.link_names(), kind, letters, tuple(outer), tuple(inner)))
     every = tuple(pair for part in parts for pair in (*part.outer, *part.inner))
-    return Structure(mechanism.link_names, every, mobility(len(mechanism.links), len(every)), tuple(parts))
+    return Structure(mechanism.link_names, every, mobility(len(mechanism.links), every), tuple(parts))

@@ -140,6 +140,30 @@
       });
     };
   }
+  function wheel(parent, machine, entry, edge) { // a pitch circle, and a spoke that shows how it turns
+    const circle = make(parent, "circle", { r: entry.radius * view.scale, fill: "none", stroke: edge,
+      "stroke-dasharray": "9 2 2 2" });
+    const spoke = machine.headings[entry.link] ? make(parent, "line", { stroke: edge }) : null;
+    return (at) => {
+      const [x, y] = position(machine, entry.point, at);
+      set(circle, { cx: X(x).toFixed(3), cy: Y(y).toFixed(3) });
+      if (!spoke) return;
+      const [c, s] = position(machine, entry.link, at), long = entry.radius / Math.hypot(c, s);
+      set(spoke, { x1: X(x), y1: Y(y), x2: X(x + long * c), y2: Y(y + long * s) });
+    };
+  }
+  function belt(parent, machine, [one, other, crossed], edge) { // its two straight strands
+    const strands = [1, -1].map((side) => [side, make(parent, "line", { stroke: edge })]);
+    const far = crossed ? -other.radius : other.radius;
+    return (at) => {
+      const [x1, y1] = position(machine, one.point, at), [x2, y2] = position(machine, other.point, at);
+      const lean = Math.acos(Math.max(-1, Math.min(1, (one.radius - far) / Math.hypot(x2 - x1, y2 - y1))));
+      for (const [side, strand] of strands) {
+        const out = Math.atan2(y2 - y1, x2 - x1) + side * lean, c = Math.cos(out), s = Math.sin(out);
+        set(strand, { x1: X(x1 + one.radius * c), y1: Y(y1 + one.radius * s), x2: X(x2 + far * c), y2: Y(y2 + far * s) });
+      }
+    };
+  }
   function weight(parent, machine, link, name, radius, edge, fill) {
     const arm = make(parent, "line", { stroke: fill, "stroke-width": 4.5 });
     const disc = make(parent, "circle", { r: radius === null ? 7 : radius * view.scale, fill: fill, stroke: edge,
@@ -306,6 +330,11 @@
       moves.push(slot(solid, machine, entry, old ? "#a8a8a8" : on.colour));
     }
     const ink = old ? "#a8a8a8" : INK;
+    for (const entry of machine.wheels) {
+      const on = machine.links.find((link) => link.name === entry.link);
+      moves.push(wheel(solid, machine, entry, old || !on ? "#a8a8a8" : on.colour));
+    }
+    for (const entry of machine.belts) moves.push(belt(solid, machine, entry, GREY));
     for (const name of machine.dots) moves.push(dot(solid, machine, name, 2, { fill: ink, stroke: ink }));
     for (const name of machine.joints) moves.push(dot(solid, machine, name, 3.4, { fill: "#fff", stroke: ink }));
     if (!old) {

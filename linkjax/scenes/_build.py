@@ -116,7 +116,8 @@ def _mechanism(model: file.SceneFile) -> Mechanism:
     if model.drive is None:
         return Mechanism(fixed, links, [group.build(turns) for group in model.groups], flywheel)
     slots = [slot.build() for slot in model.slots]
-    return linkage(fixed, links, model.drive.build(turns), slots, model.sketch, flywheel)
+    gears, racks = [gear.build() for gear in model.gears], [rack.build() for rack in model.racks]
+    return linkage(fixed, links, model.drive.build(turns), slots, model.sketch, flywheel, gears, racks)
 
 
 def _linkage(document: Document) -> None:

@@ -10,6 +10,7 @@ from linkjax.scenes._explain import fault
 from linkjax.scenes._groups import CrankTable, GroupTable, SlideTable
 from linkjax.scenes._guides import Fault
 from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
+from linkjax.scenes._wheels import steep
 
 
 def check(model: SceneFile, source: str, table: Any) -> None:
@@ -47,8 +48,14 @@ def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
         yield from model.drive.faults(model.slots, model.rotation == "cw")
         for number, slot in enumerate(model.slots):
             yield from slot.guide.faults(("slots", number, "guide"), model.fixed)
+        for number, gear in enumerate(model.gears):
+            for inner, problem, remedy in gear.mesh_faults():
+                yield ("gears", number, *inner), problem, remedy
+        for number, rack in enumerate(model.racks):
+            for inner, problem, remedy in steep(rack.pressure_angle):
+                yield ("racks", number, *inner), problem, remedy
         return
-    for key in ("slots", "sketch"):
+    for key in ("slots", "gears", "racks", "sketch"):
         if key in model.model_fields_set:
             yield (key,), "has no effect in a scene with groups", f"delete {key}, or write a drive instead of groups"
     for name, link in model.links.items():

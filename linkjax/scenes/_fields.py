@@ -89,11 +89,20 @@ def _turns(value: Any) -> int:
     return value
 
 
+def _count(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100000:
+        raise wrong("not a whole number of teeth", "write a whole number above zero, e.g. 20")
+    return value
+
+
 Pair = BeforeValidator(_pair)
 Name = Annotated[str, AfterValidator(_name)]
 Length = Annotated[float, Quantity("length")]
 Distance = Annotated[float, Quantity("length", "zero", "a distance is not negative; turn it by 180 deg instead")]
 LinkLength = Annotated[float, Quantity("length", "zero")]
+Radius = Annotated[float, Quantity("length", "positive")]
+Tension = Annotated[float, Quantity("force", "zero")]
+Count = Annotated[int, PlainValidator(_count), WithJsonSchema({"type": "integer", "minimum": 1, "maximum": 100000})]
 Thickness = Annotated[float, Quantity("length", "positive")]
 Angle = Annotated[float, Quantity("angle")]
 Mass = Annotated[float, Quantity("mass", "zero")]

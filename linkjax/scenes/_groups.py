@@ -5,7 +5,6 @@ Each class knows its keys, what else must hold between them (`faults`), and how 
 
 from __future__ import annotations
 
-import abc
 import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
@@ -13,8 +12,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from linkjax import groups
-from linkjax.scenes._fields import Angle, Length, Name, Pair, Table
-from linkjax.scenes._guides import AngleLaw, Fault, Guide, LengthLaw, in_angle, in_length, law_keys
+from linkjax.scenes._fields import Angle, Length, Name, Pair
+from linkjax.scenes._guides import AngleLaw, Fault, GroupTable, Guide, LengthLaw, in_angle, in_length, law_keys
+from linkjax.scenes._wheels import GearTable, PinionTable, RackTable
 
 Branch = Literal["fixed", "continue"]
 BRANCH: Any = Field(
@@ -25,35 +25,6 @@ BRANCH: Any = Field(
 def branch_keys(group: groups.RRR | groups.RRP) -> dict[str, Any]:
     """The key, where it is not as by default."""
     return {"branch": group.branch} if group.branch != "fixed" else {}
-
-
-class GroupTable(Table, abc.ABC):
-    """A group of any kind."""
-
-    @abc.abstractmethod
-    def build(self, turns: int) -> groups.AbstractGroup:
-        """The group itself; `turns` is the sense of the crank, +1 for counter-clockwise."""
-
-    @staticmethod
-    @abc.abstractmethod
-    def keys_of(group: Any) -> dict[str, Any]:
-        """The keys, but for `kind`, that build such a group."""
-
-    @abc.abstractmethod
-    def pins(self) -> tuple[str, ...]:
-        """Names of the pins it brings in."""
-
-    @abc.abstractmethod
-    def bars(self) -> tuple[str, ...]:
-        """Links that need a length."""
-
-    def sliding(self) -> tuple[str, ...]:
-        """Links that slide and have no length."""
-        return ()
-
-    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
-        """What else is wrong, given the points of the frame."""
-        yield from ()
 
 
 class CrankTable(GroupTable):
@@ -310,6 +281,9 @@ TABLES: dict[str, type[GroupTable]] = {
     "RPR": RPRTable,
     "PRP": PRPTable,
     "RPP": RPPTable,
+    "gear": GearTable,
+    "rack": RackTable,
+    "pinion": PinionTable,
 }
 
 
@@ -325,6 +299,9 @@ Group = Annotated[
     | Annotated[RRRTable, Tag("#RRR")]
     | Annotated[RPRTable, Tag("#RPR")]
     | Annotated[PRPTable, Tag("#PRP")]
-    | Annotated[RPPTable, Tag("#RPP")],
+    | Annotated[RPPTable, Tag("#RPP")]
+    | Annotated[GearTable, Tag("#gear")]
+    | Annotated[RackTable, Tag("#rack")]
+    | Annotated[PinionTable, Tag("#pinion")],
     Discriminator(_kind),
 ]

@@ -1,7 +1,8 @@
-"""What several kinds of groups in a scene file share: straight guides, and laws of motion of a driver."""
+"""What the groups in a scene file share: what each must answer, straight guides, and laws of motion of a driver."""
 
 from __future__ import annotations
 
+import abc
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -26,6 +27,35 @@ def in_angle(value: Any) -> str:
 def in_length(value: Any) -> str:
     """A length as a scene file writes it, to the last bit."""
     return f"{float(value)!r} m"
+
+
+class GroupTable(Table, abc.ABC):
+    """A group of any kind."""
+
+    @abc.abstractmethod
+    def build(self, turns: int) -> groups.AbstractGroup:
+        """The group itself; `turns` is the sense of the crank, +1 for counter-clockwise."""
+
+    @staticmethod
+    @abc.abstractmethod
+    def keys_of(group: Any) -> dict[str, Any]:
+        """The keys, but for `kind`, that build such a group."""
+
+    @abc.abstractmethod
+    def pins(self) -> tuple[str, ...]:
+        """Names of the pins it brings in."""
+
+    @abc.abstractmethod
+    def bars(self) -> tuple[str, ...]:
+        """Links that need a length."""
+
+    def sliding(self) -> tuple[str, ...]:
+        """Links that slide and have no length."""
+        return ()
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        """What else is wrong, given the points of the frame."""
+        yield from ()
 
 
 class Guide(Table):

@@ -17,6 +17,7 @@ from linkjax.kinematics import pose, prepared
 from linkjax.mechanism import Mechanism
 from linkjax.scenes._fields import Angle, Name, Table
 from linkjax.scenes._guides import AngleLaw, Fault, Guide, LengthLaw, in_angle, in_length, law_keys
+from linkjax.scenes._wheels import mesh_keys
 
 
 class Slot(Table):
@@ -101,8 +102,27 @@ def drawn_keys(mechanism: Mechanism) -> dict[str, Any]:
         table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
     if slots:
         table["slots"] = [{"block": slot.block, "guide": Guide.keys_of(slot.guide)} for slot in slots]
+    gears = [group for group in mechanism.groups if isinstance(group, groups.Gear)]
+    if gears:
+        table["gears"] = [{"link": g.link, "to": g.to, **mesh_keys(g.mesh), "phase": in_angle(g.phase)} for g in gears]
+    racks = [_rack(g, slots, mechanism) for g in mechanism.groups if isinstance(g, groups.Rack | groups.Pinion)]
+    if racks:
+        table["racks"] = racks
     table["sketch"] = {name: [in_length(at.x), in_length(at.y)] for name, at in _sketch(mechanism).items()}
     return table
+
+
+def _rack(group: groups.Rack | groups.Pinion, slots: list[groups.Slot], mechanism: Mechanism) -> dict[str, Any]:
+    """The keys of a rack and its wheel."""
+    if isinstance(group, groups.Rack):
+        rack, wheel, start = group.link, group.to, group.start
+    else:
+        rack, wheel, here = group.to, group.link, pose(mechanism, jnp.zeros(()))
+        through = next(slot.guide.through for slot in slots if slot.block == rack)
+        ahead = (here.points[group.pivot].r - here.points[through].r).dot(here.links[rack].u)
+        start = ahead - group.side * group.phase * group.radius
+    return {"link": rack, "to": wheel, "radius": in_length(group.radius), "side": "left" if group.side > 0 else "right",
+            "start": in_length(start), "pressure_angle": in_angle(group.pressure_angle)}  # fmt: skip
 
 
 def _phase(mechanism: Mechanism) -> float:
@@ -127,7 +147,7 @@ def _slots(group: groups.AbstractGroup) -> tuple[groups.Slot, ...]:
         return group.slots
     if isinstance(group, groups.RRP):
         return (groups.Slot(group.block, group.guide),)
-    if isinstance(group, groups.Slide):
+    if isinstance(group, groups.Slide | groups.Rack):
         return (groups.Slot(group.link, group.guide),)
     if isinstance(group, groups.PRP):
         one, two = (groups.Slot(block, guide) for block, guide in zip(group.blocks, group.slots, strict=True))

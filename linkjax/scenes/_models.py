@@ -35,6 +35,7 @@ from linkjax.scenes._fields import (
 from linkjax.scenes._groups import Group
 from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._optimise import Optimise
+from linkjax.scenes._wheels import GearPair, RackPair
 
 
 class Polar(Table):
@@ -162,6 +163,8 @@ class SceneFile(Table):
     groups: list[Group] = Field([], description="crank and structural groups in their order of attachment")
     drive: Drive | None = Field(None, description="what drives, in a scene without groups")
     slots: list[Slot] = Field([], description="the sliding joints, in a scene without groups")
+    gears: list[GearPair] = Field([], description="links in gear, in a scene without groups")
+    racks: list[RackPair] = Field([], description="racks and their wheels, in a scene without groups")
     sketch: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(
         {}, description="where moving pins are at crank angle zero, roughly", examples=[{"C": ["300 mm", "250 mm"]}]
     )

@@ -47,6 +47,7 @@ from linkjax.viz._style import (
     legend_columns,
     styled,
 )
+from linkjax.viz._wheels import draw_wheels
 
 JOINT, CENTRE = 3.4, 5.0  # points: radius of a joint, and of a mass centre's symbol
 ARROW, ARC = 46.0, 15.0  # points: length of a force arrow, radius of a torque's
@@ -195,6 +196,7 @@ def draw_links(stage: Stage, look: Skeleton, at: Places, working: list[Arrow]) -
         artists += _counterweights(stage, shape, at, i)
         artists += _block(stage, shape, at, i) if shape.block else _bar(stage, shape, at, i)
     order = [shape.link for shape in look.shapes]
+    artists += draw_wheels(look.wheels, look.belts, at, {link: colour(i) for i, link in enumerate(order)}, GREY)
     for slot in look.slots:
         artists += _rails(stage, slot, at, order.index(slot.on))
     dots = {p for shape in look.shapes for p in shape.marked} - set(look.joints)

@@ -12,6 +12,7 @@ from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
 from linkjax.viz._style import Data, closed, lost
+from linkjax.viz._wheels import Strands, Wheel, wheels_of
 
 Place = tuple[float, float]
 Places = dict[str, np.ndarray]
@@ -73,6 +74,8 @@ class Skeleton(NamedTuple):
     guides: tuple[Guide, ...]
     slots: tuple[Slot, ...]
     traced: tuple[str, ...]
+    wheels: tuple[Wheel, ...]
+    belts: tuple[Strands, ...]
     low: np.ndarray
     high: np.ndarray
 
@@ -98,7 +101,9 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     drawn = {p for s in shapes for p in (*s.pins, *s.marked, *s.weights, *([s.centre] if s.centre else []))}
     paths = {p: path(data, p) for p in data["points"] if p in drawn}
     discs = [(p, r) for s in shapes for p, r in s.weights.items() if r]
-    rims = [paths[p] + side * r for p, r in discs for side in (-1, 1)]
+    wheels, belts = wheels_of(scene, lambda point: path(data, point))
+    discs += [(wheel.point, wheel.radius) for wheel in wheels]
+    rims = [path(data, p) + side * r for p, r in discs for side in (-1, 1)]
     sound = np.concatenate([*paths.values(), *rims], axis=1)
     sound = sound[:, np.all(np.isfinite(sound), axis=0)]
     if not sound.size:
@@ -110,7 +115,7 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block and not shape.upon) if g)
     low, high = sound.min(axis=1), sound.max(axis=1)
     return Skeleton(tuple(shapes), pivots, tuple(joints), guides, _slots(data, scene), tuple(dict.fromkeys(traced)),
-                    low, high)  # fmt: skip
+                    wheels, belts, low, high)  # fmt: skip
 
 
 def _slots(data: Data, scene: Scene) -> tuple[Slot, ...]:

@@ -64,7 +64,8 @@ def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Unit
             "upon": shape.upon, "arms": list(shape.marked) if shape.block else [], "pin": shape.pins[0],
             "weights": shape.weights,
         })  # fmt: skip
-    turning = dict.fromkeys([*(s.link for s in look.shapes if s.block), *(slot.on for slot in look.slots)])
+    turning = dict.fromkeys([*(s.link for s in look.shapes if s.block), *(slot.on for slot in look.slots),
+                             *(wheel.link for wheel in look.wheels if wheel.link in data["links"])])  # fmt: skip
     dots = sorted({p for shape in look.shapes for p in shape.marked} - set(look.joints))
     return {
         "points": {p: _point(data, p, at) for p in data["points"]},
@@ -78,6 +79,8 @@ def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Unit
             }
             for slot in look.slots
         ],
+        "wheels": [wheel._asdict() for wheel in look.wheels],
+        "belts": [[belt.one._asdict(), belt.other._asdict(), belt.crossed] for belt in look.belts],
         "lost": np.flatnonzero(lost(data)).tolist(),
         "links": links,
         "guides": [[*map(float, (*guide.ends[0], *guide.ends[1]))] for guide in look.guides],

@@ -30,11 +30,11 @@ from linkjax import (
     Vec,
     Window,
 )
-from linkjax.groups import General
+from linkjax.groups import Belt, Gear, General, Pinion, Rack, Teeth
 from linkjax.kinematics import least_margin
 
 BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")
-COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides", "triad")
+COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides", "triad", "geared")
 PRESCRIBED = ("swinging", "hydraulic")  # by a law of motion
 
 
@@ -257,10 +257,46 @@ def _hydraulic() -> lj.Scene:
     return lj.Scene(Mechanism(fixed, links, groups), loads, Vec(0.5, -9.81), 6.0, title="Hydraulic")
 
 
+def _geared() -> lj.Scene:
+    """Wheels of all kinds: a five-bar between crank and wheel, one that runs inside a ring of the frame on the crank's
+    pin, one on a lever round a wheel that stands still, a belt from that lever, racks, and a pinion."""
+
+    def link(length: float, mass: float, **points: Vec) -> Link:
+        return Link(length=length, mass=mass, inertia=0.02 * mass * (0.2 + length) ** 2,
+                    centre=Vec(0.4 * length + 0.01, 0.01), points=points)  # fmt: skip
+
+    links = {
+        "crank": link(0.06, 1.0), "wheel": link(0.05, 1.5), "left": link(0.25, 0.8), "right": link(0.22, 0.7),
+        "planet": link(0.06, 0.9, K=Vec(0.01, 0.04)), "coupler": link(0.3, 1.0), "lever": link(0.2, 1.2),
+        "pulley": link(0.07, 1.1), "rack": link(0.0, 1.4), "sector": link(0.08, 0.6), "idler": link(0.0, 0.5),
+        "slide": link(0.0, 0.6),
+    }  # fmt: skip
+    groups = [
+        Crank("crank", "A", "B"),
+        Gear("wheel", "D", Teeth((30, 30)), "crank", "A", "C", 0.4),
+        RRR(("left", "right"), "B", "C", "P", 1),
+        Gear("planet", "B", Teeth((20, 40), inside=True), "frame", "A", "Q", 0.3, "crank"),
+        RRR(("coupler", "lever"), "P", "E", "R", -1),
+        Gear("pulley", "F", Belt(0.03, 0.05, tension=40.0), "lever", "E", "T", 0.2),
+        Rack("rack", "U", Guide("F", -0.3, 0.02), "pulley", "F", 0.03, -1, 0.1),
+        Pinion("sector", "G", "rack", "U", 0.04, 1, "V", 0.1),
+        Gear("idler", "R", Teeth((25, 35), pressure_angle=0.4), "frame", "E", None, 0.5, "lever"),
+        Rack("slide", "W", Guide("R", 0.8, 0.01, "lever"), "idler", "R", 0.02, 1, 0.05),
+    ]
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.3, 0.0), "E": Vec(0.45, 0.3), "F": Vec(0.6, 0.35), "G": Vec(0.8, 0.1)}
+    loads = (
+        OpposingForce("press", "rack", "U", magnitude=30.0, window=Window(turn(40.0), turn(200.0)), reacts_on="frame"),
+        Force("pull", "planet", "K", force=Vec(10.0, -30.0)),
+        Force("weight", "sector", "V", force=Vec(5.0, -20.0)),
+        OpposingTorque("rub", "pulley", magnitude=1.0),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.3)), loads, Vec(0.0, -9.81), 15.0, 0.05, title="Gears")
+
+
 @functools.cache
 def machine(name: str) -> lj.Scene:
     """A built-in scene, or one composed here."""
-    made = _two_on_one_crank, _coupler_points, _clockwise, _slotted_levers, _moving_guides, _triad
+    made = _two_on_one_crank, _coupler_points, _clockwise, _slotted_levers, _moving_guides, _triad, _geared
     made = *made, _swinging, _hydraulic
     composed = dict(zip((*COMPOSED, *PRESCRIBED), made, strict=True))
     return composed[name]() if name in composed else lj.load(name)
@@ -297,6 +333,12 @@ def mirrored(mechanism: Mechanism) -> Mechanism:
             return dataclasses.replace(old, sketch={p: flip(at) for p, at in old.sketch.items()})
         if isinstance(old, PRP):
             return dataclasses.replace(old, slots=tuple(map(flipped, old.slots)), side=-old.side)
+        if isinstance(old, Gear):
+            return dataclasses.replace(old, phase=-old.phase)
+        if isinstance(old, Rack):
+            return dataclasses.replace(old, guide=flipped(old.guide), side=-old.side)
+        if isinstance(old, Pinion):
+            return dataclasses.replace(old, side=-old.side, phase=-old.phase)
         return dataclasses.replace(old, side=-old.side)
 
     links = {name: link(mechanism.links[name]) for name in mechanism.link_names}
@@ -324,6 +366,16 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             assert isinstance(old.law, lj.Harmonic)
             law = lj.Harmonic(old.law.start * lengths, old.law.stop * lengths)
             return dataclasses.replace(old, guide=group(old.guide), law=law)
+        if isinstance(old, Gear) and isinstance(old.mesh, Belt):
+            mesh, tension = old.mesh, old.mesh.tension * forces
+            return dataclasses.replace(
+                old, mesh=Belt(mesh.radius * lengths, mesh.other * lengths, mesh.crossed, tension)
+            )
+        if isinstance(old, Rack):
+            start = old.start * lengths
+            return dataclasses.replace(old, radius=old.radius * lengths, start=start, guide=group(old.guide))
+        if isinstance(old, Pinion):
+            return dataclasses.replace(old, radius=old.radius * lengths)
         if isinstance(old, RRP | RPP):
             old = dataclasses.replace(old, guide=group(old.guide))
         if isinstance(old, General):

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkjax.groups import PRP, RPP, RPR, RRP, RRR, AbstractDriver, Crank, General, Slide
-from tests.physics import oracle
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, AbstractDriver, Crank, Gear, General, Pinion, Rack, Slide
+from tests.physics import oracle, wheels
 
 
 class Joint(NamedTuple):
     """What `by` exerts on `link`: a force at a point, or normal force and couple of a guide (referred to the point), or
-    what a driver that follows a law is driven by."""
+    what a driver that follows a law is driven by, or what wheels in gear exert (referred to the point)."""
 
     name: str
     point: str
@@ -23,6 +23,7 @@ class Joint(NamedTuple):
     by: str
     guide: bool = False
     drive: bool = False
+    mesh: bool = False
 
 
 def joints(mechanism) -> list[Joint]:
@@ -33,6 +34,12 @@ def joints(mechanism) -> list[Joint]:
         if isinstance(g, Crank):
             found.append(Joint(g.pivot, g.pivot, g.link, owner[g.pivot]))
             found += [Joint(f"{g.link}.drive", g.pivot, g.link, "frame", drive=True)] if g.law is not None else []
+            owner[g.end] = g.link
+        elif isinstance(g, Gear | Pinion):
+            found.append(Joint(g.pivot, g.pivot, g.link, owner[g.pivot]))
+            owner |= {} if g.end is None else {g.end: g.link}
+        elif isinstance(g, Rack):
+            found.append(Joint(f"{g.link}.guide", g.end, g.link, g.guide.on, guide=True))
             owner[g.end] = g.link
         elif isinstance(g, Slide):
             found.append(Joint(f"{g.link}.guide", g.end, g.link, "frame", guide=True))
@@ -83,6 +90,9 @@ def joints(mechanism) -> list[Joint]:
                 Joint(g.meet, g.meet, two, one),
             ]
             owner[g.meet] = one
+        if isinstance(g, wheels.WHEELS):
+            point = g.end if isinstance(g, Rack) else g.pivot
+            found.append(Joint(f"{g.link}.mesh", point, g.link, g.to, mesh=True))
         for name in g.link_names():
             link = mechanism.links[name]
             for point in (link.centre_name, *link.point_names()):
@@ -103,11 +113,13 @@ def solve(scene, phi, speed, acceleration) -> Solution:
     """Forces at arrays of crank angle, crank speed and acceleration."""
     phi, speed, acceleration = (np.asarray(x, dtype=float) for x in (phi, speed, acceleration))
     mechanism = scene.mechanism
-    here, every = oracle.rates(mechanism, phi), [j for j in joints(mechanism) if not j.drive]
+    here, every = oracle.rates(mechanism, phi), [j for j in joints(mechanism) if not (j.drive or j.mesh)]
     bodies = oracle.numbers(mechanism).bodies
     row = {name: 3 * i for i, name in enumerate(bodies)}
     size = 3 * len(bodies)
-    assert size == 2 * len(every) + 1, "as many equations as unknowns"
+    at, headings = ({name: jet.r for name, jet in jets.items()} for jets in here)
+    contacts = [wheels.contact(g, at, headings) for g in mechanism.groups if isinstance(g, wheels.WHEELS)]
+    assert size == 2 * len(every) + len(contacts) + 1, "as many equations as unknowns"
     matrix, right = np.zeros((*phi.shape, size, size)), np.zeros((*phi.shape, size))
     centre = {name: here.points[next(iter(b.places))] for name, b in bodies.items()}
     normal = {j.link: 1j * here.links[j.link].r for j in every if j.guide}
@@ -148,7 +160,7 @@ def solve(scene, phi, speed, acceleration) -> Solution:
         right[..., row[link]] -= force.real
         right[..., row[link] + 1] -= force.imag
         right[..., row[link] + 2] -= (arm.conjugate() * force).imag + couple
-    x = np.linalg.solve(matrix, right[..., None])[..., 0]
+    x, meshes = _carried_by(contacts, matrix, right, 2 * len(every), row, centre)
     reactions: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = {}
     for k, j in enumerate(every):
         one, two = x[..., 2 * k], x[..., 2 * k + 1]
@@ -157,9 +169,52 @@ def solve(scene, phi, speed, acceleration) -> Solution:
             if link != "frame":
                 old = reactions.get((j.name, link), (none, 0 * phi))
                 reactions[j.name, link] = (old[0] + sign * force, old[1] + sign * couple)
+    for c, (force, moment) in zip(contacts, meshes, strict=True):
+        shift = (here.points[c.about].r.conjugate() * force).imag
+        for link, sign in ((c.link, 1), (c.by, -1)):
+            if link != "frame":
+                reactions[c.name, link] = sign * force, sign * (moment - shift)
     push = x[..., -1]
     if isinstance(crank, Slide):
         reactions[f"{crank.link}.drive", crank.link] = push * here.links[crank.link].r, 0 * push
     elif crank.law is not None:
         reactions[f"{crank.link}.drive", crank.link] = none, push
     return Solution(reactions, push * pace, rate, spin)
+
+
+def _carried_by(contacts, matrix, right, first, row, centre):
+    """The unknowns, and force and moment (about the origin) of every contact: each in the one of its two ways in which
+    its force is not less than the least that it can be."""
+    way = np.zeros((len(contacts), *right.shape[:-1]), dtype=int)
+
+    def chosen(k, parts):
+        return np.where(way[k] == 0, *parts)
+
+    x, wrong = np.zeros_like(right), np.zeros(1, dtype=bool)
+    for _ in range(2 ** len(contacts)):
+        a, b = matrix.copy(), right.copy()
+        for k, c in enumerate(contacts):
+            at, along, beside, besides = (chosen(k, [side[i] for side in c.sides]) for i in range(4))
+            for link, sign in ((c.link, 1), (c.by, -1)):
+                if link == "frame":
+                    continue
+                i, g = row[link], centre[link].r
+                a[..., i, first + k] += sign * along.real
+                a[..., i + 1, first + k] += sign * along.imag
+                a[..., i + 2, first + k] += sign * ((at - g).conjugate() * along).imag
+                b[..., i] -= sign * besides.real
+                b[..., i + 1] -= sign * besides.imag
+                b[..., i + 2] -= sign * ((beside - g).conjugate() * besides).imag
+        x = np.linalg.solve(a, b[..., None])[..., 0]
+        wrong = np.array([x[..., first + k] < c.sides[0].least - 1e-9 for k, c in enumerate(contacts)])
+        if not wrong.any():
+            break
+        way = np.where(wrong, 1 - way, way)
+    assert not wrong.any()
+    found = []
+    for k, c in enumerate(contacts):
+        at, along, beside, besides = (chosen(k, [side[i] for side in c.sides]) for i in range(4))
+        force = x[..., first + k] * along + besides
+        moment = (at.conjugate() * along).imag * x[..., first + k] + (beside.conjugate() * besides).imag
+        found.append((force, moment))
+    return x, found

@@ -17,9 +17,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.optimize import root as solved
 
-from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, General, Harmonic, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, Harmonic, Pinion, Rack, Slide
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.mechanism import Mechanism
+from tests.physics import wheels
 
 
 class Body(NamedTuple):
@@ -221,11 +222,31 @@ def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, An
     links, length, axis, fixed, _ = numbers(mechanism, m)
     points = dict(fixed)
     directions: dict[str, Any] = {}
+    counted: dict[str, Any] = {"frame": n(0)}  # angles of links with all turns
+
+    def angle(name):
+        return counted[name] if name in counted else m.atan2(directions[name].imag, directions[name].real)
+
     for number, g in enumerate(groups):
         if isinstance(g, Crank):
-            angle = g.turns * phi if g.law is None else prescribed(g.law, phi, m)
-            new = {g.link: (g.pivot, m.exp(1j * (n(g.phase) + angle)))}
+            turned = g.turns * phi if g.law is None else prescribed(g.law, phi, m)
+            counted[g.link] = n(g.phase) + turned
+            new = {g.link: (g.pivot, m.exp(1j * counted[g.link]))}
             points[g.end] = points[g.pivot] + length[g.link] * new[g.link][1]
+        elif isinstance(g, Gear | Pinion):
+            if isinstance(g, Gear):
+                counted[g.link] = wheels.mesh_angle(g, angle, n)
+            else:
+                way_on = ((points[g.at] - points[g.pivot]) / directions[g.to]).real
+                counted[g.link] = n(g.phase) + angle(g.carrier) + g.side * way_on / n(g.radius)
+            new = {g.link: (g.pivot, m.exp(1j * counted[g.link]))}
+            if g.end is not None:
+                points[g.end] = points[g.pivot] + length[g.link] * new[g.link][1]
+        elif isinstance(g, Rack):
+            base, along, offset, _ = way(g.guide, points, directions, m)
+            rolled = g.side * n(g.radius) * (angle(g.to) - angle(g.guide.on))
+            points[g.end] = base + along * (n(g.start) + rolled + 1j * offset)
+            new = {g.link: (g.end, along + 0 * points[g.end])}
         elif isinstance(g, Slide):
             base, along, offset, _ = way(g.guide, points, directions, m)
             points[g.end] = base + along * (prescribed(g.law, phi, m) + 1j * offset)
@@ -331,6 +352,25 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
         elif isinstance(g, Slide):
             (s, s2), along = swinging(g.law, phi), directions[g.link]
             points[g.end], links[g.link] = Jet(at[g.end], s * along, s2 * along), Jet(along, none, none)
+        elif isinstance(g, Gear):
+            w, e = (wheels.mesh_rates(g, lambda name, k=k: links.get(name, still)[k])
+                    for k in (1, 2))  # fmt: skip
+            links[g.link] = Jet(directions[g.link], w, e)
+        elif isinstance(g, Rack | Pinion):
+            on = links.get(g.guide.on if isinstance(g, Rack) else g.carrier, still)
+            if isinstance(g, Rack):
+                s, s2 = (g.side * float(g.radius) * (links[g.to][k] - on[k]) for k in (1, 2))
+                along, base = directions[g.link], points[g.guide.through]
+                under = carried(base, on, (at[g.end] - base.r) / on.r)
+                points[g.end] = Jet(at[g.end], under.v + s * along, under.a + (s2 + 2j * on.v * s) * along)
+                links[g.link] = Jet(along, on.v, on.a)
+            else:
+                along, pin = directions[g.to], points[g.at]
+                under = carried(points[g.pivot], on, (pin.r - at[g.pivot]) / on.r)
+                s = ((pin.v - under.v) / along).real
+                s2 = ((pin.a - under.a - 2j * on.v * s * along) / along).real
+                rolled = g.side / float(g.radius)
+                links[g.link] = Jet(directions[g.link], on.v + rolled * s, on.a + rolled * s2)
         elif isinstance(g, RRP):
             b, rod, along = points[g.from_], at[g.end] - at[g.from_], directions[g.block]
             on, base = links.get(g.guide.on, still), points[g.guide.through]

@@ -70,7 +70,8 @@ def along(name: str, points: int):
 )
 def test_quadrature_and_diffrax_agree(name):
     scene = machine(name)
-    one, two = regime(name), compiled_soon(steady_by_diffrax)(scene)
+    nodes = 192 if name == "geared" else 96  # its wheels turn faster than the crank
+    one, two = regime(name), compiled_soon(lambda scene: steady_by_diffrax(scene, nodes))(scene)
     for field in ("delta", "speed_max", "speed_min", "drive_torque", "mean_speed", "period", "energy"):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), rel=1e-9), field
     for field in ("angle_of_max", "angle_of_min"):

@@ -1,0 +1,105 @@
+"""G: a wheel in gear with a link that is there already, by teeth or by a belt.
+
+Source: Willis' formula for wheels on a moving carrier, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
+ch. 7.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._types import as_float
+from linkjax._vec import Vec, unit
+from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench
+from linkjax.groups._mesh import Belt, Mesh, Teeth
+from linkjax.groups._pairs import FRAME
+from linkjax.groups._state import LinkState, carried
+from linkjax.groups._winding import Winding, comes_round, turned
+
+
+class Gear(AbstractGroup):
+    """A wheel `link` that turns about `pivot`, in gear with the link `to` (or "frame") that turns about `centre`.
+
+    Both points belong to the `carrier`, the frame or a link that is there already. Seen from it the wheel stands at
+    `phase` (rad) while `to` stands at zero, and turns in the ratio of the `mesh`. Where `to` is no crank and no wheel,
+    its angle is counted from that within half a turn of zero at crank angle zero. `end` names a pin of the wheel at its
+    length, if it has one. `path` and `turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a mesh
+    that is none, and for a wheel in gear with its own carrier.
+    """
+
+    kind: ClassVar[str] = "gear"
+    dead_positions: ClassVar[tuple[str, ...]] = ("turns", "apart")
+
+    link: str = eqx.field(static=True)
+    pivot: str = eqx.field(static=True)
+    mesh: Mesh
+    to: str = eqx.field(static=True)
+    centre: str = eqx.field(static=True)
+    end: str | None = eqx.field(static=True, default=None)
+    phase: Array = eqx.field(converter=as_float, default=0.0)
+    carrier: str = eqx.field(static=True, default=FRAME)
+    path: Winding | None = None
+    turns: int = eqx.field(static=True, default=1)
+
+    def __check_init__(self):
+        if not isinstance(self.mesh, Teeth | Belt):
+            raise ValueError(f"the mesh of wheel {self.link!r} is {self.mesh!r}; write Teeth((40, 20)) or a Belt")
+        if self.to == self.carrier or self.pivot == self.centre:
+            both = f"{self.to!r} about {self.centre!r}"
+            raise ValueError(f"wheel {self.link!r} is in gear with {both}, on which it sits; name another carrier")
+
+    def mates(self) -> tuple[str, str]:
+        """The links whose angles it follows."""
+        return self.to, self.carrier
+
+    def link_names(self):
+        return (self.link,)
+
+    def classified(self):
+        return "G", "RG"
+
+    def needs(self):
+        return self.pivot, self.centre
+
+    def lies_on(self):
+        return ((self.carrier, self.pivot), (self.carrier, self.centre), (self.to, self.centre))
+
+    def pins(self):
+        return {self.link: (self.pivot, self.end)}
+
+    def coupling(self):
+        ratio = self.mesh.ratio()
+        return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {})
+
+    def solve(self, links, states, points, phi):
+        there, on = (turned(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
+        ratio = self.mesh.ratio()
+        angle, w, e = (b + ratio * (a - b) for a, b in zip(there, on, strict=True))
+        angle = angle + self.phase
+        state, pivot = LinkState(unit(angle), w, e, angle), points[self.pivot]
+        if self.end is None:
+            return {self.link: state}, {}
+        length = links[self.link].length
+        return {self.link: state}, {self.end: carried(pivot, state, Vec(length, jnp.zeros_like(length)))}
+
+    def margins(self, links, states, points, phi):
+        apart = self.mesh.apart(points[self.centre].r - points[self.pivot].r)
+        return {"turns": comes_round(self.path, phi), "apart": apart}
+
+    def transmission(self, states, points):
+        return None
+
+    def joints(self):
+        return (
+            Joint(self.pivot, self.pivot, self.link),
+            Joint(f"{self.link}.mesh", self.pivot, self.link, self.to, meshes=True),
+        )
+
+    def react(self, loads, states, points):
+        load = loads[self.link]
+        mesh = self.mesh.exerted(points[self.centre].r - points[self.pivot].r, -load.moment)
+        return (Wrench(-(load.force + mesh.force), jnp.zeros_like(load.moment)), mesh), None

@@ -1,0 +1,199 @@
+"""G: a rack that a wheel moves, and a wheel (pinion) that a rack turns.
+
+Source: rolling of the pitch circle on the pitch line of the rack, e.g. Artobolevsky, Theory of Mechanisms and Machines,
+1988, ch. 7.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._types import as_float, known
+from linkjax._vec import Vec, unit
+from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench, check_side
+from linkjax.groups._guide import Guide, Line, as_guide
+from linkjax.groups._mesh import PRESSURE, push
+from linkjax.groups._pairs import FRAME
+from linkjax.groups._state import LinkState, carried
+from linkjax.groups._winding import Winding, comes_round, turned
+
+
+def check_radius(kind: str, radius: Array) -> None:
+    """Raise ValueError for a pitch radius that is none."""
+    value = known(radius)
+    if value is not None and not (value > 0).all():
+        raise ValueError(f"radius of a {kind} must be above zero, but is {value} m")
+
+
+class Rack(AbstractGroup):
+    """A `link` that slides along a `guide`, moved by the toothed wheel `to` of pitch `radius` (m) about `centre`.
+
+    The wheel's centre is a point of the link (or frame) that the guide is on, and lies to the left of the guide's
+    direction for `side` +1, to the right for -1. The rack's own point `end`, the origin of its axes, is `start` (m)
+    ahead of the foot of `through` on the path while the wheel stands at zero, as seen from there. A belt or cable that
+    pulls a slide is a rack with the `pressure_angle` zero. `path` and `turns` are filled in by `kinematics.prepared`.
+    Raises `ValueError` for a radius or side that is none.
+    """
+
+    kind: ClassVar[str] = "rack"
+    dead_positions: ClassVar[tuple[str, ...]] = ("turns",)
+
+    link: str = eqx.field(static=True)
+    end: str = eqx.field(static=True)
+    guide: Guide = eqx.field(converter=as_guide)
+    to: str = eqx.field(static=True)
+    centre: str = eqx.field(static=True)
+    radius: Array = eqx.field(converter=as_float)
+    side: int = eqx.field(static=True, default=1)
+    start: Array = eqx.field(converter=as_float, default=0.0)
+    pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
+    path: Winding | None = None
+    turns: int = eqx.field(static=True, default=1)
+
+    def __check_init__(self):
+        check_side(self.kind, self.side)
+        check_radius(self.kind, self.radius)
+
+    def mates(self) -> tuple[str, str]:
+        """The links whose angles it follows."""
+        return self.to, self.guide.on
+
+    def link_names(self):
+        return (self.link,)
+
+    def classified(self):
+        return "G", "PG"
+
+    def needs(self):
+        return self.guide.through, self.centre
+
+    def lies_on(self):
+        return ((self.guide.on, self.centre), (self.to, self.centre))
+
+    def guides(self):
+        return (self.guide,)
+
+    def pins(self):
+        return {self.link: (self.end, None)}
+
+    def translating(self):
+        return (self.link,) if self.guide.on == FRAME else ()
+
+    def coupling(self):
+        rolled = self.side * self.radius
+        return Coupling({self.to: -rolled, self.guide.on: rolled}, {self.link: jnp.ones_like(rolled)})
+
+    def solve(self, links, states, points, phi):
+        there, on = (turned(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
+        rolled = [self.side * self.radius * (a - b) for a, b in zip(there, on, strict=True)]
+        line = self.guide.line(states, points)
+        return {self.link: line.state}, {self.end: line.point(self.start + rolled[0], rolled[1], rolled[2])}
+
+    def margins(self, links, states, points, phi):
+        return {"turns": comes_round(self.path, phi)}
+
+    def transmission(self, states, points):
+        return None
+
+    def joints(self):
+        return (
+            Joint(f"{self.link}.guide", self.end, self.link, self.guide.on, slides=True),
+            Joint(f"{self.link}.mesh", self.end, self.link, self.to, meshes=True),
+        )
+
+    def react(self, loads, states, points):
+        t, load = states[self.link].u, loads[self.link]
+        n, pull = t.perp() * float(self.side), -load.force.dot(t)
+        force = t * pull - n * push(pull, self.pressure_angle)
+        arm = points[self.centre].r - n * self.radius - points[self.end].r
+        mesh, across = Wrench(force, arm.cross(force)), t.perp()
+        guide = Wrench(across * -(load.force + force).dot(across), -(load.moment + mesh.moment))
+        return (guide, mesh), None
+
+
+class Pinion(AbstractGroup):
+    """A toothed wheel `link` of pitch `radius` (m) that turns about `pivot`, moved by the rack `to`.
+
+    `pivot` is a point of the `carrier`, the frame or the link along which the rack slides; it lies to the left of the
+    rack's direction for `side` +1, to the right for -1. Seen from the carrier the wheel stands at `phase` (rad) while
+    the rack's point `at` is abreast of the pivot. `end` names a pin of the wheel at its length, if it has one. Raises
+    `ValueError` for a radius or side that is none.
+    """
+
+    kind: ClassVar[str] = "pinion"
+    dead_positions: ClassVar[tuple[str, ...]] = ()
+
+    link: str = eqx.field(static=True)
+    pivot: str = eqx.field(static=True)
+    to: str = eqx.field(static=True)
+    at: str = eqx.field(static=True)
+    radius: Array = eqx.field(converter=as_float)
+    side: int = eqx.field(static=True, default=1)
+    end: str | None = eqx.field(static=True, default=None)
+    phase: Array = eqx.field(converter=as_float, default=0.0)
+    carrier: str = eqx.field(static=True, default=FRAME)
+    pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
+
+    def __check_init__(self):
+        check_side(self.kind, self.side)
+        check_radius(self.kind, self.radius)
+
+    def link_names(self):
+        return (self.link,)
+
+    def classified(self):
+        return "G", "RG"
+
+    def needs(self):
+        return self.pivot, self.at
+
+    def lies_on(self):
+        return ((self.carrier, self.pivot), (self.to, self.at))
+
+    def slides_on(self):
+        return ((self.to, self.carrier),)
+
+    def pins(self):
+        return {self.link: (self.pivot, self.end)}
+
+    def coupling(self):
+        one = jnp.ones_like(self.radius)
+        return Coupling({self.link: one, self.carrier: -one}, {self.to: -self.side / self.radius})
+
+    def solve(self, links, states, points, phi):
+        rack, pivot = states[self.to], points[self.pivot]
+        s, d, dd = Line(pivot, rack.u, jnp.zeros_like(phi), rack).along(points[self.at])
+        s, d, dd = (self.side * x / self.radius for x in (s, d, dd))
+        on = None if self.carrier == FRAME else states[self.carrier]
+        u, w, e = unit(self.phase + s), d, dd
+        if on is not None:
+            u, w, e = u.turned(on.u).once(), w + on.w, e + on.e
+        whole = jnp.zeros_like(phi) if on is None else on.angle
+        state = LinkState(u, w, e, None if whole is None else whole + self.phase + s)
+        if self.end is None:
+            return {self.link: state}, {}
+        length = links[self.link].length
+        return {self.link: state}, {self.end: carried(pivot, state, Vec(length, jnp.zeros_like(length)))}
+
+    def margins(self, links, states, points, phi):
+        return {}
+
+    def transmission(self, states, points):
+        return None
+
+    def joints(self):
+        return (
+            Joint(self.pivot, self.pivot, self.link),
+            Joint(f"{self.link}.mesh", self.pivot, self.link, self.to, meshes=True),
+        )
+
+    def react(self, loads, states, points):
+        t, load = states[self.to].u, loads[self.link]
+        n, moment = t.perp() * float(self.side), -load.moment
+        pull = self.side * moment / self.radius  # acts at the pitch point, the radius to the right of the pivot
+        force = t * pull + n * push(pull, self.pressure_angle)
+        return (Wrench(-(load.force + force), jnp.zeros_like(moment)), Wrench(force, moment)), None

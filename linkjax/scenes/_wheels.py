@@ -1,0 +1,225 @@
+"""Wheels in gear as a scene file writes them: by teeth, by a belt, on a rack."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StrictBool
+
+from linkjax import groups
+from linkjax.scenes._fields import Angle, Count, Length, Name, Pair, Radius, Table, Tension
+from linkjax.scenes._guides import Fault, GroupTable, Guide, in_angle, in_length
+
+
+def steep(angle: float) -> Iterator[Fault]:
+    """A pressure angle that is none."""
+    if not 0 <= angle < math.radians(60):
+        yield ("pressure_angle",), "not from 0 to 60 degrees", 'usual is "20 deg"'
+
+
+class BeltTable(Table):
+    """A belt, chain or cable round two wheels."""
+
+    radii: Annotated[tuple[Radius, Radius], Pair] = Field(
+        description="radii of the wheel and of the other one", examples=[["40 mm", "80 mm"]]
+    )
+    crossed: StrictBool = Field(False, description="whether it turns them in opposite senses", examples=[True])
+    tension: Tension = Field(0.0, description="tension of the slack strand", examples=["200 N"])
+
+
+class Toothed(Table):
+    """What keeps two wheels in gear."""
+
+    teeth: Annotated[tuple[Count, Count], Pair] | None = Field(
+        None, description="teeth of the wheel and of the other one", examples=[[40, 20]]
+    )
+    inside: StrictBool = Field(False, description="whether the smaller runs inside the larger", examples=[True])
+    pressure_angle: Angle = Field(groups.PRESSURE, description="of the teeth", examples=["25 deg"])
+    belt: BeltTable | None = Field(
+        None, description="instead of teeth: a belt round both", examples=[{"radii": ["40 mm", "80 mm"]}]
+    )
+
+    def mesh(self) -> groups.Mesh:
+        """The teeth, or the belt."""
+        if self.belt is not None:
+            return groups.Belt(*self.belt.radii, self.belt.crossed, self.belt.tension)
+        assert self.teeth is not None  # see `mesh_faults`
+        return groups.Teeth(self.teeth, self.inside, self.pressure_angle)
+
+    def mesh_faults(self) -> Iterator[Fault]:
+        """What does not fit together."""
+        if self.teeth is not None and self.belt is not None:
+            yield ("teeth",), "given, and a belt too, but a wheel has one of them", "delete teeth, or the belt"
+        elif self.teeth is None and self.belt is None:
+            remedy = 'add teeth = [40, 20], or belt = { radii = ["40 mm", "80 mm"] }'
+            yield ("teeth",), "missing (a wheel has teeth, or a belt)", remedy
+        for key in ("inside", "pressure_angle") if self.belt is not None else ():
+            if key in self.model_fields_set:
+                yield (key,), "has no effect: a belt has no teeth", f"delete {key}"
+        if self.inside and self.teeth is not None and self.teeth[0] == self.teeth[1]:
+            yield ("inside",), "both wheels have as many teeth, so none runs inside the other", "change one of them"
+        yield from steep(self.pressure_angle)
+
+
+def mesh_keys(mesh: groups.Mesh) -> dict[str, Any]:
+    """The keys of what keeps two wheels in gear."""
+    if isinstance(mesh, groups.Teeth):
+        return {"teeth": list(mesh.teeth), "inside": mesh.inside, "pressure_angle": in_angle(mesh.pressure_angle)}
+    radii = [in_length(mesh.radius), in_length(mesh.other)]
+    return {"belt": {"radii": radii, "crossed": mesh.crossed, "tension": f"{float(mesh.tension)!r} N"}}
+
+
+class GearPair(Toothed):
+    """Two links in gear, in a machine that is drawn by links and joints."""
+
+    link: Name = Field(description="the wheel", examples=["wheel"])
+    to: Name = Field(description="the link it is in gear with, or the frame", examples=["crank"])
+    phase: Angle = Field(0.0, description="angle of the wheel while the other one stands at zero", examples=["90 deg"])
+
+    def build(self) -> groups.GearPair:
+        return groups.GearPair(self.link, self.to, self.mesh(), self.phase)
+
+
+class RackPair(Table):
+    """A block as a rack, and its wheel, in a machine that is drawn by links and joints."""
+
+    link: Name = Field(description="the rack, the block of a slot", examples=["rack"])
+    to: Name = Field(description="the wheel", examples=["wheel"])
+    radius: Radius = Field(description="pitch radius of the wheel", examples=["60 mm"])
+    side: Literal["left", "right"] = Field(
+        "left", description="where the wheel lies, seen along the guide", examples=["right"]
+    )
+    start: Length = Field(
+        0.0, description="how far the block is along its guide while the wheel stands at zero", examples=["250 mm"]
+    )
+    pressure_angle: Angle = Field(
+        groups.PRESSURE, description="of the teeth; zero for a belt that pulls", examples=["25 deg"]
+    )
+
+    def build(self) -> groups.RackPair:
+        side = 1 if self.side == "left" else -1
+        return groups.RackPair(self.link, self.to, self.radius, side, self.start, self.pressure_angle)
+
+
+class GearTable(Toothed, GroupTable):
+    """A wheel in gear with a link, by teeth or by a belt."""
+
+    kind: Literal["gear"] = Field(description="a wheel in gear with a link, by teeth or a belt", examples=["gear"])
+    link: Name = Field(description="the wheel", examples=["wheel"])
+    pivot: Name = Field(description="the point it turns about", examples=["D"])
+    to: Name = Field(description="the link it is in gear with, or the frame", examples=["crank"])
+    centre: Name = Field(description="the point that link turns about", examples=["A"])
+    end: Name | None = Field(None, description="name for a pin of the wheel at its length", examples=["C"])
+    phase: Angle = Field(0.0, description="angle of the wheel while the other one stands at zero", examples=["90 deg"])
+    carrier: Name = Field("frame", description="the link that both turn on", examples=["arm"])
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        return groups.Gear(self.link, self.pivot, self.mesh(), self.to, self.centre, self.end, self.phase, self.carrier)
+
+    @staticmethod
+    def keys_of(group: groups.Gear) -> dict[str, Any]:
+        table: dict[str, Any] = {"link": group.link, "pivot": group.pivot, "to": group.to, "centre": group.centre}
+        table |= mesh_keys(group.mesh)
+        end = {} if group.end is None else {"end": group.end}
+        return {**table, **end, "phase": in_angle(group.phase), "carrier": group.carrier}
+
+    def pins(self) -> tuple[str, ...]:
+        return () if self.end is None else (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return () if self.end is None else (self.link,)
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        yield from self.mesh_faults()
+        if self.carrier == "frame" and self.to == "frame":
+            yield ("to",), "the frame carries the wheel, so it cannot be in gear with it", "name a link, or the carrier"
+        if self.pivot == self.centre:
+            yield ("centre",), "the same point as `pivot`", "name the point that the other wheel turns about"
+
+
+class RackTable(GroupTable):
+    """A rack that a wheel moves."""
+
+    kind: Literal["rack"] = Field(description="a rack that a wheel moves", examples=["rack"])
+    link: Name = Field(description="the rack", examples=["rack"])
+    end: Name = Field(description="name for its own point on the path", examples=["E"])
+    guide: Guide = Field(description="the guide of the rack", examples=[{"through": "A"}])
+    to: Name = Field(description="the wheel", examples=["wheel"])
+    centre: Name = Field(description="the point the wheel turns about", examples=["D"])
+    radius: Radius = Field(description="pitch radius of the wheel", examples=["60 mm"])
+    side: Literal["left", "right"] = Field(
+        "left", description="where the wheel lies, seen along the guide", examples=["right"]
+    )
+    start: Length = Field(
+        0.0, description="how far `end` is along the guide while the wheel stands at zero", examples=["250 mm"]
+    )
+    pressure_angle: Angle = Field(
+        groups.PRESSURE, description="of the teeth; zero for a belt that pulls", examples=["25 deg"]
+    )
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        side = 1 if self.side == "left" else -1
+        guide, rest = self.guide.build(), (self.radius, side, self.start, self.pressure_angle)
+        return groups.Rack(self.link, self.end, guide, self.to, self.centre, *rest)
+
+    @staticmethod
+    def keys_of(group: groups.Rack) -> dict[str, Any]:
+        side = "left" if group.side > 0 else "right"
+        table = {"link": group.link, "end": group.end, "guide": Guide.keys_of(group.guide), "to": group.to}
+        numbers = {"radius": in_length(group.radius), "side": side, "start": in_length(group.start)}
+        return {**table, "centre": group.centre, **numbers, "pressure_angle": in_angle(group.pressure_angle)}
+
+    def pins(self) -> tuple[str, ...]:
+        return (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return ()
+
+    def sliding(self) -> tuple[str, ...]:
+        return (self.link,)
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        yield from self.guide.faults(("guide",), fixed)
+        yield from steep(self.pressure_angle)
+
+
+class PinionTable(GroupTable):
+    """A wheel that a rack turns."""
+
+    kind: Literal["pinion"] = Field(description="a wheel that a rack turns", examples=["pinion"])
+    link: Name = Field(description="the wheel", examples=["wheel"])
+    pivot: Name = Field(description="the point it turns about", examples=["D"])
+    to: Name = Field(description="the rack, a block that slides along a guide", examples=["ram"])
+    at: Name = Field(description="a point of the rack", examples=["C"])
+    radius: Radius = Field(description="pitch radius of the wheel", examples=["60 mm"])
+    side: Literal["left", "right"] = Field(
+        "left", description="where the wheel lies, seen along the rack's guide", examples=["right"]
+    )
+    end: Name | None = Field(None, description="name for a pin of the wheel at its length", examples=["E"])
+    phase: Angle = Field(0.0, description="angle of the wheel while `at` is abreast of it", examples=["90 deg"])
+    carrier: Name = Field("frame", description="what carries the wheel and guides the rack", examples=["arm"])
+    pressure_angle: Angle = Field(groups.PRESSURE, description="of the teeth", examples=["25 deg"])
+
+    def build(self, turns: int) -> groups.AbstractGroup:
+        side = 1 if self.side == "left" else -1
+        rest = (self.radius, side, self.end, self.phase, self.carrier, self.pressure_angle)
+        return groups.Pinion(self.link, self.pivot, self.to, self.at, *rest)
+
+    @staticmethod
+    def keys_of(group: groups.Pinion) -> dict[str, Any]:
+        end = {} if group.end is None else {"end": group.end}
+        return {"link": group.link, "pivot": group.pivot, "to": group.to, "at": group.at,
+                "radius": in_length(group.radius), "side": "left" if group.side > 0 else "right", **end,
+                "phase": in_angle(group.phase), "carrier": group.carrier,
+                "pressure_angle": in_angle(group.pressure_angle)}  # fmt: skip
+
+    def pins(self) -> tuple[str, ...]:
+        return () if self.end is None else (self.end,)
+
+    def bars(self) -> tuple[str, ...]:
+        return () if self.end is None else (self.link,)
+
+    def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        yield from steep(self.pressure_angle)

@@ -1,0 +1,84 @@
+"""Wheels in gear as they are drawn: pitch circles with a spoke that shows how they turn, and the strands of belts."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+
+from linkjax.groups import FRAME, Belt, Gear, Pinion, Rack
+from linkjax.machine import Scene
+
+
+class Wheel(NamedTuple):
+    """The pitch circle of a link, or of the frame, about a point: radius (m)."""
+
+    link: str
+    point: str
+    radius: float
+
+
+class Strands(NamedTuple):
+    """A belt round two wheels."""
+
+    one: Wheel
+    other: Wheel
+    crossed: bool
+
+    def ends(self, a: np.ndarray, b: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Where its two straight strands touch the wheels, whose centres are these."""
+        span = complex(*(b - a))
+        far = -self.other.radius if self.crossed else self.other.radius
+        lean = math.acos(max(-1.0, min(1.0, (self.one.radius - far) / (abs(span) or 1.0))))
+        found = []
+        for sign in (1, -1):
+            out = span / (abs(span) or 1.0) * complex(math.cos(lean), sign * math.sin(lean))
+            touch = np.array([out.real, out.imag])
+            found.append((a + self.one.radius * touch, b + far * touch))
+        return found
+
+
+def wheels_of(scene: Scene, paths) -> tuple[tuple[Wheel, ...], tuple[Strands, ...]]:
+    """The wheels of a machine, and the belts round them, from the paths of points (each of shape (2, angles))."""
+    wheels, belts = [], []
+    for group in scene.mechanism.groups:
+        if isinstance(group, Gear):
+            apart = np.hypot(*(paths(group.centre) - paths(group.pivot)))
+            apart = float(apart[np.isfinite(apart)].mean()) if np.isfinite(apart).any() else 0.0
+            if isinstance(group.mesh, Belt):
+                radii = float(group.mesh.radius), float(group.mesh.other)
+            else:
+                mine, other = group.mesh.teeth
+                whole = abs(mine - other) if group.mesh.inside else mine + other
+                radii = apart * mine / whole, apart * other / whole
+            pair = Wheel(group.link, group.pivot, radii[0]), Wheel(group.to, group.centre, radii[1])
+            wheels += pair
+            if isinstance(group.mesh, Belt):
+                belts.append(Strands(*pair, group.mesh.crossed))
+        elif isinstance(group, Rack):
+            wheels.append(Wheel(group.to, group.centre, float(group.radius)))
+        elif isinstance(group, Pinion):
+            wheels.append(Wheel(group.link, group.pivot, float(group.radius)))
+    return tuple(dict.fromkeys(wheels)), tuple(belts)
+
+
+def draw_wheels(wheels, belts, at, colours, ink: str) -> list[Artist]:
+    """Chain-dotted circles in the colour of their links, a spoke each, and the strands of belts."""
+    artists: list[Artist] = []
+    for wheel in wheels:
+        colour, centre = colours.get(wheel.link, ink), at[wheel.point]
+        place = float(centre[0]), float(centre[1])
+        artists.append(Circle(place, wheel.radius, fill=False, edgecolor=colour, linewidth=1.0, zorder=2.6,
+                              linestyle=(0, (9, 2, 2, 2))))  # fmt: skip
+        if wheel.link != FRAME:
+            way = at[wheel.link] / (math.hypot(*at[wheel.link]) or 1.0)
+            artists.append(Line2D(*np.stack([centre, centre + wheel.radius * way], axis=1), color=colour,
+                                  linewidth=1.0, zorder=2.6))  # fmt: skip
+    for belt in belts:
+        for ends in belt.ends(at[belt.one.point], at[belt.other.point]):
+            artists.append(Line2D(*np.stack(ends, axis=1), color=ink, linewidth=1.0, zorder=2.5))
+    return artists

@@ -1,0 +1,318 @@
+"""Wheels in gear: closed forms, wheels whose turns must be counted, what is refused, and machines drawn with them.
+
+Their kinematics and forces against 50 digits and against contacts that only press are with all other machines
+(`geared` in machines.py); as models of MuJoCo they are in tests/exchange.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import (
+    RRR,
+    Belt,
+    Crank,
+    Drive,
+    Gear,
+    GearPair,
+    Guide,
+    Link,
+    Mechanism,
+    Pinion,
+    Rack,
+    RackPair,
+    Slot,
+    StructureError,
+    Teeth,
+    Vec,
+    linkage,
+)
+from linkjax._compile import compiled_soon
+from linkjax.forces import kinetostatics
+from linkjax.kinematics import margins, pose, prepared
+from linkjax.mechanism import structure
+from linkjax.scenes import loads_text, text_of
+
+ANGLES = np.linspace(0.0, 2 * math.pi, 25)
+FIXED = {"A": Vec(0.0, 0.0), "D": Vec(0.3, 0.0)}
+
+
+def at(mechanism: Mechanism, angles=ANGLES):
+    """Poses over crank angles."""
+    return compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(angles)))(prepared(mechanism))
+
+
+def xy(at: Vec) -> np.ndarray:
+    """Both coordinates."""
+    return np.stack([at.x, at.y])
+
+
+def test_cardans_wheels():
+    """A wheel inside a ring of twice its size: a point of its pitch circle keeps to a diameter."""
+    links = {"arm": Link(length=0.1, mass=1.0), "planet": Link(length=0.1, mass=2.0)}
+    planet = Gear("planet", "B", Teeth((20, 40), inside=True), "frame", "A", "Q", carrier="arm")
+    mechanism = Mechanism({"A": Vec(0.0, 0.0)}, links, [Crank("arm", "A", "B"), planet])
+    q, wheel = at(mechanism).points["Q"], at(mechanism).links["planet"]
+    np.testing.assert_allclose(q.r.x, 0.2 * np.cos(ANGLES), atol=1e-16)
+    np.testing.assert_allclose(q.ddr.x, -0.2 * np.cos(ANGLES), atol=1e-15)
+    np.testing.assert_allclose(q.r.y, 0.0, atol=5e-17)
+    assert np.all(np.asarray(wheel.w) == -1.0)
+    force = lj.Force("pull", "planet", point="Q", force=Vec(7.0, 0.0))  # along the diameter: its power is the drive's
+    scene = lj.Scene(mechanism, (force,), speed=3.0)
+    drive = [
+        float(kinetostatics(scene, jnp.asarray(phi), jnp.asarray(1e-9), jnp.asarray(0.0)).drive_torque)
+        for phi in ANGLES[1:4]
+    ]
+    np.testing.assert_allclose(drive, 7.0 * 0.2 * np.sin(ANGLES[1:4]), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("teeth", "inside", "ratio"), [((40, 20), False, -0.5), ((20, 60), True, 3.0), ((60, 20), True, 1 / 3)]
+)
+def test_willis(teeth, inside, ratio):
+    """Turns of a wheel on an arm round one that stands still, and on a frame round one that turns."""
+    links = {name: Link(length=0.1, mass=1.0) for name in ("arm", "wheel")}
+    wheel = Gear("wheel", "B", Teeth(teeth, inside), "frame", "A", carrier="arm")
+    found = at(Mechanism(FIXED, links, [Crank("arm", "A", "B"), wheel])).links["wheel"]
+    np.testing.assert_allclose(found.w, 1 - ratio, rtol=1e-15)
+    wheel = Gear("wheel", "D", Teeth(teeth, inside), "arm", "A", phase=0.2)
+    found = at(Mechanism(FIXED, links, [Crank("arm", "A", "B", -1, 0.7), wheel])).links["wheel"]
+    np.testing.assert_allclose(found.angle, 0.2 + ratio * (0.7 - ANGLES), rtol=1e-14)
+
+
+def drag_link(*more, turns: int = 1, **links: Link) -> lj.Scene:
+    """A double crank: its second crank turns all round, unevenly; and wheels behind it."""
+    lengths = {"crank": 0.3, "coupler": 0.25, "second": 0.28}
+    own = {name: Link(length=length, mass=1.0, inertia=0.01) for name, length in lengths.items()}
+    groups = [Crank("crank", "A", "B"), RRR(("coupler", "second"), "B", "D", "C", 1), *more]
+    mechanism = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.1, 0.0), "E": Vec(0.6, 0.0)}, {**own, **links}, groups)
+    return lj.Scene(mechanism, (lj.OpposingTorque("brake", "second", magnitude=2.0),), speed=5.0, cycle_turns=turns)
+
+
+@pytest.mark.parametrize("mesh", [Teeth((20, 30)), Belt(0.06, 0.09, crossed=True), Belt(0.06, 0.09)])
+def test_turns_of_what_turns_all_round_are_counted(mesh):
+    """One and a half turns for each of the second crank: unwound by hand, over two turns of the crank."""
+    scene = drag_link(Gear("wheel", "E", mesh, "second", "D", None, 0.3), turns=2, wheel=Link(mass=1.0, inertia=0.01))
+    mechanism = prepared(scene.mechanism, 2)
+    angles = np.linspace(0.0, 4 * math.pi, 401)
+    found = at(mechanism, angles)
+    second, wheel = (np.asarray(found.links[name].u.x) + 1j * np.asarray(found.links[name].u.y)
+                     for name in ("second", "wheel"))  # fmt: skip
+    ratio = float(mesh.ratio())
+    np.testing.assert_allclose(wheel, np.exp(1j * (0.3 + ratio * np.unwrap(np.angle(second)))), atol=1e-12)
+    assert float(found.links["wheel"].angle[200]) == pytest.approx(
+        0.3 + ratio * (np.angle(second[0]) + 2 * math.pi), abs=1e-12
+    )
+    assert all(float(side.value) > 0 for side in margins(mechanism, jnp.asarray(1.0))["wheel"].values())
+    cycle = lj.analyse(scene, angles=36)
+    assert float(cycle.checks.virtual_power) < 1e-12 and float(cycle.checks.force_balance) < 1e-12
+
+
+def test_what_does_not_come_back_is_told():
+    """After one turn the wheel has made one and a half."""
+    wheel = Gear("wheel", "E", Teeth((20, 30)), "second", "D")
+    with pytest.raises(
+        lj.MachineError, match="'wheel' is not after the cycle where it began: it goes on for more turns"
+    ):
+        lj.analyse(drag_link(wheel, wheel=Link(mass=1.0, inertia=0.01)), angles=36)
+    with pytest.raises(lj.MachineError, match="'rack' is not after the cycle where it began"):
+        lj.analyse(drag_link(Rack("rack", "R", "E", "second", "D", 0.05), rack=Link(mass=1.0)), angles=36)
+
+
+def five_bar(teeth: tuple[int, int], turns: int) -> lj.Scene:
+    """Two cranks in gear, and a dyad between them."""
+    lengths = {"crank": 0.06, "wheel": 0.05, "left": 0.25, "right": 0.22}
+    links = {name: Link(length=length, mass=1.0, inertia=0.01) for name, length in lengths.items()}
+    groups = [
+        Crank("crank", "A", "B"),
+        Gear("wheel", "D", Teeth(teeth), "crank", "A", "C", 0.4),
+        RRR(("left", "right"), "B", "C", "P", 1),
+    ]
+    return lj.Scene(Mechanism(FIXED, links, groups), (lj.OpposingTorque("brake", "left", magnitude=2.0),), speed=5.0,
+                    cycle_turns=turns)  # fmt: skip
+
+
+def test_a_cycle_of_several_turns():
+    """Half the turns need two of the crank; another number is refused with the right one."""
+    cycle = lj.analyse(five_bar((40, 20), 2), angles=72)
+    assert float(cycle.checks.energy_closure) < 1e-12
+    path = xy(cycle.pose.points["P"].r)
+    assert np.max(np.abs(path[:, :36] - path[:, 36:])) > 0.01  # the second turn is another one
+    with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so nothing repeats; write 2"):
+        five_bar((40, 20), 1)
+    with pytest.raises(StructureError, match=r"in 2 turns of the crank 'wheel' turns -1.42857 times.*; write 14"):
+        five_bar((28, 20), 2)
+
+
+def test_gradients_through_a_belt():
+    """Of the swing of a belt's wheel by its radius, the reaction of its shaft by the tension."""
+    links = {name: Link(length=long, mass=1.0) for name, long in (("crank", 0.1), ("rod", 0.35), ("lever", 0.3))}
+    links |= {"pulley": Link(mass=1.0, inertia=0.01)}
+    groups = [Crank("crank", "A", "B"), RRR(("rod", "lever"), "B", "D", "C"),
+              Gear("pulley", "E", Belt(0.04, 0.06, tension=20.0), "lever", "D")]  # fmt: skip
+    mechanism = Mechanism({**FIXED, "E": Vec(0.5, 0.1)}, links, groups)
+    scene = lj.Scene(mechanism, (lj.Torque("load", "pulley", torque=3.0),), speed=5.0)
+
+    def swing(radius, tension):
+        changed = lj.design.changed(scene, {"groups.pulley.mesh.radius": radius, "groups.pulley.mesh.tension": tension})
+        made = prepared(changed.mechanism)
+        turn = [pose(made, jnp.asarray(phi)).links["pulley"].angle for phi in (0.4, 2.0)]
+        force = kinetostatics(
+            changed.with_mechanism(made), jnp.asarray(1.0), jnp.asarray(5.0), jnp.asarray(0.0)
+        ).reactions["E"]["pulley"]
+        return turn[1] - turn[0], force.magnitude
+
+    (angle, _), (slope, pull) = compiled_soon(lambda r, t: (swing(r, t), jax.jacfwd(swing, (0, 1))(r, t)))(0.04, 20.0)
+    assert float(slope[0]) == pytest.approx(-float(angle) / 0.04, rel=1e-12) and float(slope[1]) == 0.0
+    back = compiled_soon(jax.jacrev(swing, (0, 1)))(0.04, 20.0)
+    np.testing.assert_allclose(np.ravel(back), np.ravel((slope, pull)), rtol=1e-12)
+    h = 1e-3
+    forces = [float(compiled_soon(swing)(0.04, 20.0 + k * h)[1]) for k in (1, -1)]
+    assert float(pull[1]) == pytest.approx((forces[0] - forces[1]) / (2 * h), rel=1e-7)
+
+
+def test_a_belt_that_cannot_be():
+    """Two wheels of 0.15 m, 0.29 m apart, leave no room for strands that cross."""
+    links = {"crank": Link(length=0.1, mass=1.0, inertia=0.1), "wheel": Link(mass=1.0, inertia=0.01)}
+    groups = [Crank("crank", "A", "B"), Gear("wheel", "D", Belt(0.15, 0.15, crossed=True), "crank", "A")]
+    scene = lj.Scene(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.32, 0.0)}, links, groups), (), speed=5.0)
+    gap = margins(prepared(scene.mechanism), jnp.asarray(0.0))["wheel"]["apart"]
+    assert float(gap.value) == pytest.approx(1 - 0.3 / 0.32, rel=1e-14)
+    scene = lj.design.changed(scene, {"fixed.D.x": 0.29})
+    with pytest.raises(lj.MachineError, match="'wheel' has its wheels too near to each other for a belt between them"):
+        lj.analyse(scene, angles=12)
+
+
+BARS = {name: Link(length=0.1, mass=1.0) for name in ("crank", "wheel", "other")}
+CRANK = Crank("crank", "A", "B")
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: Teeth((20, 0)), r"must be two whole numbers, but are \(20, 0\)"),
+        (lambda: Teeth((20, 20), inside=True), "20 teeth each none can run inside"),
+        (lambda: Belt(0.0, 0.1), "radius of a belt must be above zero, but is 0.0 m"),
+        (lambda: Rack("rack", "R", "A", "crank", "A", -0.1), "radius of a rack must be above zero"),
+        (lambda: Pinion("wheel", "D", "rack", "R", 0.1, side=2), "side of an pinion must be 1 or -1"),
+        (lambda: Gear("wheel", "B", Teeth((20, 20)), "crank", "A", carrier="crank"), "name another carrier"),
+        (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "D", Teeth((20, 20)), "other", "A")]),
+         "link 'other' is not attached yet; move this group behind the one that brings it in"),
+        (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "B")]),
+         "point 'B' is not of the frame"),
+        (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "B", Teeth((20, 20)), "crank", "A")]),
+         "point 'B' is not of the frame"),
+        (lambda: Mechanism(FIXED, BARS, [CRANK, Pinion("wheel", "D", "crank", "B", 0.05)]),
+         "'crank' does not slide along 'frame'; name what it slides along: nothing"),
+        (lambda: lj.Scene(Mechanism(FIXED, {**BARS, "wheel": Link(mass=1.0), "other": Link(mass=1.0)}, [
+            CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("other", "R", "D", "wheel", "D", 0.05)])),
+         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+    ],
+)  # fmt: skip
+def test_refused(make, told):
+    """What is no wheel, and what hangs on nothing."""
+    with pytest.raises((ValueError, StructureError), match=told):
+        make()
+
+
+def drawn(drive: Drive, racks=(), gears=None, **more) -> Mechanism:
+    """A five-bar with a press and a lever on a rack, as links and joints."""
+    pins = {"crank": ("A", "B"), "wheel": ("D", "C"), "left": ("B", "P"), "right": ("C", "P"), "rod": ("P", "U"),
+            "ram": ("U",), "sector": ("W", "V")}  # fmt: skip
+    lengths = {"crank": 0.06, "wheel": 0.05, "left": 0.25, "right": 0.22, "rod": 0.42, "ram": 0.0, "sector": 0.06}
+    links = {name: Link(length=lengths[name], mass=1.0, pins=at) for name, at in pins.items()}
+    fixed = {**FIXED, "G": Vec(0.2, -0.1), "W": Vec(0.42, -0.06)}
+    sketch = {"B": (0.06, 0.0), "C": (0.347, 0.017), "P": (0.2, 0.2), "U": (0.5, -0.1), "V": (0.45, 0.0)}
+    gears = [GearPair("wheel", "crank", Teeth((30, 30)), 0.35)] if gears is None else gears
+    racks = racks or [RackPair("ram", "sector", 0.04, start=0.25)]
+    return linkage(fixed, links, drive, [Slot("ram", Guide("G"))], sketch, gears=gears, racks=racks, **more)
+
+
+def test_drawn_with_gears():
+    """The parts of a machine that is drawn, its mobility, and the same motion when the other wheel drives."""
+    mechanism = drawn(Drive("crank"))
+    assert mechanism.formula() == "I1(crank) → G(wheel) → II1(left, right) → II2(rod, ram) → G(sector)"
+    found = structure(mechanism)
+    assert found.mobility == 1 and found.mobility_told() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
+    assert found.formula(letters=True).startswith("R(crank) → RG(wheel) → RRR(left, right)")
+    other = drawn(Drive("wheel", turns=-1, phase=0.35))
+    assert other.formula().startswith("I1(wheel) → G(crank) → II1(left, right)")
+    one, two = at(mechanism), at(other)
+    for name in ("B", "C", "P", "U", "V"):
+        for a, b in zip(one.points[name], two.points[name], strict=True):
+            np.testing.assert_allclose((a.x, a.y), (b.x, b.y), atol=2e-15)
+
+
+def test_a_rack_that_drives():
+    """The ram driven along its guide: the wheels follow from the far side, by the chain rule."""
+    mechanism, phi = drawn(Drive("crank")), jnp.asarray(1.2)
+    here = pose(mechanism, phi)
+    far = float(here.points["U"].r.x) - 0.2
+    links = {name: mechanism.links[name] for name in ("ram", "sector")}
+    by_ram = linkage(
+        {"G": Vec(0.2, -0.1), "W": Vec(0.42, -0.06)},
+        links,
+        Drive("ram", law=lj.Harmonic(far, far + 0.02)),
+        [Slot("ram", Guide("G"))],
+        {"V": (0.45, 0.0)},
+        racks=[RackPair("ram", "sector", 0.04, start=0.25)],
+    )
+    assert by_ram.formula() == "I1(ram) → G(sector)"
+    there = pose(by_ram, jnp.asarray(0.0))
+    np.testing.assert_allclose(xy(there.points["V"].r), xy(here.points["V"].r), atol=1e-15)
+    by_wheel = linkage(
+        {"G": Vec(0.2, -0.1), "W": Vec(0.42, -0.06)},
+        links,
+        Drive("sector", law=lj.Harmonic(0.1, 0.4)),
+        [Slot("ram", Guide("G"))],
+        {"U": (0.45, -0.1)},
+        racks=[RackPair("ram", "sector", 0.04, start=0.25)],
+    )
+    assert by_wheel.formula() == "I1(sector) → G(ram)"
+    turned = pose(by_wheel, jnp.asarray(0.0))
+    assert float(turned.points["U"].r.x) == pytest.approx(0.2 + 0.25 + 0.04 * 0.1, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"gears": [GearPair("wheel", "crnk", Teeth((30, 30)))]}, "link 'crnk' is not defined; did you mean 'crank'"),
+        (
+            {"gears": [GearPair("wheel", "ram", Teeth((30, 30)))]},
+            "'wheel' and 'ram' are in gear, but nothing carries",
+        ),
+        ({"gears": []}, "can still move when the drive is held"),
+        ({"racks": [RackPair("rod", "sector", 0.04)]}, "'rod' is a rack, but no slot's block"),
+        ({"racks": [RackPair("ram", "rod", 0.04)]}, "its wheel 'rod' is not pinned to 'frame'"),
+    ],
+)
+def test_drawn_wrong(change, told):
+    """What a drawing with wheels gets wrong."""
+    with pytest.raises(StructureError, match=told):
+        drawn(Drive("crank"), **change)
+
+
+def test_wheels_that_only_come_out_together():
+    """A sun that drives planet and arm: the arm must drive, and that is said."""
+    links = {"sun": Link(length=0.05, mass=1.0, pins=("A", "S")), "arm": Link(length=0.1, mass=1.0, pins=("A", "B")),
+             "planet": Link(length=0.05, mass=1.0, pins=("B", "Q"))}  # fmt: skip
+    gears = [GearPair("planet", "sun", Teeth((20, 40))), GearPair("planet", "frame", Teeth((20, 80), inside=True))]
+    sketch = {"B": (0.1, 0.0), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
+    with pytest.raises(StructureError, match=r"arm, planet can only be solved together.*drive.*by the carrier"):
+        linkage({"A": Vec(0.0, 0.0)}, links, Drive("sun"), (), sketch, gears=gears)
+    by_arm = linkage({"A": Vec(0.0, 0.0)}, links, Drive("arm"), (), sketch, gears=gears)
+    assert by_arm.formula() == "I1(arm) → G(planet) → G(sun)"
+    np.testing.assert_allclose(at(by_arm).links["sun"].w, 1 + 80 / 40, rtol=1e-14)  # Willis
+
+
+def test_written_and_read_back():
+    """A drawn machine with wheels as a scene file, to the last bit."""
+    scene = lj.Scene(drawn(Drive("crank")), (), speed=5.0)
+    again = loads_text(text_of(scene))
+    for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
+        assert np.array_equal(one, two)
+    assert jax.tree.structure(scene) == jax.tree.structure(again)

@@ -1,0 +1,103 @@
+# pyright: reportAttributeAccessIssue=false
+"""Wheels in gear by another road: what they keep constant in complex numbers, and forces as contacts that only press
+(teeth) or strands that only pull (belts).
+
+Unlike linkjax, which takes the size of a tangential force, contacts have a force of one sign along the normal of one of
+two flanks; which flank it is comes out.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkjax.groups import Gear, Pinion, Rack, Teeth
+
+WHEELS = (Gear, Rack, Pinion)
+
+
+def mesh_angle(g: Gear, angle, n) -> Any:
+    """Angle of a wheel from those of the others; `n` reads a number."""
+    if isinstance(g.mesh, Teeth):
+        ratio = n(g.mesh.teeth[1]) / n(g.mesh.teeth[0]) * (1 if g.mesh.inside else -1)
+    else:
+        ratio = n(g.mesh.other) / n(g.mesh.radius) * (-1 if g.mesh.crossed else 1)
+    seen = angle(g.to) - angle(g.carrier)
+    return n(g.phase) + angle(g.carrier) + ratio * seen
+
+
+def mesh_rates(g, rate) -> Any:
+    """The same relation between rates of any order, without the phase."""
+    if isinstance(g.mesh, Teeth):
+        first, second = g.mesh.teeth
+        return rate(g.carrier) + (1 if g.mesh.inside else -1) * second / first * (rate(g.to) - rate(g.carrier))
+    arc = float(g.mesh.other) * (rate(g.to) - rate(g.carrier))  # of the belt
+    return rate(g.carrier) + (-1 if g.mesh.crossed else 1) * arc / float(g.mesh.radius)
+
+
+class Side(NamedTuple):
+    """One way to carry load: where and along what a force acts on the wheel, what acts besides, and the least size."""
+
+    at: Any
+    along: Any
+    besides_at: Any
+    besides: Any
+    least: float
+
+
+class Contact(NamedTuple):
+    """What the link `by` exerts on `link`, in one of two ways, about the point `about`."""
+
+    name: str
+    link: str
+    by: str
+    about: str
+    sides: tuple[Side, Side]
+
+
+def contact(g, points, directions) -> Contact:
+    """The contact of a group; points and directions are complex arrays."""
+    name = f"{g.link}.mesh"
+    if isinstance(g, Gear) and not isinstance(g.mesh, Teeth):
+        return Contact(name, g.link, g.to, g.pivot, _strands(g, points))
+    if isinstance(g, Gear):
+        mine, other = g.mesh.teeth
+        span = points[g.centre] - points[g.pivot]
+        towards = span / abs(span)
+        if not g.mesh.inside:
+            place = points[g.pivot] + span * mine / (mine + other)
+            normal = -towards  # the other wheel is on that side
+        elif mine < other:
+            place = points[g.pivot] - span * mine / (other - mine)
+            normal = towards
+        else:
+            place = points[g.pivot] + span * mine / (mine - other)
+            normal = towards
+        lean, about = float(g.mesh.pressure_angle), g.pivot
+    elif isinstance(g, Rack):
+        normal = -1j * g.side * directions[g.link]
+        place = points[g.centre] + normal * float(g.radius)
+        lean, about = float(g.pressure_angle), g.end
+    else:
+        normal = 1j * g.side * directions[g.to]
+        place = points[g.pivot] - normal * float(g.radius)
+        lean, about = float(g.pressure_angle), g.pivot
+    flanks = [normal * 1j * sign * np.exp(-1j * sign * lean) for sign in (1, -1)]  # towards the inside of the link
+    none = 0 * place
+    one, two = (Side(place, flank, place, none, 0.0) for flank in flanks)
+    return Contact(name, g.link, g.to, about, (one, two))
+
+
+def _strands(g: Gear, points) -> tuple[Side, Side]:
+    """The two straight strands of a belt, either of which may be the tight one."""
+    mine, other, slack = float(g.mesh.radius), float(g.mesh.other), float(g.mesh.tension)
+    span = points[g.centre] - points[g.pivot]
+    strands = []
+    for sign in (1, -1):  # the tangent that touches the wheel on its left, seen along the line of centres; and right
+        end = -other if g.mesh.crossed else other
+        out = span / abs(span) * np.exp(1j * sign * np.arccos((mine - end) / abs(span)))  # from centre to tangent point
+        here, there = points[g.pivot] + mine * out, points[g.centre] + end * out
+        strands.append((here, (there - here) / abs(there - here)))
+    (a, u), (b, v) = strands
+    return Side(a, u, b, slack * v, slack), Side(b, v, a, slack * u, slack)
