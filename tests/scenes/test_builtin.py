@@ -23,7 +23,7 @@ from linkjax.scenes import json_schema, load, load_document, loads_text, scene_n
 from tests.helpers import PACKAGE, ROOT
 
 NAMES = (
-    "andrews-squeezer", "combine-cutter", "combine-shoe", "elliptic-trammel", "four-bar", "hay-press",
+    "andrews-squeezer", "combine-cutter", "combine-shoe", "elliptic-trammel", "four-bar", "geared-press", "hay-press",
     "hay-press-slider", "kozhevnikov-press", "oscillating-cylinder", "quick-return", "scissor-lift", "scotch-yoke",
     "slider-crank", "stephenson-3", "toggle-press", "two-cylinder", "two-slider-press",
 )  # fmt: skip

@@ -10,12 +10,14 @@ import pytest
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document
+from linkjax.forces import kinetostatics
 from linkjax.kinematics import pose, prepared
 
 FORMULAS = {
     "scissor-lift": ("I1+III3(0,1,2,3,4,5)", 5),  # with the cylinder held: the brace with three others on the frame
     "stephenson-3": ("I1(0,1) → II1(2,3) → II1(4,5)", 5),
     "andrews-squeezer": ("I1(0,1) → II1(2,3) → II1(4,5) → II1(6,7)", 7),
+    "geared-press": ("I1(0,1) → G(2) → II1(3,4) → II2(5,6)", 6),
     "toggle-press": ("I1(0,1) → II1(2,3) → II2(4,5)", 5),
     "two-cylinder": ("I1(0,1) → II2(2,3) → II2(4,5)", 5),
     "oscillating-cylinder": ("I1(0,1) → II3(2,3)", 3),
@@ -54,7 +56,8 @@ def test_structure(name):
     found = lj.structure(lj.load(name).mechanism)
     formula, links = FORMULAS[name]
     assert len(found.links) == links and found.mobility == 1
-    assert 3 * links - 2 * len(found.pairs) == 1
+    gears = sum(pair.letter == "G" for pair in found.pairs)
+    assert 3 * links - 2 * (len(found.pairs) - gears) - gears == 1
     assert found.formula(numbers=True) == formula
 
 
@@ -95,6 +98,34 @@ def test_two_slider_press():
 
     for point, sign in (("D", 1), ("E", -1)):
         np.testing.assert_allclose(three(here.points[point]), derivatives(ram(sign)), atol=1e-13)
+
+
+def test_geared_press():
+    """The rods mirror each other, so that they meet on the middle line; a static force on the ram splits evenly."""
+    scene = lj.load("geared-press")
+    here = poses(scene)
+
+    def pin(phi):
+        across = 0.15 - 0.06 * jnp.cos(phi)
+        return jnp.stack([0 * phi, 0.06 * jnp.sin(phi) - jnp.sqrt(0.42**2 - across**2)])
+
+    def ram(phi):
+        return pin(phi) - jnp.array([0.0, 0.18])
+
+    for point, curve in (("P", pin), ("Q", ram)):
+        np.testing.assert_allclose(three(here.points[point]), derivatives(curve), atol=1e-13)
+    held = lj.Force("held", "ram", point="Q", force=lj.Vec(0.0, 1000.0))
+    still = lj.Scene(scene.mechanism, (held,), speed=scene.speed)
+    found = compiled_soon(jax.vmap(lambda phi: kinetostatics(still, phi, 0 * phi, 0 * phi)))(jnp.asarray(PHI))
+    lean = 0.5 * 1000.0 * 0.42 / np.sqrt(0.42**2 - (0.15 - 0.06 * np.cos(PHI)) ** 2)  # along either rod
+    np.testing.assert_allclose(found.reactions["B"]["left"].magnitude, lean, rtol=1e-12)
+    np.testing.assert_allclose(found.reactions["C"]["right"].magnitude, lean, rtol=1e-12)
+    np.testing.assert_allclose(found.reactions["ram.guide"]["ram"].magnitude, 0.0, atol=1e-9)
+    slope = derivatives(ram)[1][1]
+    np.testing.assert_allclose(found.drive_torque, -1000.0 * slope, atol=1e-10)
+    # the teeth carry half of it from crank to wheel
+    tangential = np.abs(found.reactions["wheel.mesh"]["wheel"].moment) / 0.15
+    np.testing.assert_allclose(tangential, 0.5 * 1000.0 * np.abs(slope) / 0.15, atol=1e-8)
 
 
 @pytest.mark.slow
