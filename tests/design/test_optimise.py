@@ -108,6 +108,7 @@ def test_no_feasible_design():
     assert set(found.clash) == {"delta", "flywheel"}
 
 
+@pytest.mark.slow
 def test_lost_machines_are_led_back():
     """Most of the starts cannot be assembled; all end assembled, nothing throws."""
     scene = lj.load("four-bar")
@@ -168,10 +169,10 @@ def test_what_cannot_be_asked(change, says):
     ("name", "one"),
     [
         ("slider-crank", peak_shaking_force_constant_speed),
-        ("slider-crank", largest_speed),
-        ("slider-crank", peak_reaction_constant_speed),
-        ("slider-crank", delta),
-        ("slider-crank", regime_margin),
+        *(
+            pytest.param("slider-crank", one, marks=pytest.mark.slow)
+            for one in (largest_speed, peak_reaction_constant_speed, delta, regime_margin)
+        ),
         ("slider-crank", flywheel_for_target_delta),
         pytest.param("hay-press", least_inertia, marks=pytest.mark.slow),
         ("slider-crank", rms_shaking_force_constant_speed),

@@ -149,7 +149,7 @@ def values_and_gradients(scene, lengths: jax.Array):
     return jax.lax.map(one, lengths, batch_size=BLOCK)
 
 
-SOON = [n if n == "four-bar" else pytest.param(n, marks=pytest.mark.slow) for n in BUILT_IN]
+SOON = [n if n == "slider-crank" else pytest.param(n, marks=pytest.mark.slow) for n in BUILT_IN]
 
 
 @pytest.mark.parametrize("name", SOON)

@@ -42,6 +42,7 @@ def hung_on_a_block() -> lj.Scene:
     return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.4)), (), Vec(0.0, -9.81), 30.0)
 
 
+@pytest.mark.slow
 def test_moment_on_the_frame():
     """Of guide and pins about the crank's bearing, by the Newton-Euler equations and by the balance of the machine."""
     scene = hung_on_a_block()

@@ -63,7 +63,8 @@ def finite_gradient(scene: lj.Scene):
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(found))
 
 
-@pytest.mark.parametrize("lengths", [(0.1, 0.4, 0.1, 0.4), (0.1, 0.1, 0.4, 0.4)], ids=["parallelogram", "kite"])
+@pytest.mark.parametrize("lengths", [pytest.param((0.1, 0.4, 0.1, 0.4), id="parallelogram", marks=pytest.mark.slow),
+                                     pytest.param((0.1, 0.1, 0.4, 0.4), id="kite")])  # fmt: skip
 def test_change_points(lengths):
     """The two ways of assembly meet: said so, with the place, and nothing is NaN."""
     scene = lj.Scene(four_bar(*lengths), gravity=Vec(0.0, -9.81), speed=10.0)

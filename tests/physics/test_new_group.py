@@ -118,6 +118,7 @@ def test_the_whole_analysis_holds(shaper):
     assert float(cycle.work["drive"]) == pytest.approx(-float(cycle.work["cut"]), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_it_can_be_drawn(shaper, tmp_path):
     cycle = lj.analyse(shaper, angles=24)
     assert {p.name for p in lj.viz.write_figures(document(cycle), shaper, tmp_path)} >= {"machine.svg"}
