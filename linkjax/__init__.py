@@ -26,8 +26,10 @@ if TYPE_CHECKING:
     from linkjax.exchange import to_mjcf as to_mjcf
     from linkjax.exchange import to_pylinkage as to_pylinkage
     from linkjax.groups import PRP as PRP
+    from linkjax.groups import RP as RP
     from linkjax.groups import RPP as RPP
     from linkjax.groups import RPR as RPR
+    from linkjax.groups import RR as RR
     from linkjax.groups import RRP as RRP
     from linkjax.groups import RRR as RRR
     from linkjax.groups import Belt as Belt
@@ -94,8 +96,10 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "_vec": ("Vec",),
     "groups": (
         "PRP",
+        "RP",
         "RPP",
         "RPR",
+        "RR",
         "RRP",
         "RRR",
         "Belt",

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import Crank
+from linkjax.groups import FITS, Crank
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -119,6 +119,8 @@ def explain(cycle: Cycle) -> None:
             if side == "parallel"
             else "has its wheels too near to each other for a belt between them; change radii or distance"
             if side == "apart"
+            else f"does not fit: at {degrees:.2f} degrees it is off by {(short + 1) * FITS:.3g} of its length"
+            if side == "fits"
             else "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
             if _trouble(cycle, group) == "astray"
             else f"passes on to another assembly near {place}: it has a change point or a dead position there"

@@ -10,7 +10,7 @@ import numpy as np
 
 from linkjax._results import MESSAGES, Result
 from linkjax.analysis._cycle import Cycle
-from linkjax.forces import Forces, JointForce, other_sides
+from linkjax.forces import Forces, JointForce, indeterminate, other_sides
 from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import peak_names
 from linkjax.motion import Peak
@@ -37,6 +37,7 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
         "model": {
             "motion": road, "nodes": motion.grid.size, "evaluations": motion.evaluations,
             "mean": scene.mean, "why": WHY[road], "constant_speed": cycle.constant_speed,
+            "indeterminate": list(indeterminate(scene.mechanism)),
         },
         "angles": np.asarray(cycle.angles),
         "points": {

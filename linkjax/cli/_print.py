@@ -113,6 +113,10 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     if run["delta_error"] > max(COARSE * run["delta"], EVEN):
         more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
         console.print(f"WARNING: {more}", style="bold", highlight=False)
+    if model["indeterminate"]:
+        joints = ", ".join(model["indeterminate"])
+        console.print(f"NOTE: passive links share forces, as if they carried none, at the joints {joints}",
+                      highlight=False, markup=False)  # fmt: skip
     console.print(f"model      {model['motion']}, {model['nodes']} nodes: {model['why']}", highlight=False)
 
 

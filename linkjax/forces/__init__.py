@@ -1,5 +1,6 @@
 """Joint reactions, drive torque, shaking and frame forces."""
 
+from linkjax.forces._indeterminate import indeterminate as indeterminate
 from linkjax.forces._kinetostatics import Forces as Forces
 from linkjax.forces._kinetostatics import JointForce as JointForce
 from linkjax.forces._kinetostatics import kinetostatics as kinetostatics

@@ -33,6 +33,9 @@ from linkjax.groups._pairs import FRAME as FRAME
 from linkjax.groups._pairs import KINDS_OF_II as KINDS_OF_II
 from linkjax.groups._pairs import Pair as Pair
 from linkjax.groups._pairs import classified as classified
+from linkjax.groups._passive import FITS as FITS
+from linkjax.groups._passive import RP as RP
+from linkjax.groups._passive import RR as RR
 from linkjax.groups._prp import PRP as PRP
 from linkjax.groups._rack import Pinion as Pinion
 from linkjax.groups._rack import Rack as Rack
@@ -49,4 +52,4 @@ from linkjax.groups._track import closed_to as closed_to
 from linkjax.groups._winding import Winding as Winding
 from linkjax.groups._winding import unwound as unwound
 
-KINDS = {group.kind: group for group in (Crank, Slide, RRR, RRP, RPR, PRP, RPP, Gear, Rack, Pinion)}
+KINDS = {group.kind: group for group in (Crank, Slide, RRR, RRP, RPR, PRP, RPP, Gear, Rack, Pinion, RR, RP)}

@@ -129,6 +129,10 @@ class AbstractGroup(eqx.Module):
         """Points that must belong to the frame."""
         return ()
 
+    def passive(self) -> bool:
+        """Whether it holds what is held already."""
+        return False
+
     def coupling(self) -> Coupling | None:
         """The wheels in gear inside it; None for a group that has none."""
         return None

@@ -1,5 +1,7 @@
 """Links and their composition: plain data, no mechanics."""
 
+from linkjax.mechanism._freedom import place_name as place_name
+from linkjax.mechanism._freedom import shared_forces as shared_forces
 from linkjax.mechanism._link import Body as Body
 from linkjax.mechanism._link import Counterweight as Counterweight
 from linkjax.mechanism._link import Flywheel as Flywheel

@@ -6,7 +6,7 @@ of equations (Dulmage and Mendelsohn, Coverings of bipartite graphs, 1958), whos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -46,12 +46,23 @@ class Freedom(NamedTuple):
     driven: bool
 
 
-def rates(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None) -> np.ndarray:
-    """How the rates of all links (x, y, angle each) violate the pairs, two rows each and one for wheels in gear, of a
-    chain whose points and guides lie at random; the last row is the rate of the drive."""
+Lies = Mapping[str, tuple[float, float, float]]
+
+
+def place_name(pair: Pair) -> str:
+    """What the place of a pair is filed under: pins at one point lie on one place."""
+    return pair.name if pair.letter == "R" else f"{pair.name} of {pair.one}"
+
+
+def rates(
+    links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None, lies: Lies | None = None
+) -> np.ndarray:
+    """How the rates of all links (x, y, angle each) violate the pairs, two rows each and one for wheels in gear; the
+    last row is the rate of the drive. `lies` says where points and guides are (x, y, direction), by `place_name`; else
+    they lie at random."""
     rng = np.random.default_rng(1)
     column = {name: 3 * i for i, name in enumerate(links)}
-    spots: dict[str, np.ndarray] = {}
+    spots: dict[str, tuple[float, float, float]] = dict(lies or {})
     along: dict[str, np.ndarray] = {}  # of every block on its guide
 
     def row(pair: Pair, at_one: Sequence[float]) -> np.ndarray:
@@ -71,9 +82,8 @@ def rates(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None
             both = spin(pair.other, -ratio) + spin(pair.on, ratio)
             rows.append(both + (along[pair.one] if pair.rack else spin(pair.one, 1.0) - spin(pair.on, 1.0)))
             continue
-        key = pair.name if pair.letter == "R" else f"{pair.name} of {pair.one}"
-        x, y = spots.setdefault(key, rng.uniform(-1, 1, 2))
-        c, s = np.cos(3 * x + y), np.sin(3 * x + y)
+        x, y, lean = spots.setdefault(place_name(pair), tuple(rng.uniform(-3, 3, 3)))
+        c, s = np.cos(lean), np.sin(lean)
         if pair.letter == "R":
             rows += [row(pair, (1.0, 0.0, -y)), row(pair, (0.0, 1.0, x))]
         else:
@@ -91,18 +101,29 @@ def _null_space(matrix: np.ndarray) -> np.ndarray:
     return right[rank:]
 
 
+def shared_forces(links: Sequence[str], pairs: Sequence[Pair], lies: Lies) -> tuple[Pair, ...]:
+    """Pairs whose forces the balance of the links does not tell, as the points and guides lie: a force in one of them
+    can be taken by others."""
+    spare = _null_space(rates(links, pairs, lies=lies).T)
+    return _touched(pairs, spare)
+
+
+def _touched(pairs: Sequence[Pair], spare: np.ndarray) -> tuple[Pair, ...]:
+    """Pairs that take part in what is spare (rows over their equations)."""
+    owner = np.repeat(np.arange(len(pairs)), [taken(pair) for pair in pairs])
+    part = np.max(np.abs(spare), axis=0, initial=0.0)
+    return tuple(pair for k, pair in enumerate(pairs) if part[owner == k].max() > GENERIC)
+
+
 def freedom(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None) -> Freedom:
     """What a chain of general dimensions can do."""
     matrix = rates(links, pairs)
     free, spare = _null_space(matrix), _null_space(matrix.T)
-    owner = np.repeat(np.arange(len(pairs)), [taken(pair) for pair in pairs])
-    part = np.max(np.abs(spare), axis=0, initial=0.0)
-    touched = [part[owner == k].max() for k in range(len(pairs))]
     held = matrix if drive is None else rates(links, pairs, drive)
     still = np.max(np.abs(_null_space(held)), axis=0, initial=0.0).reshape((-1, 3)).max(axis=1, initial=0.0)
     return Freedom(
         len(free),
-        tuple(pair for pair, part in zip(pairs, touched, strict=True) if part > GENERIC),
+        _touched(pairs, spare),
         tuple(name for name, part in zip(links, still, strict=True) if part > GENERIC),
         drive is None or len(_null_space(held)) < len(free),
     )

@@ -219,6 +219,11 @@ def model(data: Data, scene: Scene) -> str:
     rows = [
         [words("structure"), words(scene.mechanism.formula())],
         [words("motion"), words(f"{used.get('motion', NONE)}: {used.get('why', NONE)}")],
+        *(
+            [[words("reactions that equilibrium does not tell"), words(", ".join(used["indeterminate"]))]]
+            if used.get("indeterminate")
+            else []
+        ),
         [words("nodes of the cycle grid"), words(used.get("nodes", NONE))],
         [words("crank angles tabulated"), words(np.size(data["angles"]))],
         [words("precision"), words(data.get("precision", NONE))],

@@ -14,6 +14,7 @@ from pydantic import Discriminator, Field, Tag
 from linkjax import groups
 from linkjax.scenes._fields import Angle, Length, Name, Pair
 from linkjax.scenes._guides import AngleLaw, Fault, GroupTable, Guide, LengthLaw, in_angle, in_length, law_keys
+from linkjax.scenes._passive import RPTable, RRTable
 from linkjax.scenes._wheels import GearTable, PinionTable, RackTable
 
 Branch = Literal["fixed", "continue"]
@@ -284,6 +285,8 @@ TABLES: dict[str, type[GroupTable]] = {
     "gear": GearTable,
     "rack": RackTable,
     "pinion": PinionTable,
+    "RR": RRTable,
+    "RP": RPTable,
 }
 
 
@@ -302,6 +305,8 @@ Group = Annotated[
     | Annotated[RPPTable, Tag("#RPP")]
     | Annotated[GearTable, Tag("#gear")]
     | Annotated[RackTable, Tag("#rack")]
-    | Annotated[PinionTable, Tag("#pinion")],
+    | Annotated[PinionTable, Tag("#pinion")]
+    | Annotated[RRTable, Tag("#RR")]
+    | Annotated[RPTable, Tag("#RP")],
     Discriminator(_kind),
 ]

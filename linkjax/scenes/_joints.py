@@ -145,7 +145,7 @@ def _slots(group: groups.AbstractGroup) -> tuple[groups.Slot, ...]:
     """The sliding joints of a group."""
     if isinstance(group, groups.General):
         return group.slots
-    if isinstance(group, groups.RRP):
+    if isinstance(group, groups.RRP | groups.RP):
         return (groups.Slot(group.block, group.guide),)
     if isinstance(group, groups.Slide | groups.Rack):
         return (groups.Slot(group.link, group.guide),)

@@ -160,7 +160,7 @@ def test_gradients_through_a_belt():
     def swing(radius, tension):
         changed = lj.design.changed(scene, {"groups.pulley.mesh.radius": radius, "groups.pulley.mesh.tension": tension})
         made = prepared(changed.mechanism)
-        turn = [pose(made, jnp.asarray(phi)).links["pulley"].angle for phi in (0.4, 2.0)]
+        turn = [jnp.asarray(pose(made, jnp.asarray(phi)).links["pulley"].angle) for phi in (0.4, 2.0)]
         force = kinetostatics(
             changed.with_mechanism(made), jnp.asarray(1.0), jnp.asarray(5.0), jnp.asarray(0.0)
         ).reactions["E"]["pulley"]

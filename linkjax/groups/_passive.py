@@ -1,0 +1,156 @@
+"""Passive links: they hold what is held already, and only move because their dimensions fit.
+
+A third parallel crank, a second guide beside the first. What they carry of the force that they share with others
+depends on how tight they fit, which a rigid machine does not tell: here they carry none of it.
+Source: passive constraints, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._vec import zero
+from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart
+from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._state import LinkState
+
+FITS = 1e-6  # of its length, or of the longest link: what a passive link may be off
+
+
+def fit(off, size) -> Margin:
+    """One where it fits to the last digit, zero where it is off by as much as may be."""
+    value, d, dd = (safe_divide(part, FITS * size) for part in off)
+    sign = jnp.sign(value)
+    return Margin(1 - jnp.abs(value), -sign * d, -sign * dd)
+
+
+class RR(AbstractGroup):
+    """A `link` between the points `from_` and `to` that are there already, whose distance is always its length.
+
+    At `to` it only takes what is across its axis, so that it carries its own weight, inertia and loads and nothing
+    else. Where the distance changes, its margin `fits` is negative.
+    """
+
+    kind: ClassVar[str] = "RR"
+    dead_positions: ClassVar[tuple[str, ...]] = ("fits",)
+
+    link: str = eqx.field(static=True)
+    from_: str = eqx.field(static=True)
+    to: str = eqx.field(static=True)
+
+    def __check_init__(self):
+        check_apart(self.kind, self.from_, self.to)
+
+    def link_names(self):
+        return (self.link,)
+
+    def passive(self):
+        return True
+
+    def classified(self):
+        return "passive", self.kind
+
+    def needs(self):
+        return self.from_, self.to
+
+    def pins(self):
+        return {self.link: (self.from_, self.to)}
+
+    def brings(self):
+        return ()
+
+    def shared(self):
+        return {self.from_: "", self.to: ""}
+
+    def _span(self, points):
+        """From the first pin to the second, with its derivatives."""
+        a, b = points[self.from_], points[self.to]
+        return b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
+
+    def solve(self, links, states, points, phi):
+        s, ds, dds = self._span(points)
+        square = jnp.where(s.squared() > 0, s.squared(), 1.0)
+        w = s.cross(ds) / square
+        e = s.cross(dds) / square - 2 * s.dot(ds) * w / square
+        return {self.link: LinkState(s / safe_sqrt(square, 1.0), w, e)}, {}
+
+    def margins(self, links, states, points, phi):
+        s, ds, dds = self._span(points)
+        length, r = links[self.link].length, safe_sqrt(s.squared())
+        d = safe_divide(s.dot(ds), r)
+        return {"fits": fit((r - length, d, safe_divide(s.dot(dds) + ds.squared() - d * d, r)), length)}
+
+    def transmission(self, states, points):
+        return None
+
+    def joints(self):
+        return Joint(self.from_, self.from_, self.link), Joint(self.to, self.to, self.link)
+
+    def react(self, loads, states, points):
+        s, load = self._span(points)[0], loads[self.link]
+        none = jnp.zeros_like(load.moment)
+        across = s.perp() * safe_divide(-load.moment, s.squared())
+        return (Wrench(-(load.force + across), none), Wrench(across, none)), None
+
+
+class RP(AbstractGroup):
+    """A `block` pinned to the point `from_` that is there already and always keeps to the `guide`.
+
+    The guide only takes a couple, so that the block carries its own weight, inertia and loads and nothing else. Where
+    the point leaves the guide, its margin `fits` is negative.
+    """
+
+    kind: ClassVar[str] = "RP"
+    dead_positions: ClassVar[tuple[str, ...]] = ("fits",)
+
+    block: str = eqx.field(static=True)
+    from_: str = eqx.field(static=True)
+    guide: Guide = eqx.field(converter=as_guide)
+
+    def link_names(self):
+        return (self.block,)
+
+    def passive(self):
+        return True
+
+    def classified(self):
+        return "passive", self.kind
+
+    def needs(self):
+        return self.from_, self.guide.through
+
+    def guides(self):
+        return (self.guide,)
+
+    def pins(self):
+        return {self.block: (self.from_, None)}
+
+    def brings(self):
+        return ()
+
+    def shared(self):
+        return {self.from_: ""}
+
+    def solve(self, links, states, points, phi):
+        return {self.block: self.guide.line(states, points).state}, {}
+
+    def margins(self, links, states, points, phi):
+        size = jnp.max(jnp.stack([link.length for link in links.values()]))
+        return {"fits": fit(self.guide.line(states, points).height(points[self.from_]), size)}
+
+    def transmission(self, states, points):
+        return None
+
+    def joints(self):
+        return (
+            Joint(self.from_, self.from_, self.block),
+            Joint(f"{self.block}.guide", self.from_, self.block, self.guide.on, slides=True),
+        )
+
+    def react(self, loads, states, points):
+        load = loads[self.block]
+        return (Wrench(-load.force, jnp.zeros_like(load.moment)), Wrench(zero(), -load.moment)), None

@@ -1,0 +1,136 @@
+"""Chains that hold themselves fast by the count of their joints, but move because their dimensions fit.
+
+Places are found by Gauss and Newton's method for all links and joints at once, redundant ones and all.
+Source: Gogu, Mobility of mechanisms: a critical review, 2005, on why the count alone does not tell.
+"""
+
+from __future__ import annotations
+
+import cmath
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from linkjax.groups import FRAME, RP, RR, AbstractGroup, Pair
+from linkjax.mechanism._freedom import freedom
+
+STEPS = (0.05, 0.1)  # rad, or of the size: how far the drive is moved
+CLOSED = 1e-9  # of the size: what may be left open
+ROUNDS = 30
+H = 1e-7  # of the size, of differences
+MOST = 3  # passive links that are looked for
+
+
+def passive_links(drawing, found: Sequence[Pair], driven: Pair) -> list[str]:
+    """Links without which the chain has the one degree of freedom that the drive takes, if it moves with them, too;
+    none if it does not. The last ones given are taken first."""
+    if any(pair.letter == "G" for pair in found) or not _moves(drawing, found, driven):
+        return []
+    spare = [link for link in reversed(drawing.links) if link not in driven.ends and _bridges(link, found)]
+    for count in range(1, MOST + 1):
+        for gone in itertools.combinations(spare, count):
+            rest = drawing.without(gone)
+            after = freedom(list(rest.links), rest.pairs(), driven)
+            if after.degrees == 1 and after.driven and not after.redundant:
+                return [link for link in drawing.links if link in gone]
+    return []
+
+
+def _bridges(link: str, found: Sequence[Pair]) -> bool:
+    """Whether a link only joins two others, by pins, or by a pin and as the block of a slot."""
+    held = [pair for pair in found if link in pair.ends]
+    return sorted(p.letter for p in held) in (["R", "R"], ["P", "R"]) and all(
+        pair.one == link for pair in held if pair.letter == "P"
+    )
+
+
+def passive_group(link: str, drawing) -> AbstractGroup:
+    """The group of a passive link."""
+    pins = drawing.links[link].pins
+    guide = next((slot.guide for slot in drawing.slots if slot.block == link), None)
+    return RR(link, pins[0], pins[1]) if guide is None else RP(link, pins[0], guide)
+
+
+def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
+    """Whether all joints close at some places of the drive, too, and not only where it is drawn."""
+    names = list(drawing.links)
+    places = {name: drawing.places(name) for name in names}
+    start = np.zeros((len(names), 3))
+    for row, name in zip(start, names, strict=True):
+        axis, pin = drawing.axis(name), drawing.links[name].pins[0]
+        origin = drawing.spot(pin, name) - places[name][pin] * axis
+        row[:] = origin.real, origin.imag, cmath.phase(axis)
+    size = max((abs(at) for each in places.values() for at in each.values()), default=0.0) or 1.0
+
+    def opened(x: np.ndarray, drive: float) -> np.ndarray:
+        here = {
+            name: (complex(a, b), cmath.exp(1j * t)) for name, (a, b, t) in zip(names, x.reshape(-1, 3), strict=True)
+        }
+
+        def world(body: str, point: str) -> complex:
+            if body == FRAME:
+                return drawing.spots[point]
+            return here[body][0] + places[body][point] * here[body][1]
+
+        rows: list[float] = []
+        off = 0j
+        for pair in found:
+            turn = here[pair.other][1] if pair.other != FRAME else 1 + 0j
+            if pair.letter == "R":
+                gap = world(pair.one, pair.name) - world(pair.other, pair.name)
+                rows += [gap.real, gap.imag]
+            else:
+                guide = next(slot.guide for slot in drawing.slots if slot.block == pair.one)
+                along = turn * cmath.exp(1j * float(guide.along))
+                off = (here[pair.one][0] - world(pair.other, guide.through)) / along
+                rows += [off.imag - float(guide.offset), size * (here[pair.one][1] / along).imag]
+            if pair == driven:
+                value = cmath.phase(here[pair.one][1] / turn / moved) if pair.letter == "R" else off.real / size
+                rows.append(size * (value - drive))
+        return np.array(rows)
+
+    moved = 1 + 0j
+    x = _closest(lambda x: opened(x, 0.0)[_but(found, driven)], start.ravel(), size)
+    if driven.letter == "R":  # from where it stands now, so that no angle is near half a turn
+        one, other = (
+            cmath.exp(1j * x.reshape(-1, 3)[names.index(end), 2]) if end != FRAME else 1 for end in driven.ends
+        )
+        moved, first = one / other, 0.0
+    else:
+        first = float(opened(x, 0.0)[len(opened(x, 0.0)) - 1 - _after(found, driven)] / size)
+    for sign in (1, -1):
+        ends = []
+        for step in STEPS:
+            y = _closest(lambda x, to=first + sign * step: opened(x, to), x, size)
+            ends.append(np.abs(opened(y, first + sign * step)).max() < CLOSED * size)
+        if all(ends):
+            return True
+    return False
+
+
+def _after(found: Sequence[Pair], driven: Pair) -> int:
+    """How many rows come behind that of the drive."""
+    return 2 * (len(found) - 1 - list(found).index(driven))
+
+
+def _but(found: Sequence[Pair], driven: Pair) -> np.ndarray:
+    """All rows but that of the drive."""
+    count = 2 * len(found) + 1
+    return np.arange(count) != count - 1 - _after(found, driven)
+
+
+def _closest(opened, x: np.ndarray, size: float) -> np.ndarray:
+    """Where least is left open, from a place nearby."""
+    for _ in range(ROUNDS):
+        h = 1e-7 * np.where(np.arange(x.size) % 3 == 2, 1.0, size)
+        slope = np.stack(
+            [(opened(x + step) - opened(x - step)) / (2 * h[i]) for i, step in enumerate(np.diag(h))], axis=1
+        )
+        scale = np.where(np.arange(x.size) % 3 == 2, 1.0, size)
+        move = np.linalg.lstsq(slope * scale, -opened(x), rcond=1e-9)[0] * scale
+        most = np.max(np.abs(move / scale))
+        x = x + move * min(1.0, 0.3 / most if most > 0 else 1.0)
+        if most < 1e-13:
+            break
+    return x

@@ -1,0 +1,152 @@
+"""Passive links: found where a chain moves though its joints are too many, analysed, and their joints named."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import RP, RR, RRR, Crank, Drive, Flywheel, Guide, Link, Mechanism, Slot, StructureError, Vec, linkage
+from linkjax._compile import compiled_soon
+from linkjax.analysis import document
+from linkjax.forces import indeterminate, kinetostatics
+from linkjax.kinematics import margins, pose, prepared
+from linkjax.mechanism import structure
+from linkjax.scenes import loads_text, text_of
+
+ANGLES = np.linspace(0.0, 2 * math.pi, 13)[:-1] + 0.1
+LEAN = 0.3  # of the frame's line of pivots
+ARM, LONG = 0.1, 0.4
+
+
+def parallel(more: dict[str, float], off: float = 0.0, drawn: bool = True) -> Mechanism:
+    """A parallelogram with further cranks at these places along coupler and frame, too long by `off`."""
+    links = {
+        "crank": Link(length=ARM, mass=1.0, pins=("A", "B")),
+        "coupler": Link(length=LONG, mass=2.0, inertia=0.02, centre=Vec(0.15, 0.01), pins=("B", "C", *more),
+                        points={name: Vec(at, 0.05) for name, at in more.items()}),
+        "rocker": Link(length=ARM, mass=1.0, centre=Vec(0.05, 0.0), pins=("D", "C")),
+    }  # fmt: skip
+    fixed = {"A": (0.0, 0.0), "D": (LONG * math.cos(LEAN), LONG * math.sin(LEAN))}
+    turn, arm = complex(math.cos(LEAN), math.sin(LEAN)), ARM * complex(math.cos(1.0), math.sin(1.0))
+    sketch = {}
+    for name, at in {**more, "C": None}.items():
+        foot = (LONG + 0j if at is None else at + 0.05j) * turn
+        if at is not None:
+            fixed[f"{name}0"] = (foot.real, foot.imag)
+            links[f"crank{name}"] = Link(length=ARM + off, mass=1.5, inertia=0.01, centre=Vec(0.04, 0.01),
+                                         pins=(f"{name}0", name))  # fmt: skip
+        sketch[name] = ((foot + arm).real, (foot + arm).imag)
+    return linkage(fixed, links, Drive("crank", phase=1.0), sketch=sketch, flywheel=Flywheel(0.5))
+
+
+def test_a_third_and_a_fourth_parallel_crank():
+    """They are found, and stand as the others do."""
+    for more in ({"F": 0.2}, {"F": 0.2, "G": 0.1}):
+        mechanism = parallel(more)
+        names = [f"crank{name}" for name in more]
+        assert mechanism.formula() == "I1(crank) → II1(coupler, rocker)" + "".join(f" → passive({n})" for n in names)
+        found, count = structure(mechanism), len(more)
+        assert found.mobility == 1 - count
+        assert found.mobility_told() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"
+        here = compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(ANGLES)))(mechanism)
+        for name in names:
+            np.testing.assert_allclose(here.links[name].u.x, np.cos(1.0 + ANGLES), atol=1e-14)
+            np.testing.assert_allclose(here.links[name].w, 1.0, rtol=1e-13)
+            np.testing.assert_allclose(here.links[name].e, 0.0, atol=1e-12)
+
+
+def test_forces_of_a_passive_crank():
+    """It carries its own weight and inertia alone: across its axis by its moment, the rest at the frame; the drive
+    torque is what the energy of the whole asks for; every joint that shares is named."""
+    mechanism, g, speed = parallel({"F": 0.2}), 9.81, 12.0
+    scene = lj.Scene(mechanism, (lj.OpposingTorque("brake", "rocker", magnitude=2.0),), Vec(0.0, -g), speed)
+    three = jax.vmap(lambda phi: kinetostatics(scene, phi, jnp.asarray(speed), jnp.asarray(0.0)))
+    found = compiled_soon(three)(jnp.asarray(ANGLES))
+    u = np.exp(1j * (1.0 + ANGLES))
+    load = -1.5j * g + 1.5 * complex(0.04, 0.01) * u * speed**2  # weight and inertia at the mass centre
+    moment = ((complex(0.04, 0.01) * u).conjugate() * load).imag
+    across = -1j * u * moment / ARM
+    far, near = (found.reactions[joint]["crankF"] for joint in ("F", "F0"))
+    np.testing.assert_allclose(np.asarray(far.fx) + 1j * np.asarray(far.fy), across, rtol=1e-11)
+    np.testing.assert_allclose(np.asarray(near.fx) + 1j * np.asarray(near.fy), -load - across, rtol=1e-11)
+    arms = [(1.0, 0.0), (2.0, ARM), (1.0, 0.05), (1.5, complex(0.04, 0.01))]  # what moves up and down, by the crank
+    rise = sum(m * (1j * arm * u).imag for m, arm in arms)
+    np.testing.assert_allclose(found.drive_torque, g * rise + 2.0, rtol=1e-11)
+    assert set(indeterminate(mechanism)) == {"A", "B", "C", "D", "F", "F0"}
+
+
+def press() -> Mechanism:
+    """A ram in its guide, and a shoe of it in another beside it."""
+    links = {
+        "crank": Link(length=0.1, mass=1.0, pins=("A", "B")), "rod": Link(length=0.4, mass=2.0, pins=("B", "U")),
+        "ram": Link(mass=3.0, points={"K": Vec(0.1, 0.05)}, pins=("U", "K")), "shoe": Link(mass=0.2, pins=("K",)),
+    }  # fmt: skip
+    slots = [Slot("ram", Guide("A", 0.2)), Slot("shoe", Guide("H", 0.2))]
+    turn = complex(math.cos(0.2), math.sin(0.2))
+    fixed = {name: ((at * turn).real, (at * turn).imag) for name, at in (("A", 0j), ("H", 0.05j))}
+    sketch = {name: ((at * turn).real, (at * turn).imag) for name, at in (("U", 0.5 + 0j), ("K", 0.6 + 0.05j))}
+    return linkage(fixed, links, Drive("crank"), slots, sketch, Flywheel(1.0))
+
+
+def test_a_doubled_guide():
+    """The shoe is found; the force across and the couple of both guides are shared, and the pin between."""
+    mechanism = press()
+    assert mechanism.formula() == "I1(crank) → II2(rod, ram) → passive(shoe)"
+    assert set(indeterminate(mechanism)) == {"ram.guide", "shoe.guide", "K"}
+    cycle = lj.analyse(
+        lj.Scene(mechanism, (lj.OpposingForce("cut", "ram", "U", magnitude=50.0),), speed=9.0), angles=36
+    )
+    assert float(cycle.checks.virtual_power) < 1e-12 and float(cycle.checks.energy_closure) < 1e-12
+    shoe = cycle.reactions["shoe.guide"]["shoe"]
+    assert float(jnp.max(shoe.magnitude)) == 0.0
+    assert document(cycle)["model"]["indeterminate"] == list(indeterminate(mechanism))
+
+
+def test_nothing_is_shared_in_a_plain_machine():
+    assert indeterminate(lj.load("slider-crank").mechanism) == ()
+
+
+def test_what_does_not_fit_holds_fast():
+    """Another length, and the chain cannot move, as its count says."""
+    with pytest.raises(StructureError, match=r"nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\).*give it dimensions"):
+        parallel({"F": 0.2}, off=1e-3)
+
+
+def test_a_misfit_is_told():
+    """In groups one says oneself what is passive: a millionth of the length is let pass, more is not."""
+    links = {name: Link(length=long, mass=1.0, pins=()) for name, long in (("crank", 0.1), ("rod", 0.3), ("arm", 0.25))}
+    links["rod"] = Link(length=0.3, mass=1.0, points={"F": Vec(0.3, 0.0)})
+
+    def scene(length: float) -> lj.Scene:
+        own = {**links, "tie": Link(length=length, mass=0.5)}
+        groups = [Crank("crank", "A", "B"), RRR(("rod", "arm"), "B", "D", "C"), RR("tie", "D", "F")]
+        return lj.Scene(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.35, 0.0)}, own, groups, Flywheel(1.0)), (), speed=5.0)
+
+    for off, value in ((0.0, 1.0), (1e-7, 1 - 1e-7 / (0.25 + 1e-7) / 1e-6)):
+        here = margins(prepared(scene(0.25 + off).mechanism), jnp.asarray(1.0))["tie"]["fits"]
+        assert float(here.value) == pytest.approx(value, abs=1e-8)
+    with pytest.raises(
+        lj.MachineError, match=r"group 'tie' does not fit: at .* degrees it is off by 0.00398 of its length"
+    ):
+        lj.analyse(scene(0.251), angles=12)
+    with pytest.raises(ValueError, match="both ends of an RR hang on the point 'D'"):
+        RR("tie", "D", "D")
+
+
+def test_written_and_read_back():
+    """Drawn ones by their links and joints, others by their groups."""
+    plain = Mechanism(
+        {"A": Vec(0.0, 0.0), "H": Vec(0.0, 0.05)},
+        {"crank": Link(length=0.1, mass=1.0), "rod": Link(length=0.4, mass=2.0),
+         "ram": Link(mass=3.0, points={"K": Vec(0.1, 0.05)}), "shoe": Link(mass=0.2)},
+        [Crank("crank", "A", "B"), lj.RRP("rod", "ram", "B", "U", Guide("A")), RP("shoe", "K", Guide("H"))],
+    )  # fmt: skip
+    for mechanism in (parallel({"F": 0.2}), press(), plain):
+        scene = lj.Scene(mechanism, (), speed=5.0)
+        again = loads_text(text_of(scene))
+        assert jax.tree.structure(scene) == jax.tree.structure(again)
+        for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
+            np.testing.assert_allclose(one, two, rtol=1e-15)
