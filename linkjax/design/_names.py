@@ -144,7 +144,10 @@ def _law(name: str, law: AbstractLaw, where: Where, unit: str) -> Iterator[Numbe
     """The numbers of a law of motion; those of a spline one by one."""
     for field in dataclasses.fields(law):
         value = getattr(law, field.name)
-        if eqx.is_array(value) and value.ndim == 0:
+        if isinstance(value, tuple) and not field.metadata.get("static"):
+            for i in range(len(value)):
+                yield Number(f"{name}.{field.name}[{i}]", lambda s, f=field.name, i=i: getattr(where(s), f)[i], unit)
+        elif eqx.is_array(value):
             yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit)
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from linkjax._numerics import once, sincos, wrapped
 from linkjax._types import as_float
@@ -70,7 +70,7 @@ class Spline(AbstractLaw):
     """
 
     angles: tuple[float, ...] = eqx.field(static=True, converter=lambda angles: tuple(float(a) for a in angles))
-    values: Float[Array, " knots"] = eqx.field(converter=as_float)
+    values: tuple[Array, ...] = eqx.field(converter=lambda values: tuple(as_float(value) for value in values))
     cycle: float = eqx.field(static=True, default=2 * math.pi)
 
     def __check_init__(self):
@@ -80,9 +80,9 @@ class Spline(AbstractLaw):
                 f"the angles of a spline must be three or more and rise within one cycle of {self.cycle:.6g} rad, but "
                 f"are {self.angles}; leave the last out where it repeats the first"
             )
-        if np.shape(self.values)[-1:] != (len(self.angles),):
+        if len(self.values) != len(self.angles):
             raise ValueError(
-                f"a spline needs a value at each of its {len(self.angles)} angles, but has {np.shape(self.values)}"
+                f"a spline needs a value at each of its {len(self.angles)} angles, but has {len(self.values)}"
             )
 
     def period(self):
@@ -94,12 +94,13 @@ class Spline(AbstractLaw):
     def at(self, phi):
         first, count = self.angles[0], len(self.angles)
         steps = np.diff([*self.angles, first + self.cycle])
-        bends = jnp.asarray(_bends(steps)) @ self.values  # second derivatives at the knots
+        values = jnp.stack(self.values)
+        bends = jnp.asarray(_bends(steps)) @ values  # second derivatives at the knots
         knots, x = jnp.asarray(self.angles), wrapped(phi - first, self.cycle) + first
         i = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, count - 1)
         j, h = (i + 1) % count, jnp.asarray(steps)[i]
         t = once(x - knots[i])
-        y, y1, m, m1 = self.values[i], self.values[j], bends[i], bends[j]
+        y, y1, m, m1 = values[i], values[j], bends[i], bends[j]
         slope, third = (y1 - y) / h - h * (2 * m + m1) / 6, (m1 - m) / h
         return Moved(y + t * (slope + t * (m / 2 + t * third / 6)), slope + t * (m + t * third / 2), m + t * third)
 

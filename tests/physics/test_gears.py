@@ -93,7 +93,8 @@ def drag_link(*more, turns: int = 1, **links: Link) -> lj.Scene:
     return lj.Scene(mechanism, (lj.OpposingTorque("brake", "second", magnitude=2.0),), speed=5.0, cycle_turns=turns)
 
 
-@pytest.mark.parametrize("mesh", [Teeth((20, 30)), Belt(0.06, 0.09, crossed=True), Belt(0.06, 0.09)])
+@pytest.mark.parametrize("mesh", [Teeth((20, 30)), *(pytest.param(Belt(0.06, 0.09, crossed=crossed), marks=pytest.mark.slow)
+                                               for crossed in (True, False))])  # fmt: skip
 def test_turns_of_what_turns_all_round_are_counted(mesh):
     """One and a half turns for each of the second crank: unwound by hand, over two turns of the crank."""
     scene = drag_link(Gear("wheel", "E", mesh, "second", "D", None, 0.3), turns=2, wheel=Link(mass=1.0, inertia=0.01))
@@ -175,6 +176,7 @@ def test_gradients_through_a_belt():
     assert float(pull[1]) == pytest.approx((forces[0] - forces[1]) / (2 * h), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_belt_that_cannot_be():
     """Two wheels of 0.15 m, 0.29 m apart, leave no room for strands that cross."""
     links = {"crank": Link(length=0.1, mass=1.0, inertia=0.1), "wheel": Link(mass=1.0, inertia=0.01)}

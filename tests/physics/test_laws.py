@@ -216,3 +216,19 @@ def test_messages(old, new, key, says):
     with pytest.raises(lj.SceneError) as caught:
         lj.scenes.loads_text(SLIDE.replace(old, new), "slide.toml")
     assert caught.value.key == key and says in str(caught.value)
+
+
+def test_values_of_a_spline_are_free_numbers():
+    """By name; at a knot the crank stands at its value, whatever the others are."""
+    links = {"crank": Link(length=0.1, mass=1.0)}
+    crank = lj.Crank("crank", "A", "B", law=Spline(tuple(KNOTS), VALUES))
+    scene = lj.Scene(Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [crank]), (), speed=3.0)
+    names = [f"groups.crank.law.values[{i}]" for i in range(len(KNOTS))]
+    assert [name for name in lj.design.numbers(scene) if ".law." in name] == names
+
+    def stands(values):
+        made = lj.design.changed(scene, dict(zip(names, values, strict=True))).mechanism
+        return jnp.stack([jnp.asarray(lj.pose(made, jnp.asarray(phi)).links["crank"].angle) for phi in KNOTS])
+
+    np.testing.assert_allclose(jax.jacfwd(stands)(jnp.asarray(VALUES)), np.eye(len(KNOTS)), atol=1e-14)
+    np.testing.assert_allclose(stands(jnp.asarray(VALUES) + 0.1), np.asarray(VALUES) + 0.1, atol=1e-14)

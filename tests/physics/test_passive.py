@@ -96,6 +96,12 @@ def test_a_doubled_guide():
     mechanism = press()
     assert mechanism.formula() == "I1(crank) → II2(rod, ram) → passive(shoe)"
     assert set(indeterminate(mechanism)) == {"ram.guide", "shoe.guide", "K"}
+
+
+@pytest.mark.slow
+def test_an_analysis_names_what_is_shared():
+    """In its document; energy and virtual power close."""
+    mechanism = press()
     cycle = lj.analyse(
         lj.Scene(mechanism, (lj.OpposingForce("cut", "ram", "U", magnitude=50.0),), speed=9.0), angles=36
     )
