@@ -93,8 +93,10 @@ def drag_link(*more, turns: int = 1, **links: Link) -> lj.Scene:
     return lj.Scene(mechanism, (lj.OpposingTorque("brake", "second", magnitude=2.0),), speed=5.0, cycle_turns=turns)
 
 
-@pytest.mark.parametrize("mesh", [Teeth((20, 30)), *(pytest.param(Belt(0.06, 0.09, crossed=crossed), marks=pytest.mark.slow)
-                                               for crossed in (True, False))])  # fmt: skip
+BELTS = [pytest.param(Belt(0.06, 0.09, crossed=crossed), marks=pytest.mark.slow) for crossed in (True, False)]
+
+
+@pytest.mark.parametrize("mesh", [Teeth((20, 30)), *BELTS])
 def test_turns_of_what_turns_all_round_are_counted(mesh):
     """One and a half turns for each of the second crank: unwound by hand, over two turns of the crank."""
     scene = drag_link(Gear("wheel", "E", mesh, "second", "D", None, 0.3), turns=2, wheel=Link(mass=1.0, inertia=0.01))
