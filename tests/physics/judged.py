@@ -20,7 +20,7 @@ import numpy as np
 
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import PRP, RPP, RPR, RRP, Crank, General, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, Pinion, Rack, Slide
 from linkjax.kinematics import pose
 from linkjax.loads import Force, OpposingForce, Torque
 from tests.physics import newton_euler, oracle
@@ -334,9 +334,30 @@ def closure(batch: Batch, found: dict[str, np.ndarray]) -> np.ndarray:
             on_guide(g.guide, g.end, g.link)
             gaps.append(((points[g.from_] - points[g.end]) / u[g.block]).imag - g.offset)
             gaps.append(reach * np.abs(u[g.block] - u[g.link] * np.exp(1j * g.slot)))
+        elif isinstance(g, Gear | Pinion | Rack):
+            gaps += [reach * np.abs(gap) for gap in in_gear(g, batch, points, u)]
+            if isinstance(g, Rack):
+                on_guide(g.guide, g.end, g.link)
         elif isinstance(g, General):
             raise NotImplementedError
     return np.max(np.abs(gaps), 0) / (1e-13 * reach)
+
+
+def in_gear(g, batch: Batch, points, u) -> list[np.ndarray]:
+    """What wheels leave open, as differences of unit vectors: of crank, planet and wheels that follow the crank."""
+    crank = batch.scene.mechanism.groups[0]
+    turned = crank.turns * batch.phi if crank.law is None else oracle.prescribed(crank.law, batch.phi)
+    counted = {"frame": 0.0, "crank": crank.phase + turned}
+    for each in batch.scene.mechanism.groups:
+        if isinstance(each, Gear):
+            counted[each.link] = oracle.wheels.mesh_angle(each, lambda name: counted[name], np.asarray)
+        elif isinstance(each, Pinion):
+            ahead = ((points[each.at] - points[each.pivot]) / u[each.to]).real
+            counted[each.link] = each.phase + each.side * ahead / each.radius
+    if isinstance(g, Rack):
+        ahead = ((points[g.end] - points[g.guide.through]) / u[g.link]).real
+        return [np.abs(ahead - g.start - g.side * g.radius * counted[g.to]) / np.maximum(np.abs(ahead), g.radius)]
+    return [u[g.link] - np.exp(1j * counted[g.link])]
 
 
 def histogram(verdicts: list[Verdict]) -> str:

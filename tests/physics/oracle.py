@@ -359,7 +359,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
         elif isinstance(g, Rack | Pinion):
             on = links.get(g.guide.on if isinstance(g, Rack) else g.carrier, still)
             if isinstance(g, Rack):
-                s, s2 = (g.side * float(g.radius) * (links[g.to][k] - on[k]) for k in (1, 2))
+                s, s2 = (g.side * np.asarray(g.radius) * (links[g.to][k] - on[k]) for k in (1, 2))
                 along, base = directions[g.link], points[g.guide.through]
                 under = carried(base, on, (at[g.end] - base.r) / on.r)
                 points[g.end] = Jet(at[g.end], under.v + s * along, under.a + (s2 + 2j * on.v * s) * along)
@@ -369,7 +369,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
                 under = carried(points[g.pivot], on, (pin.r - at[g.pivot]) / on.r)
                 s = ((pin.v - under.v) / along).real
                 s2 = ((pin.a - under.a - 2j * on.v * s * along) / along).real
-                rolled = g.side / float(g.radius)
+                rolled = g.side / np.asarray(g.radius)
                 links[g.link] = Jet(directions[g.link], on.v + rolled * s, on.a + rolled * s2)
         elif isinstance(g, RRP):
             b, rod, along = points[g.from_], at[g.end] - at[g.from_], directions[g.block]

@@ -19,12 +19,30 @@ import jax.numpy as jnp
 import numpy as np
 
 import linkjax as lj
-from linkjax import PRP, RPP, RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
+from linkjax import (
+    PRP,
+    RPP,
+    RPR,
+    RRP,
+    RRR,
+    Belt,
+    Crank,
+    Flywheel,
+    Gear,
+    Guide,
+    Link,
+    Mechanism,
+    Pinion,
+    Rack,
+    Teeth,
+    Vec,
+)
 from linkjax.groups import Drive, Slot
 from linkjax.mechanism import linkage
 from tests.physics import oracle
 
 KINDS = ("RRR", "RRP", "RPR", "PRP", "RPP")
+WHEELS = ("gear", "planet", "belt", "rack", "pinion")  # the last two behind a wheel and a rack
 TRIES = 200
 
 
@@ -102,7 +120,9 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
         lj.Torque("twist", moving[pushed], torque=dice.between(-5, 5)),
     )
     wheel = Flywheel(dice.between(0, 0.5)) if driver != "slides" else None
-    scene = lj.Scene(Mechanism(fixed, links, made, wheel), loads, dice.point(10.0), dice.between(5, 40))
+    turns = math.lcm(*(g.mesh.teeth[0] for g in made if isinstance(g, Gear) and isinstance(g.mesh, Teeth)))
+    scene = lj.Scene(Mechanism(fixed, links, made, wheel), loads, dice.point(10.0), dice.between(5, 40),
+                     cycle_turns=turns)  # fmt: skip
     scene = jax.tree.map(lambda leaf: np.array(np.broadcast_to(leaf, count)), scene)
     name = f"{plan}: {driver}, {' '.join(kinds)}"
     return Batch(name, scene, phi, scene.speed * dice.between(0.8, 1.2), scene.speed**2 * dice.between(-1, 1))
@@ -165,8 +185,30 @@ def _drawn(kind: str, number: int, dice: Dice, asked: Asked, points, scaled: boo
         return RPR(a, b, one, to, f"G{number}", side, offset), links(dice.between(0.2, 0.5), 0.0)
     if kind == "PRP":
         return PRP((a, b), f"G{number}", (dice.guide(here), dice.guide(there)), side), links(0.0, 0.0)
+    if kind in WHEELS:
+        return _wheel(kind, number, dice, side, marks[0], points)
     slot = dice.between(0.05, math.pi - 0.05) * side
     return RPP(a, b, one, f"G{number}", dice.guide(here), slot, dice.between(-0.05, 0.05)), links(0.0, 0.0)
+
+
+def _wheel(kind: str, number: int, dice: Dice, side: int, mark: str, points):
+    """A wheel in gear with the crank or with the last wheel, or a rack, with its link."""
+    name, end, phase = f"a{number}", f"G{number}", dice.between(-3, 3)
+    teeth = tuple(int(n) for n in dice.rng.choice(range(12, 80), 2, replace=False))
+    link = {name: dice.link(0.0 if kind == "rack" else dice.between(0.05, 0.2), mark)}
+    if kind == "rack":  # on a guide of the frame, moved by the wheel that came before it
+        guide, radius, start = dice.guide(("frame", "P")), dice.between(0.02, 0.2), dice.between(-0.2, 0.2)
+        return Rack(name, end, guide, f"a{number - 1}", "Q", radius, side, start, dice.between(0, 0.5)), link
+    if kind == "pinion":
+        rest = dice.between(0.02, 0.2), side, end, phase, "frame", dice.between(0, 0.5)
+        return Pinion(name, "Q", f"a{number - 1}", f"G{number - 1}", *rest), link
+    if kind == "planet":
+        mesh = Teeth(teeth, side > 0, dice.between(0, 0.5))
+        return Gear(name, "B", mesh, "frame", "A", end, phase, "crank"), link
+    apart = np.abs(points["Q"] - points["A"])
+    belt = Belt(apart * dice.between(0.05, 0.45), apart * dice.between(0.05, 0.45), side > 0, dice.between(0, 50))
+    mesh = belt if kind == "belt" else Teeth(teeth, side > 0, dice.between(0, 0.5))
+    return Gear(name, "Q", mesh, "crank", "A", end, phase), link
 
 
 def _stands(fixed, links, made, new, phi) -> np.ndarray:

@@ -38,6 +38,15 @@ ALONE = [Case(1000 + 10 * i + j, 1, (kind,), driver)
 TOGETHER = [
     Case(plan, 2 + plan % 7, driver="turns" if plan % 3 == 0 else "", drawn=plan % 3 == 0) for plan in range(42)
 ]
+IN_GEAR = [
+    Case(2000 + i, len(kinds), kinds, driver)
+    for i, (kinds, driver) in enumerate([
+        (("gear",), "turns"), (("planet",), "turns"), (("belt",), "turns"), (("gear",), "swings"),
+        (("gear", "RRR"), "turns"), (("planet", "RRP", "RPR"), "turns"), (("belt", "RRR", "PRP"), "swings"),
+        (("gear", "rack", "pinion"), "swings"), (("gear", "rack", "RRR", "RPP"), "swings"),
+        (("planet", "gear", "RRR", "RRP", "RPR", "PRP", "RPP", "RRR"), "turns"),
+    ])
+]  # fmt: skip
 QUICK = [TOGETHER[0]]
 
 
@@ -67,7 +76,7 @@ def test_some(case, verdicts):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [*ALONE, *TOGETHER], ids=str)
+@pytest.mark.parametrize("case", [*ALONE, *TOGETHER, *IN_GEAR], ids=str)
 def test_all(case, verdicts):
     check(case, DESIGNS, verdicts)
 
@@ -93,5 +102,5 @@ def test_what_is_wrong_is_seen(monkeypatch):
 
 
 def test_there_are_as_many_as_promised():
-    assert (len(ALONE) + len(TOGETHER)) * DESIGNS >= 2000
+    assert (len(ALONE) + len(TOGETHER) + len(IN_GEAR)) * DESIGNS >= 2400
     assert {case.groups for case in (*ALONE, *TOGETHER)} == set(range(1, 9))

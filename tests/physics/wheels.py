@@ -32,8 +32,8 @@ def mesh_rates(g, rate) -> Any:
     if isinstance(g.mesh, Teeth):
         first, second = g.mesh.teeth
         return rate(g.carrier) + (1 if g.mesh.inside else -1) * second / first * (rate(g.to) - rate(g.carrier))
-    arc = float(g.mesh.other) * (rate(g.to) - rate(g.carrier))  # of the belt
-    return rate(g.carrier) + (-1 if g.mesh.crossed else 1) * arc / float(g.mesh.radius)
+    arc = np.asarray(g.mesh.other) * (rate(g.to) - rate(g.carrier))  # of the belt
+    return rate(g.carrier) + (-1 if g.mesh.crossed else 1) * arc / np.asarray(g.mesh.radius)
 
 
 class Side(NamedTuple):
@@ -74,15 +74,15 @@ def contact(g, points, directions) -> Contact:
         else:
             place = points[g.pivot] + span * mine / (mine - other)
             normal = towards
-        lean, about = float(g.mesh.pressure_angle), g.pivot
+        lean, about = np.asarray(g.mesh.pressure_angle), g.pivot
     elif isinstance(g, Rack):
         normal = -1j * g.side * directions[g.link]
-        place = points[g.centre] + normal * float(g.radius)
-        lean, about = float(g.pressure_angle), g.end
+        place = points[g.centre] + normal * np.asarray(g.radius)
+        lean, about = np.asarray(g.pressure_angle), g.end
     else:
         normal = 1j * g.side * directions[g.to]
-        place = points[g.pivot] - normal * float(g.radius)
-        lean, about = float(g.pressure_angle), g.pivot
+        place = points[g.pivot] - normal * np.asarray(g.radius)
+        lean, about = np.asarray(g.pressure_angle), g.pivot
     flanks = [normal * 1j * sign * np.exp(-1j * sign * lean) for sign in (1, -1)]  # towards the inside of the link
     none = 0 * place
     one, two = (Side(place, flank, place, none, 0.0) for flank in flanks)
@@ -91,7 +91,7 @@ def contact(g, points, directions) -> Contact:
 
 def _strands(g: Gear, points) -> tuple[Side, Side]:
     """The two straight strands of a belt, either of which may be the tight one."""
-    mine, other, slack = float(g.mesh.radius), float(g.mesh.other), float(g.mesh.tension)
+    mine, other, slack = np.asarray(g.mesh.radius), np.asarray(g.mesh.other), np.asarray(g.mesh.tension)
     span = points[g.centre] - points[g.pivot]
     strands = []
     for sign in (1, -1):  # the tangent that touches the wheel on its left, seen along the line of centres; and right
