@@ -346,6 +346,7 @@ class Drawing:
 
 
 def complex_of(where: str, at: Place) -> complex:
+    """A place as a complex number. Raises `StructureError` while it is traced, or one of many."""
     x, y = (number_of(part) for part in (at.x, at.y)) if isinstance(at, Vec) else at
     if x is None or y is None:
         raise StructureError(where, "is traced or batched", "build the mechanism once, and change its numbers then")

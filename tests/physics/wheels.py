@@ -43,7 +43,7 @@ class Side(NamedTuple):
     along: Any
     besides_at: Any
     besides: Any
-    least: float
+    least: Any
 
 
 class Contact(NamedTuple):
