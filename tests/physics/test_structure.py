@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import itertools
 import math
@@ -18,7 +19,7 @@ from linkjax.analysis import analyse
 from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Drive, General, Guide, Pair, Slot, classified
 from linkjax.kinematics import assemblies, pose, prepared
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage, structure
-from linkjax.mechanism._freedom import blocks, freedom
+from linkjax.mechanism._freedom import blocks, freedom, rates
 from linkjax.scenes import load, loads_text, text_of
 from tests.physics.chains import chains, driven_chains, grounded
 from tests.physics.machines import machine
@@ -112,6 +113,45 @@ def _within(pair: Pair, part, order) -> bool:
     """Whether a pair is solved with this part: the later of its two ends is in it."""
     place = {name: i for i, names in enumerate(order) for name in names} | {FRAME: -1}
     return max(place[end] for end in pair.ends) == place[part[0]]
+
+
+# ---- every chain as a machine
+
+
+CASES = [(count, *one) for count in (4, 6) for one in driven_chains(count, at_ground=False)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}-{case[2]}-{case[3]}-{CASES.index(case)}")
+def test_every_chain_moves(case):
+    """With pins at random places: closed as drawn, and the rates of all links those that its joints allow."""
+    _, chain, ground, edge = case
+    rng = np.random.default_rng(CASES.index(case))
+    spots = {f"j{a}{b}": rng.uniform(-1, 1, 2) for a, b in chain}
+    links = {}
+    for name in links_of(chain, ground):
+        own = [f"j{a}{b}" for a, b in chain if name in (f"k{a}", f"k{b}")]
+        first = f"j{edge[0]}{edge[1]}"
+        own.sort(key=lambda p, first=first: p != first)  # a crank turns about its first pin
+        links[name] = Link(pins=tuple(own))
+    fixed = {p: tuple(at) for p, at in spots.items() if ground in map(int, p[1:])}
+    sketch = {p: tuple(at) for p, at in spots.items() if p not in fixed}
+    one, on = (FRAME if end == ground else f"k{end}" for end in edge)
+    one, on = (on, one) if one == FRAME else (one, on)
+    ways = {name: complex(*(spots[link.pins[1]] - spots[link.pins[0]])) for name, link in links.items()}
+    start = cmath.phase(ways[one] / ways.get(on, 1.0))
+    machine = linkage(fixed, links, Drive(one, on, phase=start), sketch=sketch)
+    here = compiled_soon(lambda m: pose(m, jnp.zeros(())))(prepared(machine))
+    for p, at in spots.items():
+        np.testing.assert_allclose((here.points[p].r.x, here.points[p].r.y), at, atol=1e-12)
+    names, pairs = links_of(chain, ground), named(chain, ground)
+    drive = next(p for p in pairs if p.name == f"j{edge[0]}{edge[1]}")
+    matrix = rates(names, pairs, drive, {p: (*at, 0.0) for p, at in spots.items()})
+    wanted = np.zeros(len(matrix))
+    wanted[-1] = 1.0 if drive.one == one else -1.0
+    found, condition = np.linalg.solve(matrix, wanted), np.linalg.cond(matrix)
+    for i, name in enumerate(names):
+        assert float(here.links[name].w) == pytest.approx(found[3 * i + 2], abs=1e-15 * condition * np.abs(found).max())
 
 
 # ---- drawn by links and joints
