@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import FITS, Crank
+from linkjax.groups import FITS, Course, Crank, Track
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -122,7 +122,7 @@ def explain(cycle: Cycle) -> None:
             else f"does not fit: at {degrees:.2f} degrees it is off by {(short + 1) * FITS:.3g} of its length"
             if side == "fits"
             else "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
-            if _trouble(cycle, group) == "astray"
+            if side == "turns" or _trouble(cycle, group) == "astray"
             else f"passes on to another assembly near {place}: it has a change point or a dead position there"
             if side == "loops" and _trouble(cycle, group) == "change point"
             else f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
@@ -130,7 +130,8 @@ def explain(cycle: Cycle) -> None:
             else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"
         )
         where = _where_it_can(cycle) if what.startswith("cannot be assembled at") else ""
-        raise MachineError(f"{title}group {group!r} {what}. {where}{MESSAGES[code]}", code)
+        remedy = "Write more turns, or choose another ratio." if side == "turns" else MESSAGES[code]
+        raise MachineError(f"{title}group {group!r} {what}. {where}{remedy}", code)
     if code is Result.INTEGRATION_FAILED:
         raise MachineError(f"{title}{MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:
@@ -173,7 +174,7 @@ def _trouble(cycle: Cycle, name: str) -> str:
     """What is wrong with a followed group that closes everywhere."""
     group = named_groups(ready(cycle.scene).mechanism)[name]
     path = getattr(group, "path", None)
-    return "" if path is None else path.trouble()
+    return path.trouble() if isinstance(path, Course | Track) else ""
 
 
 def _first_lost(cycle: Cycle) -> tuple[str, str, Least]:

@@ -29,7 +29,15 @@ UNITS = {
     "force": "N", "radius": "m", "other": "m", "start": "m", "tension": "N", "phase": "rad", "slot": "rad",
     "pressure_angle": "rad",
 }  # fmt: skip
-LEAST = {"inertia": 0.0, "thickness": 1e-6, "density": 1.0, "radius": 1e-6, "other": 1e-6}  # discs have a radius
+LEAST = {
+    "inertia": 0.0,
+    "thickness": 1e-6,
+    "density": 1.0,
+    "radius": 1e-6,
+    "other": 1e-6,
+    "tension": 0.0,
+    "pressure_angle": 0.0,
+}  # discs have a radius
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +125,7 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
 
 
 def _group(
-    name: str, group: AbstractGroup | Guide | Drive | Slot | Teeth | Belt, where: Where, slides: bool = False
+    name: str, group: AbstractGroup | Guide | Drive | Slot, where: Where, slides: bool = False
 ) -> Iterator[Number]:
     """The numbers of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
     drive does."""
@@ -129,7 +137,14 @@ def _group(
         if isinstance(value, AbstractLaw):
             unit = "m" if slides else "rad"
             yield from _law(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), unit)
-        elif isinstance(value, Guide | Drive | Teeth | Belt):
+        elif isinstance(value, Teeth):
+            angle = f"{name}.pressure_angle"
+            yield Number(angle, lambda s, f=field.name: getattr(where(s), f).pressure_angle, "rad", 0.0)
+        elif isinstance(value, Belt):
+            for key, part in (("radii[0]", "radius"), ("radii[1]", "other"), ("tension", "tension")):
+                yield Number(f"{name}.belt.{key}", lambda s, f=field.name, p=part: getattr(getattr(where(s), f), p),
+                             UNITS[part], LEAST[part])  # fmt: skip
+        elif isinstance(value, Guide | Drive):
             yield from _group(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), slides)
         elif isinstance(value, tuple) and not field.metadata.get("static"):
             for i, each in enumerate(value):

@@ -62,16 +62,21 @@ class Coupling(NamedTuple):
     ways: dict[str, Array]
 
 
+def named(kind: str) -> str:
+    """A kind of group with its article."""
+    return f"{'an' if kind[0] == 'R' else 'a'} {kind}"
+
+
 def check_side(kind: str, side: int) -> None:
     """Raise ValueError for a side that is none."""
     if side not in (1, -1):
-        raise ValueError(f"side of an {kind} must be 1 or -1, but is {side!r}")
+        raise ValueError(f"side of {named(kind)} must be 1 or -1, but is {side!r}")
 
 
 def check_apart(kind: str, one: str, other: str) -> None:
     """Raise ValueError where both ends of a group hang on the same point."""
     if one == other:
-        raise ValueError(f"both ends of an {kind} hang on the point {one!r}; name two points")
+        raise ValueError(f"both ends of {named(kind)} hang on the point {one!r}; name two points")
 
 
 class AbstractGroup(eqx.Module):

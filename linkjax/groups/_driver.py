@@ -131,6 +131,9 @@ class Slide(AbstractDriver):
     def pins(self):
         return {self.link: (self.end, None)}
 
+    def brings(self):
+        return (self.end,)
+
     def translating(self):
         return (self.link,)
 

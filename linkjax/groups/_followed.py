@@ -26,22 +26,22 @@ def followed(groups: Sequence[AbstractGroup]) -> list[int]:
     they follow are those of cranks and other wheels, and the ratio of their teeth is that of whole numbers."""
     found, counted = [], {FRAME}
     for number, group in enumerate(groups):
-        if isinstance(group, RRR | RRP):
-            needs = group.branch == "continue"
-        elif isinstance(group, Gear | Rack):
-            ratio = isinstance(group, Gear) and isinstance(group.mesh, Belt)
-            needs = ratio or not set(group.mates()) <= counted
-        else:
-            needs = isinstance(group, General)
-        found += [number] * needs
-        if isinstance(group, Crank | Gear) or (isinstance(group, Pinion) and group.carrier in counted):
+        if isinstance(group, Gear | Rack | Pinion):
+            exact = set(group.mates()) <= counted and not (isinstance(group, Gear) and isinstance(group.mesh, Belt))
+            found += [number] * (not exact)
+            counted |= {group.link} if exact else set()
+        elif isinstance(group, RRR | RRP):
+            found += [number] * (group.branch == "continue")
+        elif isinstance(group, General):
+            found.append(number)
+        elif isinstance(group, Crank):
             counted.add(group.link)
     return found
 
 
 def with_path(group: AbstractGroup, path: Path | None, turns: int = 1) -> AbstractGroup:
     """A group that is followed, with another reference path over so many turns, or none."""
-    assert isinstance(group, General | RRR | RRP | Gear | Rack)
+    assert isinstance(group, General | RRR | RRP | Gear | Rack | Pinion)
     return dataclasses.replace(group, **{"path": path, "turns": turns})
 
 

@@ -48,6 +48,8 @@ class Gear(AbstractGroup):
     def __check_init__(self):
         if not isinstance(self.mesh, Teeth | Belt):
             raise ValueError(f"the mesh of wheel {self.link!r} is {self.mesh!r}; write Teeth((40, 20)) or a Belt")
+        if self.link in (self.to, self.carrier):
+            raise ValueError(f"wheel {self.link!r} is in gear with itself, or sits on itself; name another link")
         if self.to == self.carrier or self.pivot == self.centre:
             both = f"{self.to!r} about {self.centre!r}"
             raise ValueError(f"wheel {self.link!r} is in gear with {both}, on which it sits; name another carrier")
@@ -88,7 +90,14 @@ class Gear(AbstractGroup):
 
     def margins(self, links, states, points, phi):
         apart = self.mesh.apart(points[self.centre].r - points[self.pivot].r)
-        return {"turns": comes_round(self.path, phi), "apart": apart}
+        return {"turns": comes_round(self.missed(), phi), "apart": apart}
+
+    def missed(self):
+        """How far it is after the cycle from where it began, on the unit circle; None without a path."""
+        if self.path is None:
+            return None
+        there, on = self.path.covered()
+        return self.path.missed(on + self.mesh.ratio() * (there - on), self.turns)
 
     def transmission(self, states, points):
         return None

@@ -7,9 +7,11 @@ Shigley, Mechanical Engineering Design, ch. 13 (tooth forces) and 17 (belts).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import safe_divide, safe_sqrt
@@ -18,11 +20,26 @@ from linkjax._vec import Vec
 from linkjax.groups._base import Margin, Wrench
 
 PRESSURE = math.radians(20.0)
+MOST = 100000  # teeth
+
+
+def check_pressure(kind: str, angle: Array) -> None:
+    """Raise ValueError for a pressure angle that is none."""
+    value = known(angle)
+    if value is not None and not ((value >= 0) & (value < math.radians(60))).all():
+        raise ValueError(f"pressure angle of a {kind} must be from 0 to 60 degrees, but is {value} rad")
 
 
 def push(size: Array, angle: Array) -> Array:
     """What presses two toothed wheels apart while they carry a tangential force, whichever flank is loaded."""
     return jnp.abs(size) * jnp.tan(angle)
+
+
+def _whole(teeth: Any) -> Any:
+    """Numbers of teeth as Python's, where they are whole numbers of NumPy."""
+    if not isinstance(teeth, tuple | list):
+        return teeth
+    return tuple(int(n) if isinstance(n, np.integer) else n for n in teeth)
 
 
 class Teeth(eqx.Module):
@@ -33,14 +50,16 @@ class Teeth(eqx.Module):
     teeth that are no whole numbers above zero, and for two equal ones of which one is inside the other.
     """
 
-    teeth: tuple[int, int] = eqx.field(static=True)
+    teeth: tuple[int, int] = eqx.field(static=True, converter=_whole)
     inside: bool = eqx.field(static=True, default=False)
     pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
 
     def __check_init__(self):
-        whole = len(self.teeth) == 2 and all(isinstance(n, int) and n > 0 for n in self.teeth)
-        if not whole:
-            raise ValueError(f"teeth of the wheel and of the other must be two whole numbers, but are {self.teeth!r}")
+        pair = isinstance(self.teeth, tuple) and len(self.teeth) == 2
+        if not pair or any(isinstance(n, bool) or not isinstance(n, int) or not 0 < n <= MOST for n in self.teeth):
+            told = f"must be two whole numbers, but are {self.teeth!r}"
+            raise ValueError(f"teeth of the wheel and of the other {told}")
+        check_pressure("wheel", self.pressure_angle)
         if self.inside and self.teeth[0] == self.teeth[1]:
             raise ValueError(f"of two wheels with {self.teeth[0]} teeth each none can run inside the other")
 
@@ -85,6 +104,9 @@ class Belt(eqx.Module):
             value = known(getattr(self, name))
             if value is not None and not (value > 0).all():
                 raise ValueError(f"{name} of a belt must be above zero, but is {value} m")
+        slack = known(self.tension)
+        if slack is not None and not (slack >= 0).all():
+            raise ValueError(f"the slack strand of a belt can only pull, but its tension is {slack} N")
 
     def ratio(self) -> Array:
         """Turns of the wheel for one of the other, as seen from the link that carries both."""

@@ -16,7 +16,7 @@ from linkjax._types import as_float, known
 from linkjax._vec import Vec, unit
 from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench, check_side
 from linkjax.groups._guide import Guide, Line, as_guide
-from linkjax.groups._mesh import PRESSURE, push
+from linkjax.groups._mesh import PRESSURE, check_pressure, push
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, carried
 from linkjax.groups._winding import Winding, comes_round, turned
@@ -57,6 +57,9 @@ class Rack(AbstractGroup):
     def __check_init__(self):
         check_side(self.kind, self.side)
         check_radius(self.kind, self.radius)
+        check_pressure(self.kind, self.pressure_angle)
+        if self.to == self.guide.on:
+            raise ValueError(f"rack {self.link!r} slides on {self.to!r}, its own wheel; name what carries both")
 
     def mates(self) -> tuple[str, str]:
         """The links whose angles it follows."""
@@ -80,6 +83,9 @@ class Rack(AbstractGroup):
     def pins(self):
         return {self.link: (self.end, None)}
 
+    def brings(self):
+        return (self.end,)
+
     def translating(self):
         return (self.link,) if self.guide.on == FRAME else ()
 
@@ -94,7 +100,14 @@ class Rack(AbstractGroup):
         return {self.link: line.state}, {self.end: line.point(self.start + rolled[0], rolled[1], rolled[2])}
 
     def margins(self, links, states, points, phi):
-        return {"turns": comes_round(self.path, phi)}
+        return {"turns": comes_round(self.missed(), phi)}
+
+    def missed(self):
+        """How far it is after the cycle from where it began, of the radius; None without a path."""
+        if self.path is None:
+            return None
+        there, on = self.path.covered()
+        return jnp.where(self.path.too_fast(self.turns), jnp.inf, jnp.abs(there - on))
 
     def transmission(self, states, points):
         return None
@@ -120,8 +133,10 @@ class Pinion(AbstractGroup):
 
     `pivot` is a point of the `carrier`, the frame or the link along which the rack slides; it lies to the left of the
     rack's direction for `side` +1, to the right for -1. Seen from the carrier the wheel stands at `phase` (rad) while
-    the rack's point `at` is abreast of the pivot. `end` names a pin of the wheel at its length, if it has one. Raises
-    `ValueError` for a radius or side that is none.
+    the rack's point `at` is `start` (m) ahead of `through`, another point of the carrier, along the rack; abreast of
+    the pivot, if these are left out. Its turns are counted as those of a `Gear`. `end` names a pin of the wheel at its
+    length, if it has one. `path` and `turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a radius,
+    side or pressure angle that is none.
     """
 
     kind: ClassVar[str] = "pinion"
@@ -137,10 +152,19 @@ class Pinion(AbstractGroup):
     phase: Array = eqx.field(converter=as_float, default=0.0)
     carrier: str = eqx.field(static=True, default=FRAME)
     pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
+    through: str = eqx.field(static=True, default="")
+    start: Array = eqx.field(converter=as_float, default=0.0)
+    path: Winding | None = None
+    turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
         check_radius(self.kind, self.radius)
+        check_pressure(self.kind, self.pressure_angle)
+
+    def mates(self) -> tuple[str, ...]:
+        """The links whose angles it follows."""
+        return (self.carrier,)
 
     def link_names(self):
         return (self.link,)
@@ -149,10 +173,13 @@ class Pinion(AbstractGroup):
         return "G", "RG"
 
     def needs(self):
-        return self.pivot, self.at
+        return (self.pivot, self.at, *self._through())
+
+    def _through(self) -> tuple[str, ...]:
+        return (self.through,) if self.through else ()
 
     def lies_on(self):
-        return ((self.carrier, self.pivot), (self.to, self.at))
+        return (*((self.carrier, p) for p in (self.pivot, *self._through())), (self.to, self.at))
 
     def slides_on(self):
         return ((self.to, self.carrier),)
@@ -166,14 +193,12 @@ class Pinion(AbstractGroup):
 
     def solve(self, links, states, points, phi):
         rack, pivot = states[self.to], points[self.pivot]
-        s, d, dd = Line(pivot, rack.u, jnp.zeros_like(phi), rack).along(points[self.at])
-        s, d, dd = (self.side * x / self.radius for x in (s, d, dd))
-        on = None if self.carrier == FRAME else states[self.carrier]
-        u, w, e = unit(self.phase + s), d, dd
-        if on is not None:
-            u, w, e = u.turned(on.u).once(), w + on.w, e + on.e
-        whole = jnp.zeros_like(phi) if on is None else on.angle
-        state = LinkState(u, w, e, None if whole is None else whole + self.phase + s)
+        base = points[self.through] if self.through else pivot
+        s, d, dd = Line(base, rack.u, jnp.zeros_like(phi), rack).along(points[self.at])
+        s, d, dd = (self.side * x / self.radius for x in (s - self.start, d, dd))
+        on, w, e = turned(self.carrier, 0, states, self.path, phi, self.turns)
+        angle = on + self.phase + s
+        state = LinkState(unit(angle), w + d, e + dd, angle)
         if self.end is None:
             return {self.link: state}, {}
         length = links[self.link].length

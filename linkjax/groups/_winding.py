@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -14,48 +14,64 @@ from linkjax.groups._base import Margin
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState
 
+FASTEST = 3.0  # rad a step of the path, up to which turns are counted
 BEYOND = 1e-6  # what the margin falls short by where a wheel is not after the cycle where it began
 
 
 class Winding(NamedTuple):
-    """Angles of two links at equal steps of the crank, roughly but unwound (rad), and how far the wheel that follows
-    them is after the cycle from where it began."""
+    """Angles of links at equal steps of the crank, unwound (rad), and their rates, each of shape (links, steps + 1)."""
 
-    at: Array  # (links, steps + 1)
-    missed: Array
+    at: Array
+    w: Array
 
     def angle(self, number: int, u: Vec, phi: Array, turns: int) -> Array:
         """The angle of a link whose direction is `u`: to the last digit, and in the right turn."""
         count, span = self.at.shape[1] - 1, 2 * jnp.pi * turns
-        place = wrapped(phi, span) * (count / span)
-        whole = jnp.clip(jnp.floor(place), 0, count - 1).astype(int)
-        row, rest = self.at[number], place - jnp.floor(place)
-        rough = row[whole] + (row[whole + 1] - row[whole]) * rest
+        here = wrapped(phi, span)
+        place = here * (count / span)
+        start = jnp.clip(jnp.floor(place), 0, count - 1)
+        row, rate, t, h, whole = self.at[number], self.w[number], place - start, span / count, start.astype(int)
+        rise = row[whole + 1] - row[whole]
+        first, last = h * rate[whole] - rise, rise - h * rate[whole + 1]
+        rough = row[whole] + t * (rise + (1 - t) * ((1 - t) * first + t * last))  # Hermite's cubic
+        rough = rough + jnp.round((phi - here) / span) * (row[-1] - row[0])
         return rough + nearest_turn(jnp.atan2(u.y, u.x) - rough, 2 * jnp.pi)
 
-    def comes_back(self) -> Array:
-        """Whether the wheel is after all turns where it began."""
-        return self.missed < jnp.finfo(self.missed.dtype).eps ** 0.4
+    def missed(self, turns: Array, path_turns: int) -> Array:
+        """How far from where it began is what should turn by a whole number of `turns` (rad) over the path, on the unit
+        circle; infinite where the links are too fast for their turns to be counted."""
+        return jnp.where(self.too_fast(path_turns), jnp.inf, 2 * jnp.abs(jnp.sin(0.5 * turns)))
 
-    def trouble(self) -> str:
-        """What is wrong with it: "astray" where it does not come back."""
-        return "" if bool(self.comes_back()) else "astray"
+    def too_fast(self, turns: int) -> Array:
+        """Whether links turn so fast that their turns cannot be counted."""
+        step = 2 * jnp.pi * turns / (self.at.shape[1] - 1)
+        return jnp.max(jnp.abs(self.w)) * step > FASTEST
+
+    def covered(self) -> Array:
+        """By how much each link turns in all (rad)."""
+        return self.at[:, -1] - self.at[:, 0]
 
 
-def comes_round(path: Winding | None, phi: Array) -> Margin:
-    """Whether what follows these angles is after the cycle where it began, as a margin: one, or less than zero."""
+def unwound(states: Sequence[LinkState], step: Array) -> Winding:
+    """Angles of links along the crank, from their states at equal steps (leaves of that shape): the first within half a
+    turn of zero where they are not counted already; from step to step by their rates, and to the last digit."""
+    rows, rates = [], []
+    for state in states:
+        w, e = state.w, state.e
+        angle = jnp.atan2(state.u.y, state.u.x) if state.angle is None else state.angle
+        moved = step * (w[1:] + w[:-1]) / 2 - step**2 * (e[1:] - e[:-1]) / 12
+        steps = moved + nearest_turn(jnp.diff(angle) - moved, 2 * jnp.pi)
+        rows.append(jnp.concatenate([angle[:1], angle[0] + jnp.cumsum(steps)]) if state.angle is None else angle)
+        rates.append(w if state.angle is None else jnp.zeros_like(w))  # of what is counted already none is needed
+    return Winding(jnp.stack(rows), jnp.stack(rates))
+
+
+def comes_round(missed: Array | None, phi: Array) -> Margin:
+    """Whether what is missed after the cycle (of a turn, or of a radius) is nothing: one, or less than zero."""
     value = jnp.ones_like(phi)
-    if path is not None:
-        value = jnp.where(path.comes_back(), value, -BEYOND)
+    if missed is not None:
+        value = jnp.where(missed < jnp.finfo(missed.dtype).eps ** 0.4, value, -BEYOND)
     return Margin(value, jnp.zeros_like(value), jnp.zeros_like(value))
-
-
-def unwound(directions: tuple[Vec, ...]) -> Array:
-    """Angles of links along the crank from their directions, shape (links, steps): the first within half a turn of
-    zero, and steps of less than half a turn."""
-    angles = jnp.stack([jnp.atan2(u.y, u.x) for u in directions])
-    steps = nearest_turn(jnp.diff(angles, axis=1), 2 * jnp.pi)
-    return jnp.concatenate([angles[:, :1], angles[:, :1] + jnp.cumsum(steps, axis=1)], axis=1)
 
 
 def turned(

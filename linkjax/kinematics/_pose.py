@@ -23,6 +23,7 @@ from linkjax.groups import (
     LinkState,
     Margin,
     Path,
+    Pinion,
     PointState,
     Rack,
     Winding,
@@ -37,6 +38,7 @@ from linkjax.kinematics._path import path_of
 from linkjax.mechanism import Lump, Mechanism, lumps
 
 STEPS = 120  # a turn, of the reference path of a general group
+COUNTS = 480  # and of one along which turns are counted
 
 
 class Pose(NamedTuple):
@@ -93,7 +95,7 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
 
 def _in_own_axes(link: LinkState, axis: Vec) -> LinkState:
     """State of a link from that of the line between the two pins at which it is held, which lies at `axis` on it."""
-    angle = None if link.angle is None else link.angle - jnp.atan2(axis.y, axis.x)
+    angle = None if link.angle is None else link.angle - jnp.atan2(axis.y + 0.0, axis.x)
     return link._replace(u=link.u.turned(Vec(axis.x, -axis.y)), angle=angle)
 
 
@@ -131,8 +133,8 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
 
             if isinstance(group, General):
                 path = path_of(group, fixed.links, before, angles)
-            elif isinstance(group, Gear | Rack):
-                path = _winding(group, before, angles)
+            elif isinstance(group, Gear | Rack | Pinion):
+                path = _winding(group, before, jnp.linspace(0.0, 2 * math.pi * turns, COUNTS * turns + 1))
             else:
                 path = _course(group, fixed, before, turns)
             paths[len(groups)] = jax.lax.stop_gradient(path)
@@ -160,23 +162,21 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
     return course_of(lambda phi: group.gaps(held, *before(phi)), coordinates, STEPS, turns)
 
 
-def _winding(group: Gear | Rack, before: Callable, angles: Array) -> Winding:
-    """How the links turn round that a wheel or rack follows, and whether it comes back to where it began."""
+def _winding(group: Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:
+    """How the links turn round that a wheel or rack follows."""
 
-    def directions(phi):
+    def mates(phi):
         states, _ = before(phi)
-        still = Vec(jnp.ones_like(phi), jnp.zeros_like(phi))
-        return tuple(states[name].u if name in states else still for name in group.mates())
+        none = jnp.zeros_like(phi)
+        still = LinkState(Vec(jnp.ones_like(phi), none), none, none, none)
+        return tuple(states.get(name, still) for name in group.mates())
 
-    at = unwound(jax.vmap(directions)(angles))
-    there, on = at[:, -1] - at[:, 0]
-    if isinstance(group, Rack):
-        return Winding(at, jnp.abs(there - on))
-    return Winding(at, 2 * jnp.abs(jnp.sin(0.5 * (on + group.mesh.ratio() * (there - on)))))
+    return unwound(jax.vmap(mates)(angles), angles[1] - angles[0])
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
     """Signed margin of every group to its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
+    mechanism = prepared(mechanism)
     here = pose(mechanism, phi)
     groups = named_groups(mechanism).items()
     return {name: group.margins(mechanism.held_by(group), here.links, here.points, phi) for name, group in groups}

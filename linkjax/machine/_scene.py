@@ -14,7 +14,7 @@ from jaxtyping import Array
 from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import Crank, Gear, Rack
+from linkjax.groups import Crank, Gear, Pinion, Rack
 from linkjax.kinematics import prepared
 from linkjax.loads import AbstractLoad, Window
 from linkjax.mechanism import Mechanism, StructureError
@@ -94,10 +94,13 @@ class Scene(eqx.Module):
                 there, on = (turns[name] for name in group.mates())
                 turns[group.link] = count = on + float(ratio) * (there - on)
                 if abs(count - round(count)) > 1e-9:
-                    problem = f"in {self.cycle_turns} turns of the crank {group.link!r} turns {count:.6g} times"
-                    more = next((k for k in range(2, 1000) if abs(k * count - round(k * count)) < 1e-9), None)
-                    remedy = f"write {more * self.cycle_turns}" if more else "choose a ratio of whole numbers"
+                    each, problem = count / self.cycle_turns, f"in {self.cycle_turns} turns of the crank"
+                    problem += f" {group.link!r} turns {count:.6g} times"
+                    more = next((k for k in range(1, 1001) if abs(k * each - round(k * each)) < 1e-9), None)
+                    remedy = f"write {more}" if more else "choose a ratio of smaller whole numbers"
                     raise StructureError("cycle_turns", f"{problem}, so nothing repeats", remedy)
+            if isinstance(group, Pinion) and group.carrier in turns:  # its rack comes back
+                turns[group.link] = turns[group.carrier]
             if isinstance(group, Rack) and set(group.mates()) <= set(turns):
                 count = turns[group.to] - turns[group.guide.on]
                 if abs(count) > 1e-9:

@@ -29,6 +29,9 @@ def carried_on(gear: GearPair, pins: Pins) -> tuple[str, str, str]:
     if not both:
         problem = f"{gear.link!r} and {gear.to!r} are in gear, but nothing carries both"
         raise StructureError(f"gear of {gear.link}", problem, "pin both to the frame, or to one link")
+    if both[0][1] == both[0][2]:
+        problem = f"{gear.link!r} and {gear.to!r} are in gear, but turn about the same pin {both[0][1]!r}"
+        raise StructureError(f"gear of {gear.link}", problem, "pin one of them elsewhere")
     return both[0]
 
 
@@ -39,6 +42,8 @@ def pairs_of(
     found = []
     for gear in (*gears, *racks):
         for name in (gear.link, gear.to):
+            if gear.link == gear.to:
+                raise StructureError(f"gear of {gear.link}", "it is in gear with itself", "name another link")
             if name not in (FRAME, *links):
                 raise StructureError(f"gear of {gear.link}", f"link {name!r} is not defined", nearest(name, links))
         if isinstance(gear, GearPair):
@@ -48,6 +53,9 @@ def pairs_of(
         if guide is None:
             problem = f"link {gear.link!r} is a rack, but no slot's block"
             raise StructureError(f"rack {gear.link}", problem, "add a slot that it slides in")
+        if gear.to == guide.on:
+            problem = f"it slides on {gear.to!r}, its own wheel"
+            raise StructureError(f"rack {gear.link}", problem, "let it slide on what carries the wheel")
         if not any({gear.to, guide.on} <= set(ends) for ends in pins.values()):
             problem = f"its wheel {gear.to!r} is not pinned to {guide.on!r}, along which it slides"
             raise StructureError(f"rack {gear.link}", problem, "pin the wheel there")
@@ -59,14 +67,18 @@ class Wheels:
     """Builds the group of a single link that is in gear with one that is there already."""
 
     def __init__(self, gears: Sequence[GearPair], racks: Sequence[RackPair], drawing, drive: Drive):
-        self.gears, self.racks, self.drawing, self.drive = gears, racks, drawing, drive
+        self.gears, self.racks, self.drawing = gears, racks, drawing
+        self.counted = {FRAME: 0.0}  # angles with all turns, at crank angle zero
+        if drive.on == FRAME and all(slot.block != drive.link for slot in drawing.slots):
+            self.counted[drive.link] = float(drive.at(drive.phase * 0.0, slides=False)[0])
 
     def group(self, link: str, placed: set[str]) -> AbstractGroup:
         """The group; the places of the link's points are found on the way."""
         for gear in self.gears:
             if link in (gear.link, gear.to) and {gear.link, gear.to} - {link} <= placed:
                 return self._gear(gear if gear.link == link else turned_round(gear))
-        rack = next(rack for rack in self.racks if link in (rack.link, rack.to))
+        ends = ((rack, {rack.link, rack.to}) for rack in self.racks)
+        rack = next(rack for rack, both in ends if link in both and both - {link} <= placed)
         return self._rack(rack) if link == rack.link else self._pinion(rack)
 
     def _gear(self, gear: GearPair) -> Gear:
@@ -78,19 +90,20 @@ class Wheels:
 
     def _rack(self, rack: RackPair) -> Rack:
         guide, centre = self._guide(rack.link), self._centre(rack)
-        end = self.drawing.links[rack.link].pins[0]
+        end, along = self.drawing.links[rack.link].pins[0], self.drawing.along(guide)
+        base = self.drawing.spots[guide.through] if guide.on == FRAME else self.drawing.spot(guide.through, guide.on)
+        ahead = float(rack.start) + rack.side * float(rack.radius) * (self._angle(rack.to) - self._angle(guide.on))
+        self.drawing.spots[end] = base + along * complex(ahead, float(guide.offset))
         return Rack(rack.link, end, guide, rack.to, centre, rack.radius, rack.side, rack.start, rack.pressure_angle)
 
     def _pinion(self, rack: RackPair) -> Pinion:
         guide, pivot, at = self._guide(rack.link), self._centre(rack), self.drawing.links[rack.link].pins[0]
-        places = self.drawing.spots if guide.on == FRAME else self.drawing.places(guide.on)
-        ahead = ((places[pivot] - places[guide.through]) * cmath.exp(-1j * float(guide.along))).real
-        phase = rack.side * (ahead - rack.start) / rack.radius
-        end = self._end(rack.to, pivot)
-        along = self.drawing.along(guide)
-        moved = ((self.drawing.spot(at, rack.link) - self.drawing.spots[pivot]) / along).real
-        self._turn(rack.to, pivot, float(phase) + self._angle(guide.on) + rack.side * moved / float(rack.radius))
-        return Pinion(rack.to, pivot, rack.link, at, rack.radius, rack.side, end, phase, guide.on, rack.pressure_angle)
+        end, along = self._end(rack.to, pivot), self.drawing.along(guide)
+        base = self.drawing.spots[guide.through] if guide.on == FRAME else self.drawing.spot(guide.through, guide.on)
+        moved = ((self.drawing.spot(at, rack.link) - base) / along).real - float(rack.start)
+        self._turn(rack.to, pivot, self._angle(guide.on) + rack.side * moved / float(rack.radius))
+        return Pinion(rack.to, pivot, rack.link, at, rack.radius, rack.side, end, 0.0, guide.on, rack.pressure_angle,
+                      guide.through, rack.start)  # fmt: skip
 
     def _guide(self, block: str):
         return next(slot.guide for slot in self.drawing.slots if slot.block == block)
@@ -109,14 +122,11 @@ class Wheels:
 
     def _angle(self, link: str) -> float:
         """Angle of a link at crank angle zero."""
-        if link == FRAME:
-            return 0.0
-        if link == self.drive.link and self.drive.on == FRAME:
-            return float(self.drive.at(self.drive.phase * 0.0, slides=False)[0])
-        return cmath.phase(self.drawing.axis(link))
+        return self.counted[link] if link in self.counted else cmath.phase(self.drawing.axis(link))
 
     def _turn(self, wheel: str, pivot: str, angle: float) -> None:
         """Find the places of the points of a wheel that stands at this angle."""
+        self.counted[wheel] = angle
         turn = cmath.exp(1j * math.remainder(angle, 2 * math.pi))
         places, at = self.drawing.places(wheel), self.drawing.spots[pivot]
         self.drawing.spots |= {p: at + (place - places[pivot]) * turn for p, place in places.items()}

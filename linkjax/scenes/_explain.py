@@ -103,7 +103,7 @@ def _addition(table: Any, path: Path) -> str:
     if len(path) == 1 and path[0] in ADD:
         return ADD[str(path[0])]
     if path[-1] == "kind":
-        return 'add kind = "crank", "slide", "RRR", "RRP", "RPR", "PRP" or "RPP"'
+        return 'add kind = "crank", "slide", "RRR", "RRP", "RPR", "PRP", "RPP", "gear", "rack" or "pinion"'
     return f"add {path[-1]} = {_example(table, path)}"
 
 
@@ -119,10 +119,15 @@ def from_structure(error: StructureError, source: str, table: Any) -> SceneError
 
 
 def _element(element: str, table: Any) -> Path:
-    """Path to what the mechanism calls `element`, e.g. "groups[1]", "links.rod" or "slot of slider"."""
+    """Path to what the mechanism calls `element`, e.g. "groups[1]", "links.rod" or "slot of
+    slider"."""
     if element.startswith("slot of "):
         block = element.removeprefix("slot of ")
         return ("slots", next(i for i, slot in enumerate(table["slots"]) if slot["block"] == block))
+    if element.startswith(("gear of ", "rack ")):
+        name = element.split(" ")[-1]
+        every = [(key, i, entry) for key in ("gears", "racks") for i, entry in enumerate(table.get(key, []))]
+        return next((key, i) for key, i, entry in every if entry["link"] == name or entry["to"] == name)
     steps = re.findall(r"[\w-]+", element.split(" ")[0])
     return tuple(int(step) if step.isdigit() and n == 1 and steps[0] in ("groups", "loads") else step
                  for n, step in enumerate(steps))  # fmt: skip

@@ -117,10 +117,14 @@ def _rack(group: groups.Rack | groups.Pinion, slots: list[groups.Slot], mechanis
     if isinstance(group, groups.Rack):
         rack, wheel, start = group.link, group.to, group.start
     else:
-        rack, wheel, here = group.to, group.link, pose(mechanism, jnp.zeros(()))
+        rack, wheel, start = group.to, group.link, group.start
         through = next(slot.guide.through for slot in slots if slot.block == rack)
-        ahead = (here.points[group.pivot].r - here.points[through].r).dot(here.links[rack].u)
-        start = ahead - group.side * group.phase * group.radius
+        first = pins_of(mechanism)[rack][0]
+        if (group.through, group.at) != (through, first) or float(group.phase) != 0:
+            here = pose(mechanism, jnp.zeros(()))
+            base = here.points[group.through or group.pivot].r - here.points[through].r
+            shift = base - (here.points[group.at].r - here.points[first].r)
+            start = start + shift.dot(here.links[rack].u) - group.side * group.phase * group.radius
     return {"link": rack, "to": wheel, "radius": in_length(group.radius), "side": "left" if group.side > 0 else "right",
             "start": in_length(start), "pressure_angle": in_angle(group.pressure_angle)}  # fmt: skip
 

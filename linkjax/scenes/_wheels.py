@@ -133,8 +133,11 @@ class GearTable(Toothed, GroupTable):
 
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         yield from self.mesh_faults()
-        if self.carrier == "frame" and self.to == "frame":
-            yield ("to",), "the frame carries the wheel, so it cannot be in gear with it", "name a link, or the carrier"
+        if self.carrier == self.to:
+            problem = f"{self.to!r} carries the wheel, so it cannot be in gear with it"
+            yield ("to",), problem, "name another link, or the carrier"
+        if self.link in (self.to, self.carrier):
+            yield ("link",), "in gear with itself, or carried by itself", "name another link in `to` or `carrier`"
         if self.pivot == self.centre:
             yield ("centre",), "the same point as `pivot`", "name the point that the other wheel turns about"
 
@@ -183,6 +186,8 @@ class RackTable(GroupTable):
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         yield from self.guide.faults(("guide",), fixed)
         yield from steep(self.pressure_angle)
+        if self.to == self.guide.on:
+            yield ("to",), f"the rack slides on {self.to!r}, its own wheel", "name what carries both in `guide`"
 
 
 class PinionTable(GroupTable):
@@ -200,19 +205,24 @@ class PinionTable(GroupTable):
     end: Name | None = Field(None, description="name for a pin of the wheel at its length", examples=["E"])
     phase: Angle = Field(0.0, description="angle of the wheel while `at` is abreast of it", examples=["90 deg"])
     carrier: Name = Field("frame", description="what carries the wheel and guides the rack", examples=["arm"])
+    through: Name | None = Field(
+        None, description="a point of the carrier from which `start` counts, instead of the pivot", examples=["A"]
+    )
+    start: Length = Field(0.0, description="how far `at` is ahead while the wheel is at phase", examples=["250 mm"])
     pressure_angle: Angle = Field(groups.PRESSURE, description="of the teeth", examples=["25 deg"])
 
     def build(self, turns: int) -> groups.AbstractGroup:
         side = 1 if self.side == "left" else -1
         rest = (self.radius, side, self.end, self.phase, self.carrier, self.pressure_angle)
-        return groups.Pinion(self.link, self.pivot, self.to, self.at, *rest)
+        return groups.Pinion(self.link, self.pivot, self.to, self.at, *rest, self.through or "", self.start)
 
     @staticmethod
     def keys_of(group: groups.Pinion) -> dict[str, Any]:
         end = {} if group.end is None else {"end": group.end}
+        end |= {"through": group.through} if group.through else {}
         return {"link": group.link, "pivot": group.pivot, "to": group.to, "at": group.at,
                 "radius": in_length(group.radius), "side": "left" if group.side > 0 else "right", **end,
-                "phase": in_angle(group.phase), "carrier": group.carrier,
+                "phase": in_angle(group.phase), "start": in_length(group.start), "carrier": group.carrier,
                 "pressure_angle": in_angle(group.pressure_angle)}  # fmt: skip
 
     def pins(self) -> tuple[str, ...]:

@@ -237,7 +237,7 @@ def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, An
             if isinstance(g, Gear):
                 counted[g.link] = wheels.mesh_angle(g, angle, n)
             else:
-                way_on = ((points[g.at] - points[g.pivot]) / directions[g.to]).real
+                way_on = ((points[g.at] - points[g.through or g.pivot]) / directions[g.to]).real - n(g.start)
                 counted[g.link] = n(g.phase) + angle(g.carrier) + g.side * way_on / n(g.radius)
             new = {g.link: (g.pivot, m.exp(1j * counted[g.link]))}
             if g.end is not None:
@@ -359,14 +359,15 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
         elif isinstance(g, Rack | Pinion):
             on = links.get(g.guide.on if isinstance(g, Rack) else g.carrier, still)
             if isinstance(g, Rack):
-                s, s2 = (g.side * np.asarray(g.radius) * (links[g.to][k] - on[k]) for k in (1, 2))
+                s, s2 = (g.side * np.asarray(g.radius) * (links.get(g.to, still)[k] - on[k]) for k in (1, 2))
                 along, base = directions[g.link], points[g.guide.through]
                 under = carried(base, on, (at[g.end] - base.r) / on.r)
                 points[g.end] = Jet(at[g.end], under.v + s * along, under.a + (s2 + 2j * on.v * s) * along)
                 links[g.link] = Jet(along, on.v, on.a)
             else:
                 along, pin = directions[g.to], points[g.at]
-                under = carried(points[g.pivot], on, (pin.r - at[g.pivot]) / on.r)
+                base = points[g.through or g.pivot]
+                under = carried(base, on, (pin.r - base.r) / on.r)
                 s = ((pin.v - under.v) / along).real
                 s2 = ((pin.a - under.a - 2j * on.v * s * along) / along).real
                 rolled = g.side / np.asarray(g.radius)

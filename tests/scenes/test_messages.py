@@ -35,7 +35,7 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
     "missing key": (edit('speed = "700 rpm"', ""), "speed", "", "missing", 'add speed = "700 rpm"'),
     "missing key of a group": (edit('pivot = "A"', ""), "groups[0].pivot", "", "missing", 'add pivot = "A"'),
     "missing key of a load": (edit('link = "rocker"', ""), "loads[0].link", "", "missing", 'add link = "slider"'),
-    "missing kind": (edit('kind = "RRP"', ""), "groups[1].kind", "", "missing", '"PRP" or "RPP"'),
+    "missing kind": (edit('kind = "RRP"', ""), "groups[1].kind", "", "missing", '"RPP", "gear", "rack" or "pinion"'),
     "missing table": ("speed = 1", "fixed", "", "missing", "add a table [fixed]"),
     "missing links": ("speed = 1\n[fixed]", "links", "", "missing", "[links.crank]"),
     "missing groups": ("speed = 1\n[fixed]\n[links]", "groups", "", "missing", "add a table [[groups]]"),
