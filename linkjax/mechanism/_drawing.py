@@ -55,6 +55,15 @@ class Drawing:
                 raise StructureError(f"links.{name}", "has no pins", 'name them, e.g. pins = ["A", "B"]')
             if len(set(link.pins)) < len(link.pins):
                 raise StructureError(f"links.{name}", "names a pin twice", "name every pin once")
+            if link.pins[0] in link.points:
+                problem = f"its first pin {link.pins[0]!r} is the origin of its axes, and a marked point too"
+                raise StructureError(f"links.{name}", problem, "delete the point")
+            for point in (p for p in link.points if p not in link.pins):
+                others = [n for n, other in self.links.items() if n != name and point in (*other.pins, *other.points)]
+                if others or point in self.fixed:
+                    problem = f"the point name {point!r} is used already, by {(others or [FRAME])[0]!r}"
+                    remedy = "name it among the pins of this link, too, or give it another name"
+                    raise StructureError(f"links.{name}.points.{point}", problem, remedy)
         joints = {point for point, ends in self.pins().items() if len(ends) > 1}
         for name in self.spots:
             if name not in joints and not any(name in link.point_names() for link in self.links.values()):
@@ -68,6 +77,9 @@ class Drawing:
                 raise StructureError(
                     where, f"link {slot.guide.on!r} is not defined", nearest(slot.guide.on, self.links)
                 )
+            if [other.block for other in self.slots].count(slot.block) > 1:
+                problem, remedy = "is in two slots", "name a second block, pinned to the first"
+                raise StructureError(where, problem, remedy)
             if slot.guide.on == slot.block:
                 raise StructureError(where, "slides along itself", "name the link that the guide is on")
             own = tuple(self.fixed) if slot.guide.on == FRAME else self.links[slot.guide.on].point_names()
@@ -173,7 +185,8 @@ class Drawing:
                     raise StructureError(
                         f"links.{name}", f"its pins {origin!r} and {far!r} coincide", "give its length"
                     )
-                link = dataclasses.replace(link, length=abs(span))
+                scaled = {} if link.reference_length is None else {"reference_length": abs(span)}
+                link = dataclasses.replace(link, length=abs(span), **scaled)
             missing = [p for p in rest if p not in link.points]
             if missing:
                 span = self.spot(far, name) - self.spot(origin, name)
@@ -198,7 +211,12 @@ class Drawing:
         if len(seen) < 2:
             names = ", ".join(self.links[link].point_names())
             raise StructureError(f"links.{link}", "the sketch does not say how it stands", f"sketch two of: {names}")
-        turn = (self.spots[seen[1]] - self.spots[seen[0]]) / (places[seen[1]] - places[seen[0]])
+        pairs = [(self.spots[b] - self.spots[a], places[b] - places[a]) for a in seen for b in seen]
+        drawn, own = max(pairs, key=lambda pair: min(abs(pair[0]), abs(pair[1])))
+        if drawn == 0 or own == 0:
+            problem = f"the sketch puts {', '.join(seen)} on one place"
+            raise StructureError(f"links.{link}", problem, "move one of them, or give the places of its points")
+        turn = drawn / own
         return turn / abs(turn)
 
     def along(self, guide: Guide) -> complex:
@@ -263,6 +281,13 @@ class Drawing:
         for name in part:
             if not any(slot.block == name for slot in slots):
                 self.axis(name)  # the sketch must say so
+        if drive is not None and drive.on != FRAME and not any(s.block == drive.link for s in slots):
+            seen = cmath.phase(self.axis(drive.link) / self.axis(drive.on))
+            wanted = float(drive.at(drive.phase * 0.0, slides=False)[0])
+            if math.cos(seen - wanted) < 0:
+                told = f"{math.degrees(wanted):.4g} degrees to {drive.on!r} at crank angle zero"
+                problem = f"{drive.link!r} stands at {told}, but at {math.degrees(seen):.4g} in the sketch"
+                raise StructureError("drive", problem, f'write phase = "{math.degrees(seen):.4g} deg", or sketch it so')
         return General(members, tuple(dict.fromkeys(outer)), sketch, slots, drive)
 
     def _dyad(self, part: tuple[str, ...], placed: set[str]) -> AbstractGroup | None:

@@ -226,8 +226,10 @@ def _add_points(mechanism, group, element, known):
         new += [(p, f"links.{link}.points.{p}") for p in mechanism.links[link].point_names()]
         new += [(p, f"links.{link}.counterweights.{p}") for p in mechanism.links[link].counterweights]
         new.append((mechanism.links[link].centre_name, f"links.{link}"))
+    own = {mechanism.links[link].centre_name for link in group.pins()}
+    own |= {name for link in group.pins() for name in mechanism.links[link].counterweights}
     for point, where in new:
-        pin = point in shared and (point not in before or point in group.needs())  # of several of its links
+        pin = point in shared - own and (point not in before or point in group.needs())  # of several of its links
         if point in known and not pin:
             raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
         known.add(point)

@@ -419,3 +419,38 @@ def test_a_triad_in_six_ways():
 def test_ways_to_assemble_a_scissor_lift():
     (found,) = assemblies(load("scissor-lift").mechanism).values()
     assert 2 <= len(found.sketches) <= found.at_most and "of at most" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"coupler": Link(length=0.3, pins=("B", "C"), points={"B": lj.Vec(0.1, 0.0)})},
+         "'B' is the origin of its axes"),
+        ({"coupler": Link(length=0.3, pins=("B", "C"), points={"D": lj.Vec(0.1, 0.0)})},
+         "the point name 'D' is used already, by 'rocker'"),
+        ({"crank": Link(length=0.1, pins=("A", "S1")), "coupler": Link(length=0.3, pins=("S1", "C"))},
+         "the point name 'S1' is used already"),
+    ],
+)  # fmt: skip
+def test_names_that_stand_for_two_points(changes, told):
+    """A pin that is a marked point, or a mass centre, of something else."""
+    with pytest.raises(StructureError, match=told):
+        linkage({"A": (0, 0), "D": (0.35, 0)}, BARS | changes, Drive("crank"), sketch={"C": (0.3, 0.25)})
+
+
+def test_a_phase_that_is_not_that_of_the_sketch():
+    """Half a turn off, the drive would close the other way round."""
+    sketch = {"B": (-0.1, 0.0), "C": (0.2, 0.2)}
+    with pytest.raises(
+        StructureError, match=r"'coupler' stands at 0 degrees to 'crank' .*, but at -146.3 in the sketch"
+    ):
+        linkage({"A": (0, 0), "D": (0.35, 0)}, BARS, Drive("coupler", "crank"), sketch=sketch)
+
+
+def test_scaled_by_a_length_of_the_sketch():
+    """The mass that is given belongs to the length that the sketch gives."""
+    coupler = Link(mass=2.0, reference_length=0.0, mass_properties="scaled", pins=("B", "C"))
+    made = linkage(
+        {"A": (0, 0), "D": (0.35, 0)}, BARS | {"coupler": coupler}, Drive("crank"), sketch={"C": (0.3, 0.25)}
+    )
+    assert float(made.links["coupler"].actual().mass) == pytest.approx(2.0, rel=1e-15)
