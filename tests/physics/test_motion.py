@@ -24,7 +24,7 @@ from linkjax.motion import with_flywheel as refitted
 from tests.physics import oracle, shooting
 from tests.physics.machines import BUILT_IN, COMPOSED, machine
 
-SLIDING = ("quick-return", "scotch-yoke", "slotted-levers", "moving-guides", "triad")  # left to the long run
+SLIDING = ("quick-return", "scotch-yoke", "slotted-levers", "moving-guides", "triad", "geared")  # left to the long run
 MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name in SLIDING else name for name in (*BUILT_IN, *COMPOSED)]
 FINE = 352
 TRUTH = 0.0903376816582  # δ of hay-press-slider, by DOP853 with shooting at rtol 1e-13 and by panels: see the issue
