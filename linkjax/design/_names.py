@@ -151,7 +151,7 @@ def _group(
                 own = f"{name}.{field.name}[{i}]"
                 yield from _group(own, each, lambda s, f=field.name, i=i: getattr(where(s), f)[i])
         elif eqx.is_array(value):
-            unit = "rad" if field.name == "along" else UNITS[field.name]
+            unit = "rad" if field.name == "along" else UNITS.get(field.name, "rad")
             yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit,
                          LEAST.get(field.name, -math.inf))  # fmt: skip
 
