@@ -1,5 +1,6 @@
 """Structural groups: the driver and the Assur groups, one file each."""
 
+from linkjax.groups._base import BEYOND as BEYOND
 from linkjax.groups._base import AbstractGroup as AbstractGroup
 from linkjax.groups._base import Coupling as Coupling
 from linkjax.groups._base import Joint as Joint

@@ -19,6 +19,8 @@ from linkjax.groups._law import AbstractLaw
 from linkjax.groups._pairs import FRAME, Pair, classified
 from linkjax.groups._state import LinkState, PointState
 
+BEYOND = 1e-6  # what a margin falls short by where a group closes, but in another place than where it began
+
 
 class Wrench(NamedTuple):
     """A force and its moment about a stated point."""
@@ -174,6 +176,10 @@ class AbstractGroup(eqx.Module):
         self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
     ) -> dict[str, Margin]:
         """Signed margins by the name of the dead position."""
+
+    def returns(self) -> Array | None:
+        """Whether what is followed along the crank is after all its turns where it began; None where nothing is."""
+        return None
 
     @abc.abstractmethod
     def transmission(self, states: dict[str, LinkState], points: dict[str, PointState]) -> Array | None:

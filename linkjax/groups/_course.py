@@ -14,7 +14,6 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
-from linkjax.groups._base import Margin
 
 BRANCHES = ("fixed", "continue")
 TOUCHING = 1e-9  # an assembly margin within this of zero is a change point
@@ -24,7 +23,7 @@ INSIDE = 0.1  # rad to either side, in which it is used
 DEGREE = 15
 NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))  # Chebyshev's, none of them zero
 BLUNT = 1e-8  # sine of the angle between the links, below which reactions are not followed any further
-BEYOND = 1e-6  # what the margins fall short by where a dyad is not after the cycle where it began
+BLUNTEST = 1e-4  # of the greatest bend of a gap, below which it touches zero so bluntly that motion turns back there
 CLOSEST = 1e-6  # rad from a change point within which nothing has a derivative by the design
 
 
@@ -37,31 +36,22 @@ def _powers() -> np.ndarray:
 
 
 class Course(NamedTuple):
-    """Crank angles of the change points (infinite where there are fewer), and the polynomials of two coordinates of
-    the crossing near each, by powers of the angle from it over `REACH`."""
+    """Crank angles of the change points (infinite where there are fewer), whether motion passes them or turns back
+    there, and the polynomials of two coordinates of the crossing near each, by powers of the angle from it over
+    `REACH`."""
 
     at: Array  # (slots,)
+    passed: Array  # (slots,), one or zero
     series: Array  # (slots, 2, DEGREE + 1)
 
     def flips(self, phi: Array, turns: int) -> Array:
         """+1 where the dyad is on the side that it is on just after crank angle zero, -1 on the other."""
         place = wrapped(phi, 2 * jnp.pi * turns)
-        passed = jnp.sum((self.at > 0.0) & (self.at <= place))
-        return 1.0 - 2.0 * (passed % 2).astype(place.dtype)
+        return 1.0 - 2.0 * (jnp.sum(jnp.where((self.at > 0.0) & (self.at <= place), self.passed, 0.0)) % 2)
 
     def comes_back(self) -> Array:
         """Whether it is after all its turns where it began."""
-        return jnp.sum(jnp.isfinite(self.at)) % 2 == 0
-
-    def judged(self, found: dict[str, Margin]) -> dict[str, Margin]:
-        """The margins, or, where it does not come back, that it does not."""
-        back, zero = self.comes_back(), jnp.zeros_like(next(iter(found.values())).value)
-        return {
-            side: Margin(
-                jnp.where(back, m.value, jnp.minimum(m.value, -BEYOND)), *(jnp.where(back, x, zero) for x in m[1:])
-            )
-            for side, m in found.items()
-        }
+        return jnp.sum(self.passed) % 2 == 0
 
     def trouble(self) -> str:
         """What is wrong with it: "astray" where it does not come back."""
@@ -117,7 +107,8 @@ def course_of(gaps: Any, crossing: Any, steps: int, turns: int) -> Course:
     after crank angle zero."""
     whole = 2 * jnp.pi * turns
     scan = jnp.arange(steps * turns, dtype=float) * (whole / (steps * turns))
-    _, slope, _, _ = jax.vmap(gaps)(scan)  # (scan, gaps)
+    _, slope, bend, _ = jax.vmap(gaps)(scan)  # (scan, gaps)
+    sharp = BLUNTEST * jnp.max(jnp.abs(bend), axis=0)
     ahead = jnp.roll(slope, -1, axis=0)
     least = (slope <= 0) & (ahead > 0)
     start = scan[:, None] + jnp.where(least, -slope / jnp.where(least, ahead - slope, 1.0), 0.0) * scan[1]
@@ -127,17 +118,19 @@ def course_of(gaps: Any, crossing: Any, steps: int, turns: int) -> Course:
         for _ in range(6):
             _, d, dd, _ = (part[column] for part in gaps(phi))
             phi = phi - jnp.clip(jnp.where(dd > 0, d / jnp.where(dd > 0, dd, 1.0), 0.0), -scan[1], scan[1])
-        value, _, _, zero = (part[column] for part in gaps(phi))
-        return phi, jnp.abs(value) <= zero
+        value, _, dd, zero = (part[column] for part in gaps(phi))
+        return phi, jnp.abs(value) <= zero, dd > sharp[column]
 
     guess = jax.vmap(lambda phi: gaps(phi)[0])(start.ravel())
     guess = jnp.diagonal(guess.reshape((*start.shape, -1)), axis1=1, axis2=2)  # each gap at its own guess
     order = jnp.argsort(jnp.where(least, guess, jnp.inf).ravel())[: SLOTS * turns]
-    phi, touches = jax.vmap(sharpened)(start.ravel()[order], columns.ravel()[order])
+    phi, touches, crosses = jax.vmap(sharpened)(start.ravel()[order], columns.ravel()[order])
     phi = wrapped(phi, whole)
     phi = jnp.where(jnp.minimum(phi, whole - phi) < TOUCHING, 0.0, phi)
-    at = jnp.sort(jnp.where(touches & least.ravel()[order], phi, jnp.inf))
-    course = Course(at, jnp.zeros((at.size, 2, DEGREE + 1)))
+    at = jnp.where(touches & least.ravel()[order], phi, jnp.inf)
+    rank = jnp.argsort(at)
+    at, passed = at[rank], (crosses & jnp.isfinite(at))[rank].astype(at.dtype)
+    course = Course(at, passed, jnp.zeros((at.size, 2, DEGREE + 1)))
     centre = jnp.where(jnp.isfinite(at), at, 0.0)
     angles = centre[:, None] + REACH * jnp.asarray(NODES)[None]
     values = jax.vmap(jax.vmap(lambda phi: crossing(phi, course.flips(phi, turns))))(angles)  # (slots, nodes, 2)

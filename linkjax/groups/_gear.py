@@ -18,10 +18,39 @@ from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench
 from linkjax.groups._mesh import Belt, Mesh, Teeth
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, carried
-from linkjax.groups._winding import Winding, comes_round, turned
+from linkjax.groups._winding import Winding, always, nothing, turned
 
 
-class Gear(AbstractGroup):
+class AbstractWheel(AbstractGroup):
+    """A wheel `link` that turns about `pivot`."""
+
+    link: eqx.AbstractVar[str]
+    pivot: eqx.AbstractVar[str]
+
+    def link_names(self):
+        return (self.link,)
+
+    def classified(self):
+        return "G", "RG"
+
+    def transmission(self, states, points):
+        return None
+
+    def in_gear(self, to: str) -> tuple[Joint, Joint]:
+        """Its joints, where it is in gear with this link."""
+        mesh = Joint(f"{self.link}.mesh", self.pivot, self.link, to, meshes=True)
+        return Joint(self.pivot, self.pivot, self.link), mesh
+
+    def placed(self, end: str | None, links, points, angle, w, e):
+        """State of the wheel at an angle (rad), and of its pin `end`, if it has one."""
+        state = LinkState(unit(angle), w, e, angle)
+        if end is None:
+            return {self.link: state}, {}
+        length = links[self.link].length
+        return {self.link: state}, {end: carried(points[self.pivot], state, Vec(length, jnp.zeros_like(length)))}
+
+
+class Gear(AbstractWheel):
     """A wheel `link` that turns about `pivot`, in gear with the link `to` (or "frame") that turns about `centre`.
 
     Both points belong to the `carrier`, the frame or a link that is there already. Seen from it the wheel stands at
@@ -58,12 +87,6 @@ class Gear(AbstractGroup):
         """The links whose angles it follows."""
         return self.to, self.carrier
 
-    def link_names(self):
-        return (self.link,)
-
-    def classified(self):
-        return "G", "RG"
-
     def needs(self):
         return self.pivot, self.centre
 
@@ -73,6 +96,9 @@ class Gear(AbstractGroup):
     def pins(self):
         return {self.link: (self.pivot, self.end)}
 
+    def joints(self):
+        return self.in_gear(self.to)
+
     def coupling(self):
         ratio = self.mesh.ratio()
         return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {})
@@ -81,32 +107,17 @@ class Gear(AbstractGroup):
         there, on = (turned(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
         ratio = self.mesh.ratio()
         angle, w, e = (b + ratio * (a - b) for a, b in zip(there, on, strict=True))
-        angle = angle + self.phase
-        state, pivot = LinkState(unit(angle), w, e, angle), points[self.pivot]
-        if self.end is None:
-            return {self.link: state}, {}
-        length = links[self.link].length
-        return {self.link: state}, {self.end: carried(pivot, state, Vec(length, jnp.zeros_like(length)))}
+        return self.placed(self.end, links, points, angle + self.phase, w, e)
 
     def margins(self, links, states, points, phi):
         apart = self.mesh.apart(points[self.centre].r - points[self.pivot].r)
-        return {"turns": comes_round(self.missed(), phi), "apart": apart}
+        return {"turns": always(phi), "apart": apart}
 
-    def missed(self):
-        """How far it is after the cycle from where it began, on the unit circle; None without a path."""
+    def returns(self):
         if self.path is None:
             return None
         there, on = self.path.covered()
-        return self.path.missed(on + self.mesh.ratio() * (there - on), self.turns)
-
-    def transmission(self, states, points):
-        return None
-
-    def joints(self):
-        return (
-            Joint(self.pivot, self.pivot, self.link),
-            Joint(f"{self.link}.mesh", self.pivot, self.link, self.to, meshes=True),
-        )
+        return nothing(self.path.missed(on + self.mesh.ratio() * (there - on), self.turns))
 
     def react(self, loads, states, points):
         load = loads[self.link]

@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from linkjax._numerics import safe_sqrt
 from linkjax._vec import Vec, unit, zero
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
+from linkjax.groups._base import BEYOND, AbstractGroup, Joint, Margin, Wrench
 from linkjax.groups._closure import Closure, Known, Placed, Web, array, least_singular, placed
 from linkjax.groups._drawn import Drive, Slot, check_drawn, check_drive, driven_slot, from_sketch, undrawn
 from linkjax.groups._pairs import FRAME, classified
@@ -26,7 +26,6 @@ from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
 
 NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
-BEYOND = 1e-6  # what the margin falls short by where the group closes, but in another assembly than it began with
 SWING = 0.2  # of the size: what they may move links
 
 
@@ -321,6 +320,9 @@ class General(AbstractGroup):
         )
         value = jnp.where(lost, -gap, jnp.where(beyond, -BEYOND, value))
         return {"loops": Margin(value, *(jnp.where(lost | beyond, 0.0, rate) for rate in (d, dd)))}
+
+    def returns(self):
+        return None if self.path is None else ~(self.path.closes() & self.path.astray())
 
     def transmission(self, states, points):
         return None

@@ -13,13 +13,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._types import as_float, known
-from linkjax._vec import Vec, unit
 from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench, check_side
+from linkjax.groups._gear import AbstractWheel
 from linkjax.groups._guide import Guide, Line, as_guide
 from linkjax.groups._mesh import PRESSURE, check_pressure, push
 from linkjax.groups._pairs import FRAME
-from linkjax.groups._state import LinkState, carried
-from linkjax.groups._winding import Winding, comes_round, turned
+from linkjax.groups._winding import Winding, always, nothing, turned
 
 
 def check_radius(kind: str, radius: Array) -> None:
@@ -100,14 +99,13 @@ class Rack(AbstractGroup):
         return {self.link: line.state}, {self.end: line.point(self.start + rolled[0], rolled[1], rolled[2])}
 
     def margins(self, links, states, points, phi):
-        return {"turns": comes_round(self.missed(), phi)}
+        return {"turns": always(phi)}
 
-    def missed(self):
-        """How far it is after the cycle from where it began, of the radius; None without a path."""
+    def returns(self):
         if self.path is None:
             return None
         there, on = self.path.covered()
-        return jnp.where(self.path.too_fast(self.turns), jnp.inf, jnp.abs(there - on))
+        return nothing(jnp.where(self.path.too_fast(self.turns), jnp.inf, jnp.abs(there - on)))
 
     def transmission(self, states, points):
         return None
@@ -128,7 +126,7 @@ class Rack(AbstractGroup):
         return (guide, mesh), None
 
 
-class Pinion(AbstractGroup):
+class Pinion(AbstractWheel):
     """A toothed wheel `link` of pitch `radius` (m) that turns about `pivot`, moved by the rack `to`.
 
     `pivot` is a point of the `carrier`, the frame or the link along which the rack slides; it lies to the left of the
@@ -166,12 +164,6 @@ class Pinion(AbstractGroup):
         """The links whose angles it follows."""
         return (self.carrier,)
 
-    def link_names(self):
-        return (self.link,)
-
-    def classified(self):
-        return "G", "RG"
-
     def needs(self):
         return (self.pivot, self.at, *self._through())
 
@@ -187,34 +179,22 @@ class Pinion(AbstractGroup):
     def pins(self):
         return {self.link: (self.pivot, self.end)}
 
+    def joints(self):
+        return self.in_gear(self.to)
+
     def coupling(self):
         one = jnp.ones_like(self.radius)
         return Coupling({self.link: one, self.carrier: -one}, {self.to: -self.side / self.radius})
 
     def solve(self, links, states, points, phi):
-        rack, pivot = states[self.to], points[self.pivot]
-        base = points[self.through] if self.through else pivot
+        rack, base = states[self.to], points[self.through or self.pivot]
         s, d, dd = Line(base, rack.u, jnp.zeros_like(phi), rack).along(points[self.at])
         s, d, dd = (self.side * x / self.radius for x in (s - self.start, d, dd))
         on, w, e = turned(self.carrier, 0, states, self.path, phi, self.turns)
-        angle = on + self.phase + s
-        state = LinkState(unit(angle), w + d, e + dd, angle)
-        if self.end is None:
-            return {self.link: state}, {}
-        length = links[self.link].length
-        return {self.link: state}, {self.end: carried(pivot, state, Vec(length, jnp.zeros_like(length)))}
+        return self.placed(self.end, links, points, on + self.phase + s, w + d, e + dd)
 
     def margins(self, links, states, points, phi):
         return {}
-
-    def transmission(self, states, points):
-        return None
-
-    def joints(self):
-        return (
-            Joint(self.pivot, self.pivot, self.link),
-            Joint(f"{self.link}.mesh", self.pivot, self.link, self.to, meshes=True),
-        )
 
     def react(self, loads, states, points):
         t, load = states[self.to].u, loads[self.link]

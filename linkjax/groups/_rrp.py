@@ -105,11 +105,13 @@ class RRP(AbstractGroup):
         length = links[self.link].length
         q, dq, ddq = self.guide.line(states, points).height(points[self.from_])
         beyond = TOUCHING if self.branch == "continue" else 0.0  # change points are passed
-        found = {
+        return {
             "left": Margin((length - q) / length + beyond, -dq / length, -ddq / length),
             "right": Margin((length + q) / length + beyond, dq / length, ddq / length),
         }
-        return found if self.path is None else self.path.judged(found)
+
+    def returns(self):
+        return None if self.path is None else self.path.comes_back()
 
     def transmission(self, states, points):
         u, t = points[self.end].r - points[self.from_].r, states[self.block].u

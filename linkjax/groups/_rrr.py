@@ -116,11 +116,13 @@ class RRR(AbstractGroup):
         dr = safe_divide(s.dot(ds), r)
         ddr = safe_divide(s.dot(dds) + ds.squared() - dr * dr, r)
         total, beyond = l1 + l2, TOUCHING if self.branch == "continue" else 0.0  # change points are passed
-        found = {
+        return {
             "stretched": Margin((total - r) / total + beyond, -dr / total, -ddr / total),
             "folded": Margin((r - jnp.abs(l1 - l2)) / total + beyond, dr / total, ddr / total),
         }
-        return found if self.path is None else self.path.judged(found)
+
+    def returns(self):
+        return None if self.path is None else self.path.comes_back()
 
     def transmission(self, states, points):
         u, v = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r

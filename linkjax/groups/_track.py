@@ -40,10 +40,9 @@ class Track(NamedTuple):
         return a * left + b * (x * (x - 2) * (x - 3) / 2) - c * (x * (x - 1) * (x - 3) / 2) + d * right
 
     def elsewhere(self, phi: Array, turns: int) -> Array:
-        """Whether the group is in another assembly than it began with, though it closes all the way."""
+        """Whether the group is in another assembly than it began with."""
         i, _ = self.place(phi, turns)
-        flipped = (self.sense[i] * self.sense[0] < 0) & (self.sense[i + 1] * self.sense[0] < 0)
-        return self.closes() & (flipped | self.astray())
+        return (self.sense[i] * self.sense[0] < 0) & (self.sense[i + 1] * self.sense[0] < 0)
 
     def closes(self) -> Array:
         """Whether it closes all the way."""

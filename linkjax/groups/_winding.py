@@ -15,7 +15,6 @@ from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState
 
 FASTEST = 3.0  # rad a step of the path, up to which turns are counted
-BEYOND = 1e-6  # what the margin falls short by where a wheel is not after the cycle where it began
 
 
 class Winding(NamedTuple):
@@ -66,12 +65,14 @@ def unwound(states: Sequence[LinkState], step: Array) -> Winding:
     return Winding(jnp.stack(rows), jnp.stack(rates))
 
 
-def comes_round(missed: Array | None, phi: Array) -> Margin:
-    """Whether what is missed after the cycle (of a turn, or of a radius) is nothing: one, or less than zero."""
-    value = jnp.ones_like(phi)
-    if missed is not None:
-        value = jnp.where(missed < jnp.finfo(missed.dtype).eps ** 0.4, value, -BEYOND)
-    return Margin(value, jnp.zeros_like(value), jnp.zeros_like(value))
+def always(phi: Array) -> Margin:
+    """The margin of what can stand at every crank angle: only over the cycle it may not come round."""
+    return Margin(jnp.ones_like(phi), jnp.zeros_like(phi), jnp.zeros_like(phi))
+
+
+def nothing(missed: Array) -> Array:
+    """Whether what is missed after the cycle is nothing but rounding."""
+    return missed < jnp.finfo(missed.dtype).eps ** 0.4
 
 
 def turned(

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import nearest_turn, repeat, safe_divide, safe_sqrt, wrapped
-from linkjax.groups import Margin
+from linkjax.groups import BEYOND, Margin
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
@@ -241,8 +241,11 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     value = jnp.diagonal(jax.vmap(lambda one: stacked(mechanism, one))(phi).value)
     angle = wrapped(phi, scan.size * step)
     result: dict[str, dict[str, Least]] = {}
+    groups = named_groups(mechanism)
     for i, (group, side) in enumerate(names):
-        result.setdefault(group, {})[side] = Least(value[i], angle[i])
+        back = groups[group].returns()
+        least = value[i] if back is None else jnp.where(back, value[i], jnp.minimum(value[i], -BEYOND))
+        result.setdefault(group, {})[side] = Least(least, angle[i])
     return result
 
 

@@ -35,11 +35,12 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
     comes next, on; one from 0 to 2π for a crank that comes round, none for a linkage that closes nowhere.
 
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
-    driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding
-    (for groups closed in closed form some 1e-15 rad over the margin's slope; for a general group up to 1e-3 rad short
-    of it, and only as far as its reference path, which begins at crank angle zero, comes without a gap). Ranges
-    narrower than a thousandth of a turn may be overlooked. Not for use under jax transformations: plain numbers come
-    out.
+    driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
+    for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
+    points. Of a general group they are up to 2e-3 rad short, and only as far as its reference path, which goes up and
+    down from crank angle zero, comes without a gap. Whether all is after a turn where it began is another question.
+    Ranges narrower than a thousandth of a turn may be overlooked. Not for use under jax transformations: plain numbers
+    come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
     crank = mechanism.groups[0]

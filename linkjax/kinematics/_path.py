@@ -18,23 +18,37 @@ SMALLEST = 128  # parts of a step that a smaller one may be
 
 
 def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: Array) -> Track:
-    """The configurations of a group at these crank angles; `before` gives states of links and points that were there
-    before the group at a crank angle."""
+    """The configurations of a group at these crank angles, which go over whole turns from zero.
+
+    `before` gives states of links and points that were there before the group at a crank angle. Angles that are not
+    reached on the way up, because the group does not close before them, are reached on the way down where they can be.
+    """
     states, points = before(angles[0])
     sketch = group.sketched(group.places(links), states, points)
     first = Track(*group.closed(links, states, points, angles[0], sketch, FAR))
 
-    def step(last: Track, ends: tuple[Array, Array]):
-        now = _follow(group, links, before, last, *ends)
-        return now, now
+    def along(way: Array) -> Track:
+        def step(last: Track, ends: tuple[Array, Array]):
+            now = _follow(group, links, before, last, ends[0], ends[1], way)
+            return now, now
 
-    _, rest = jax.lax.scan(step, first, (angles[:-1], angles[1:]))
-    return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
+        _, rest = jax.lax.scan(step, first, (angles[:-1], angles[1:]))
+        return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
+
+    both = jax.lax.map(along, jnp.asarray([1.0, -1.0], dtype=angles.dtype))
+    up, down = (jax.tree.map(lambda part, k=k: part[k], both) for k in (0, 1))
+    reached = [jnp.cumprod(way.gap < closed_to(up.z.dtype)) > 0 for way in (up, down)]
+    other = (~reached[0] & reached[1][::-1])[:, None, None]
+    z = jnp.where(other, down.z[::-1], up.z)
+    return Track(z, *(jnp.where(other[:, 0, 0], b[::-1], a) for a, b in zip(up[1:], down[1:], strict=True)))
 
 
-def _follow(group: General, links: Mapping[str, Any], before: Callable, last: Track, phi: Array, to: Array) -> Track:
-    """From a configuration on to the next crank angle, in as many steps as it takes: a step is made smaller while it
-    does not close, moves links far, or turns the sense of the Jacobian; the smallest is taken as it is."""
+def _follow(
+    group: General, links: Mapping[str, Any], before: Callable, last: Track, phi: Array, to: Array, way: Array
+) -> Track:
+    """From a configuration on to the next crank angle, in as many steps as it takes; both angles are those on the
+    `way`, one up or minus one down. A step is made smaller while it does not close, moves links far, or turns the sense
+    of the Jacobian; the smallest is taken as it is."""
     least, shut, size = (to - phi) / SMALLEST, closed_to(last.z.dtype), group.size(links)
     measure = jnp.stack([size, size, jnp.ones_like(size), jnp.ones_like(size)])[None]
 
@@ -44,8 +58,8 @@ def _follow(group: General, links: Mapping[str, Any], before: Callable, last: Tr
     def step(carry):
         here, at, width = carry
         new = jnp.minimum(at + width, to)
-        states, points = before(new)
-        there = Track(*group.closed(links, states, points, new, here.z, ALONG))
+        states, points = before(way * new)
+        there = Track(*group.closed(links, states, points, way * new, here.z, ALONG))
         calm = jnp.max(jnp.abs(there.z - here.z) / measure) < SWING
         good = (there.gap < shut) & calm & (there.sense == here.sense) | (width <= least)
         kept = jax.tree.map(lambda a, b: jnp.where(good, a, b), (there, new), (here, at))

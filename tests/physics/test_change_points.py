@@ -154,3 +154,17 @@ def test_a_slider_at_work():
     assert list(np.flatnonzero(lost)) == [9, 27]
     exact = 1.0 + 2.0 * 0.16 * np.sin(phi) * np.cos(phi) * 100.0
     np.testing.assert_allclose(drive[~lost], exact[~lost], atol=1e-9)
+
+
+@pytest.mark.parametrize("law", [(0.0, math.pi), (0.0, math.pi / 3), (math.pi / 6, math.pi)])
+def test_a_law_that_turns_back_at_a_change_point(law):
+    """Motion comes to the change point and goes back: the parallelogram stays one, and is where it began."""
+    machine = four_bar(0.1, 0.4, 0.1, 0.4)
+    crank = Crank("crank", "A", "B", law=lj.Harmonic(*law))
+    machine = prepared(Mechanism(machine.fixed, machine.links, [crank, machine.groups[1]], machine.flywheel))
+    angles = jnp.linspace(0.0, 6.28, 101)
+    here = poses(machine, angles)
+    rocker, crank = here.links["rocker"], here.links["crank"]
+    np.testing.assert_allclose((rocker.u.x, rocker.u.y), (crank.u.x, crank.u.y), atol=1e-11)
+    np.testing.assert_allclose(rocker.w, crank.w, atol=1e-10)
+    assert float(least_margin(machine)) > 0

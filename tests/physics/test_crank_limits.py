@@ -3,13 +3,16 @@
 import dataclasses
 import math
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import linkjax as lj
 from linkjax import RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
+from linkjax._compile import compiled_soon
 from linkjax.groups import General
-from linkjax.kinematics import crank_limits
+from linkjax.kinematics import crank_limits, pose, prepared
 from tests.physics.test_hard_cases import four_bar
 
 
@@ -135,3 +138,34 @@ def test_an_oscillating_drive(share):
     else:
         with pytest.raises(lj.MachineError, match=f"to {math.degrees(end):.4f} degrees .* its law goes beyond that"):
             lj.analyse(scene, angles=8, nodes=32)
+
+
+def test_a_dyad_that_continues_has_its_limits_too():
+    """Not coming round is no reason to close nowhere; a kite goes through its change points all round."""
+    one, two = (crank_limits(three(branch, (0.3, 0.2, 0.2, 0.3))) for branch in ("fixed", "continue"))
+    assert len(one) == len(two) == 1
+    assert (two[0].start, two[0].stop) == pytest.approx((one[0].start, one[0].stop), abs=1e-8)
+    (kite,) = crank_limits(three("continue", (0.2, 0.3, 0.3, 0.2)))
+    assert (kite.start, kite.stop) == (0.0, 2 * math.pi)
+
+
+def three(branch: str, lengths: tuple[float, float, float, float]) -> Mechanism:
+    """A four-bar with a phase, whose dyad keeps its side or goes on through change points."""
+    machine = four_bar(*lengths)
+    dyad = dataclasses.replace(machine.groups[1], branch=branch)
+    return dataclasses.replace(machine, groups=(Crank("crank", "A", "B", phase=0.5), dyad))
+
+
+def test_a_general_group_is_followed_both_ways():
+    """Up to where it stops, and down from zero to where it stops on the other side: the four-bar in closed form."""
+    links = {"crank": Link(length=0.3), "coupler": Link(length=0.25), "rocker": Link(length=0.2)}
+    fixed, crank = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, Crank("crank", "A", "B", phase=0.5)
+    members = (("coupler", ("B", "C")), ("rocker", ("D", "C")))
+    general = Mechanism(fixed, links, [crank, General(members, ("B", "D"), {"C": Vec(0.45, 0.19)})])
+    closed = Mechanism(fixed, links, [crank, RRR(("coupler", "rocker"), "B", "D", "C", 1)])
+    (one,), (two,) = crank_limits(general), crank_limits(closed)
+    assert (one.start, one.stop) == pytest.approx((two.start, two.stop), abs=2e-3)
+    at = compiled_soon(lambda m, phi: jax.vmap(lambda one: pose(m, one).points["C"].r)(phi))
+    angles = jnp.linspace(two.start + 0.01, two.stop - 0.01, 40)
+    found, known = at(prepared(general), angles), at(closed, angles)
+    np.testing.assert_allclose((found.x, found.y), (known.x, known.y), atol=1e-13)
