@@ -241,6 +241,13 @@ class General(AbstractGroup):
         sense = jnp.linalg.slogdet(web.jacobian(z, c))[0]
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
 
+    def opened(self, links, states, points, phi: Array, z: Array, move: Array) -> tuple[Array, Array]:
+        """What the joints leave open (m) in a configuration moved by x, y and angle times size of every link (m), and
+        its derivatives by these."""
+        web, c = self._web(), self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        here = placed(z).moved(move, c.size)
+        return web.opened(here, c), web.jacobian(here, c)
+
     def solve(self, links, states, points, phi):
         assert self.path is not None  # see `kinematics.prepared`
         z = self.closed(links, states, points, phi, self.path.at(phi, self.turns), NEAR)[0]

@@ -10,13 +10,15 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from linkjax.groups import Crank
+from linkjax.groups import Crank, General
 from linkjax.kinematics._cycle import scan_angles, stacked
+from linkjax.kinematics._fold import folded
 from linkjax.kinematics._pose import named_groups, prepared
 from linkjax.mechanism import Mechanism
 
 SCAN = 360  # crank angles a turn at which the margins are first looked at
 HALVINGS = 50  # of a scan step: down to rounding
+CLOSE = 0.01  # rad: how far inside a range a general group is taken to find its fold from
 BATCH = 16  # ends that are sharpened together
 
 
@@ -37,8 +39,9 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
     driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
-    points. Of a general group they are up to 2e-3 rad short, and only as far as its reference path, which goes up and
-    down from crank angle zero, comes without a gap. Whether all is after a turn where it began is another question.
+    points. Those of a general group are folds of its closure, to rounding too where two assemblies meet there (else up
+    to 2e-3 rad short), and only as far as its reference path, which goes up and down from crank angle zero, comes
+    without a gap. Whether all is after a turn where it began is another question.
     Ranges narrower than a thousandth of a turn may be overlooked. Not for use under jax transformations: plain numbers
     come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
@@ -54,6 +57,7 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
         assert law is not None
         turns = max(1, round(law.period() / (2 * math.pi)))
     whole = 2 * math.pi * turns
+    owners = [number for number, g in enumerate(mechanism.groups) for _ in g.dead_positions]
     names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions]
     if not names:
         return (CrankRange(0.0, whole, "", ""),)
@@ -74,9 +78,18 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
                 last += 1
             start, stop = ends[first], after[last % count] + whole * (last // count)
             start, stop = (start, stop) if stop <= whole or stop - whole <= 0 else (start - whole, stop - whole)
-            ranges.append(CrankRange(float(start), float(stop), names[found[first][1]],
-                                     names[found[(last + 1) % count][1]]))  # fmt: skip
+            lower, upper = found[first][1], found[(last + 1) % count][1]
+            near = min(CLOSE, 0.5 * (stop - start))
+            start = _sharpened(mechanism, owners[lower], start + near, start)
+            stop = _sharpened(mechanism, owners[upper], stop - near, stop)
+            ranges.append(CrankRange(start, stop, names[lower], names[upper]))
     return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.start)))
+
+
+def _sharpened(mechanism: Mechanism, owner: int, inside: float, end: float) -> float:
+    """An end of a range sharpened where a general group makes it; `inside` is in the range."""
+    general = isinstance(mechanism.groups[owner], General)
+    return folded(mechanism, owner, float(inside), float(end)) if general else float(end)
 
 
 @eqx.filter_jit
