@@ -13,12 +13,12 @@ from linkjax.kinematics._pose import before_group
 from linkjax.mechanism import Mechanism
 
 STEPS = 20  # Newton steps: five where two assemblies meet, more where they only cross
-FAR = 0.01  # rad: a fold is no further from where the reference path stops
+FAR = 0.06  # rad: a fold is no further from where the reference path stops, in steps of 0.052
 
 
 def folded(mechanism: Mechanism, number: int, inside: float, end: float) -> float:
     """The crank angle (rad) at which the general group of this number folds, from a rough `end` and an angle `inside`
-    at which it closes near there; the rough one where there is no fold within a hundredth.
+    at which it closes near there; the rough one where there is no fold within a step of the reference path.
 
     Newton's method on closure, a null vector of its Jacobian and that vector's length, together: regular where the
     closure is not.

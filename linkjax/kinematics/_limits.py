@@ -40,7 +40,7 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
     driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
     points. Those of a general group are folds of its closure, to rounding too where two assemblies meet there (else up
-    to 2e-3 rad short), and only as far as its reference path, which goes up and down from crank angle zero, comes
+    to 0.05 rad short), and only as far as its reference path, which goes up and down from crank angle zero, comes
     without a gap. Whether all is after a turn where it began is another question.
     Ranges narrower than a thousandth of a turn may be overlooked. Not for use under jax transformations: plain numbers
     come out.
