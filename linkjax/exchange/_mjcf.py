@@ -140,10 +140,10 @@ def _close(model: ET.Element, bodies: dict[str, ET.Element], tree: Tree, here: S
 def _couple(model: ET.Element, mechanism: Mechanism, tree: Tree) -> None:
     """Keep wheels in gear: a tendon whose length is what they keep constant."""
     above = {body.body: body for body in tree.bodies}
-    for group in mechanism.groups:
-        coupling = group.coupling()
-        if coupling is None:
-            continue
+    wheels = [wheel for group in mechanism.groups for wheel in group.wheels()]
+    names = [joint.name for group in mechanism.groups for joint in group.joints() if joint.meshes]
+    for name, wheel in zip(names, wheels, strict=True):
+        coupling = wheel.coupling()
         factors: dict[str, float] = {}
         for link, factor in coupling.angles.items():  # the angle of a link is the sum of all hinges it hangs on
             while link != "frame":
@@ -156,7 +156,6 @@ def _couple(model: ET.Element, mechanism: Mechanism, tree: Tree) -> None:
             hung = [body for body in ends if {body, above[body].parent} == {block, on}]
             joint = hung[0] if hung else f"{block}.guide"
             factors[joint] = factors.get(joint, 0.0) + float(factor)
-        name = f"{group.link_names()[0]}.mesh"
         tendons, equality = model.find("tendon"), model.find("equality")
         tendon = ET.SubElement(ET.SubElement(model, "tendon") if tendons is None else tendons, "fixed", name=name)
         for joint, factor in factors.items():

@@ -140,9 +140,9 @@ class AbstractGroup(eqx.Module):
         """Whether it holds what is held already."""
         return False
 
-    def coupling(self) -> Coupling | None:
-        """The wheels in gear inside it; None for a group that has none."""
-        return None
+    def wheels(self) -> tuple[Any, ...]:
+        """The wheels and racks in gear inside it, each as the `Gear`, `Rack` or `Pinion` that it would be by itself."""
+        return ()
 
     def lies_on(self) -> tuple[tuple[str, str], ...]:
         """Which points must belong to which links that are there already, as (link or "frame", point)."""

@@ -15,21 +15,29 @@ from linkjax._vec import Vec, unit
 
 
 class Known(NamedTuple):
-    """Places of points and directions of links that were there before the group."""
+    """Places of points and directions of links that were there before the group, and angles of those among them that
+    its wheels are in gear with."""
 
     points: dict[str, Vec]
     links: dict[str, Vec]
+    angles: dict[str, Array]
 
 
 class Placed(NamedTuple):
-    """Where links are: origins and unit vectors along them, shape (links, 2) each."""
+    """Where links are: origins and unit vectors along them, shape (links, 2) each; in a group with wheels in gear also
+    their angles with all turns (rad)."""
 
     at: Array
     u: Array
+    angle: Array | None = None
 
     def moved(self, move: Array, size: Array) -> Placed:
-        """Moved by x, y and angle times size of every link (the angle by twice the tangent of its half: no sine)."""
+        """Moved by x, y and angle times size of every link; without angles by twice the tangent of its half: no
+        sine."""
         move = move.reshape((-1, 3))
+        if self.angle is not None:
+            angle = self.angle + move[:, 2] / size
+            return Placed(self.at + move[:, :2], along(angle), angle)
         half = 0.5 * move[:, 2:] / size
         turned = (self.u * (1 - half * half) + 2 * half * perp(self.u)) / (1 + half * half)
         return Placed(self.at + move[:, :2], turned)
@@ -40,17 +48,29 @@ class Placed(NamedTuple):
         a = jnp.zeros_like(v) if a is None else a.reshape((-1, 3))
         half, w, e = 0.5 * t * t, v[:, 2:] / size, a[:, 2:] / size
         turned = self.u * (1 - w * w * half) + perp(self.u) * (w * t + e * half)
-        return Placed(self.at + v[:, :2] * t + a[:, :2] * half, turned)
+        angle = None if self.angle is None else self.angle + (w * t + e * half)[:, 0]
+        return Placed(self.at + v[:, :2] * t + a[:, :2] * half, turned, angle)
 
     def flat(self) -> Array:
-        """As one array, shape (links, 4)."""
-        return jnp.concatenate([self.at, self.u], axis=1)
+        """As one array, shape (links, 4), or (links, 3) with angles."""
+        return jnp.concatenate([self.at, self.u if self.angle is None else self.angle[:, None]], axis=1)
 
 
 def placed(z: Array) -> Placed:
     """From one array, whose directions may be off the unit circle."""
+    if z.shape[1] == 3:
+        return Placed(z[:, :2], along(z[:, 2]), z[:, 2])
     u = z[:, 2:]
     return Placed(z[:, :2], u / safe_sqrt(jnp.sum(u * u, axis=1, keepdims=True), 1.0))
+
+
+class Geared(NamedTuple):
+    """What wheels in gear keep constant, a row for each, in m: factors of the angles of links (rows, links) and of the
+    ways of blocks along their slots (rows, slots), less what angles from outside and the phases come to (rows,)."""
+
+    angles: Array
+    ways: Array
+    wanted: Array
 
 
 class Closure(NamedTuple):
@@ -67,6 +87,7 @@ class Closure(NamedTuple):
     outer_u: Array
     size: Array
     drive: Array
+    geared: Geared | None = None
 
 
 class Web(NamedTuple):
@@ -83,15 +104,20 @@ class Web(NamedTuple):
     turns: tuple[int, int | None] | None
 
     def opened(self, z: Placed, c: Closure) -> Array:
-        """What the joints leave open (m): pins, then slots, then the drive."""
+        """What the joints leave open (m): pins, then slots, then wheels in gear, then the drive."""
         at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
         rows = [((self.one - self.two) @ at + turned(self.one @ u, c.near) - turned(self.two @ u, c.far)).ravel()]
+        ways = jnp.zeros(0)
         if len(self.block):
             t, apart, ahead, back = self._slots(at, u, c)
             aside = crossed(t, apart - back) - c.offset
             rows.append(jnp.stack([aside, c.size * crossed(t, ahead)], axis=1).ravel())
-            if self.slides is not None:
-                rows.append((jnp.sum((apart - back) * t, axis=1) - c.drive)[self.slides][None])
+            ways = jnp.sum((apart - back) * t, axis=1)
+        if c.geared is not None:
+            assert z.angle is not None
+            rows.append(c.geared.angles @ z.angle + c.geared.ways @ ways - c.geared.wanted)
+        if self.slides is not None:
+            rows.append((ways - c.drive)[self.slides][None])
         if self.turns is not None:
             wanted, driven = self._turned(z, c)
             rows.append(c.size * crossed(wanted, driven))
@@ -106,6 +132,7 @@ class Web(NamedTuple):
         spun = (one[:, :, None] * near[:, None] - two[:, :, None] * far[:, None]) / c.size  # (pins, links, 2)
         shifted = jnp.broadcast_to((one - two)[:, :, None, None] * np.eye(2), (*spun.shape, 2))
         parts = [jnp.moveaxis(jnp.concatenate([shifted, spun[..., None]], axis=3), 2, 1).reshape((-1, 3 * n))]
+        ways = jnp.zeros((0, 3 * n))
         if len(self.block):
             t, apart, ahead, _ = self._slots(at, u, c)
             which = (block - on)[:, :, None]
@@ -113,10 +140,13 @@ class Web(NamedTuple):
             aside = jnp.concatenate([which * perp(t)[:, None], lean[:, :, None]], axis=2)
             level = which * (jnp.sum(t * ahead, axis=1)[:, None, None] * np.array([[[0.0, 0.0, 1.0]]]))
             parts.append(jnp.stack([aside, level], axis=1).reshape((-1, 3 * n)))
-            if self.slides is not None:
-                push = on * jnp.sum(perp(t) * apart, axis=1)[:, None] / c.size
-                along = jnp.concatenate([which * t[:, None], push[:, :, None]], axis=2)
-                parts.append(along[self.slides].reshape((1, -1)))
+            push = on * jnp.sum(perp(t) * apart, axis=1)[:, None] / c.size
+            ways = jnp.concatenate([which * t[:, None], push[:, :, None]], axis=2).reshape((-1, 3 * n))
+        if c.geared is not None:
+            spun = jnp.zeros((*c.geared.angles.shape, 3)).at[:, :, 2].set(c.geared.angles / c.size)
+            parts.append(spun.reshape((-1, 3 * n)) + c.geared.ways @ ways)
+        if self.slides is not None:
+            parts.append(ways[self.slides][None])
         if self.turns is not None:
             sign = np.zeros((1, n, 3))
             sign[0, self.turns[0], 2] = 1.0
@@ -145,6 +175,11 @@ def array(vectors: Sequence[Vec]) -> Array:
     if not vectors:
         return jnp.zeros((0, 2))
     return jnp.stack([jnp.stack([v.x for v in vectors]), jnp.stack([v.y for v in vectors])], axis=1)
+
+
+def along(angle: Array) -> Array:
+    """Unit vectors at these angles as rows."""
+    return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
 
 
 def turned(u: Array, at: Array) -> Array:

@@ -101,6 +101,25 @@ def check_drive(drive: Drive, names: Sequence[str], slots: Sequence[Slot]) -> No
         raise ValueError(f"the drive slides {drive.link!r} along a guide, which it cannot do for ever; give it a law")
 
 
+def mesh_names(gears: Sequence[Any]) -> list[str]:
+    """Names of the joints of wheels in gear: after their `link`, and after both where that is in several."""
+    wheels = [gear.link for gear in gears]
+    return [f"{g.link}.mesh" if wheels.count(g.link) == 1 else f"{g.link}.{g.to}.mesh" for g in gears]
+
+
+def check_gears(gears: Sequence[Any], names: Sequence[str], slots: Sequence[Slot]) -> None:
+    """Raise `ValueError` for wheels in gear that are none of a group of these links."""
+    group = f"the group of {', '.join(names)}"
+    for gear in gears:
+        if gear.link not in names:
+            raise ValueError(f"{group}: {gear.link!r} is in gear, but no member; let the `link` of a gear be a member")
+        if gear.kind == "rack" and (gear.link, gear.guide.on) not in [(slot.block, slot.guide.on) for slot in slots]:
+            raise ValueError(f"{group}: the rack {gear.link!r} is in none of its slots; add one along the same guide")
+    twice = [name for name in mesh_names(gears) if mesh_names(gears).count(name) > 1]
+    if twice:
+        raise ValueError(f"{group}: two gears are the same, {twice[0]}; leave one out")
+
+
 def from_sketch(
     spots: Mapping[str, Vec],
     lean: Mapping[str, Guide],
@@ -110,13 +129,16 @@ def from_sketch(
 ) -> Array:
     """Origins and directions of links, shape (links, 4), from `spots` where points are roughly.
 
-    `seen` names the links, each with its points that have a spot; `lean` the guides that blocks are on; `places` says
-    where points are on the links, `known` how links stand that were there before.
+    `seen` names the links, each with its points that have a spot (of a wheel one is enough, if it is no matter how it
+    stands); `lean` the guides that blocks are on; `places` says where points are on the links, `known` how links stand
+    that were there before.
     """
     turned: dict[str, Vec] = {}
     for _ in seen:  # a block after the link that its guide is on
         for link, points in seen.items():
-            if link not in lean:
+            if link not in lean and len(points) < 2:
+                turned[link] = Vec(jnp.ones(()), jnp.zeros(()))
+            elif link not in lean:
                 off = places[link][points[1]] - places[link][points[0]]
                 true = spots[points[1]] - spots[points[0]]
                 turned[link] = Vec(off.dot(true), off.cross(true))
@@ -144,8 +166,8 @@ def check_drawn(names: Sequence[str], slots: Sequence[Slot], sketch: Mapping[str
             raise TypeError(f"the place of {point!r} in a sketch must be a Vec, but is {at!r}; write Vec(x, y)")
 
 
-def undrawn(members, links: Mapping[str, Any], sketch, outer: Sequence[str], blocks) -> tuple[str, str] | None:
-    """What links and sketch do not say, as problem and remedy."""
+def undrawn(members, links: Mapping[str, Any], sketch, outer: Sequence[str], single) -> tuple[str, str] | None:
+    """What links and sketch do not say, as problem and remedy; of the `single` links one point is enough."""
     every = [p for link, pins in members for p in (*pins, *links[link].points, links[link].centre_name)]
     strange = next((p for p in sketch if p not in every), None)
     if strange is not None:
@@ -156,12 +178,12 @@ def undrawn(members, links: Mapping[str, Any], sketch, outer: Sequence[str], blo
                 return f"link {link!r} has no marked point {point!r}", "add it to the points of the link"
         own = (*pins[:2], *links[link].points, links[link].centre_name)
         seen = [p for p in dict.fromkeys(own) if p in outer or p in sketch]
-        if len(seen) < 2 - (link in blocks):
-            count = "one" if link in blocks else "two"
+        if len(seen) < 2 - (link in single):
+            count = "one" if link in single else "two"
             problem = f"the sketch does not say where link {link!r} is"
             return problem, f"sketch {count} of its points: {', '.join(own)}"
         spots = [sketch[p] for p in seen[:2] if p in sketch]
         values = [(known(at.x), known(at.y)) for at in spots]
-        if len(spots) == 2 and link not in blocks and None not in values[0] and values[0] == values[1]:
+        if len(spots) == 2 and link not in single and None not in values[0] and values[0] == values[1]:
             return f"the sketch puts {seen[0]!r} and {seen[1]!r} of link {link!r} on one place", "move one of them"
     return None

@@ -30,6 +30,9 @@ class AbstractWheel(AbstractGroup):
     def link_names(self):
         return (self.link,)
 
+    def wheels(self):
+        return (self,)
+
     def classified(self):
         return "G", "RG"
 
@@ -99,7 +102,8 @@ class Gear(AbstractWheel):
     def joints(self):
         return self.in_gear(self.to)
 
-    def coupling(self):
+    def coupling(self) -> Coupling:
+        """What it keeps constant."""
         ratio = self.mesh.ratio()
         return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {})
 

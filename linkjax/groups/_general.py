@@ -18,121 +18,39 @@ from jaxtyping import Array
 
 from linkjax._numerics import safe_sqrt
 from linkjax._vec import Vec, unit, zero
-from linkjax.groups._base import BEYOND, AbstractGroup, Joint, Margin, Wrench
-from linkjax.groups._closure import Closure, Known, Placed, Web, array, least_singular, placed
-from linkjax.groups._drawn import Drive, Slot, check_drawn, check_drive, driven_slot, from_sketch, undrawn
-from linkjax.groups._pairs import FRAME, classified
+from linkjax.groups._base import BEYOND, Margin, Wrench
+from linkjax.groups._chain import AbstractChain
+from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, array, least_singular, placed
+from linkjax.groups._drawn import Slot, from_sketch
+from linkjax.groups._gear import Gear
+from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
+from linkjax.groups._winding import turned
 
 NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
 SWING = 0.2  # of the size: what they may move links
 
 
-class General(AbstractGroup):
-    """Links joined by pins and slots, solved together.
+class General(AbstractChain):
+    """Links joined by pins, slots and wheels in gear, solved together.
 
     `members` are the links with the points at which each is pinned: the first is its origin, the second lies on its
     axis at its length, further ones are marked points of it. A point that two members name is a pin between them;
     `outer` are the points that exist already. `slots` are the sliding joints: a block has one point, its origin, and
-    the axes of its guide. `sketch` says roughly where points are at crank angle zero, which chooses the assembly: of
-    every link two points, of a block one. With a `drive` the group stands first and moves by itself. `path` and `turns`
-    are filled in by `kinematics.prepared`.
+    the axes of its guide. `gears` are the wheels and racks in gear whose `link` is a member, written as they would be
+    by themselves; a rack is the block of a slot. `sketch` says roughly where points are at crank angle zero, which
+    chooses the assembly: of every link two points, of a block and of a wheel one. With a `drive` the group stands first
+    and moves by itself. `path` and `turns` are filled in by `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "general"
     dead_positions: ClassVar[tuple[str, ...]] = ("loops",)
 
-    members: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True)
-    outer: tuple[str, ...] = eqx.field(static=True)
-    sketch: dict[str, Vec]
-    slots: tuple[Slot, ...] = ()
-    drive: Drive | None = None
     path: Track | None = None
     turns: int = eqx.field(static=True, default=1)
 
-    def __check_init__(self):
-        names = [link for link, _ in self.members]
-        check_drawn(names, self.slots, self.sketch)
-        if self.drive is not None:
-            check_drive(self.drive, names, self.slots)
-        rows = sum(2 * (len(links) - (point not in self.outer)) for point, links in self._pins().items())
-        rows += 2 * len(self.slots) + (self.drive is not None)
-        if rows != 3 * len(names):
-            problem = f"{len(names)} links have {3 * len(names)} degrees of freedom, their joints take {rows}"
-            raise ValueError(f"the group of {', '.join(names)} is none: {problem}; a point may be missing in `outer`")
-
-    def driven_slot(self) -> int | None:
-        """Number of the slot that the drive moves; None for a drive that turns, and for none."""
-        return None if self.drive is None else driven_slot(self.drive, self.slots)
-
-    def translating(self):
-        return tuple(slot.block for slot in self.slots if slot.guide.on == FRAME)
-
-    def _pins(self) -> dict[str, list[str]]:
-        """Every pinned point with the members that share it."""
-        found: dict[str, list[str]] = {}
-        for link, points in self.members:
-            for point in points:
-                found.setdefault(point, []).append(link)
-        return {p: links for p, links in found.items() if len(links) > 1 or p in self.outer}
-
-    def classified(self):
-        names, pairs = self.link_names(), self.pairs()
-        if self.drive is None:
-            return classified(names, pairs)
-        one, on = self.drive.link, self.drive.on  # one link, as long as the drive is held
-        held = [p._replace(one=on if p.one == one else p.one, other=on if p.other == one else p.other) for p in pairs]
-        rest = tuple(name for name in names if name != one)
-        found, letters = classified(rest, [p for p in held if p.one != p.other])
-        return f"I1+{found}", letters
-
-    def link_names(self):
-        return tuple(link for link, _ in self.members)
-
-    def needs(self):
-        inside = set(self.link_names())
-        return (*self.outer, *(slot.guide.through for slot in self.slots if slot.guide.on not in inside))
-
-    def guides(self):
-        return tuple(slot.guide for slot in self.slots if slot.guide.on not in self.link_names())
-
-    def pins(self):
-        return {link: (points[0], points[1] if len(points) > 1 else None) for link, points in self.members}
-
-    def brings(self):
-        ends = [p for pair in self.pins().values() for p in pair if p is not None]
-        return tuple(dict.fromkeys(p for p in ends if p not in self.outer))
-
-    def shared(self):
-        return {p: "" if p in self.outer else links[0] for p, links in self._pins().items()}
-
-    def driving(self):
-        return None if self.drive is None else self.drive.link
-
-    def follows(self):
-        return None if self.drive is None else self.drive.law
-
     # ---- closure
-
-    def places(self, links) -> dict[str, dict[str, Vec]]:
-        """Where the points of every member are in its own axes."""
-        found = {}
-        for link, points in self.members:
-            zero = jnp.zeros_like(links[link].length)
-            body = links[link].actual()
-            found[link] = {**body.points, links[link].centre_name: body.centre, points[0]: Vec(zero, zero)}
-            if len(points) > 1:
-                found[link].setdefault(points[1], Vec(links[link].length, zero))
-        return found
-
-    def _pairs(self) -> list[tuple[str, str, str]]:
-        """Every pin as (point, link, what it is pinned to): another link, or "" for a point that was there before."""
-        return [(p, link, "" if p in self.outer else links[0]) for p, links in self._pins().items()
-                for link in links[p not in self.outer :]]  # fmt: skip
-
-    def _outer_points(self) -> list[str]:
-        return list(dict.fromkeys(p for p, _, to in self._pairs() if not to))
 
     def _outside(self, known: Known) -> tuple[Array, Array]:
         """Places and directions of what the group hangs on: points, then guides that are not on its own links."""
@@ -160,16 +78,31 @@ class General(AbstractGroup):
             turns = (names.index(self.drive.link), against)
         return Web(len(names), one, two, block, on, self.driven_slot(), turns)
 
+    def _geared(self, known: Known, size: Array) -> Geared | None:
+        """What its wheels keep constant."""
+        names, still = self.link_names(), jnp.zeros_like(size)
+        rows = []
+        for gear in self.gears:
+            held, per = gear.coupling(), size if isinstance(gear, Gear) else jnp.ones_like(size)
+            outside = [held.angles[name] * known.angles[name] for name in held.angles if name in known.angles]
+            rows.append(Geared(
+                per * jnp.stack([held.angles.get(name, still) for name in names]),
+                jnp.stack([still, *(held.ways.get(slot.block, still) for slot in self.slots)])[1:],
+                per * ((gear.phase if isinstance(gear, Gear) else gear.start) - sum(outside, still)),
+            ))  # fmt: skip
+        return Geared(*(jnp.stack(parts) for parts in zip(*rows, strict=True))) if rows else None
+
     def _closure(self, places, known: Known, drive: Array) -> Closure:
         """The numbers of the closure equations."""
         pairs, none, names = self._pairs(), Vec(jnp.zeros(()), jnp.zeros(())), self.link_names()
         through = [places[s.guide.on][s.guide.through] if s.guide.on in names else none for s in self.slots]
+        size = self._size(places)
         return Closure(
             array([places[link][p] for p, link, _ in pairs]),
             array([places[to][p] if to else none for p, _, to in pairs]),
             array(through), array([unit(slot.guide.along) for slot in self.slots]),
             jnp.stack([slot.guide.offset for slot in self.slots]) if self.slots else jnp.zeros(0),
-            *self._outside(known), self._size(places), drive,
+            *self._outside(known), size, drive, self._geared(known, size),
         )  # fmt: skip
 
     def size(self, links) -> Array:
@@ -181,14 +114,29 @@ class General(AbstractGroup):
         arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
         return safe_sqrt(jnp.max(jnp.stack(arms)), 1.0)
 
-    def _known(self, states, points, t=0.0) -> Known:
-        """What was there before, `t` of crank angle later (to second order)."""
+    def _known(self, states, points, phi: Array | None = None, t=0.0) -> Known:
+        """What was there before, `t` of crank angle later (to second order); angles only where `phi` is given."""
         half = 0.5 * t * t
         links = {g.on: states[g.on] for g in self.guides() if g.on != "frame"}
+        wound = None if self.path is None else self.path.wound
+        mates = () if phi is None else self.mates()
+        angles = {name: turned(name, k, states, wound, phi, self.turns) for k, name in enumerate(mates)}
         return Known(
             {name: points[name].r + points[name].dr * t + points[name].ddr * half for name in self.needs()},
-            {name: u + u.perp() * (w * t + e * half) - u * (w * w * half) for name, (u, w, e, _) in links.items()},
+            {name: s.u + s.u.perp() * (s.w * t + s.e * half) - s.u * (s.w * s.w * half) for name, s in links.items()},
+            {name: angle + w * t + e * half for name, (angle, w, e) in angles.items()},
         )
+
+    def _at(self, links, states, points, phi: Array) -> tuple[dict[str, dict[str, Vec]], Closure]:
+        """Places of points on the members, and the numbers of the closure equations, at a crank angle."""
+        places = self.places(links)
+        return places, self._closure(places, self._known(states, points, phi), self._drive(phi))
+
+    def _moved_on(self, c: Closure, states, points, phi: Array, t: Array) -> Closure:
+        """The closure equations `t` of crank angle later (to second order)."""
+        known = self._known(states, points, phi, t)
+        at, u = self._outside(known)
+        return c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t), geared=self._geared(known, c.size))
 
     def _drive(self, phi: Array, t=0.0) -> Array:
         if self.drive is None:
@@ -196,32 +144,30 @@ class General(AbstractGroup):
         s, d, dd = self.drive.at(phi, self.driven_slot() is not None)
         return s + d * t + 0.5 * t * t * dd
 
-    def sketched(self, places, states, points) -> Array:
-        """The configuration that the sketch gives, shape (links, 4)."""
-        spots = {**{p: points[p].r for p in self.outer}, **self.sketch}
+    def sketched(self, links, states, points, phi: Array) -> Array:
+        """The configuration that the sketch gives, shape (links, 4), or (links, 3) with wheels in gear."""
+        places, spots = self.places(links), {**{p: points[p].r for p in self.outer}, **self.sketch}
         lean = {slot.block: slot.guide for slot in self.slots}
         seen = {link: self._seen(link, pins, places) for link, pins in self.members}
-        return from_sketch(spots, lean, seen, places, {name: state.u for name, state in states.items()})
+        drawn = from_sketch(spots, lean, seen, places, {name: state.u for name, state in states.items()})
+        return self._wound(drawn, seen, places, self._known(states, points, phi)) if self.gears else drawn
 
-    def _seen(self, link: str, pins: tuple[str, ...], places) -> list[str]:
-        """Points of a link whose places are known or sketched."""
-        return [p for p in dict.fromkeys((*pins, *places[link])) if p in self.outer or p in self.sketch]
-
-    def lacking(self, links):
-        blocks = {slot.block: slot.guide for slot in self.slots}
-        for block, guide in blocks.items():
-            if block not in self.link_names():
-                return f"the block {block!r} is no member of the group", f"known here: {', '.join(self.link_names())}"
-            pins = dict(self.members).get(guide.on)
-            if pins is not None and guide.through not in (*pins, *links[guide.on].points):
-                problem = f"the guide of {block!r} is on link {guide.on!r}, but point {guide.through!r} is not"
-                return problem, f"known here: {', '.join((*pins, *links[guide.on].points))}"
-        return undrawn(self.members, links, self.sketch, self.outer, blocks)
+    def _wound(self, drawn: Array, seen, places, known: Known) -> Array:
+        """The same with angles, those of wheels that are not sketched as their gears say: about their pivots."""
+        held = self._geared(known, self._size(places))
+        assert held is not None
+        angle = jnp.atan2(drawn[:, 3], drawn[:, 2])
+        blocks = [slot.block for slot in self.slots]
+        free = [i for i, (link, points) in enumerate(seen.items()) if len(points) < 2 and link not in blocks]
+        if free:
+            left = held.wanted - held.angles @ angle
+            angle = angle.at[np.asarray(free)].add(jnp.linalg.pinv(held.angles[:, np.asarray(free)]) @ left)
+        return jnp.concatenate([drawn[:, :2], angle[:, None]], axis=1)
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int) -> tuple[Array, Array, Array]:
         """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
         determinant, and what it leaves open, of the size of the group; without derivatives."""
-        web, c = self._web(), self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        web, (_, c) = self._web(), self._at(links, states, points, phi)
         c, start = jax.lax.stop_gradient((c, start))
 
         def step(_, carry):
@@ -244,21 +190,19 @@ class General(AbstractGroup):
     def opened(self, links, states, points, phi: Array, z: Array, move: Array) -> tuple[Array, Array]:
         """What the joints leave open (m) in a configuration moved by x, y and angle times size of every link (m), and
         its derivatives by these."""
-        web, c = self._web(), self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        web, (_, c) = self._web(), self._at(links, states, points, phi)
         here = placed(z).moved(move, c.size)
         return web.opened(here, c), web.jacobian(here, c)
 
     def solve(self, links, states, points, phi):
         assert self.path is not None  # see `kinematics.prepared`
         z = self.closed(links, states, points, phi, self.path.at(phi, self.turns), NEAR)[0]
-        web, places = self._web(), self.places(links)
-        c = self._closure(places, self._known(states, points), self._drive(phi))
+        web, (places, c) = self._web(), self._at(links, states, points, phi)
         here, sound = self._polished(web, placed(jax.lax.stop_gradient(z)), c)
         inverse = jnp.linalg.inv(jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links)))
 
         def along(t, v):
-            at, u = self._outside(self._known(states, points, t))
-            return web.opened(here.later(v, t, c.size), c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t)))
+            return web.opened(here.later(v, t, c.size), self._moved_on(c, states, points, phi, t))
 
         none, zero, one = jnp.zeros(3 * web.links), jnp.zeros_like(phi), jnp.ones_like(phi)
         v = -inverse @ jax.jvp(lambda t: along(t, none), (zero,), (one,))[1]
@@ -285,7 +229,8 @@ class General(AbstractGroup):
         found, pins = {}, {}
         v, a = v.reshape((-1, 3)), a.reshape((-1, 3))
         for i, (link, points) in enumerate(self.members):
-            found[link] = LinkState(Vec(*here.u[i]), v[i, 2] / size, a[i, 2] / size)
+            angle = None if here.angle is None else here.angle[i]
+            found[link] = LinkState(Vec(*here.u[i]), v[i, 2] / size, a[i, 2] / size, angle)
             origin = PointState(Vec(*here.at[i]), Vec(v[i, 0], v[i, 1]), Vec(a[i, 0], a[i, 1]))
             for point in points:
                 if point not in self.outer and point not in pins:
@@ -296,7 +241,8 @@ class General(AbstractGroup):
 
     def _here(self, states, points) -> Placed:
         origins = [points[pins[0]].r for _, pins in self.members]
-        return Placed(array(origins), array([states[link].u for link in self.link_names()]))
+        angle = jnp.stack([states[link].angle for link in self.link_names()]) if self.gears else None
+        return Placed(array(origins), array([states[link].u for link in self.link_names()]), angle)
 
     def _rates(self, states, points, size, of_point: str, of_link: str) -> Array:
         """Rates of x, y and angle times size of every link."""
@@ -308,13 +254,11 @@ class General(AbstractGroup):
 
     def margins(self, links, states, points, phi):
         here, none = self._here(states, points), jnp.zeros_like(states[self.members[0][0]].w)
-        web, c = self._web(), self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        web, (_, c) = self._web(), self._at(links, states, points, phi)
         v, a = (self._rates(states, points, c.size, *names) for names in (("dr", "w"), ("ddr", "e")))
 
         def jacobian(t):
-            at, u = self._outside(self._known(states, points, t))
-            there = c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t))
-            return web.jacobian(here.later(v, t, c.size, a), there)
+            return web.jacobian(here.later(v, t, c.size, a), self._moved_on(c, states, points, phi, t))
 
         one = jnp.ones_like(none)
         matrix, first = jax.jvp(jacobian, (none,), (one,))
@@ -336,18 +280,6 @@ class General(AbstractGroup):
 
     # ---- reactions
 
-    def joints(self):
-        found = []
-        for point, links in self._pins().items():
-            by = None if point in self.outer else links[0]
-            found += [Joint(point, point, link, by) for link in links[point not in self.outer :]]
-        origins = {link: points[0] for link, points in self.members}
-        for slot in self.slots:
-            found.append(Joint(f"{slot.block}.guide", origins[slot.block], slot.block, slot.guide.on, slides=True))
-        if self.drive is not None:
-            found.append(Joint(f"{self.drive.link}.drive", origins[self.drive.link], self.drive.link, self.drive.on))
-        return tuple(found)
-
     def react(self, loads, states, points):
         here, names = self._here(states, points), self.link_names()
         places: dict[str, dict[str, Vec]] = {}
@@ -356,18 +288,19 @@ class General(AbstractGroup):
             back = Vec(here.u[i, 0], -here.u[i, 1])
             places[link] = {p: (points[p].r - points[pins[0]].r).turned(back) for p in (*pins, *through)}
         turns = self.drive if self.driven_slot() is None else None
-        web = self._web()
-        c = self._closure(places, self._known(states, points), jnp.zeros(()) if turns is None else turns.angle(states))
+        none = jnp.zeros_like(here.at[0, 0])
+        c = self._closure(places, self._known(states, points), none if turns is None else turns.angle(states))
         on = [(loads[link].force, loads[link].moment / c.size) for link in names]
         load = jnp.concatenate([jnp.stack([force.x, force.y, moment]) for force, moment in on])
-        x = jnp.linalg.solve(web.jacobian(here, c).T, -load)  # multipliers: what the joints exert
-        count = len(self._pairs())
-        none = jnp.zeros_like(x[0])
-        wrenches = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(count)]
-        drive, torque = [], None
+        x = jnp.linalg.solve(self._web().jacobian(here, c).T, -load)  # multipliers: what the joints exert
+        pairs = self._pairs()
+        pins = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(len(pairs))]
+        slots = []
         for number, slot in enumerate(self.slots):
-            k, t = 2 * (count + number), states[slot.block].u
-            wrenches.append(Wrench(t.perp() * x[k], x[k + 1] * c.size))
+            k, t = 2 * (len(pairs) + number), states[slot.block].u
+            slots.append(Wrench(t.perp() * x[k], x[k + 1] * c.size))
+        meshes = self._teeth(x[2 * len(pairs) + 2 * len(slots) :], c.size, pins, slots, states, points)
+        drive, torque = [], None
         k = self.driven_slot()
         if k is not None:
             drive = [Wrench(states[self.slots[k].block].u * x[-1], none)]
@@ -376,7 +309,31 @@ class General(AbstractGroup):
             drive = [Wrench(zero(), x[-1] * c.size)]
             on = none if self.drive.on == "frame" else states[self.drive.on].w
             torque = x[-1] * c.size * (states[self.drive.link].w - on)
-        return (*wrenches, *drive), torque
+        return (*pins, *slots, *meshes, *drive), torque
+
+    def _teeth(self, x: Array, size: Array, pins: list[Wrench], slots: list[Wrench], states, points) -> list[Wrench]:
+        """What the wheels exert, from their multipliers, which are couples on wheels and pulls on racks. The true
+        forces go through the `pins` of wheels and the `slots` of racks, which are put right here."""
+        found = []
+        for gear, much in zip(self.gears, x, strict=False):
+            if isinstance(gear, Gear):
+                mesh = gear.mesh.exerted(points[gear.centre].r - points[gear.pivot].r, much * size)
+                self._carry(pins, gear.pivot, gear.link, gear.carrier, -mesh.force)
+            else:
+                k = next(i for i, slot in enumerate(self.slots) if slot.block == gear.link)
+                mesh = gear.exerted(much, states, points)
+                along = states[gear.link].u * much
+                slots[k] = Wrench(slots[k].force + along - mesh.force, slots[k].moment - mesh.moment)
+            self._carry(pins, gear.centre, gear.to, gear.mates()[1], mesh.force)
+            found.append(mesh)
+        return found
+
+    def _carry(self, pins: list[Wrench], point: str, wheel: str, carrier: str, force: Vec) -> None:
+        """Add what a pin carries from the teeth of a wheel to what the wheel sits on: a force on the wheel."""
+        for k, (at, link, _) in enumerate(self._pairs()):
+            if at == point and link in (wheel, carrier):
+                more = force if link == wheel else -force
+                pins[k] = Wrench(pins[k].force + more, pins[k].moment)
 
     def _pace(self, slot: Slot, states, points) -> Array:
         """How fast the block of a slot moves along it."""

@@ -52,7 +52,7 @@ def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
 
     Class II has its kind after it (II1 = RRR, II2 = RRP, II3 = RPR, II4 = PRP, II5 = RPP), higher classes have their
     order, the number of pairs by which the group is attached (III3 is a triad); of these the letters are those of the
-    outer pairs, then those of the inner ones.
+    outer pairs, then those of the inner ones. With wheels in gear it is G.
     """
     inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
     outer = [pair for pair in pairs if pair not in inner]
@@ -63,4 +63,6 @@ def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
         return KINDS_OF_II.get(letters, "II"), letters
     sides = contours(links, pairs)
     ends, within = ("".join(sorted((p.letter for p in some), reverse=True)) for some in (outer, inner))
+    if any(pair.letter == "G" for pair in pairs):
+        return "G", f"{ends}-{within}"
     return f"{ROMAN.get(sides, 'II' if sides == 2 else str(sides))}{len(outer)}", f"{ends}-{within}"

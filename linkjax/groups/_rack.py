@@ -88,7 +88,11 @@ class Rack(AbstractGroup):
     def translating(self):
         return (self.link,) if self.guide.on == FRAME else ()
 
-    def coupling(self):
+    def wheels(self):
+        return (self,)
+
+    def coupling(self) -> Coupling:
+        """What it keeps constant."""
         rolled = self.side * self.radius
         return Coupling({self.to: -rolled, self.guide.on: rolled}, {self.link: jnp.ones_like(rolled)})
 
@@ -116,13 +120,18 @@ class Rack(AbstractGroup):
             Joint(f"{self.link}.mesh", self.end, self.link, self.to, meshes=True),
         )
 
-    def react(self, loads, states, points):
-        t, load = states[self.link].u, loads[self.link]
-        n, pull = t.perp() * float(self.side), -load.force.dot(t)
+    def exerted(self, pull: Array, states, points) -> Wrench:
+        """Force on the rack and its moment about its own point, when it is pulled so hard along the guide."""
+        t = states[self.link].u
+        n = t.perp() * float(self.side)
         force = t * pull - n * push(pull, self.pressure_angle)
         arm = points[self.centre].r - n * self.radius - points[self.end].r
-        mesh, across = Wrench(force, arm.cross(force)), t.perp()
-        guide = Wrench(across * -(load.force + force).dot(across), -(load.moment + mesh.moment))
+        return Wrench(force, arm.cross(force))
+
+    def react(self, loads, states, points):
+        t, load = states[self.link].u, loads[self.link]
+        mesh, across = self.exerted(-load.force.dot(t), states, points), t.perp()
+        guide = Wrench(across * -(load.force + mesh.force).dot(across), -(load.moment + mesh.moment))
         return (guide, mesh), None
 
 
@@ -182,7 +191,8 @@ class Pinion(AbstractWheel):
     def joints(self):
         return self.in_gear(self.to)
 
-    def coupling(self):
+    def coupling(self) -> Coupling:
+        """What it keeps constant."""
         one = jnp.ones_like(self.radius)
         return Coupling({self.link: one, self.carrier: -one}, {self.to: -self.side / self.radius})
 

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import wrapped
+from linkjax._numerics import nearest_turn, wrapped
+from linkjax.groups._winding import Winding
 
 
 def closed_to(dtype: Any) -> float:
@@ -17,11 +18,12 @@ def closed_to(dtype: Any) -> float:
 
 class Track(NamedTuple):
     """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
-    leave open, of the size of the group."""
+    leave open, of the size of the group; and how the links turn round that its wheels are in gear with."""
 
     z: Array
     sense: Array
     gap: Array
+    wound: Winding | None = None
 
     def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
         """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
@@ -37,6 +39,10 @@ class Track(NamedTuple):
         x = rest + (i - first).astype(rest.dtype)  # from the first of the four
         a, b, c, d = (self.z[first + k] for k in range(4))
         left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6
+        if self.z.shape[2] == 3:  # angles go on from turn to turn
+            rounds = jnp.floor(phi / (2 * jnp.pi * turns))
+            more = rounds * (self.z[-1, :, 2] - self.z[0, :, 2])
+            a, b, c, d = (part.at[:, 2].add(more) for part in (a, b, c, d))
         return a * left + b * (x * (x - 2) * (x - 3) / 2) - c * (x * (x - 1) * (x - 3) / 2) + d * right
 
     def elsewhere(self, phi: Array, turns: int) -> Array:
@@ -50,7 +56,8 @@ class Track(NamedTuple):
 
     def astray(self) -> Array:
         """Whether it does not come back to where it began."""
-        apart = jnp.max(jnp.abs(self.z[-1] - self.z[0])[:, 2:])
+        apart = (self.z[-1] - self.z[0])[:, 2:]
+        apart = jnp.max(jnp.abs(nearest_turn(apart, 2 * jnp.pi) if self.z.shape[2] == 3 else apart))
         return apart > jnp.finfo(apart.dtype).eps ** 0.4
 
     def trouble(self) -> str:

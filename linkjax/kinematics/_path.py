@@ -24,7 +24,7 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     reached on the way up, because the group does not close before them, are reached on the way down where they can be.
     """
     states, points = before(angles[0])
-    sketch = group.sketched(group.places(links), states, points)
+    sketch = group.sketched(links, states, points, angles[0])
     first = Track(*group.closed(links, states, points, angles[0], sketch, FAR))
 
     def along(way: Array) -> Track:
@@ -38,9 +38,8 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     both = jax.lax.map(along, jnp.asarray([1.0, -1.0], dtype=angles.dtype))
     up, down = (jax.tree.map(lambda part, k=k: part[k], both) for k in (0, 1))
     reached = [jnp.cumprod(way.gap < closed_to(up.z.dtype)) > 0 for way in (up, down)]
-    other = (~reached[0] & reached[1][::-1])[:, None, None]
-    z = jnp.where(other, down.z[::-1], up.z)
-    return Track(z, *(jnp.where(other[:, 0, 0], b[::-1], a) for a, b in zip(up[1:], down[1:], strict=True)))
+    other = ~reached[0] & reached[1][::-1]
+    return jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a), up, down)
 
 
 def _follow(
@@ -50,7 +49,8 @@ def _follow(
     `way`, one up or minus one down. A step is made smaller while it does not close, moves links far, or turns the sense
     of the Jacobian; the smallest is taken as it is."""
     least, shut, size = (to - phi) / SMALLEST, closed_to(last.z.dtype), group.size(links)
-    measure = jnp.stack([size, size, jnp.ones_like(size), jnp.ones_like(size)])[None]
+    one = jnp.ones_like(size)
+    measure = jnp.stack([size, size, *[one] * (last.z.shape[1] - 2)])[None]
 
     def goes_on(carry):
         return carry[1] < to - 0.5 * least

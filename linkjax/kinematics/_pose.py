@@ -26,6 +26,7 @@ from linkjax.groups import (
     Pinion,
     PointState,
     Rack,
+    Track,
     Winding,
     at_rest,
     carried,
@@ -123,7 +124,7 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
     paths: dict[int, Path] = {}
     needed = followed(mechanism.groups)
     fixed = jax.lax.stop_gradient(mechanism)
-    angles = jnp.linspace(0.0, 2 * math.pi * turns, STEPS * turns + 1)
+    angles, counting = (jnp.linspace(0.0, 2 * math.pi * turns, steps * turns + 1) for steps in (STEPS, COUNTS))
     for group in fixed.groups:
         if len(groups) in needed:
 
@@ -132,9 +133,12 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
                 return here.links, here.points
 
             if isinstance(group, General):
-                path = path_of(group, fixed.links, before, angles)
+                wound = _winding(group, before, counting) if group.mates() else None
+                none = jnp.zeros(0)
+                group = with_path(group, Track(none, none, none, wound), turns)
+                path = path_of(group, fixed.links, before, angles)._replace(wound=wound)
             elif isinstance(group, Gear | Rack | Pinion):
-                path = _winding(group, before, jnp.linspace(0.0, 2 * math.pi * turns, COUNTS * turns + 1))
+                path = _winding(group, before, counting)
             else:
                 path = _course(group, fixed, before, turns)
             paths[len(groups)] = jax.lax.stop_gradient(path)
@@ -162,8 +166,8 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
     return course_of(lambda phi: group.gaps(held, *before(phi)), coordinates, STEPS, turns)
 
 
-def _winding(group: Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:
-    """How the links turn round that a wheel or rack follows."""
+def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:
+    """How the links turn round that wheels or racks follow."""
 
     def mates(phi):
         states, _ = before(phi)

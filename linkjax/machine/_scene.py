@@ -14,9 +14,10 @@ from jaxtyping import Array
 from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import Crank, Gear, Pinion, Rack
+from linkjax.groups import Crank
 from linkjax.kinematics import prepared
 from linkjax.loads import AbstractLoad, Window
+from linkjax.machine._turns import check_turns
 from linkjax.mechanism import Mechanism, StructureError
 
 
@@ -52,7 +53,7 @@ class Scene(eqx.Module):
                 f"the cycle of {self.cycle:.6g} rad is no multiple of the period of the law, {law.period():.6g} rad"
             )
             raise StructureError("cycle_turns", problem, "write the crank turns after which everything repeats")
-        self._check_wheels()
+        check_turns(self.mechanism, self.cycle_turns)
         if law is not None and self.target_delta is not None:
             problem = "has no effect: the driver follows a law, so its speed does not fluctuate"
             raise StructureError("target_delta", problem, "delete it, or the law")
@@ -79,33 +80,6 @@ class Scene(eqx.Module):
             if load.point and load.point not in on_link:
                 problem = f"point {load.point!r} is not on link {load.link!r}"
                 raise StructureError(element, problem, nearest(load.point, on_link))
-
-    def _check_wheels(self) -> None:
-        """Raise StructureError where wheels are after the cycle not where they began, as far as their turns are those
-        of the crank."""
-        crank, turns = self.mechanism.driver, {"frame": 0.0}
-        if isinstance(crank, Crank):
-            turns[crank.link] = float(self.cycle_turns * crank.turns) if crank.law is None else 0.0
-        for group in self.mechanism.groups:
-            if isinstance(group, Gear) and set(group.mates()) <= set(turns):
-                ratio = known(group.mesh.ratio())
-                if ratio is None or ratio.ndim:
-                    continue
-                there, on = (turns[name] for name in group.mates())
-                turns[group.link] = count = on + float(ratio) * (there - on)
-                if abs(count - round(count)) > 1e-9:
-                    each, problem = count / self.cycle_turns, f"in {self.cycle_turns} turns of the crank"
-                    problem += f" {group.link!r} turns {count:.6g} times"
-                    more = next((k for k in range(1, 1001) if abs(k * each - round(k * each)) < 1e-9), None)
-                    remedy = f"write {more}" if more else "choose a ratio of smaller whole numbers"
-                    raise StructureError("cycle_turns", f"{problem}, so nothing repeats", remedy)
-            if isinstance(group, Pinion) and group.carrier in turns:  # its rack comes back
-                turns[group.link] = turns[group.carrier]
-            if isinstance(group, Rack) and set(group.mates()) <= set(turns):
-                count = turns[group.to] - turns[group.guide.on]
-                if abs(count) > 1e-9:
-                    problem = f"{group.to!r} turns {count:.6g} times in a cycle, so the rack never comes back"
-                    raise StructureError(f"links.{group.link}", problem, "let a wheel move it that swings")
 
     def _whole(self, window: Window) -> bool:
         on, off = known(window.on), known(window.off)

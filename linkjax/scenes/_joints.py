@@ -102,10 +102,11 @@ def drawn_keys(mechanism: Mechanism) -> dict[str, Any]:
         table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
     if slots:
         table["slots"] = [{"block": slot.block, "guide": Guide.keys_of(slot.guide)} for slot in slots]
-    gears = [group for group in mechanism.groups if isinstance(group, groups.Gear)]
+    wheels = [wheel for group in mechanism.groups for wheel in group.wheels()]
+    gears = [wheel for wheel in wheels if isinstance(wheel, groups.Gear)]
     if gears:
         table["gears"] = [{"link": g.link, "to": g.to, **mesh_keys(g.mesh), "phase": in_angle(g.phase)} for g in gears]
-    racks = [_rack(g, slots, mechanism) for g in mechanism.groups if isinstance(g, groups.Rack | groups.Pinion)]
+    racks = [_rack(g, slots, mechanism) for g in wheels if isinstance(g, groups.Rack | groups.Pinion)]
     if racks:
         table["racks"] = racks
     table["sketch"] = {name: [in_length(at.x), in_length(at.y)] for name, at in _sketch(mechanism).items()}

@@ -45,7 +45,7 @@ class Strands(NamedTuple):
 def wheels_of(scene: Scene, paths) -> tuple[tuple[Wheel, ...], tuple[Strands, ...]]:
     """The wheels of a machine, and the belts round them, from the paths of points (each of shape (2, angles))."""
     wheels, belts = [], []
-    for group in scene.mechanism.groups:
+    for group in (wheel for each in scene.mechanism.groups for wheel in each.wheels()):
         if isinstance(group, Gear):
             apart = np.hypot(*(paths(group.centre) - paths(group.pivot)))
             apart = float(apart[np.isfinite(apart)].mean()) if np.isfinite(apart).any() else 0.0

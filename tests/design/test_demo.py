@@ -70,6 +70,7 @@ def test_smaller_flywheels_cost_force(best):
         assert dict(zip(names, point.x, strict=True))["flywheel.inertia"] <= point.bound * (1 + FEASIBLE)
 
 
+@pytest.mark.slow
 def test_no_feasible_design():
     """δ ≤ 1e-4 with a flywheel of at most 1 kg m²: said so, and what clashes."""
     scene, asked = lj.load_task("hay-press")

@@ -186,7 +186,8 @@ def test_work_and_power(name):
     np.testing.assert_allclose(cycle.power, float(cycle.steady.drive_torque) * np.asarray(cycle.speed), rtol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["slider-crank", pytest.param("hay-press", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["slider-crank", "hay-press"])
 def test_checks_of_a_clockwise_machine(name):
     """The drive torque is positive along the rotation; on the frame it turns the other way round."""
     cycle = lj.analyse(lj.load(name, {"rotation": "cw"}), angles=12)
@@ -212,7 +213,9 @@ def balanced() -> lj.Scene:
     return lj.Scene(Mechanism({"O": Vec(0.0, 0.0), "C": Vec(0.3, 0.0)}, links, groups, Flywheel(1.0)), speed=10.0)
 
 
-@pytest.mark.parametrize("scene", [rotor(), balanced()], ids=["rotor", "balanced"])
+@pytest.mark.parametrize(
+    "scene", [rotor(), pytest.param(balanced(), marks=pytest.mark.slow)], ids=["rotor", "balanced"]
+)
 def test_checks_where_everything_is_balanced(scene):
     """Residuals are measured by what is summed: nothing may be divided by a sum that is zero but for rounding."""
     cycle = lj.analyse(scene, angles=12)

@@ -168,6 +168,7 @@ def three(branch: str, lengths: tuple[float, float, float, float]) -> Mechanism:
     return dataclasses.replace(machine, groups=(Crank("crank", "A", "B", phase=0.5), dyad))
 
 
+@pytest.mark.slow
 def test_a_general_group_is_followed_both_ways():
     """Up to where it stops, and down from zero to where it stops on the other side: the four-bar in closed form."""
     links = {"crank": Link(length=0.3), "coupler": Link(length=0.25), "rocker": Link(length=0.2)}

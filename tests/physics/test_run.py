@@ -142,7 +142,8 @@ def _sensitivity(function, adjoint, design):
     return jax.grad(lambda x: function(x, adjoint))(design)
 
 
-@pytest.mark.parametrize("road", ["angle", pytest.param("time", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("road", ["angle", "time"])
 def test_derivatives_from_any_state(road):
     """By start, torque, a length, and the angles at which the load switches: both adjoints against differences."""
     scene, tolerance = machine("hay-press-slider"), 1e-12

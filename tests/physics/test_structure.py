@@ -231,7 +231,9 @@ def angle(state) -> float:
 
 @pytest.mark.parametrize(("driver", "against", "formula"), [
     ("rocker", "frame", "I1(rocker) → II1(crank, coupler) → II2(rod, ram)"),
-    ("coupler", "crank", "I1+II1(crank, coupler, rocker) → II2(rod, ram)"),
+    pytest.param(
+        "coupler", "crank", "I1+II1(crank, coupler, rocker) → II2(rod, ram)", marks=pytest.mark.slow
+    ),
     pytest.param("rod", "coupler", "I1+III3(crank, coupler, rocker, rod, ram)", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_another_link_drives(driver, against, formula):

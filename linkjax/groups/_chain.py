@@ -1,0 +1,149 @@
+"""Links and joints as they are drawn, of which a general group is made: what it holds, and what it hangs on."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from linkjax._vec import Vec
+from linkjax.groups._base import AbstractGroup, Joint
+from linkjax.groups._drawn import Drive, Slot, check_drawn, check_drive, check_gears, driven_slot, mesh_names, undrawn
+from linkjax.groups._gear import Gear
+from linkjax.groups._pairs import FRAME, classified
+from linkjax.groups._rack import Rack
+
+
+class AbstractChain(AbstractGroup):
+    """Links joined by pins, slots and wheels in gear; see `General`."""
+
+    members: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True)
+    outer: tuple[str, ...] = eqx.field(static=True)
+    sketch: dict[str, Vec]
+    slots: tuple[Slot, ...] = ()
+    drive: Drive | None = None
+    gears: tuple[Gear | Rack, ...] = ()
+
+    def __check_init__(self):
+        names = [link for link, _ in self.members]
+        check_drawn(names, self.slots, self.sketch)
+        if self.drive is not None:
+            check_drive(self.drive, names, self.slots)
+        check_gears(self.gears, names, self.slots)
+        rows = sum(2 * (len(links) - (point not in self.outer)) for point, links in self._pins().items())
+        rows += 2 * len(self.slots) + len(self.gears) + (self.drive is not None)
+        if rows != 3 * len(names):
+            problem = f"{len(names)} links have {3 * len(names)} degrees of freedom, their joints take {rows}"
+            raise ValueError(f"the group of {', '.join(names)} is none: {problem}; a point may be missing in `outer`")
+
+    def driven_slot(self) -> int | None:
+        """Number of the slot that the drive moves; None for a drive that turns, and for none."""
+        return None if self.drive is None else driven_slot(self.drive, self.slots)
+
+    def translating(self):
+        return tuple(slot.block for slot in self.slots if slot.guide.on == FRAME)
+
+    def _pins(self) -> dict[str, list[str]]:
+        """Every pinned point with the members that share it."""
+        found: dict[str, list[str]] = {}
+        for link, points in self.members:
+            for point in points:
+                found.setdefault(point, []).append(link)
+        return {p: links for p, links in found.items() if len(links) > 1 or p in self.outer}
+
+    def classified(self):
+        names, pairs = self.link_names(), self.pairs()
+        if self.drive is None:
+            return classified(names, pairs)
+        one, on = self.drive.link, self.drive.on  # one link, as long as the drive is held
+        held = [p._replace(one=on if p.one == one else p.one, other=on if p.other == one else p.other) for p in pairs]
+        rest = tuple(name for name in names if name != one)
+        found, letters = classified(rest, [p for p in held if p.one != p.other])
+        return f"I1+{found}", letters
+
+    def link_names(self):
+        return tuple(link for link, _ in self.members)
+
+    def needs(self):
+        inside = set(self.link_names())
+        return (*self.outer, *(slot.guide.through for slot in self.slots if slot.guide.on not in inside))
+
+    def guides(self):
+        return tuple(slot.guide for slot in self.slots if slot.guide.on not in self.link_names())
+
+    def pins(self):
+        return {link: (points[0], points[1] if len(points) > 1 else None) for link, points in self.members}
+
+    def brings(self):
+        ends = [p for pair in self.pins().values() for p in pair if p is not None]
+        return tuple(dict.fromkeys(p for p in ends if p not in self.outer))
+
+    def shared(self):
+        return {p: "" if p in self.outer else links[0] for p, links in self._pins().items()}
+
+    def wheels(self):
+        return self.gears
+
+    def mates(self) -> tuple[str, ...]:
+        """The links that were there before whose angles its wheels follow."""
+        names = [name for gear in self.gears for name in gear.mates()]
+        return tuple(dict.fromkeys(name for name in names if name not in (FRAME, *self.link_names())))
+
+    def lies_on(self):
+        ends = [end for gear in self.gears for end in gear.lies_on()]
+        return tuple((link, point) for link, point in ends if link not in self.link_names() and point in self.outer)
+
+    def driving(self):
+        return None if self.drive is None else self.drive.link
+
+    def follows(self):
+        return None if self.drive is None else self.drive.law
+
+    def places(self, links) -> dict[str, dict[str, Vec]]:
+        """Where the points of every member are in its own axes."""
+        found = {}
+        for link, points in self.members:
+            zero = jnp.zeros_like(links[link].length)
+            body = links[link].actual()
+            found[link] = {**body.points, links[link].centre_name: body.centre, points[0]: Vec(zero, zero)}
+            if len(points) > 1:
+                found[link].setdefault(points[1], Vec(links[link].length, zero))
+        return found
+
+    def _pairs(self) -> list[tuple[str, str, str]]:
+        """Every pin as (point, link, what it is pinned to): another link, or "" for a point that was there before."""
+        return [(p, link, "" if p in self.outer else links[0]) for p, links in self._pins().items()
+                for link in links[p not in self.outer :]]  # fmt: skip
+
+    def _outer_points(self) -> list[str]:
+        return list(dict.fromkeys(p for p, _, to in self._pairs() if not to))
+
+    def _seen(self, link: str, pins: tuple[str, ...], places) -> list[str]:
+        """Points of a link whose places are known or sketched."""
+        return [p for p in dict.fromkeys((*pins, *places[link])) if p in self.outer or p in self.sketch]
+
+    def lacking(self, links):
+        blocks = {slot.block: slot.guide for slot in self.slots}
+        for block, guide in blocks.items():
+            if block not in self.link_names():
+                return f"the block {block!r} is no member of the group", f"known here: {', '.join(self.link_names())}"
+            pins = dict(self.members).get(guide.on)
+            if pins is not None and guide.through not in (*pins, *links[guide.on].points):
+                problem = f"the guide of {block!r} is on link {guide.on!r}, but point {guide.through!r} is not"
+                return problem, f"known here: {', '.join((*pins, *links[guide.on].points))}"
+        single = {*blocks, *(name for gear in self.gears for name in (gear.link, gear.to))}
+        return undrawn(self.members, links, self.sketch, self.outer, single)
+
+    def joints(self):
+        found = []
+        for point, links in self._pins().items():
+            by = None if point in self.outer else links[0]
+            found += [Joint(point, point, link, by) for link in links[point not in self.outer :]]
+        origins = {link: points[0] for link, points in self.members}
+        for slot in self.slots:
+            found.append(Joint(f"{slot.block}.guide", origins[slot.block], slot.block, slot.guide.on, slides=True))
+        for gear, name in zip(self.gears, mesh_names(self.gears), strict=True):
+            about = gear.end if isinstance(gear, Rack) else gear.pivot
+            found.append(Joint(name, about, gear.link, gear.to, meshes=True))
+        if self.drive is not None:
+            found.append(Joint(f"{self.drive.link}.drive", origins[self.drive.link], self.drive.link, self.drive.on))
+        return tuple(found)
