@@ -25,6 +25,7 @@ from linkjax.groups._pairs import FRAME, classified
 from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
 
+FAR = 60  # damped steps from a sketch
 NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
 SWING = 0.2  # of the size: what they may move links
 
@@ -218,7 +219,7 @@ class General(AbstractGroup):
                 return problem, f"known here: {', '.join((*pins, *links[guide.on].points))}"
         return undrawn(self.members, links, self.sketch, self.outer, blocks)
 
-    def closed(self, links, states, points, phi: Array, start: Array, steps: int) -> tuple[Array, Array, Array]:
+    def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:
         """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
         determinant, and what it leaves open, of the size of the group; without derivatives."""
         web, c = self._web(), self._closure(self.places(links), self._known(states, points), self._drive(phi))
@@ -240,6 +241,11 @@ class General(AbstractGroup):
         z = placed(jax.lax.fori_loop(0, steps, step, (placed(start).flat(), first))[0])
         sense = jnp.linalg.slogdet(web.jacobian(z, c))[0]
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
+
+    def reversed(self, links, states, points, phi: Array, z: Array) -> Array:
+        """Whether a block, or what the drive turns, lies half a turn from where it should in a configuration."""
+        c = self._closure(self.places(links), self._known(states, points), self._drive(phi))
+        return self._web().reversed(placed(z), c)
 
     def solve(self, links, states, points, phi):
         assert self.path is not None  # see `kinematics.prepared`
@@ -314,12 +320,13 @@ class General(AbstractGroup):
         second = jax.jvp(lambda t: jax.jvp(jacobian, (t,), (one,))[1], (none,), (one,))[1]
         value, d, dd = least_singular(matrix, *jax.lax.stop_gradient((first, second)))
         gap = safe_sqrt(jnp.sum(web.opened(here, c) ** 2)) / c.size
-        lost, beyond = (
+        lost, astern, beyond = (
             gap > closed_to(gap.dtype),
+            web.reversed(here, c),
             jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns),
         )
-        value = jnp.where(lost, -gap, jnp.where(beyond, -BEYOND, value))
-        return {"loops": Margin(value, *(jnp.where(lost | beyond, 0.0, rate) for rate in (d, dd)))}
+        value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
+        return {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
 
     def returns(self):
         return None if self.path is None else ~(self.path.closes() & self.path.astray())
