@@ -173,7 +173,15 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count(), "linkjax-compile")
 
 
+@functools.cache
+def _linear_algebra() -> None:
+    """Make JAX find the routines of LAPACK, which it does when it lowers the first program that needs them; one that is
+    read jumps to them wherever they are."""
+    jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), float))
+
+
 def _load(content: tuple) -> Callable:
+    _linear_algebra()
     return serialize_executable.deserialize_and_load(*content, execution_devices=jax.devices()[:1])
 
 

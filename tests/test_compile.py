@@ -3,6 +3,8 @@
 import dataclasses
 import gc
 import pickle
+import subprocess
+import sys
 import weakref
 
 import jax
@@ -210,3 +212,23 @@ def test_a_damaged_file_that_cannot_be_deleted(folder, ours, monkeypatch):
     assert [float(again(tree, power=2)["sum"]) for _ in range(2)] == [10.0, 10.0]
     assert traced == [2, 2]
     assert file.read_bytes() == bad
+
+
+ALONE = """
+import sys, jax, jax.numpy as jnp
+from linkjax import _compile
+jax.config.update("jax_compilation_cache_dir", sys.argv[1])
+_compile._ours = lambda function, tree: True
+@_compile.compiled_soon
+def solved(a, b):
+    return jnp.linalg.solve(a, b)
+print(solved(jnp.diag(jnp.asarray([2.0, 4.0])), jnp.ones(2)))
+"""
+
+
+def test_linear_algebra_in_a_program_that_is_read_first(tmp_path):
+    """Of a process that has not lowered any."""
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", ALONE, str(tmp_path)], capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (0, "[0.5  0.25]\n")
+    assert len(list(tmp_path.glob("linkjax-*"))) == 1

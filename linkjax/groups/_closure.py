@@ -156,6 +156,18 @@ class Web(NamedTuple):
             parts.append((jnp.asarray(sign) * jnp.sum(wanted * driven)).reshape((1, -1)))
         return jnp.concatenate(parts)
 
+    def reversed(self, z: Placed, c: Closure) -> Array:
+        """Whether a block, or the link that the drive turns, lies half a turn from where it should: the equations know
+        no difference."""
+        ahead = [jnp.ones(1)]
+        if len(self.block):
+            at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
+            t, _, block, _ = self._slots(at, u, c)
+            ahead.append(jnp.sum(t * block, axis=1))
+        if self.turns is not None:
+            ahead.append(jnp.sum(jnp.multiply(*self._turned(z, c)), axis=1))
+        return jnp.any(jnp.concatenate(ahead) < 0)
+
     def _slots(self, at: Array, u: Array, c: Closure) -> tuple[Array, Array, Array, Array]:
         """Of every slot: direction of the guide, from the origin of its body to the block, direction of the block, and
         from that origin to the point that the guide runs through."""

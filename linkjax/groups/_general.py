@@ -28,6 +28,7 @@ from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
 from linkjax.groups._winding import turned
 
+FAR = 60  # damped steps from a sketch
 NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
 SWING = 0.2  # of the size: what they may move links
 
@@ -164,7 +165,7 @@ class General(AbstractChain):
             angle = angle.at[np.asarray(free)].add(jnp.linalg.pinv(held.angles[:, np.asarray(free)]) @ left)
         return jnp.concatenate([drawn[:, :2], angle[:, None]], axis=1)
 
-    def closed(self, links, states, points, phi: Array, start: Array, steps: int) -> tuple[Array, Array, Array]:
+    def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:
         """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
         determinant, and what it leaves open, of the size of the group; without derivatives."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)
@@ -193,6 +194,10 @@ class General(AbstractChain):
         web, (_, c) = self._web(), self._at(links, states, points, phi)
         here = placed(z).moved(move, c.size)
         return web.opened(here, c), web.jacobian(here, c)
+
+    def reversed(self, links, states, points, phi: Array, z: Array) -> Array:
+        """Whether a block, or what the drive turns, lies half a turn from where it should in a configuration."""
+        return self._web().reversed(placed(z), self._at(links, states, points, phi)[1])
 
     def solve(self, links, states, points, phi):
         assert self.path is not None  # see `kinematics.prepared`
@@ -265,12 +270,13 @@ class General(AbstractChain):
         second = jax.jvp(lambda t: jax.jvp(jacobian, (t,), (one,))[1], (none,), (one,))[1]
         value, d, dd = least_singular(matrix, *jax.lax.stop_gradient((first, second)))
         gap = safe_sqrt(jnp.sum(web.opened(here, c) ** 2)) / c.size
-        lost, beyond = (
+        lost, astern, beyond = (
             gap > closed_to(gap.dtype),
+            web.reversed(here, c),
             jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns),
         )
-        value = jnp.where(lost, -gap, jnp.where(beyond, -BEYOND, value))
-        return {"loops": Margin(value, *(jnp.where(lost | beyond, 0.0, rate) for rate in (d, dd)))}
+        value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
+        return {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
 
     def returns(self):
         return None if self.path is None else ~(self.path.closes() & self.path.astray())

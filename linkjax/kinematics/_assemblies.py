@@ -16,12 +16,11 @@ import numpy as np
 
 from linkjax._types import Scalar
 from linkjax._vec import Vec
-from linkjax.groups import FRAME, General, closed_to
+from linkjax.groups import General, closed_to
 from linkjax.kinematics._pose import before_group, prepared
 from linkjax.mechanism import Mechanism
 
 STARTS = 60  # random starts for every way that there may be
-FAR = 60  # damped Newton steps from each
 SAME = 1e-6  # of directions: two ways that differ by less are one
 
 
@@ -69,30 +68,23 @@ def _assemblies(group: General, links, states, points, phi) -> Assemblies:
         shape = (STARTS * at_most, len(group.members))
         at = middle + size * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
         starts = _rows(at, np.exp(2j * np.pi * rng.uniform(size=shape)))
-    close = jax.jit(jax.vmap(lambda start: group.closed(links, states, points, phi, start, FAR)))
-    z, _, gap = close(jnp.asarray(starts))
-    on = {name: complex(state.u.x, state.u.y) for name, state in states.items()}
+
+    def close(start):
+        z, _, gap = group.closed(links, states, points, phi, start)
+        return z, gap, group.reversed(links, states, points, phi, z)
+
+    z, gap, astern = jax.jit(jax.vmap(close))(jnp.asarray(starts))
     kept: list[np.ndarray] = []
-    for each, left in zip(np.asarray(z), np.asarray(gap), strict=True):
+    for each, left, other_way in zip(np.asarray(z), np.asarray(gap), np.asarray(astern), strict=True):
         if (
             left < closed_to(each.dtype)
-            and _right_way(group, each, on, phi)
+            and not other_way
             and all(np.max(np.abs(each - other)[:, 2:]) > SAME for other in kept)
         ):
             kept.append(each)
     kept.sort(key=lambda each: [round(float(v), 9) for v in each[:, 2:].ravel()])
     sketches = [_spots(group, places, each) for each in kept]
     return Assemblies(sketches, at_most, exact or len(kept) == at_most)
-
-
-def _right_way(group: General, z: np.ndarray, on: dict[str, complex], phi) -> bool:
-    """Whether blocks have the direction of their guides, and not the opposite one, and a drive that turns its own."""
-    u = {FRAME: 1 + 0j, **on} | {link: complex(row[2], row[3]) for (link, _), row in zip(group.members, z, strict=True)}
-    ahead = [u[s.block] / (u[s.guide.on] * np.exp(1j * float(s.guide.along))) for s in group.slots]
-    if group.drive is not None and group.driven_slot() is None:
-        angle = float(group.drive.at(phi, slides=False)[0])
-        ahead.append(u[group.drive.link] / (u[group.drive.on] * np.exp(1j * angle)))
-    return all(each.real > 0 for each in ahead)
 
 
 def _rows(at: np.ndarray, u: np.ndarray) -> np.ndarray:

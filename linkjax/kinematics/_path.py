@@ -11,8 +11,7 @@ from jaxtyping import Array
 
 from linkjax.groups import General, Track, closed_to
 
-FAR = 60  # damped Newton steps from a sketch
-ALONG = 5  # and in a step along the path
+ALONG = 5  # damped Newton steps in a step along the path
 SWING = 0.2  # rad, or of the size: what links may move in one step
 SMALLEST = 128  # parts of a step that a smaller one may be
 
@@ -25,7 +24,7 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     """
     states, points = before(angles[0])
     sketch = group.sketched(links, states, points, angles[0])
-    first = Track(*group.closed(links, states, points, angles[0], sketch, FAR))
+    first = Track(*group.closed(links, states, points, angles[0], sketch))
 
     def along(way: Array) -> Track:
         def step(last: Track, ends: tuple[Array, Array]):

@@ -4,32 +4,17 @@ from __future__ import annotations
 
 import cmath
 import dataclasses
-import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+
+import jax
+import numpy as np
 
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import (
-    FRAME,
-    PRP,
-    RPP,
-    RPR,
-    RRP,
-    RRR,
-    AbstractGroup,
-    Crank,
-    Drive,
-    GearPair,
-    General,
-    Guide,
-    Pair,
-    RackPair,
-    Slide,
-    Slot,
-)
+from linkjax.groups import FRAME, Drive, GearPair, Guide, Pair, RackPair, Slot
 from linkjax.mechanism._freedom import freedom
-from linkjax.mechanism._geared import Wheels, pairs_of
+from linkjax.mechanism._geared import pairs_of
 from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._passive import passive_links
@@ -48,9 +33,13 @@ class Drawing:
     gears: tuple[GearPair, ...] = ()
     racks: tuple[RackPair, ...] = ()
 
-    def check(self) -> None:
-        """Raise `StructureError` where names do not fit together."""
+    def check(self, sketch: Collection[str]) -> None:
+        """Raise `StructureError` where names do not fit together, those of the sketch among them, and for numbers that
+        are traced or batched."""
         for name, link in self.links.items():
+            if name == FRAME:
+                raise StructureError(f"links.{name}", "the name is taken by the frame itself", "give it another name")
+            check_numbers(f"links.{name}", link)
             if not link.pins:
                 raise StructureError(f"links.{name}", "has no pins", 'name them, e.g. pins = ["A", "B"]')
             if len(set(link.pins)) < len(link.pins):
@@ -65,12 +54,13 @@ class Drawing:
                     remedy = "name it among the pins of this link, too, or give it another name"
                     raise StructureError(f"links.{name}.points.{point}", problem, remedy)
         joints = {point for point, ends in self.pins().items() if len(ends) > 1}
-        for name in self.spots:
+        for name in sketch:
             if name not in joints and not any(name in link.point_names() for link in self.links.values()):
                 every = {p: 0 for link in self.links.values() for p in link.point_names()}
                 raise StructureError(f"sketch.{name}", "is no point of a link", nearest(name, every))
         for slot in self.slots:
             where = f"slot of {slot.block}"
+            check_numbers(where, slot)
             if slot.block not in self.links:
                 raise StructureError(where, f"link {slot.block!r} is not defined", nearest(slot.block, self.links))
             if slot.guide.on not in (FRAME, *self.links):
@@ -86,7 +76,21 @@ class Drawing:
             if slot.guide.through not in own:
                 problem = f"the guide is on {slot.guide.on!r}, but point {slot.guide.through!r} is not"
                 raise StructureError(where, problem, nearest(slot.guide.through, own))
+            self._check_block(where, slot)
         self._check_joined()
+
+    def _check_block(self, where: str, slot: Slot) -> None:
+        """Raise `StructureError` for blocks that slide along each other, and for one whose mass follows no length."""
+        on = slot.guide.on
+        for _ in self.slots:
+            on = FRAME if (guide := self.guide(on)) is None else guide.on
+            if on == slot.block:
+                problem = f"slides along {slot.guide.on!r}, which slides along it"
+                raise StructureError(where, problem, "let the guide of one of them be on another link")
+        link = self.links[slot.block]
+        if link.mass_properties != "fixed" and number_of(link.length) == 0:
+            problem = "a sliding block without length has none for its mass to follow"
+            raise StructureError(f"links.{slot.block}", problem, "leave mass_properties out, or give its length")
 
     def _check_joined(self) -> None:
         reached, grown = {FRAME}, True
@@ -106,7 +110,8 @@ class Drawing:
         drawn = dataclasses.replace(self, links=dict(self.links), spots=dict(self.spots))
         try:
             drawn.place_drive(drive)
-            drawn.measure()
+            for name in drawn.links:
+                drawn.measure(name)
             return passive_links(drawn, found, driven)
         except StructureError:
             return []  # the sketch does not say enough
@@ -134,9 +139,12 @@ class Drawing:
     def driven(self, drive: Drive, found: Sequence[Pair]) -> Pair:
         """The pair that the drive moves."""
         ends = {drive.link, drive.on}
+        check_numbers("drive", drive)
         for name in (drive.link, drive.on):
             if name not in (FRAME, *self.links):
                 raise StructureError("drive", f"link {name!r} is not defined", nearest(name, self.links))
+        if drive.link == drive.on or drive.link == FRAME:
+            raise StructureError("drive", f"moves {drive.link!r} against {drive.on!r}", "name the link that it moves")
         at = [pair for pair in found if set(pair.ends) == ends and pair.letter != "G"]
         at += [Pair("R", point, drive.link, drive.on) for point, joined in self.pins().items() if ends <= set(joined)]
         if not at:
@@ -145,9 +153,6 @@ class Drawing:
         if at[0].letter == "P" and drive.law is None:
             problem = f"slides {drive.link!r} along a guide, which it cannot do for ever"
             raise StructureError("drive", problem, "give it a law")
-        if at[0] not in found:  # three links at one pin, of which the drive moves the second against the third
-            raise StructureError("drive", f"several links share the pin {at[0].name!r}",
-                                 f"write {drive.on!r} before the others, so that they are joined to it")  # fmt: skip
         return at[0]
 
     # ---- where things are
@@ -157,43 +162,57 @@ class Drawing:
         return {p: complex_of(f"links.{link}", at) for p, at in self.links[link].actual().points.items()}
 
     def place_drive(self, drive: Drive) -> None:
-        """Find the places of the points of a link that the drive turns on the frame."""
-        self.spots |= {name: complex_of(f"fixed.{name}", at) for name, at in self.fixed.items()}
-        link = self.links[drive.link]
-        guide = next((s.guide for s in self.slots if s.block == drive.link), None)
-        if drive.law is not None and guide is not None and guide.on == drive.on == FRAME:
-            ahead = complex(float(drive.law.at(drive.phase * 0.0)[0]), float(guide.offset))
-            self.spots[link.pins[0]] = self.spots[guide.through] + self.along(guide) * ahead
-        pivot = next((p for p in link.pins if p in self.fixed), None)
-        if drive.on != FRAME or pivot is None or any(s.block == drive.link for s in self.slots):
+        """Find the places of the points of a link that the drive moves on the frame."""
+        link, guide = self.links[drive.link], self.guide(drive.link)
+        if drive.on != FRAME:
             return
-        if number_of(link.length) == 0 and len(link.pins) > 1 and link.pins[1] not in link.points:
-            self.measure(drive.link)
-        angle = drive.at(drive.phase * 0.0, slides=False)[0]
-        turn, places = cmath.exp(1j * float(angle)), self.places(drive.link)
-        self.spots |= {p: self.spots[pivot] + (at - places[pivot]) * turn for p, at in places.items()}
+        if guide is not None and guide.on == FRAME and drive.law is not None:
+            base, turn = self.path(guide)
+            pin, at = link.pins[0], base + turn * float(drive.law.at(drive.phase * 0.0)[0])
+        elif guide is None and (pivots := [p for p in link.pins if p in self.fixed]):
+            pin, at = pivots[0], self.spots[pivots[0]]
+            turn = cmath.exp(1j * float(drive.at(drive.phase * 0.0, slides=False)[0]))
+        else:
+            return
+        places, unknown = self.places(drive.link), self.unmeasured(drive.link)
+        if pin in places:  # what the sketch does not say about the link is as the drive says
+            self.spots = {p: at + (z - places[pin]) * turn for p, z in places.items() if p not in unknown} | self.spots
+        self.measure(drive.link)
+        self.place(drive.link, pin, at, turn)
 
-    def measure(self, only: str | None = None) -> None:
-        """Take lengths, and the places of further pins, from the sketch where the links do not give them."""
-        for name, link in self.links.items():
-            if len(link.pins) < 2 or only not in (None, name):
-                continue
-            origin, far, *rest = link.pins
-            if number_of(link.length) == 0 and far not in link.points:
-                span = self.spot(far, name) - self.spot(origin, name)
-                if abs(span) == 0:
-                    raise StructureError(
-                        f"links.{name}", f"its pins {origin!r} and {far!r} coincide", "give its length"
-                    )
-                scaled = {} if link.reference_length is None else {"reference_length": abs(span)}
-                link = dataclasses.replace(link, length=abs(span), **scaled)
-            missing = [p for p in rest if p not in link.points]
-            if missing:
-                span = self.spot(far, name) - self.spot(origin, name)
-                off = {p: (self.spot(p, name) - self.spot(origin, name)) * abs(span) / span for p in missing}
-                new = {p: Vec(at.real, at.imag) for p, at in off.items()}
-                link = dataclasses.replace(link, points={**link.points, **new})
-            self.links[name] = link
+    def place(self, link: str, point: str, at: complex, turn: complex) -> None:
+        """Find the places of all points of a link of which one stands here, in this direction."""
+        places = self.places(link)
+        self.spots |= {p: at + (z - places[point]) * turn for p, z in places.items()}
+
+    def unmeasured(self, name: str) -> list[str]:
+        """Pins of a link whose places on it are to be taken from the sketch."""
+        link = self.links[name]
+        given = [*link.points, *(link.pins[1:2] if number_of(link.length) else ())]
+        return [point for point in link.pins[1:] if point not in given]
+
+    def measure(self, name: str) -> None:
+        """Take the length of a link, and the places of further pins, from the sketch where the link does not say them.
+        A block has the axes of its guide, so that all its pins but the first are points of it."""
+        link, guide, missing = self.links[name], self.guide(name), self.unmeasured(name)
+        if not missing:
+            return
+        origin = self.spot(link.pins[0], name)
+        if guide is None and missing[0] == link.pins[1]:
+            length = abs(self.spot(missing[0], name) - origin)
+            if length == 0:
+                problem = f"its pins {link.pins[0]!r} and {missing[0]!r} coincide"
+                raise StructureError(f"links.{name}", problem, "give its length")
+            scaled = {} if link.reference_length is None else {"reference_length": length}
+            link = self.links[name] = dataclasses.replace(link, length=length, **scaled)
+            missing = missing[1:]
+        elif guide is not None and guide.on != FRAME:
+            self.measure(guide.on)
+        if missing:
+            axis = self.axis(name)
+            new = {p: (self.spot(p, name) - origin) / axis for p in missing}
+            points = {**link.points, **{p: Vec(at.real, at.imag) for p, at in new.items()}}
+            self.links[name] = dataclasses.replace(link, points=points)
 
     def spot(self, point: str, link: str) -> complex:
         """Where a point is. Raises `StructureError` where the sketch does not say so."""
@@ -203,7 +222,7 @@ class Drawing:
 
     def axis(self, link: str) -> complex:
         """Direction of a link."""
-        guide = next((slot.guide for slot in self.slots if slot.block == link), None)
+        guide = self.guide(link)
         if guide is not None:
             return self.along(guide)
         places = self.places(link)
@@ -219,160 +238,34 @@ class Drawing:
         turn = drawn / own
         return turn / abs(turn)
 
+    def guide(self, block: str) -> Guide | None:
+        """The guide of a block; None for a link that is none."""
+        return next((slot.guide for slot in self.slots if slot.block == block), None)
+
     def along(self, guide: Guide) -> complex:
         """Direction of a guide."""
         own = cmath.exp(1j * float(guide.along))
         return own if guide.on == FRAME else own * self.axis(guide.on)
 
-    # ---- groups
-
-    def groups(self, parts: Sequence[tuple[str, ...]], drive: Drive) -> list[AbstractGroup]:
-        """The driver and the Assur groups, in the order of their parts."""
-        self._check_wheels(parts[0], {FRAME})
-        made: list[AbstractGroup] = [self._driver(parts[0], drive)]
-        placed = {FRAME, *parts[0]}
-        wheels = Wheels(self.gears, self.racks, self, drive)
-        for part in parts[1:]:
-            self._check_wheels(part, placed)
-            if len(part) == 1:
-                group = wheels.group(part[0], placed)
-            else:
-                group = self._dyad(part, placed) if len(part) == 2 else None
-            made.append(self._general(part, placed) if group is None else group)
-            placed |= set(part)
-        return made
-
-    def _check_wheels(self, part: tuple[str, ...], placed: set[str]) -> None:
-        """Raise `StructureError` for wheels whose turns only come out together with other links."""
-        for gear in (*self.gears, *self.racks):
-            ends = {gear.link, gear.to}
-            if len(part) > 1 and ends & set(part) and ends <= {*part, *placed}:
-                problem = f"{', '.join(part)} can only be solved together, with {gear.link!r} and {gear.to!r} in gear"
-                remedy = "drive the mechanism so that one wheel after the other follows, e.g. by the carrier"
-                raise StructureError(f"gear of {gear.link}", problem, remedy)
-
-    def _driver(self, part: tuple[str, ...], drive: Drive) -> AbstractGroup:
-        if len(part) > 1 or drive.on != FRAME:
-            return self._general(part, {FRAME}, drive)
-        pins, slot = self.links[drive.link].pins, next((s for s in self.slots if s.block == drive.link), None)
-        if slot is not None and drive.law is not None:
-            return Slide(drive.link, pins[0], slot.guide, drive.law)
-        pivot = next(p for p in pins if p in self.fixed)
-        if len(pins) > 1 and pivot in pins[:2] and pins[1] not in self.links[drive.link].points:
-            back = pivot == pins[1]
-            phase = drive.phase + math.pi if back else drive.phase
-            return Crank(drive.link, pivot, pins[0] if back else pins[1], drive.turns, phase, drive.law)
-        if len(pins) == 1:
-            raise StructureError(f"links.{drive.link}", "a crank needs a second pin", "name one, and give its length")
-        return self._general(part, {FRAME}, drive)
-
-    def _general(self, part: tuple[str, ...], placed: set[str], drive: Drive | None = None) -> General:
-        """Links that are closed together by Newton's method."""
-        ends = self.pins()
-        outer = [p for name in part for p in self.links[name].pins if placed & set(ends[p])]
-        slots = self._slots_within(part, placed)
-        for slot in slots:
-            if slot.block not in part:
-                problem = f"its guide is on {slot.guide.on!r}, which is found after the block"
-                raise StructureError(f"slot of {slot.block}", problem, "let the other of the two be the block")
-        own = [p for name in part for p in self.places(name) if p in self.spots and p not in outer]
-        sketch = {p: Vec(self.spots[p].real, self.spots[p].imag) for p in dict.fromkeys(own)}
-        members = tuple((name, self.links[name].pins) for name in part)
-        for name in part:
-            if not any(slot.block == name for slot in slots):
-                self.axis(name)  # the sketch must say so
-        if drive is not None and drive.on != FRAME and not any(s.block == drive.link for s in slots):
-            seen = cmath.phase(self.axis(drive.link) / self.axis(drive.on))
-            wanted = float(drive.at(drive.phase * 0.0, slides=False)[0])
-            if math.cos(seen - wanted) < 0:
-                told = f"{math.degrees(wanted):.4g} degrees to {drive.on!r} at crank angle zero"
-                problem = f"{drive.link!r} stands at {told}, but at {math.degrees(seen):.4g} in the sketch"
-                raise StructureError("drive", problem, f'write phase = "{math.degrees(seen):.4g} deg", or sketch it so')
-        return General(members, tuple(dict.fromkeys(outer)), sketch, slots, drive)
-
-    def _dyad(self, part: tuple[str, ...], placed: set[str]) -> AbstractGroup | None:
-        """A group of class II in closed form; None where its links are drawn so that only Newton's method closes it."""
-        touching = self._pairs_within(part, placed)
-        inner = [pair for pair in touching if set(pair.ends) <= set(part)]
-        one, two = part
-        first = [pair for pair in touching if pair not in inner and one in pair.ends]
-        second = [pair for pair in touching if pair not in inner and two in pair.ends]
-        if (len(first), len(inner), len(second)) != (1, 1, 1):
-            return None
-        kind = first[0].letter + inner[0].letter + second[0].letter
-        if kind in ("PRR", "PPR"):
-            return self._dyad((two, one), placed)
-        return getattr(self, f"_{kind.lower()}", lambda *_: None)(part, first[0], inner[0], second[0])
-
-    def _pairs_within(self, part: tuple[str, ...], placed: set[str]) -> list[Pair]:
-        """Pairs of a part; those at one pin are joined to what is placed already, or else to the first of the part."""
-        found = []
-        for point, ends in self.pins().items():
-            outside = [end for end in ends if end in placed]
-            inside = [end for end in ends if end in part]
-            base = outside[0] if outside else (inside or [""])[0]
-            found += [Pair("R", point, end, base) for end in inside if end != base]
-        slots = self._slots_within(part, placed)
-        return found + [Pair("P", f"{s.block}.guide", s.block, s.guide.on) for s in slots]
-
-    def _slots_within(self, part: tuple[str, ...], placed: set[str]) -> tuple[Slot, ...]:
-        """Slots of a part; not those in which links that come later slide along it."""
-        here = {*part, *placed}
-        ends = [(slot, {slot.block, slot.guide.on}) for slot in self.slots]
-        return tuple(slot for slot, both in ends if both & set(part) and both <= here)
-
-    def _guide(self, block: str) -> Guide | None:
-        """The guide of a block; None for a link that is none."""
-        return next((slot.guide for slot in self.slots if slot.block == block), None)
-
-    def _rrr(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup:
-        a, b, meet = (
-            self.spot(pair.name, name) for pair, name in ((first, part[0]), (second, part[1]), (inner, part[0]))
-        )
-        left = ((b - a).conjugate() * (meet - a)).imag >= 0
-        return RRR(part, first.name, second.name, inner.name, 1 if left else -1)
-
-    def _rrp(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
-        rod, block = part
-        guide = self._guide(block)
-        if guide is None or guide.on == rod or self.links[block].pins[0] != inner.name:
-            return None
-        ahead = self.spot(inner.name, rod) - self.spot(first.name, rod)
-        side = 1 if (ahead * self.along(guide).conjugate()).real >= 0 else -1
-        return RRP(rod, block, first.name, inner.name, guide, side)
-
-    def _rpr(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
-        (block, lever), joints = inner.ends, dict(zip(part, (first.name, second.name), strict=True))
-        guide, pins = self._guide(block), self.links[lever].pins
-        straight = guide is not None and number_of(guide.along) == 0 and guide.through == joints[lever] == pins[0]
-        if guide is None or not straight or len(pins) < 2 or pins[1] in self.links[lever].points:
-            return None
-        if self.links[block].pins[0] != joints[block]:
-            return None
-        ahead = self.spot(joints[block], block) - self.spot(pins[0], lever)
-        side = 1 if (ahead * self.axis(lever).conjugate()).real >= 0 else -1
-        return RPR(lever, block, joints[block], joints[lever], pins[1], side, guide.offset)
-
-    def _prp(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
-        one, two = (self._guide(name) for name in part)
-        if one is None or two is None or any(self.links[name].pins[0] != inner.name for name in part):
-            return None
-        left = (self.along(one).conjugate() * self.along(two)).imag >= 0
-        return PRP(part, inner.name, (one, two), 1 if left else -1)
-
-    def _rpp(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
-        block, slide = part
-        slot, guide, end = self._guide(block), self._guide(slide), self.links[slide].pins[0]
-        if slot is None or guide is None or guide.on == block or (slot.on, slot.through) != (slide, end):
-            return None
-        if self.links[block].pins[0] != first.name:
-            return None
-        return RPP(slide, block, first.name, end, guide, slot.along, slot.offset)
+    def path(self, guide: Guide) -> tuple[complex, complex]:
+        """A place on the path that a guide prescribes, beside the point that it runs through, and its direction."""
+        along = self.along(guide)
+        return self.spot(guide.through, guide.on) + 1j * along * float(guide.offset), along
 
 
 def complex_of(where: str, at: Place) -> complex:
-    """A place as a complex number. Raises `StructureError` while it is traced, or one of many."""
-    x, y = (number_of(part) for part in (at.x, at.y)) if isinstance(at, Vec) else at
-    if x is None or y is None:
-        raise StructureError(where, "is traced or batched", "build the mechanism once, and change its numbers then")
-    return complex(float(x), float(y))
+    """A place as a complex number. Raises `StructureError` for what is none, is traced, or is one of many."""
+    check_numbers(where, at)
+    try:
+        x, y = (at.x, at.y) if isinstance(at, Vec) else at
+        return complex(float(x), float(y))
+    except (TypeError, ValueError) as error:
+        raise StructureError(where, f"must be x and y, but is {at!r}", "write (x, y) in metres") from error
+
+
+def check_numbers(where: str, of: object) -> None:
+    """Raise `StructureError` for numbers that are traced, or many at once."""
+    numbers = [number_of(leaf) for leaf in jax.tree.leaves(of) if isinstance(leaf, jax.Array | np.ndarray)]
+    if any(number is None or number.ndim for number in numbers):
+        problem = "has numbers that are traced or batched"
+        raise StructureError(where, problem, "build the mechanism once, and change its numbers then")

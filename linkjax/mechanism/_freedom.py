@@ -75,7 +75,7 @@ def rates(
     def spin(link: str, factor: float) -> np.ndarray:
         return factor * row(Pair("R", "", link, FRAME), (0.0, 0.0, 1.0))
 
-    rows, driven = [], np.zeros(3 * len(links))
+    rows = []
     for pair in pairs:
         if pair.letter == "G":
             ratio = rng.uniform(0.3, 0.9)
@@ -89,9 +89,9 @@ def rates(
         else:
             rows += [row(pair, (0.0, 0.0, 1.0)), row(pair, (-s, c, s * y + c * x))]
             along[pair.one] = row(pair, (c, s, s * x - c * y))
-        if pair == drive:
-            driven = row(pair, (0.0, 0.0, 1.0)) if pair.letter == "R" else along[pair.one]
-    return np.array([*rows, driven] if drive is not None else rows).reshape((-1, 3 * len(links)))
+    if drive is not None:
+        rows.append(row(drive, (0.0, 0.0, 1.0)) if drive.letter == "R" else along[drive.one])
+    return np.array(rows).reshape((-1, 3 * len(links)))
 
 
 def _null_space(matrix: np.ndarray) -> np.ndarray:
@@ -130,7 +130,8 @@ def freedom(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = No
 
 
 def blocks(links: Sequence[str], pairs: Sequence[Pair], drive: Pair) -> list[tuple[str, ...]]:
-    """The links cut into the smallest parts that can be solved one after the other, in the order of attachment.
+    """The links cut into the smallest parts that can be solved one after the other, in the order of attachment, those
+    that the drive moves first where nothing else must be there before.
 
     The chain must have one degree of freedom, which the drive takes, and no redundant pair.
     """
@@ -143,9 +144,9 @@ def blocks(links: Sequence[str], pairs: Sequence[Pair], drive: Pair) -> list[tup
     for unknown, row in enumerate(row_of):
         needs[unknown // 3] |= pattern[row].reshape((count, 3)).any(axis=1)
     number, part = connected_components(csr_array(needs), connection="strong")
-    order: list[int] = []
+    order, first = [], {part[links.index(end)] for end in drive.ends if end != FRAME}
     while len(order) < number:
         ready = [k for i, k in enumerate(part) if k not in order and i == list(part).index(k)
                  and {part[j] for j in np.flatnonzero(needs[part == k].any(axis=0))} <= {*order, k}]  # fmt: skip
-        order.append(ready[0])
+        order.append(min(ready, key=lambda k: k not in first))
     return [tuple(name for name, k in zip(links, part, strict=True) if k == this) for this in order]

@@ -89,27 +89,22 @@ class Wheels:
         return Gear(gear.link, pivot, gear.mesh, gear.to, centre, end, gear.phase, carrier)
 
     def _rack(self, rack: RackPair) -> Rack:
-        guide, centre = self._guide(rack.link), self._centre(rack)
-        end, along = self.drawing.links[rack.link].pins[0], self.drawing.along(guide)
-        base = self.drawing.spots[guide.through] if guide.on == FRAME else self.drawing.spot(guide.through, guide.on)
+        guide, centre = self.drawing.guide(rack.link), self._centre(rack)
+        end, (base, along) = self.drawing.links[rack.link].pins[0], self.drawing.path(guide)
         ahead = float(rack.start) + rack.side * float(rack.radius) * (self._angle(rack.to) - self._angle(guide.on))
-        self.drawing.spots[end] = base + along * complex(ahead, float(guide.offset))
+        self.drawing.place(rack.link, end, base + along * ahead, along)
         return Rack(rack.link, end, guide, rack.to, centre, rack.radius, rack.side, rack.start, rack.pressure_angle)
 
     def _pinion(self, rack: RackPair) -> Pinion:
-        guide, pivot, at = self._guide(rack.link), self._centre(rack), self.drawing.links[rack.link].pins[0]
-        end, along = self._end(rack.to, pivot), self.drawing.along(guide)
-        base = self.drawing.spots[guide.through] if guide.on == FRAME else self.drawing.spot(guide.through, guide.on)
+        guide, pivot, at = self.drawing.guide(rack.link), self._centre(rack), self.drawing.links[rack.link].pins[0]
+        end, (base, along) = self._end(rack.to, pivot), self.drawing.path(guide)
         moved = ((self.drawing.spot(at, rack.link) - base) / along).real - float(rack.start)
         self._turn(rack.to, pivot, self._angle(guide.on) + rack.side * moved / float(rack.radius))
         return Pinion(rack.to, pivot, rack.link, at, rack.radius, rack.side, end, 0.0, guide.on, rack.pressure_angle,
                       guide.through, rack.start)  # fmt: skip
 
-    def _guide(self, block: str):
-        return next(slot.guide for slot in self.drawing.slots if slot.block == block)
-
     def _centre(self, rack: RackPair) -> str:
-        on = self._guide(rack.link).on
+        on = self.drawing.guide(rack.link).on
         return next(point for point, ends in self.drawing.pins().items() if {rack.to, on} <= set(ends))
 
     def _end(self, wheel: str, pivot: str) -> str | None:
@@ -128,8 +123,7 @@ class Wheels:
         """Find the places of the points of a wheel that stands at this angle."""
         self.counted[wheel] = angle
         turn = cmath.exp(1j * math.remainder(angle, 2 * math.pi))
-        places, at = self.drawing.places(wheel), self.drawing.spots[pivot]
-        self.drawing.spots |= {p: at + (place - places[pivot]) * turn for p, place in places.items()}
+        self.drawing.place(wheel, pivot, self.drawing.spots[pivot], turn)
 
 
 def turned_round(gear: GearPair) -> GearPair:

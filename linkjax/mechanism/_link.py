@@ -119,7 +119,7 @@ class Link(eqx.Module):
 
     def held(self, origin: str, far: str | None) -> Held | None:
         """How a group holds it at two pins; None where these are its origin and the end of its length."""
-        if far is None or not self.pins or (origin, far) == self.pins[:2]:
+        if far is None or not self.pins or ((origin, far) == self.pins[:2] and far not in self.points):
             return None
         points = self.actual().points
         span = points[far] - points[origin]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from linkjax._vec import Vec
 from linkjax.groups import RRP, RRR, AbstractGroup, Drive, GearPair, Pair, RackPair, Slot
+from linkjax.mechanism._attach import Attachment
 from linkjax.mechanism._drawing import Drawing, Place, complex_of
 from linkjax.mechanism._freedom import blocks, counted, freedom
 from linkjax.mechanism._link import Flywheel, Link
@@ -37,11 +38,11 @@ def linkage(
     left loose or are not driven, and where the sketch does not say enough.
     """
     slots, spots = tuple(slots), {name: complex_of(f"sketch.{name}", at) for name, at in (sketch or {}).items()}
-    drawing = Drawing(
-        {n: at if isinstance(at, Vec) else Vec(*at) for n, at in fixed.items()}, dict(links), slots, spots,
-        tuple(gears), tuple(racks),
-    )  # fmt: skip
-    drawing.check()
+    frame = {name: complex_of(f"fixed.{name}", at) for name, at in fixed.items()}
+    ground = {name: Vec(at.real, at.imag) for name, at in frame.items()}
+    drawing = Drawing(ground, dict(links), slots, spots | frame, tuple(gears), tuple(racks))
+    drawing.check(spots)
+    drive = _of_block(drive, slots)
     found = drawing.pairs()
     driven = drawing.driven(drive, found)
     passive, whole = drawing.passive(drive, found, driven), drawing
@@ -52,18 +53,27 @@ def linkage(
     _check_freedom(list(drawing.links), found, driven)
     parts = blocks(list(drawing.links), found, driven)
     if drive.link not in parts[0]:
-        problem = f"moves {drive.link!r} against {drive.on!r}, but {', '.join(parts[0])} cannot move"
-        raise StructureError("drive", problem, "leave them out, and drive against the frame")
+        problem = f"moves {drive.link!r} against {drive.on!r}, but {', '.join(parts[0])} are as good as the frame"
+        raise StructureError("drive", problem, "leave them out, put their pins under `fixed`, and drive on the frame")
     drawing.place_drive(drive)
-    drawing.measure()
-    groups = drawing.groups(parts, drive)
+    for name in drawing.links:
+        drawing.measure(name)
+    groups = Attachment(drawing, drive).groups(parts)
     if passive:
         whole.spots = drawing.spots
-        whole.measure()
+        for link in passive:
+            whole.measure(link)
         groups = [_through(group) for group in groups]
         groups += [passive_group(link, whole) for link in passive]
         drawing.links = {name: drawing.links.get(name, whole.links[name]) for name in whole.links}
     return Mechanism(drawing.fixed, drawing.links, groups, flywheel)
+
+
+def _of_block(drive: Drive, slots: Sequence[Slot]) -> Drive:
+    """The drive that moves the block of a slot, where it was named the other way round."""
+    other = (drive.on, drive.link)
+    turned_round = any((slot.block, slot.guide.on) == other for slot in slots)
+    return dataclasses.replace(drive, link=drive.on, on=drive.link) if turned_round else drive
 
 
 def _through(group: AbstractGroup) -> AbstractGroup:

@@ -141,8 +141,8 @@ def check_structure(mechanism: Mechanism) -> None:
         if (lacking := group.lacking(mechanism.links)) is not None:
             raise StructureError(element, *lacking)
         for link, (origin, far) in group.pins().items():
-            length = number_of(mechanism.links[link].length)
-            if far is not None and number and length is not None and np.any(length == 0):
+            apart = None if far is None else _apart(mechanism.links[link], origin, far)
+            if apart is not None and number and np.any(apart == 0):
                 problem = "has the length zero, but joins two pins"
                 raise StructureError(f"links.{link}", problem, "give the distance between its pins")
             for name, piece in mechanism.links[link].counterweights.items():
@@ -155,6 +155,14 @@ def check_structure(mechanism: Mechanism) -> None:
     idle = [name for name in mechanism.links if name not in placed]
     if idle:
         raise StructureError(f"links.{idle[0]}", "belongs to no group", "add a group that uses it, or delete it")
+
+
+def _apart(link: Link, origin: str, far: str) -> np.ndarray | None:
+    """Zero where a group holds a link at two pins at one place; None while its numbers are traced."""
+    if link.held(origin, far) is None:
+        return number_of(link.length)
+    points = link.actual().points
+    return number_of((points[far] - points[origin]).squared())
 
 
 def _check_guides(mechanism, group, element, placed):

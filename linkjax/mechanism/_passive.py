@@ -74,7 +74,7 @@ def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
             return here[body][0] + places[body][point] * here[body][1]
 
         rows: list[float] = []
-        off = 0j
+        value = 0.0
         for pair in found:
             turn = here[pair.other][1] if pair.other != FRAME else 1 + 0j
             if pair.letter == "R":
@@ -85,20 +85,18 @@ def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
                 along = turn * cmath.exp(1j * float(guide.along))
                 off = (here[pair.one][0] - world(pair.other, guide.through)) / along
                 rows += [off.imag - float(guide.offset), size * (here[pair.one][1] / along).imag]
-            if pair == driven:
-                value = cmath.phase(here[pair.one][1] / turn / moved) if pair.letter == "R" else off.real / size
-                rows.append(size * (value - drive))
-        return np.array(rows)
+                if pair == driven:
+                    value = off.real / size
+        if driven.letter == "R":
+            one, other = (here[end][1] if end != FRAME else 1 for end in driven.ends)
+            value = cmath.phase(one / other / moved)
+        return np.array([*rows, size * (value - drive)])
 
     moved = 1 + 0j
-    x = _closest(lambda x: opened(x, 0.0)[_but(found, driven)], start.ravel(), size)
+    x = _closest(lambda x: opened(x, 0.0)[:-1], start.ravel(), size)
+    first = float(opened(x, 0.0)[-1] / size)
     if driven.letter == "R":  # from where it stands now, so that no angle is near half a turn
-        one, other = (
-            cmath.exp(1j * x.reshape(-1, 3)[names.index(end), 2]) if end != FRAME else 1 for end in driven.ends
-        )
-        moved, first = one / other, 0.0
-    else:
-        first = float(opened(x, 0.0)[len(opened(x, 0.0)) - 1 - _after(found, driven)] / size)
+        moved, first = cmath.exp(1j * first), 0.0
     for sign in (1, -1):
         ends = []
         for step in STEPS:
@@ -107,17 +105,6 @@ def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
         if all(ends):
             return True
     return False
-
-
-def _after(found: Sequence[Pair], driven: Pair) -> int:
-    """How many rows come behind that of the drive."""
-    return 2 * (len(found) - 1 - list(found).index(driven))
-
-
-def _but(found: Sequence[Pair], driven: Pair) -> np.ndarray:
-    """All rows but that of the drive."""
-    count = 2 * len(found) + 1
-    return np.arange(count) != count - 1 - _after(found, driven)
 
 
 def _closest(opened, x: np.ndarray, size: float) -> np.ndarray:

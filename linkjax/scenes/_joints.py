@@ -134,8 +134,8 @@ def _phase(mechanism: Mechanism) -> float:
     """Angle of the crank's own axis where the crank angle is zero."""
     crank = mechanism.driver
     assert isinstance(crank, groups.Crank)
-    back = mechanism.links[crank.link].pins[:1] == (crank.end,)
-    return float(crank.phase) - (math.pi if back else 0.0)
+    held = mechanism.links[crank.link].held(crank.pivot, crank.end)
+    return float(crank.phase) - (0.0 if held is None else math.atan2(held.axis.y, held.axis.x))
 
 
 def _sketch(mechanism: Mechanism) -> Mapping[str, Vec]:

@@ -1,0 +1,264 @@
+"""The groups that links and joints as drawn fall into, attached one after the other.
+
+Every group is drawn against what it hangs on where that truly is, and not where the sketch has it roughly.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+
+from linkjax._compile import compiled_soon
+from linkjax._types import known as number_of
+from linkjax._vec import Vec
+from linkjax.groups import (
+    FRAME,
+    PRP,
+    RPP,
+    RPR,
+    RRP,
+    RRR,
+    AbstractGroup,
+    Crank,
+    Drive,
+    General,
+    LinkState,
+    Pair,
+    Slide,
+    Slot,
+    at_rest,
+    closed_to,
+)
+from linkjax.mechanism._drawing import Drawing
+from linkjax.mechanism._geared import Wheels
+from linkjax.mechanism._mechanism import StructureError
+
+
+class Attachment:
+    """Builds the groups of a drawing, and finds the places of their points in it."""
+
+    def __init__(self, drawing: Drawing, drive: Drive):
+        self.drawing, self.drive = drawing, drive
+
+    def groups(self, parts: Sequence[tuple[str, ...]]) -> list[AbstractGroup]:
+        """The driver and the Assur groups, in the order of their parts."""
+        self._check_wheels(parts[0], {FRAME})
+        made, placed = [], {FRAME}
+        wheels = Wheels(self.drawing.gears, self.drawing.racks, self.drawing, self.drive)
+        for part in parts:
+            self._check_wheels(part, placed)
+            if not made:
+                group = self._driver(part)
+            elif len(part) == 1:
+                group = wheels.group(part[0], placed)
+            else:
+                group = (self._dyad(part, placed) if len(part) == 2 else None) or self._general(part, placed)
+            made.append(group)
+            placed |= set(part)
+            if isinstance(group, General) and part != parts[-1]:
+                self._settle(group)
+        return made
+
+    def _check_wheels(self, part: tuple[str, ...], placed: set[str]) -> None:
+        """Raise `StructureError` for wheels whose turns only come out together with other links."""
+        for gear in (*self.drawing.gears, *self.drawing.racks):
+            ends = {gear.link, gear.to}
+            if len(part) > 1 and ends & set(part) and ends <= {*part, *placed}:
+                problem = f"{', '.join(part)} can only be solved together, with {gear.link!r} and {gear.to!r} in gear"
+                remedy = "drive the mechanism so that one wheel after the other follows, e.g. by the carrier"
+                raise StructureError(f"gear of {gear.link}", problem, remedy)
+
+    def _driver(self, part: tuple[str, ...]) -> AbstractGroup:
+        drive = self.drive
+        if len(part) > 1 or drive.on != FRAME:
+            return self._general(part, {FRAME}, drive)
+        pins, guide = self.drawing.links[drive.link].pins, self.drawing.guide(drive.link)
+        if guide is not None and guide.on == FRAME and drive.law is not None:
+            return Slide(drive.link, pins[0], guide, drive.law)
+        pivot = next(p for p in pins if p in self.drawing.fixed)
+        end = next((p for p in pins if p != pivot), None)
+        if end is None:
+            raise StructureError(f"links.{drive.link}", "a crank needs a second pin", "name one, and give its length")
+        places = self.drawing.places(drive.link)
+        phase = drive.phase + cmath.phase(places[end] - places[pivot])  # the crank is held at these two
+        return Crank(drive.link, pivot, end, drive.turns, phase, drive.law)
+
+    def _general(self, part: tuple[str, ...], placed: set[str], drive: Drive | None = None) -> General:
+        """Links that are closed together by Newton's method."""
+        drawing, ends = self.drawing, self.drawing.pins()
+        outer = [p for name in part for p in drawing.links[name].pins if placed & set(ends[p])]
+        slots = self._slots_within(part, placed)
+        for slot in slots:
+            if slot.block not in part:
+                problem = f"its guide is on {slot.guide.on!r}, which is found after the block"
+                raise StructureError(f"slot of {slot.block}", problem, "let the other of the two be the block")
+        own = [p for name in part for p in drawing.places(name) if p in drawing.spots and p not in outer]
+        sketch = {p: Vec(drawing.spots[p].real, drawing.spots[p].imag) for p in dict.fromkeys(own)}
+        members = tuple((name, drawing.links[name].pins) for name in part)
+        for name in part:
+            if not any(slot.block == name for slot in slots):
+                drawing.axis(name)  # the sketch must say so
+        group = General(members, tuple(dict.fromkeys(outer)), sketch, slots, drive)
+        if drive is not None and group.driven_slot() is None:
+            self._check_phase(drive)
+        return group
+
+    def _check_phase(self, drive: Drive) -> None:
+        """Raise `StructureError` where a drive that turns stands the other way round than in the sketch."""
+        on = 1 if drive.on == FRAME else self.drawing.axis(drive.on)
+        seen = cmath.phase(self.drawing.axis(drive.link) / on)
+        wanted = float(drive.at(drive.phase * 0.0, slides=False)[0])
+        if math.cos(seen - wanted) < 0:
+            told = f"{math.degrees(wanted):.4g} degrees to {drive.on!r} at crank angle zero"
+            problem = f"{drive.link!r} stands at {told}, but at {math.degrees(seen):.4g} in the sketch"
+            raise StructureError("drive", problem, f'write phase = "{math.degrees(seen):.4g} deg", or sketch it so')
+
+    def _settle(self, group: General) -> None:
+        """Find the places of the links of a general group, where it closes."""
+        drawing = self.drawing
+        points = {p: at_rest(Vec(drawing.spots[p].real, drawing.spots[p].imag)) for p in group.needs()}
+        axes = {guide.on: drawing.axis(guide.on) for guide in group.guides() if guide.on != FRAME}
+        none = jnp.zeros(())
+        states = {
+            name: LinkState(Vec(jnp.asarray(u.real), jnp.asarray(u.imag)), none, none) for name, u in axes.items()
+        }
+        links = {name: drawing.links[name] for name in group.link_names()}
+        z, gap = _closed(group, links, states, points)
+        if gap < closed_to(gap.dtype):
+            for (name, pins), (x, y, c, s) in zip(group.members, z.tolist(), strict=True):
+                drawing.place(name, pins[0], complex(x, y), complex(c, s))
+
+    # ---- groups of class II in closed form
+
+    def _dyad(self, part: tuple[str, ...], placed: set[str]) -> AbstractGroup | None:
+        """A group of class II in closed form; None where its links are drawn so that only Newton's method closes it."""
+        touching = self._pairs_within(part, placed)
+        inner = [pair for pair in touching if set(pair.ends) <= set(part)]
+        one, two = part
+        first = [pair for pair in touching if pair not in inner and one in pair.ends]
+        second = [pair for pair in touching if pair not in inner and two in pair.ends]
+        if (len(first), len(inner), len(second)) != (1, 1, 1):
+            return None
+        kind = first[0].letter + inner[0].letter + second[0].letter
+        if kind in ("PRR", "PPR"):
+            return self._dyad((two, one), placed)
+        return getattr(self, f"_{kind.lower()}", lambda *_: None)(part, first[0], inner[0], second[0])
+
+    def _pairs_within(self, part: tuple[str, ...], placed: set[str]) -> list[Pair]:
+        """Pairs of a part; those at one pin are joined to what is placed already, or else to the first of the part."""
+        found = []
+        for point, ends in self.drawing.pins().items():
+            outside = [end for end in ends if end in placed]
+            inside = [end for end in ends if end in part]
+            base = outside[0] if outside else (inside or [""])[0]
+            found += [Pair("R", point, end, base) for end in inside if end != base]
+        slots = self._slots_within(part, placed)
+        return found + [Pair("P", f"{s.block}.guide", s.block, s.guide.on) for s in slots]
+
+    def _slots_within(self, part: tuple[str, ...], placed: set[str]) -> tuple[Slot, ...]:
+        """Slots of a part; not those in which links that come later slide along it."""
+        here = {*part, *placed}
+        ends = [(slot, {slot.block, slot.guide.on}) for slot in self.drawing.slots]
+        return tuple(slot for slot, both in ends if both & set(part) and both <= here)
+
+    def _span(self, link: str, one: str, two: str) -> complex:
+        """From one point of a link to another, in its own axes."""
+        places = self.drawing.places(link)
+        return places[two] - places[one]
+
+    def _rrr(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup:
+        drawing = self.drawing
+        a, b, meet = (
+            drawing.spot(pair.name, name) for pair, name in ((first, part[0]), (second, part[1]), (inner, part[0]))
+        )
+        side = 1 if ((b - a).conjugate() * (meet - a)).imag >= 0 else -1
+        arms = self._span(part[0], first.name, inner.name), self._span(part[1], second.name, inner.name)
+        r = abs(b - a)
+        foot = 0.5 * (r * r + abs(arms[0]) ** 2 - abs(arms[1]) ** 2) / r if r else 0.0
+        if r and abs(foot) <= abs(arms[0]):
+            meet = a + (b - a) / r * complex(foot, side * math.sqrt(abs(arms[0]) ** 2 - foot**2))
+            drawing.place(part[0], first.name, a, _turn(meet - a, arms[0]))
+            drawing.place(part[1], second.name, b, _turn(meet - b, arms[1]))
+        return RRR(part, first.name, second.name, inner.name, side)
+
+    def _rrp(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
+        drawing, (rod, block) = self.drawing, part
+        guide = drawing.guide(block)
+        if guide is None or guide.on == rod or drawing.links[block].pins[0] != inner.name:
+            return None
+        a, (base, along) = drawing.spot(first.name, rod), drawing.path(guide)
+        side = 1 if ((drawing.spot(inner.name, rod) - a) / along).real >= 0 else -1
+        arm, foot = self._span(rod, first.name, inner.name), (a - base) / along
+        if abs(foot.imag) <= abs(arm):
+            end = base + along * (foot.real + side * math.sqrt(abs(arm) ** 2 - foot.imag**2))
+            drawing.place(rod, first.name, a, _turn(end - a, arm))
+            drawing.place(block, inner.name, end, along)
+        return RRP(rod, block, first.name, inner.name, guide, side)
+
+    def _rpr(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
+        drawing, (block, lever) = self.drawing, inner.ends
+        joints = dict(zip(part, (first.name, second.name), strict=True))
+        guide, pins = drawing.guide(block), drawing.links[lever].pins
+        straight = guide is not None and number_of(guide.along) == 0 and guide.through == joints[lever] == pins[0]
+        if guide is None or not straight or len(pins) < 2 or pins[1] in drawing.links[lever].points:
+            return None
+        if drawing.links[block].pins[0] != joints[block]:
+            return None
+        base, at, off = drawing.spot(pins[0], lever), drawing.spot(joints[block], block), float(guide.offset)
+        side = 1 if ((at - base) * drawing.axis(lever).conjugate()).real >= 0 else -1
+        if abs(at - base) > abs(off):
+            turn = _turn(at - base, complex(side * math.sqrt(abs(at - base) ** 2 - off**2), off))
+            drawing.place(lever, pins[0], base, turn)
+            drawing.place(block, joints[block], at, turn)
+        return RPR(lever, block, joints[block], joints[lever], pins[1], side, guide.offset)
+
+    def _prp(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
+        drawing = self.drawing
+        one, two = (drawing.guide(name) for name in part)
+        if one is None or two is None or any(drawing.links[name].pins[0] != inner.name for name in part):
+            return None
+        paths = drawing.path(one), drawing.path(two)
+        left = (paths[0][1].conjugate() * paths[1][1]).imag >= 0
+        self._cross(part, inner.name, *paths)
+        return PRP(part, inner.name, (one, two), 1 if left else -1)
+
+    def _rpp(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup | None:
+        drawing, (block, slide) = self.drawing, part
+        slot, guide, end = drawing.guide(block), drawing.guide(slide), drawing.links[slide].pins[0]
+        if slot is None or guide is None or guide.on == block or (slot.on, slot.through) != (slide, end):
+            return None
+        if drawing.links[block].pins[0] != first.name:
+            return None
+        path, at = drawing.path(guide), drawing.spot(first.name, block)
+        along = path[1] * cmath.exp(1j * float(slot.along))
+        self._cross((slide,), end, path, (at - 1j * along * float(slot.offset), along))
+        drawing.place(block, first.name, at, along)
+        return RPP(slide, block, first.name, end, guide, slot.along, slot.offset)
+
+    def _cross(self, blocks: Sequence[str], point: str, one: Path, two: Path) -> None:
+        """Place blocks that share a point where two paths cross, the first along the first, another along the other."""
+        (base, along), (other, across) = one, two
+        sine = (along.conjugate() * across).imag
+        if abs(sine) > 1e-9:
+            at = base + along * ((other - base).conjugate() * across).imag / sine
+            for block, turn in zip(blocks, (along, across), strict=False):
+                self.drawing.place(block, point, at, turn)
+
+
+Path = tuple[complex, complex]
+
+
+def _turn(true: complex, own: complex) -> complex:
+    """The direction of a link, from that of a line on it and in its own axes."""
+    turn = true / own if own else 1 + 0j
+    return turn / abs(turn) if turn else 1 + 0j
+
+
+@compiled_soon
+def _closed(group: General, links, states, points):
+    phi = jnp.zeros(())
+    z, _, gap = group.closed(links, states, points, phi, group.sketched(group.places(links), states, points))
+    return z, gap

@@ -1,0 +1,155 @@
+"""Machines as drawn: what the sketch says, and what follows from where things truly are."""
+
+from __future__ import annotations
+
+import cmath
+import dataclasses
+import itertools
+import math
+
+import jax.numpy as jnp
+import pytest
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax.groups import Crank, Drive, General, Guide, Slot
+from linkjax.kinematics import margins, pose, prepared
+from linkjax.mechanism import Link, StructureError, linkage
+from linkjax.scenes import loads_text, text_of
+
+
+def places(mechanism, names, phi=0.0) -> dict[str, complex]:
+    """Where points are."""
+    at = pose(mechanism, jnp.asarray(phi)).points
+    return {name: complex(at[name].r.x, at[name].r.y) for name in names}
+
+
+def xy(at: complex) -> tuple[float, float]:
+    return at.real, at.imag
+
+
+LEAN = cmath.exp(0.6j)
+SPOTS = {"B": 0.1 * cmath.exp(1.1j), "E": 0.07 * cmath.exp(-0.8j), "C": LEAN * (0.35 + 0.03j), "G": 0.3 - 0.25j,
+         "F": -0.2 + 0.5j}  # fmt: skip
+
+
+ORDERS = list(zip(itertools.permutations("ABE"), [0.12, -0.12, 0.12j] * 2, strict=True))
+
+
+@pytest.mark.parametrize(("pins", "on_ram"), ORDERS)
+def test_without_any_length_it_stands_as_sketched(pins, on_ram):
+    """Every sketch whose blocks are on their guides is a machine: a crank with three pins, in any order, and a ram with
+    further pins ahead of the first, behind or beside it."""
+    spots = {**SPOTS, "D": SPOTS["C"] + LEAN * on_ram, "X": SPOTS["C"] - LEAN * (0.05 + 0.02j)}
+    fixed = {"A": 0j, "H": 0.5 - 0.1j, "J": -0.4 + 0.5j}
+    links = {name: Link(pins=tuple(own)) for name, own in {
+        "crank": pins, "rod": "BC", "ram": "CDX", "arm": "DF", "shoe": "F", "bar": "EG", "lever": "HG"}.items()
+    }  # fmt: skip
+    slots = [Slot("ram", Guide("A", 0.6, 0.03)), Slot("shoe", Guide("J"))]
+    at = {**spots, **fixed}
+    phase = cmath.phase(at[pins[1]] - at[pins[0]])
+    made = linkage({p: xy(z) for p, z in fixed.items()}, links, Drive("crank", phase=phase), slots,
+                   {p: xy(z) for p, z in spots.items()})  # fmt: skip
+    assert isinstance(made.driver, Crank)
+    for name, there in places(made, spots).items():
+        assert there == pytest.approx(spots[name], abs=1e-15)
+
+
+def test_a_crank_has_the_shape_that_is_sketched():
+    """Where the phase is not that of the sketch, the crank is turned, and not bent."""
+    links = {"crank": Link(pins=("A", "B", "E")), "coupler": Link(pins=("B", "C")), "rocker": Link(pins=("D", "C")),
+             "rod": Link(pins=("E", "G")), "lever": Link(pins=("D", "G"))}  # fmt: skip
+    sketch = {"B": (0.0, 0.1), "E": (-0.1, 0.0), "C": (0.3, 0.25), "G": (0.3, -0.25)}
+    for length in (0.0, 0.1):
+        given = links | {"crank": dataclasses.replace(links["crank"], length=length)}
+        made = linkage({"A": (0, 0), "D": (0.4, 0)}, given, Drive("crank"), sketch=sketch)
+        assert places(made, "BE") == pytest.approx({"B": 0.1 + 0j, "E": 0.1j}, abs=1e-16)
+
+
+def test_pins_of_a_link_whose_second_pin_is_a_marked_point():
+    """A third pin is where the sketch has it, though the axis of the link does not run through the second."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "rocker": Link(pins=("D", "C"), length=0.25),
+             "coupler": Link(pins=("B", "C", "E"), points={"C": lj.Vec(0.2, 0.2)}),
+             "arm": Link(pins=("E", "F")), "lever": Link(pins=("D", "F"))}  # fmt: skip
+    sketch = {"B": (0.1, 0.0), "C": (0.3, 0.2), "E": (0.1, 0.3), "F": (0.5, 0.3)}
+    made = linkage({"A": (0, 0), "D": (0.45, 0)}, links, Drive("crank"), sketch=sketch)
+    at = made.links["coupler"].points["E"]
+    assert (float(at.x), float(at.y)) == pytest.approx((0.0, 0.3), abs=1e-16)  # its axis lies along x in the sketch
+
+
+def test_sides_are_those_of_the_true_places():
+    """A pin sketched far off its place does not turn the dyad that hangs on it."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "E", "C"), length=0.15,
+             points={"C": lj.Vec(0.35, 0.0)}), "rocker": Link(pins=("D", "C"), length=0.25),
+             "arm": Link(pins=("E", "G"), length=0.3), "lever": Link(pins=("D", "G"), length=0.3)}  # fmt: skip
+
+    def made(drive, **sketch):
+        near = {"B": (0.1, 0.0), "C": (0.36, 0.25), "G": (0.4, 0.15), **sketch}
+        return linkage({"A": (0, 0), "D": (0.38, 0)}, links, drive, sketch=near)
+
+    exact = made(Drive("crank"), E=(0.2, 0.1))
+    here = pose(exact, jnp.zeros(()))
+    turned = math.atan2(*(float(v) for v in (here.links["coupler"].u.y, here.links["coupler"].u.x)))
+    for drive in (Drive("crank"), Drive("coupler", "crank", phase=turned)):
+        rough = made(drive, E=(0.44, 0.1))
+        assert places(rough, "EG") == pytest.approx(places(exact, "EG"), abs=1e-12)
+
+
+@pytest.mark.parametrize("drive", [Drive("crank"), Drive("coupler", "crank", phase=0.9)], ids=["dyad", "general"])
+@pytest.mark.parametrize("far", [lj.Vec(0.3, 0.0), lj.Vec(0.28, 0.1)])
+def test_a_second_pin_that_is_a_marked_point(drive, far):
+    """It is where the mark is, whatever the length: the machine whose coupler has that distance as its length."""
+    reach = math.hypot(float(far.x), float(far.y))
+    lean = math.atan2(float(far.y), float(far.x))
+    plain = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=reach),
+             "rocker": Link(pins=("D", "C"), length=0.25)}  # fmt: skip
+    for length in (0.0, 0.35):
+        marked = plain | {"coupler": Link(pins=("B", "C"), length=length, points={"C": far})}
+        turned = dataclasses.replace(drive, phase=drive.phase - (lean if drive.link == "coupler" else 0.0))
+        one, two = (
+            linkage({"A": (0, 0), "D": (0.38, 0)}, links, how, sketch={"B": (0.1, 0.0), "C": (0.3, 0.25)})
+            for links, how in ((plain, drive), (marked, turned))
+        )
+        assert places(two, "BC") == pytest.approx(places(one, "BC"), abs=1e-12)
+
+
+def test_a_crank_held_anywhere_is_a_crank():
+    """With its frame pin third, or its far pin a marked point, it takes a flywheel, is written and read again."""
+    rest = {"coupler": Link(pins=("B", "C"), length=0.35), "rocker": Link(pins=("D", "C"), length=0.25)}
+    fixed, sketch = {"A": (0.0, 0.0), "D": (0.38, 0.0)}, {"C": (0.36, 0.25)}
+    usual = linkage(fixed, {"crank": Link(pins=("A", "B"), length=0.1, mass=1.0)} | rest, Drive("crank"), (), sketch)
+    turned = cmath.exp(0.4j)
+    for crank, phase in [
+        (Link(pins=("B", "X", "A"), length=0.02, points={"A": lj.Vec(0.1, 0.0)}, mass=1.0), math.pi),
+        (Link(pins=("A", "B"), points={"B": lj.Vec(0.1 * turned.real, 0.1 * turned.imag)}, mass=1.0), -0.4),
+    ]:
+        made = linkage(fixed, {"crank": crank} | rest, Drive("crank", phase=phase), (), sketch, lj.Flywheel(2.0))
+        assert made.formula() == usual.formula()
+        scene = lj.Scene(made, speed=3.0)
+        again = loads_text(text_of(scene)).mechanism
+        for phi in (0.0, 1.3):
+            assert places(made, "BC", phi) == pytest.approx(places(usual, "BC", phi), abs=1e-15)
+            assert places(again, "BC", phi) == pytest.approx(places(usual, "BC", phi), abs=1e-15)
+
+
+def test_a_drive_half_a_turn_off():
+    """Between a block and a link, and in a general group that is not drawn: told, not closed the other way round."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "die": Link(pins=("B",)),
+             "lever": Link(pins=("P", "E"), length=0.4)}  # fmt: skip
+    given = {"fixed": {"A": (0, 0), "P": (-0.2, 0)}, "links": links, "slots": [Slot("die", Guide("P", on="lever"))],
+             "sketch": {"B": (0.07, 0.07), "E": (0.15, 0.1)}}  # fmt: skip
+    stands = math.atan2(0.07, 0.27) - math.pi / 4
+    made = linkage(drive=Drive("die", "crank", phase=stands), **given)
+    with pytest.raises(StructureError, match=r"'die' stands at .* to 'crank' .*, but at -29.05 in the sketch"):
+        linkage(drive=Drive("die", "crank", phase=stands + math.pi), **given)
+    group = made.groups[0]
+    assert isinstance(group, General)
+
+    def margin(phase):
+        drive = Drive("die", "crank", phase=phase)
+        other = lj.Mechanism(made.fixed, made.links, [dataclasses.replace(group, drive=drive)])
+        found = compiled_soon(lambda m: margins(prepared(m), jnp.zeros(())))(other)
+        return float(found["crank-die-lever"]["loops"].value)
+
+    assert margin(stands) > 0.05
+    assert margin(stands + math.pi) == -1.0
