@@ -39,6 +39,15 @@ def highest(values: Array) -> Array:
     return values >= top - 50 * jnp.finfo(values.dtype).eps * jnp.abs(top)
 
 
+def largest(values: Array) -> Array:
+    """The largest of a row of values, whose derivative is that of one that is largest.
+
+    Not `jnp.max`: its derivative divides by how many entries equal the largest, and where XLA rounds these differently
+    from those compared before, none does, which makes NaN.
+    """
+    return values[jnp.argmax(jax.lax.stop_gradient(values))]
+
+
 def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> Array:
     """Scalar root of `function`, found by `solve(function, start)`, differentiated implicitly.
 

@@ -183,7 +183,13 @@ def undrawn(members, links: Mapping[str, Any], sketch, outer: Sequence[str], sin
             problem = f"the sketch does not say where link {link!r} is"
             return problem, f"sketch {count} of its points: {', '.join(own)}"
         spots = [sketch[p] for p in seen[:2] if p in sketch]
-        values = [(known(at.x), known(at.y)) for at in spots]
-        if len(spots) == 2 and link not in single and None not in values[0] and values[0] == values[1]:
+        if len(spots) == 2 and link not in single and _on_one_place(*spots):
             return f"the sketch puts {seen[0]!r} and {seen[1]!r} of link {link!r} on one place", "move one of them"
     return None
+
+
+def _on_one_place(one: Vec, two: Vec) -> bool:
+    """Whether two points are known to coincide, in any of the designs where there are many."""
+    pairs = [(known(a), known(b)) for a, b in ((one.x, two.x), (one.y, two.y))]
+    equal = [a == b for a, b in pairs if a is not None and b is not None]
+    return len(equal) == 2 and bool((equal[0] & equal[1]).any())

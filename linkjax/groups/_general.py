@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._numerics import safe_sqrt
+from linkjax._numerics import largest, safe_sqrt
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
 from linkjax.groups._chain import AbstractChain
@@ -113,7 +113,7 @@ class General(AbstractChain):
     def _size(self, places) -> Array:
         inner = {p for _, points in self.members for p in points}
         arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
-        return safe_sqrt(jnp.max(jnp.stack(arms)), 1.0)
+        return safe_sqrt(largest(jnp.stack(arms)), 1.0)
 
     def _known(self, states, points, phi: Array | None = None, t=0.0) -> Known:
         """What was there before, `t` of crank angle later (to second order); angles only where `phi` is given."""

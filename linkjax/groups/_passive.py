@@ -12,7 +12,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._numerics import largest, safe_divide, safe_sqrt
 from linkjax._vec import zero
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart
 from linkjax.groups._guide import Guide, as_guide
@@ -139,7 +139,7 @@ class RP(AbstractGroup):
         return {self.block: self.guide.line(states, points).state}, {}
 
     def margins(self, links, states, points, phi):
-        size = jnp.max(jnp.stack([link.length for link in links.values()]))
+        size = largest(jnp.stack([link.length for link in links.values()]))
         return {"fits": fit(self.guide.line(states, points).height(points[self.from_]), size)}
 
     def transmission(self, states, points):

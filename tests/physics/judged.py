@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -20,8 +21,8 @@ import numpy as np
 
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, Pinion, Rack, Slide
-from linkjax.kinematics import pose
+from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, Pinion, Rack, Slide, with_path
+from linkjax.kinematics import pose, prepared
 from linkjax.loads import Force, OpposingForce, Torque
 from tests.physics import newton_euler, oracle
 from tests.physics.random_machines import Batch
@@ -97,14 +98,14 @@ def weights(count: int) -> np.ndarray:
     return np.cos(1.0 + 1.7 * np.arange(count))
 
 
-def computed(scene, phi, speed, acceleration, tangent, scales, keys):
-    """For every design: results, coefficients by nested differentiation, and of two weighted sums, the second of which
+def computed(scene, paths, phi, speed, acceleration, tangent, scales, keys):
+    """For every design, with the reference paths of its general groups: results, coefficients by nested differentiation, and of two weighted sums, the second of which
     counts reactions too, the derivative along a tangent, forward and in reverse, with the size of the scaled gradient.
     """
 
-    def one(scene, phi, speed, acceleration, tangent, scales):
+    def one(scene, paths, phi, speed, acceleration, tangent, scales):
         def scalars(mechanism):
-            found = results(scene.with_mechanism(mechanism), phi, speed, acceleration, keys)
+            found = results(scene.with_mechanism(with_paths(mechanism, paths)), phi, speed, acceleration, keys)
             sums = {kind: found[kind] @ jnp.asarray(weights(found[kind].size)) / scales[kind] for kind in KINDS}
             most = sum(sums[kind] for kind in KINDS if kind not in ("force", "moment"))
             return jnp.stack([most, most + sums["force"] + sums["moment"]]), found
@@ -115,9 +116,23 @@ def computed(scene, phi, speed, acceleration, tangent, scales, keys):
         along, at = jax.tree.leaves(tangent), jax.tree.leaves(scene.mechanism)
         each = [sum(jnp.sum(g * t) for g, t in zip(row, along, strict=True)) for row in back]
         size = [jnp.sqrt(sum(jnp.sum((g * d) ** 2) for g, d in zip(row, at, strict=True))) for row in back]
-        return found, _by_differentiation(scene.mechanism, phi), (ahead, jnp.stack(each), jnp.stack(size))
+        nested = _by_differentiation(with_paths(scene.mechanism, paths), phi)
+        return found, nested, (ahead, jnp.stack(each), jnp.stack(size))
 
-    return jax.vmap(one)(scene, phi, speed, acceleration, tangent, scales)
+    return jax.vmap(one)(scene, paths, phi, speed, acceleration, tangent, scales)
+
+
+def with_paths(mechanism, paths):
+    """The mechanism with reference paths of its general groups, which belong to no design's numbers."""
+    groups = tuple(with_path(g, paths[i]) if i in paths else g for i, g in enumerate(mechanism.groups))
+    return eqx.tree_at(lambda m: m.groups, mechanism, groups) if paths else mechanism
+
+
+@jax.jit
+def paths_of(mechanism):
+    """The reference paths of all designs, by the number of the group."""
+    found = jax.vmap(prepared)(mechanism).groups
+    return {i: g.path for i, g in enumerate(found) if isinstance(g, General)}
 
 
 at_once = compiled_soon(computed, static=("keys",))
@@ -267,9 +282,11 @@ def judged(
         lambda at, d: 0 * d if "reference_length" in jax.tree_util.keystr(at) else d * rng.normal(size=d.shape),
         batch.scene.mechanism,
     )
+    general = any(isinstance(g, General) for g in batch.scene.mechanism.groups)
+    paths = jax.device_get(paths_of(batch.scene.mechanism)) if general else {}
     program = at_once if compiled else computed
     with contextlib.nullcontext() if compiled else jax.disable_jit():
-        found, nested, slope = jax.device_get(program(batch.scene, *state, tangent, scales, keys=keys))
+        found, nested, slope = jax.device_get(program(batch.scene, paths, *state, tangent, scales, keys=keys))
     over = {"closure": closure(batch, found)}
 
     def compare(name: str, kind: str, value, known, only: slice = slice(None)):
@@ -339,8 +356,22 @@ def closure(batch: Batch, found: dict[str, np.ndarray]) -> np.ndarray:
             if isinstance(g, Rack):
                 on_guide(g.guide, g.end, g.link)
         elif isinstance(g, General):
-            raise NotImplementedError
+            for link, pins in g.members:
+                places = oracle.in_axes(g, mechanism)[link]
+                gaps += [np.abs(points[p] - points[pins[0]] - places[p] * u[link]) for p in pins]
+            for slot in g.slots:
+                on_guide(slot.guide, dict(g.members)[slot.block][0], slot.block)
+            gaps += [] if g.drive is None else [driven(g, batch.phi, points, u, reach)]
     return np.max(np.abs(gaps), 0) / (1e-13 * reach)
+
+
+def driven(g: General, phi, points, u, reach) -> np.ndarray:
+    """What the drive inside a group leaves open."""
+    wanted, slot = oracle.stands(g.drive, phi), g.driven_slot()
+    if slot is None:
+        return reach * np.abs(u[g.drive.link] / u[g.drive.on] - np.exp(1j * (g.drive.phase + wanted)))
+    guide, block = g.slots[slot].guide, dict(g.members)[g.drive.link][0]
+    return ((points[block] - points[guide.through]) / (np.exp(1j * guide.along) * u[guide.on])).real - wanted
 
 
 def in_gear(g, batch: Batch, points, u) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkjax.groups import PRP, RPP, RPR, RRP, RRR, AbstractDriver, Crank, Gear, General, Pinion, Rack, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, Pinion, Rack, Slide
 from tests.physics import oracle, wheels
 
 
@@ -140,9 +140,15 @@ def solve(scene, phi, speed, acceleration) -> Solution:
             act(j.link, j.point, 2 * k + c, force, couple)
             act(j.by, j.point, 2 * k + c, -force, -couple)
     crank = mechanism.groups[0]
-    assert isinstance(crank, AbstractDriver)
     pace = np.ones_like(phi)  # the driver's own first coefficient
-    if isinstance(crank, Slide):
+    if isinstance(crank, General):
+        drive, k = crank.drive, crank.driven_slot()
+        point = dict(crank.members)[drive.link][0]
+        push_along, couple = (none, 1.0) if k is None else (here.links[drive.link].r, 0.0)
+        act(drive.link, point, size - 1, push_along, couple)
+        act(drive.on, point, size - 1, -push_along, -couple)
+        pace = oracle.drive_rates(drive, phi)[0]
+    elif isinstance(crank, Slide):
         act(crank.link, crank.end, size - 1, here.links[crank.link].r)
         pace = (here.points[crank.end].v / here.links[crank.link].r).real
     else:
@@ -151,7 +157,7 @@ def solve(scene, phi, speed, acceleration) -> Solution:
         pace = here.links[crank.link].v if crank.law is not None else pace
     rate, spin = {}, {}
     for name, b in bodies.items():
-        inertia = b.inertia + (np.asarray(mechanism.flywheel.inertia) if name == crank.link else 0.0)
+        inertia = b.inertia + (np.asarray(mechanism.flywheel.inertia) if name == mechanism.crank else 0.0)
         rate[name] = b.mass * (centre[name].a * speed**2 + centre[name].v * acceleration)
         spin[name] = inertia * (here.links[name].a * speed**2 + here.links[name].v * acceleration)
         right[..., row[name] : row[name] + 3] = np.stack([rate[name].real, rate[name].imag, spin[name]], -1)
@@ -175,7 +181,11 @@ def solve(scene, phi, speed, acceleration) -> Solution:
             if link != "frame":
                 reactions[c.name, link] = sign * force, sign * (moment - shift)
     push = x[..., -1]
-    if isinstance(crank, Slide):
+    if isinstance(crank, General):
+        for link, sign in ((crank.drive.link, 1), (crank.drive.on, -1)):
+            if link != "frame":
+                reactions[f"{crank.drive.link}.drive", link] = sign * push * push_along, sign * push * couple
+    elif isinstance(crank, Slide):
         reactions[f"{crank.link}.drive", crank.link] = push * here.links[crank.link].r, 0 * push
     elif crank.law is not None:
         reactions[f"{crank.link}.drive", crank.link] = none, push

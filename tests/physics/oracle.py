@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import mpmath
 import numpy as np
 from scipy.optimize import brentq
-from scipy.optimize import root as solved
 
 from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, Harmonic, Pinion, Rack, Slide
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
@@ -133,8 +132,8 @@ def meeting(one: Path, two: Path) -> Any:
     return near + one.along * ((far - near) / two.along).imag / (one.along / two.along).imag
 
 
-def open_joints(g: General, places, points, directions, x, m=np) -> list:
-    """What the pins and slots of a general group leave open; `x` has x, y and angle of every link."""
+def open_joints(g: General, places, points, directions, x, m=np, phi=0.0) -> list:
+    """What the pins and slots of a general group leave open, and its drive; `x` has x, y and angle of every link."""
     n = reader(m)
     at = {link: x[3 * i] + 1j * x[3 * i + 1] for i, (link, _) in enumerate(g.members)}
     u = {link: m.exp(1j * x[3 * i + 2]) for i, (link, _) in enumerate(g.members)}
@@ -145,13 +144,27 @@ def open_joints(g: General, places, points, directions, x, m=np) -> list:
     for p, every in holders.items():
         first = points[p] if p in g.outer else every[0]
         found += [part for there in every[p not in g.outer :] for part in ((there - first).real, (there - first).imag)]
-    for slot in g.slots:
+    for k, slot in enumerate(g.slots):
         guide, on = slot.guide, slot.guide.on
         base = at[on] + places[on][guide.through] * u[on] if on in at else points[guide.through]
         turned = u[on] if on in at else 1 if on == "frame" else directions[on]
         seen = (at[slot.block] - base) / (m.exp(1j * n(guide.along)) * turned)
         found += [seen.imag - n(guide.offset), (u[slot.block] / (m.exp(1j * n(guide.along)) * turned)).imag]
+        found += [seen.real - stands(g.drive, phi, m)] if k == g.driven_slot() else []
+    if g.drive is not None and g.driven_slot() is None:
+        turned = u[g.drive.link] / (1 if g.drive.on == "frame" else u[g.drive.on])
+        found.append((turned / m.exp(1j * (n(g.drive.phase) + stands(g.drive, phi, m)))).imag)
     return found
+
+
+def stands(drive, phi, m=np):
+    """How far a drive inside a group has moved, without its phase."""
+    return drive.turns * phi if drive.law is None else prescribed(drive.law, phi, m)
+
+
+def drive_rates(drive, phi):
+    """First and second derivatives of that."""
+    return (drive.turns + 0 * phi, 0 * phi) if drive.law is None else swinging(drive.law, phi)
 
 
 def in_axes(g: General, mechanism: Mechanism, m=np) -> dict[str, dict[str, Any]]:
@@ -165,53 +178,92 @@ def in_axes(g: General, mechanism: Mechanism, m=np) -> dict[str, dict[str, Any]]
     return found
 
 
-def closed_at(g: General, places, points, directions, x) -> np.ndarray:
-    """The configuration near `x` that closes the joints, by SciPy."""
-    return solved(lambda x: open_joints(g, places, points, directions, x), x, options={"xtol": 1e-15}).x
+STEP = math.radians(2.0)
 
 
-_PATHS: dict[int, tuple[Any, np.ndarray]] = {}
+def closed_at(g: General, places, points, directions, x, phi) -> tuple[np.ndarray, np.ndarray]:
+    """The configuration near `x` that closes the joints at `phi`, NaN where there is none, and the sense of the
+    determinant of its Jacobian: Newton's method with differences, for many designs at once."""
+    count = len(x)
+    size = np.max([np.abs(at) + 0 * phi for link, pins in g.members for p, at in places[link].items() if p in pins], 0)
+    size = np.where(size > 0, size, 1.0)
+    unit = np.stack([size, size, np.ones_like(size)] * len(g.members))
+    steps = np.concatenate([np.zeros((count, 1)), 1e-7 * np.eye(count)], 1)
+    last, gap, sense = False, size, size
+    for _ in range(40):
+        every = np.expand_dims(x, 1) + np.multiply.outer(steps, np.ones_like(size)) * np.expand_dims(unit, 1)
+        values = np.stack(open_joints(g, places, points, directions, every, phi=phi))
+        gap, matrix = values[:, 0], np.moveaxis((values[:, 1:] - values[:, :1]) * 1e7, (0, 1), (-2, -1))
+        found = np.isfinite(matrix).all((-1, -2))
+        matrix = np.where(found[..., None, None], matrix, np.eye(count))
+        move = np.moveaxis(np.linalg.solve(matrix, -np.moveaxis(gap, 0, -1)[..., None])[..., 0], -1, 0)
+        most = np.max(np.abs(move), 0)
+        x, sense = x + unit * move * np.minimum(1.0, 0.3 / np.maximum(most, 0.3)), np.sign(np.linalg.det(matrix))
+        if last:
+            break
+        last = not np.any(most > 1e-7)  # the next step is good to rounding
+    return np.where(found & (np.max(np.abs(gap), 0) < 1e-9 * size), x, np.nan), sense
 
 
-def followed(g: General, mechanism: Mechanism, before) -> np.ndarray:
-    """Configurations of a general group at every second degree, by SciPy's solver from one to the next."""
-    if id(g) in _PATHS:
-        return _PATHS[id(g)][1]
-    places, path = in_axes(g, mechanism), []
-    for phi in np.radians(np.arange(0, 361, 2)):
-        points, directions = before(phi)
-        if not path:
-            spots = {**points, **{p: complex(float(v.x), float(v.y)) for p, v in g.sketch.items()}}
-            x = []
-            for link, pins in g.members:
-                seen = [p for p in (*pins, *places[link]) if p in spots]
-                u = 1.0
-                if len(seen) > 1:
-                    u = (spots[seen[1]] - spots[seen[0]]) / (places[link][seen[1]] - places[link][seen[0]])
-                origin = spots[seen[0]] - places[link][seen[0]] * u / abs(u)
-                x += [origin.real, origin.imag, np.angle(u)]
+def sketched(g: General, places, points, directions) -> np.ndarray:
+    """The configuration that the sketch of a general group gives."""
+    n = reader(np)
+    spots = {**points, **{p: n(at.x) + 1j * n(at.y) for p, at in g.sketch.items()}}
+    guides, u = {slot.block: slot.guide for slot in g.slots}, {"frame": 1.0, **directions}
+    for link, pins in sorted(g.members, key=lambda member: member[0] in guides):
+        seen = [p for p in (*pins, *places[link]) if p in spots]
+        if link in guides:
+            u[link] = np.exp(1j * n(guides[link].along)) * u[guides[link].on]
         else:
-            x = path[-1]
-        path.append(closed_at(g, places, points, directions, x))
-    _PATHS[id(g)] = g, np.stack(path)
-    return _PATHS[id(g)][1]
+            u[link] = (spots[seen[1]] - spots[seen[0]]) / (places[link][seen[1]] - places[link][seen[0]])
+        u[link] = u[link] / np.abs(u[link])
+    x = []
+    for link, pins in g.members:
+        seen = next(p for p in (*pins, *places[link]) if p in spots)
+        origin = spots[seen] - places[link][seen] * u[link]
+        x += [origin.real, origin.imag, np.angle(u[link])]
+    return np.stack(np.broadcast_arrays(*x))
+
+
+_PATHS: dict[int, tuple[Any, list[tuple[np.ndarray, np.ndarray]]]] = {}
+
+
+def followed(g: General, mechanism: Mechanism, phi, before) -> np.ndarray:
+    """The configuration at `phi`, from the sketch on in steps of two degrees at most; NaN where it cannot be followed
+    without a turn of the sense of its Jacobian. Many designs go side by side, each to its own angle; of a single one
+    the way is kept, for any number of angles."""
+    places = in_axes(g, mechanism)
+
+    def next_one(path, at):
+        points, directions = before(at)
+        if path:
+            start = path[-1][0]
+        else:
+            start = np.stack([part + 0 * at for part in sketched(g, places, points, directions)])
+        x, sense = closed_at(g, places, points, directions, start, at)
+        return np.where(sense == path[0][1], x, np.nan) if path else x, sense
+
+    path: list[tuple[np.ndarray, np.ndarray]]
+    if any(np.ndim(at) for each in places.values() for at in each.values()):
+        path, count = [], max(1, math.ceil(np.max(phi) / STEP))
+        for k in range(count + 1):
+            path.append(next_one(path[:1] + path[-1:], phi * (k / count)))
+        return path[-1][0]
+    path = _PATHS.setdefault(id(g), (g, []))[1]
+    number = np.rint(phi % (2 * math.pi) / STEP).astype(int)
+    while len(path) <= np.max(number):
+        path.append(next_one(path, np.asarray(len(path) * STEP)))
+    start = np.moveaxis(np.stack([x for x, _ in path])[number], -1, 0)
+    points, directions = before(phi)
+    return closed_at(g, places, points, directions, start, phi)[0]
 
 
 def general(g: General, mechanism: Mechanism, phi, before, m=np) -> dict[str, tuple[Any, Any]]:
     """Origins and directions of the links of a general group."""
-    path, places = followed(g, mechanism, lambda phi: before(phi, np)), in_axes(g, mechanism, m)
-
-    def at(phi):
-        points, directions = before(phi, m)
-        x = path[round(math.degrees(float(phi) % (2 * math.pi)) / 2)]
-        if m is mpmath:
-            return mpmath.findroot(lambda *x: open_joints(g, places, points, directions, x, mpmath), x.tolist())
-        return closed_at(g, places, points, directions, x)
-
+    x = followed(g, mechanism, np.asarray(phi, dtype=float), lambda phi: before(phi, np))
     if m is mpmath:
-        x = at(phi)
-    else:
-        x = np.moveaxis(np.asarray([at(one) for one in np.ravel(phi)]).reshape((*np.shape(phi), -1)), -1, 0)
+        places, (points, directions) = in_axes(g, mechanism, m), before(phi, m)
+        x = mpmath.findroot(lambda *x: open_joints(g, places, points, directions, x, mpmath, phi), x.tolist())
     return {link: (x[3 * i] + 1j * x[3 * i + 1], m.exp(1j * x[3 * i + 2])) for i, (link, _) in enumerate(g.members)}
 
 
@@ -402,7 +454,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
             e, _ = _solve(1j * d, u, b.a - a.a + w**2 * d - 2j * w * s * u)
             links[g.link] = links[g.block] = Jet(u, w, e)
         elif isinstance(g, General):
-            _general_rates(g, in_axes(g, mechanism), at, directions, points, links, still)
+            _general_rates(g, in_axes(g, mechanism), at, directions, points, links, still, phi)
         else:
             a, b = points[g.from_], points[g.to]
             p, q = at[g.meet] - a.r, at[g.meet] - b.r
@@ -419,7 +471,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
     return Rates(points, links)
 
 
-def _general_rates(g: General, places, at, directions, points, links, still) -> None:
+def _general_rates(g: General, places, at, directions, points, links, still, phi) -> None:
     """Velocities, then accelerations, of all links of a general group and along its slots: a linear system for each."""
     names, count = [link for link, _ in g.members], 3 * len(g.members) + len(g.slots)
     origin = {link: at[pins[0]] for link, pins in g.members}
@@ -479,6 +531,15 @@ def _general_rates(g: General, places, at, directions, points, links, still) -> 
                 give(2j * w * slides[0][k] * along, row)
             matrix[..., row + 2, 3 * names.index(block) + 2] = 1.0
             row += 3
+        if g.drive is not None:
+            k = g.driven_slot()
+            if k is not None:
+                matrix[..., row, count - len(g.slots) + k] = 1.0
+            for name, sign in ((g.drive.link, 1.0), (g.drive.on, -1.0)) if k is None else ():
+                if name != "frame":
+                    matrix[..., row, 3 * names.index(name) + 2] = sign
+            right[..., row] = drive_rates(g.drive, phi)[order]
+            row += 1
         assert row == count
         x = np.linalg.solve(matrix, right[..., None])[..., 0]
         solved.append(

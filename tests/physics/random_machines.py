@@ -4,6 +4,10 @@
 A plan decides what hangs where: a driver that turns, swings or slides, and up to eight groups of class II on anything
 that is there already. A design is drawn group by group until the group can be assembled at the tested angle, however
 narrowly: nothing else is asked of it. All numbers of a batch are arrays over its designs.
+
+General groups begin with a sketch at crank angle zero. So machines that have one are tested up to a radian from there,
+and a group is drawn until it can be followed all the way and two steps of its path further, by the oracle in steps of
+two degrees. Groups before it must stand all that way, too.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ from __future__ import annotations
 import cmath
 import dataclasses
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -29,6 +34,7 @@ from linkjax import (
     Crank,
     Flywheel,
     Gear,
+    General,
     Guide,
     Link,
     Mechanism,
@@ -39,11 +45,14 @@ from linkjax import (
 )
 from linkjax.groups import Drive, Slot
 from linkjax.mechanism import linkage
-from tests.physics import oracle
+from tests.physics import oracle, random_general
 
 KINDS = ("RRR", "RRP", "RPR", "PRP", "RPP")
 WHEELS = ("gear", "planet", "belt", "rack", "pinion")  # the last two behind a wheel and a rack
 TRIES = 200
+AS_SKETCHED = 0.05  # m, what a general group may move from its sketch to where it closes
+FROM_SKETCH = 1.0  # rad, how far from the sketch general groups are tested
+FURTHER = math.radians(6.0)  # how much further they close: two steps of the path that they are followed along
 
 
 class Batch(NamedTuple):
@@ -61,12 +70,13 @@ class Batch(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What a group hangs on: points, guides as (link, point), its side."""
+    """What a group hangs on: points, guides as (link, point), its side; further points that are there."""
 
     one: str
     to: str
     guides: list[tuple[str, str]]
     side: int
+    more: list[str]
 
 
 class Dice:
@@ -98,15 +108,17 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
     choose, dice = np.random.default_rng((7, plan)), Dice(np.random.default_rng((8, plan)), count)
     kinds = kinds or tuple(str(kind) for kind in choose.choice(KINDS, groups))
     driver = driver or str(choose.choice(["turns", "turns", "turns", "swings", "slides"]))
-    phi = dice.between(0, 2 * math.pi)
+    general = driver in random_general.DRIVERS or any(kind in random_general.LOOPS for kind in kinds)
+    phi = dice.between(0, FROM_SKETCH if general else 2 * math.pi)
     fixed = {"A": dice.point(0.1), "P": dice.point(0.5), "Q": dice.point(0.5)}
-    first, crank = _driver(driver, choose, dice)
-    links, made = {"crank": crank}, [first]
-    moving = {"B": "crank", "K0": "crank"}
+    first, links, moving = _driver(driver, choose, dice, fixed, phi)
+    made = [first]
     for number, kind in enumerate(kinds, 1):
-        asked = _ask(choose, fixed, moving)
+        asked = _ask(choose, fixed, moving, kind in random_general.LOOPS)
         scaled = bool(choose.random() < 0.3)
-        group, new = _assembled(kind, number, dice, asked, scaled, (fixed, links, made, phi))
+        ahead = any(kind in random_general.LOOPS for kind in kinds[number - 1 :])  # it or one behind it is followed
+        angles = np.linspace(0, 1, 33)[:, None] * (phi + FURTHER) if ahead else phi
+        group, new = _assembled(kind, number, dice, asked, scaled, (fixed, links, made, angles))
         links |= new
         made.append(group)
         for link, (origin, far) in group.pins().items():
@@ -119,7 +131,7 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
         lj.OpposingForce("work", moving[worked], worked, magnitude=dice.between(5, 50)),
         lj.Torque("twist", moving[pushed], torque=dice.between(-5, 5)),
     )
-    wheel = Flywheel(dice.between(0, 0.5)) if driver != "slides" else None
+    wheel = Flywheel(dice.between(0, 0.5)) if driver in ("turns", "swings") else None
     turns = math.lcm(*(g.mesh.teeth[0] for g in made if isinstance(g, Gear) and isinstance(g.mesh, Teeth)))
     scene = lj.Scene(Mechanism(fixed, links, made, wheel), loads, dice.point(10.0), dice.between(5, 40),
                      cycle_turns=turns)  # fmt: skip
@@ -128,8 +140,18 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
     return Batch(name, scene, phi, scene.speed * dice.between(0.8, 1.2), scene.speed**2 * dice.between(-1, 1))
 
 
-def _driver(driver: str, choose, dice: Dice):
-    """The driver and its link."""
+def _driver(driver: str, choose, dice: Dice, fixed, phi):
+    """The driver, its links, and the points on them that others can hang on."""
+    if driver in random_general.DRIVERS:
+        so_far = fixed, {}, [], phi + FURTHER
+        first, links = _until_it_stands(dice, lambda: random_general.driver_of(driver, dice, fixed), so_far)
+        return first, links, random_general.points_of(driver)
+    first, link = _one_link(driver, choose, dice)
+    return first, {"crank": link}, {"B": "crank", "K0": "crank"}
+
+
+def _one_link(driver: str, choose, dice: Dice):
+    """A driver of one link."""
     if driver == "slides":
         guide = Guide("A", dice.between(-3, 3), dice.between(-0.05, 0.05))
         law = lj.Harmonic(dice.between(-0.1, 0.1), dice.between(-0.1, 0.1))
@@ -141,34 +163,55 @@ def _driver(driver: str, choose, dice: Dice):
     return Crank("crank", "A", "B", int(choose.choice((1, -1))), dice.between(0, 6)), link
 
 
-def _ask(choose, fixed, moving) -> Asked:
+def _ask(choose, fixed, moving, general: bool) -> Asked:
     """A moving point and another one, or one of the frame; guides on the frame and on a link."""
     points = list(moving)
     one, two = choose.choice(points, 2, replace=False)
     to = choose.choice([p for p in (*fixed, *points) if p not in (one, "A") and moving.get(p) != moving[one]])
     on = [("frame", str(choose.choice(["P", "Q"]))), (moving[two], str(two))]
-    return Asked(str(one), str(to), on if choose.random() < 0.5 else on[::-1], int(choose.choice((1, -1))))
+    on, side = on if choose.random() < 0.5 else on[::-1], int(choose.choice((1, -1)))
+    rest = [str(p) for p in choose.permutation([p for p in (*fixed, *points) if p not in (one, to)])] if general else []
+    return Asked(str(one), str(to), on, side, rest)
 
 
 def _assembled(kind: str, number: int, dice: Dice, asked: Asked, scaled: bool, so_far):
     """A group with its links, each design drawn anew until it can be assembled."""
     fixed, links, made, phi = so_far
+    general = kind in random_general.LOOPS
     with np.errstate(invalid="ignore"):
-        points, _ = oracle.assemble(SimpleNamespace(fixed=fixed, links=links, groups=made), phi)
+        machine = SimpleNamespace(fixed=fixed, links=links, groups=made)
+        pose = random_general.Pose(*oracle.assemble(machine, phi[0] if phi.ndim > 1 else phi))
+    if general:
+        outer = [asked.one, asked.to, *asked.more][: random_general.outer_count(kind)]
+
+        def draw():
+            guide = dice.guide(asked.guides[0])
+            return random_general.group_of(kind, number, dice, outer, guide, pose, scaled)
+    else:
+
+        def draw():
+            return _drawn(kind, number, dice, asked, pose.points, scaled)
+
+    return _until_it_stands(dice, draw, (fixed, links, made, phi[-1] if general else phi))
+
+
+def _until_it_stands(dice: Dice, draw: Callable[[], Any], so_far):
+    """What is drawn, anew for every design that does not stand."""
+    fixed, links, made, phi = so_far
     done, found = np.zeros(dice.count, bool), None
     for _ in range(TRIES):
-        new = _drawn(kind, number, dice, asked, points, scaled)
+        new = draw()
         if found is not None:
             new = jax.tree.map(lambda old, now, done=done: np.where(done, old, now), found, new)
-        found, done = new, done | _stands(fixed, links, made, new, phi)
+        found, done = new, done | _stands(fixed, links, made, new[:2], phi)
         if done.all():
             return found
-    raise AssertionError(f"no {kind} was found that can be assembled as group {number}")
+    raise AssertionError(f"no {found[0].kind} of {', '.join(found[1])} was found that can be assembled")
 
 
 def _drawn(kind: str, number: int, dice: Dice, asked: Asked, points, scaled: bool):
     """A group of random dimensions, with its links."""
-    one, to, (here, there), side = asked
+    one, to, (here, there), side, _ = asked
     a, b, marks = f"a{number}", f"b{number}", (f"K{2 * number}", f"K{2 * number + 1}")
 
     def links(*lengths: Any) -> dict[str, Link]:
@@ -217,14 +260,19 @@ def _stands(fixed, links, made, new, phi) -> np.ndarray:
     machine = SimpleNamespace(fixed=fixed, links=links | own, groups=[*made, group])
     with np.errstate(invalid="ignore"):
         points, directions = oracle.assemble(machine, phi)
-    good = np.ones(len(phi), bool)
+    good = np.ones(np.shape(phi), bool)
     for link, pins in group.pins().items():
         good &= np.isfinite(directions[link])
         for p in pins:
             good &= np.isfinite(points[p]) if p else True
+    if isinstance(group, General):
+        with np.errstate(invalid="ignore"):
+            begin, _ = oracle.assemble(machine, 0 * phi)
+            off = [np.abs(begin[p] - (np.asarray(at.x) + 1j * np.asarray(at.y))) for p, at in group.sketch.items()]
+        good &= np.max(off, 0) < AS_SKETCHED
     if isinstance(group, PRP):
         good &= group.side * (directions[group.blocks[1]] / directions[group.blocks[0]]).imag > 0
-    return good
+    return np.all(good.reshape((-1, good.shape[-1])), 0)
 
 
 # ---- drawn by links and joints

@@ -1,6 +1,7 @@
 """Random machines by the thousand: each group alone, and compositions of up to eight groups, against other roads.
 
-None of them is left out: what can be assembled at its crank angle is judged there, however near a dead position.
+None of them is left out: what can be assembled at its crank angle is judged there, however near a dead position; groups
+closed by Newton's method where they can be followed from their sketch, and six degrees further.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import pytest
 
 from linkjax import RRR
 from tests.physics.judged import Verdict, histogram, judged
+from tests.physics.random_general import DRIVERS, LOOPS
 from tests.physics.random_machines import KINDS, composed, drawn
 
 DESIGNS, FEW = 36, 12
@@ -47,7 +49,17 @@ IN_GEAR = [
         (("planet", "gear", "RRR", "RRP", "RPR", "PRP", "RPP", "RRR"), "turns"),
     ])
 ]  # fmt: skip
-QUICK = [TOGETHER[0]]
+IN_LOOPS = [
+    Case(3000 + i, len(kinds), kinds, driver)
+    for i, (driver, *kinds) in enumerate([
+        *(("turns", kind) for kind in LOOPS), *(("swings", kind) for kind in LOOPS[:2]),
+        *((driver, "RRR") for driver in DRIVERS), ("slides", "tetrad", "RRR"), ("cylinder", "triad", "RPR"),
+        ("inside", "dyad", "RRP"), ("turns", "RRR", "triad", "RRP"),
+        ("turns", "RPP", "two plates", "RRR"), ("swings", "triad with a slot", "tetrad"),
+        ("turns", "RRR", "RRP", "triad", "RPR", "dyad with a slot", "PRP", "RPP", "RRR"),
+    ]) for kinds in [tuple(kinds)]
+]  # fmt: skip
+QUICK = [TOGETHER[0], IN_LOOPS[LOOPS.index("dyad")]]
 
 
 @pytest.fixture(scope="module")
@@ -76,13 +88,13 @@ def test_some(case, verdicts):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [*ALONE, *TOGETHER, *IN_GEAR], ids=str)
+@pytest.mark.parametrize("case", [*ALONE, *TOGETHER, *IN_GEAR, *IN_LOOPS], ids=str)
 def test_all(case, verdicts):
     check(case, DESIGNS, verdicts)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [*ALONE[::3], TOGETHER[0]], ids=str)
+@pytest.mark.parametrize("case", [*ALONE[::3], TOGETHER[0], *IN_LOOPS[:2]], ids=str)
 def test_compiled(case, verdicts):
     check(case, DESIGNS, verdicts, compiled=True, exact=4, slopes=4)
 
@@ -103,4 +115,5 @@ def test_what_is_wrong_is_seen(monkeypatch):
 
 def test_there_are_as_many_as_promised():
     assert (len(ALONE) + len(TOGETHER) + len(IN_GEAR)) * DESIGNS >= 2400
+    assert len(IN_LOOPS) * DESIGNS >= 600
     assert {case.groups for case in (*ALONE, *TOGETHER)} == set(range(1, 9))
