@@ -88,6 +88,11 @@ class AbstractChain(AbstractGroup):
         names = [name for gear in self.gears for name in gear.mates()]
         return tuple(dict.fromkeys(name for name in names if name not in (FRAME, *self.link_names())))
 
+    def spinning(self) -> set[str]:
+        """Wheels that carry none: how they stand is settled by those with which they are in gear."""
+        every = {name for gear in self.gears for name in (gear.link, gear.to)}
+        return every.difference((slot.block for slot in self.slots), (gear.mates()[1] for gear in self.gears))
+
     def lies_on(self):
         ends = [end for gear in self.gears for end in gear.lies_on()]
         return tuple((link, point) for link, point in ends if link not in self.link_names() and point in self.outer)
@@ -130,8 +135,7 @@ class AbstractChain(AbstractGroup):
             if pins is not None and guide.through not in (*pins, *links[guide.on].points):
                 problem = f"the guide of {block!r} is on link {guide.on!r}, but point {guide.through!r} is not"
                 return problem, f"known here: {', '.join((*pins, *links[guide.on].points))}"
-        single = {*blocks, *(name for gear in self.gears for name in (gear.link, gear.to))}
-        return undrawn(self.members, links, self.sketch, self.outer, single)
+        return undrawn(self.members, links, self.sketch, self.outer, {*blocks, *self.spinning()})
 
     def joints(self):
         found = []

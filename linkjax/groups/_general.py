@@ -115,7 +115,7 @@ class General(AbstractChain):
         arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
         return safe_sqrt(largest(jnp.stack(arms)), 1.0)
 
-    def _known(self, states, points, phi: Array | None = None, t=0.0) -> Known:
+    def _known(self, states, points, phi: Array | None = None, t: Array | float = 0.0) -> Known:
         """What was there before, `t` of crank angle later (to second order); angles only where `phi` is given."""
         half = 0.5 * t * t
         links = {g.on: states[g.on] for g in self.guides() if g.on != "frame"}
@@ -139,7 +139,7 @@ class General(AbstractChain):
         at, u = self._outside(known)
         return c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t), geared=self._geared(known, c.size))
 
-    def _drive(self, phi: Array, t=0.0) -> Array:
+    def _drive(self, phi: Array, t: Array | float = 0.0) -> Array:
         if self.drive is None:
             return jnp.zeros_like(phi)
         s, d, dd = self.drive.at(phi, self.driven_slot() is not None)
@@ -151,18 +151,16 @@ class General(AbstractChain):
         lean = {slot.block: slot.guide for slot in self.slots}
         seen = {link: self._seen(link, pins, places) for link, pins in self.members}
         drawn = from_sketch(spots, lean, seen, places, {name: state.u for name, state in states.items()})
-        return self._wound(drawn, seen, places, self._known(states, points, phi)) if self.gears else drawn
+        return self._wound(drawn, places, self._known(states, points, phi)) if self.gears else drawn
 
-    def _wound(self, drawn: Array, seen, places, known: Known) -> Array:
-        """The same with angles, those of wheels that are not sketched as their gears say: about their pivots."""
+    def _wound(self, drawn: Array, places, known: Known) -> Array:
+        """The same with angles, those of wheels as the others say."""
         held = self._geared(known, self._size(places))
         assert held is not None
         angle = jnp.atan2(drawn[:, 3], drawn[:, 2])
-        blocks = [slot.block for slot in self.slots]
-        free = [i for i, (link, points) in enumerate(seen.items()) if len(points) < 2 and link not in blocks]
-        if free:
-            left = held.wanted - held.angles @ angle
-            angle = angle.at[np.asarray(free)].add(jnp.linalg.pinv(held.angles[:, np.asarray(free)]) @ left)
+        free = np.asarray([i for i, name in enumerate(self.link_names()) if name in self.spinning()], dtype=int)
+        if free.size:
+            angle = angle.at[free].add(jnp.linalg.pinv(held.angles[:, free]) @ (held.wanted - held.angles @ angle))
         return jnp.concatenate([drawn[:, :2], angle[:, None]], axis=1)
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:

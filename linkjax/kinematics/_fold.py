@@ -24,8 +24,8 @@ def folded(mechanism: Mechanism, number: int, inside: float, end: float) -> floa
     closure is not.
     Source: Moore and Spence, The calculation of turning points of nonlinear equations, SIAM J. Numer. Anal. 17, 1980.
     """
-    angle, left = (float(part) for part in _fold(mechanism, number, np.asarray(inside), np.asarray(end)))
-    good = left < closed_to(np.float64) and abs(angle - end) < FAR
+    angle, left = (float(part) for part in _fold(mechanism, number, jnp.asarray(inside), jnp.asarray(end)))
+    good = left < closed_to(float) and abs(angle - end) < FAR
     return angle if good else end
 
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from linkjax._compile import compiled_soon
 from linkjax._types import known as number_of
-from linkjax._vec import Vec
+from linkjax._vec import Vec, unit
 from linkjax.groups import (
     FRAME,
     PRP,
@@ -42,18 +42,16 @@ class Attachment:
 
     def __init__(self, drawing: Drawing, drive: Drive):
         self.drawing, self.drive = drawing, drive
+        self.wheels = Wheels(drawing.gears, drawing.racks, drawing, drive)
 
     def groups(self, parts: Sequence[tuple[str, ...]]) -> list[AbstractGroup]:
         """The driver and the Assur groups, in the order of their parts."""
-        self._check_wheels(parts[0], {FRAME})
         made, placed = [], {FRAME}
-        wheels = Wheels(self.drawing.gears, self.drawing.racks, self.drawing, self.drive)
         for part in parts:
-            self._check_wheels(part, placed)
             if not made:
                 group = self._driver(part)
             elif len(part) == 1:
-                group = wheels.group(part[0], placed)
+                group = self.wheels.group(part[0], placed)
             else:
                 group = (self._dyad(part, placed) if len(part) == 2 else None) or self._general(part, placed)
             made.append(group)
@@ -61,15 +59,6 @@ class Attachment:
             if isinstance(group, General) and part != parts[-1]:
                 self._settle(group)
         return made
-
-    def _check_wheels(self, part: tuple[str, ...], placed: set[str]) -> None:
-        """Raise `StructureError` for wheels whose turns only come out together with other links."""
-        for gear in (*self.drawing.gears, *self.drawing.racks):
-            ends = {gear.link, gear.to}
-            if len(part) > 1 and ends & set(part) and ends <= {*part, *placed}:
-                problem = f"{', '.join(part)} can only be solved together, with {gear.link!r} and {gear.to!r} in gear"
-                remedy = "drive the mechanism so that one wheel after the other follows, e.g. by the carrier"
-                raise StructureError(f"gear of {gear.link}", problem, remedy)
 
     def _driver(self, part: tuple[str, ...]) -> AbstractGroup:
         drive = self.drive
@@ -98,10 +87,11 @@ class Attachment:
         own = [p for name in part for p in drawing.places(name) if p in drawing.spots and p not in outer]
         sketch = {p: Vec(drawing.spots[p].real, drawing.spots[p].imag) for p in dict.fromkeys(own)}
         members = tuple((name, drawing.links[name].pins) for name in part)
+        group = General(members, tuple(dict.fromkeys(outer)), sketch, slots, drive, self.wheels.inside(part, placed))
         for name in part:
-            if not any(slot.block == name for slot in slots):
+            if not any(slot.block == name for slot in slots) and name not in group.spinning():
                 drawing.axis(name)  # the sketch must say so
-        group = General(members, tuple(dict.fromkeys(outer)), sketch, slots, drive)
+        self.wheels.check_phases(group)
         if drive is not None and group.driven_slot() is None:
             self._check_phase(drive)
         return group
@@ -120,16 +110,17 @@ class Attachment:
         """Find the places of the links of a general group, where it closes."""
         drawing = self.drawing
         points = {p: at_rest(Vec(drawing.spots[p].real, drawing.spots[p].imag)) for p in group.needs()}
-        axes = {guide.on: drawing.axis(guide.on) for guide in group.guides() if guide.on != FRAME}
-        none = jnp.zeros(())
-        states = {
-            name: LinkState(Vec(jnp.asarray(u.real), jnp.asarray(u.imag)), none, none) for name, u in axes.items()
-        }
+        on = [guide.on for guide in group.guides() if guide.on != FRAME]
+        angles, none = {name: jnp.asarray(self.wheels.angle(name)) for name in (*on, *group.mates())}, jnp.zeros(())
+        states = {name: LinkState(unit(angle), none, none, angle) for name, angle in angles.items()}
         links = {name: drawing.links[name] for name in group.link_names()}
         z, gap = _closed(group, links, states, points)
         if gap < closed_to(gap.dtype):
-            for (name, pins), (x, y, c, s) in zip(group.members, z.tolist(), strict=True):
-                drawing.place(name, pins[0], complex(x, y), complex(c, s))
+            for (name, pins), (x, y, *u) in zip(group.members, z.tolist(), strict=True):
+                if group.gears:
+                    self.wheels.counted[name] = u[0]
+                turn = cmath.exp(1j * u[0]) if group.gears else complex(*u)
+                drawing.place(name, pins[0], complex(x, y), turn)
 
     # ---- groups of class II in closed form
 
@@ -260,5 +251,5 @@ def _turn(true: complex, own: complex) -> complex:
 @compiled_soon
 def _closed(group: General, links, states, points):
     phi = jnp.zeros(())
-    z, _, gap = group.closed(links, states, points, phi, group.sketched(group.places(links), states, points))
+    z, _, gap = group.closed(links, states, points, phi, group.sketched(links, states, points, phi))
     return z, gap

@@ -6,11 +6,14 @@ import cmath
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from linkjax._units import nearest
-from linkjax.groups import FRAME, AbstractGroup, Drive, Gear, GearPair, Pair, Pinion, Rack, RackPair, Slot
+from linkjax.groups import FRAME, AbstractGroup, Drive, Gear, GearPair, General, Pair, Pinion, Rack, RackPair, Slot
 from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 
+ASTRAY = 0.5  # rad: how far off its place a carrier may be sketched
 Pins = Mapping[str, Sequence[str]]
 
 
@@ -81,17 +84,64 @@ class Wheels:
         rack = next(rack for rack, both in ends if link in both and both - {link} <= placed)
         return self._rack(rack) if link == rack.link else self._pinion(rack)
 
+    def inside(self, part: Sequence[str], placed: set[str]) -> tuple[Gear | Rack, ...]:
+        """The wheels and racks whose turns only come out together with links of a part."""
+        pins, found = self.drawing.pins(), []
+        for gear in self.gears:
+            carrier, pivot, centre = carried_on(gear, pins)
+            if {gear.link, gear.to, carrier} <= {*part, *placed, FRAME} and {gear.link, gear.to, carrier} & set(part):
+                ends = (gear.link, pivot, gear.mesh, gear.to, centre)
+                if gear.link not in part:
+                    back = turned_round(gear)
+                    ends, gear = (back.link, centre, back.mesh, back.to, pivot), back
+                found.append(Gear(*ends, None, gear.phase, carrier))
+        for rack in self.racks:
+            guide = self.drawing.guide(rack.link)
+            if {rack.link, rack.to, guide.on} <= {*part, *placed, FRAME} and {rack.link, rack.to, guide.on} & set(part):
+                end, rest = self.drawing.links[rack.link].pins[0], (rack.side, rack.start, rack.pressure_angle)
+                found.append(Rack(rack.link, end, guide, rack.to, self._centre(rack), rack.radius, *rest))
+        for wheel in found:
+            if wheel.link not in part:
+                problem = f"what carries it comes out only after {wheel.link!r} and {wheel.to!r}"
+                raise StructureError(f"gear of {wheel.link}", problem, "drive another link")
+        return tuple(found)
+
+    def check_phases(self, group: General) -> None:
+        """Raise `StructureError` where carriers stand elsewhere by the phases of their wheels than in the sketch."""
+        gears = [gear for gear in group.gears if isinstance(gear, Gear)]
+        rows = [{name: float(value) for name, value in gear.coupling().angles.items()} for gear in gears]
+        names, wheels = dict.fromkeys(n for row in rows for n in row if n != FRAME), group.spinning()
+        seen = {name: self.angle(name) for name in names if name not in wheels}
+        held = [name for name in seen if name in group.link_names()]
+        free = [name for name in names if name not in seen]
+        at = np.array([[row.get(name, 0.0) for name in (*free, *held)] for row in rows]).reshape((len(rows), -1))
+        left = [float(gear.phase) - sum(row.get(name, 0.0) * seen[name] for name in seen)
+                for gear, row in zip(gears, rows, strict=True)]  # fmt: skip
+        still = np.eye(len(rows)) - at[:, : len(free)] @ np.linalg.pinv(at[:, : len(free)])
+        off = np.linalg.pinv(still @ at[:, len(free) :]) @ (still @ left)
+        for name, more in zip(held, off, strict=True):
+            if abs(math.remainder(more, 2 * math.pi)) > ASTRAY:
+                stands, drawn = (math.degrees(math.remainder(a, 2 * math.pi)) for a in (seen[name] + more, seen[name]))
+                of = ", ".join(gear.link for gear in gears)
+                problem = f"with these phases {name!r} stands at {stands:.4g} degrees at crank angle zero"
+                last, matrix = len(gears) - 1, at[:-1, : len(free)]
+                others = np.linalg.pinv(matrix) @ left[:-1] if last else np.zeros(len(free))
+                phase = math.degrees(float(gears[last].phase) - left[last] + float(at[last, : len(free)] @ others))
+                remedy = f'write phase = "{math.remainder(phase, 360):.6g} deg" for that of {gears[last].link!r} with '
+                raise StructureError(f"gear of {of}", f"{problem}, but at {drawn:.4g} in the sketch",
+                                     f"{remedy}{gears[last].to!r}, or sketch it so")  # fmt: skip
+
     def _gear(self, gear: GearPair) -> Gear:
         carrier, pivot, centre = carried_on(gear, self.drawing.pins())
         end = self._end(gear.link, pivot)
-        there, on = self._angle(gear.to), self._angle(carrier)
+        there, on = self.angle(gear.to), self.angle(carrier)
         self._turn(gear.link, pivot, float(gear.phase) + on + float(gear.mesh.ratio()) * (there - on))
         return Gear(gear.link, pivot, gear.mesh, gear.to, centre, end, gear.phase, carrier)
 
     def _rack(self, rack: RackPair) -> Rack:
         guide, centre = self.drawing.guide(rack.link), self._centre(rack)
         end, (base, along) = self.drawing.links[rack.link].pins[0], self.drawing.path(guide)
-        ahead = float(rack.start) + rack.side * float(rack.radius) * (self._angle(rack.to) - self._angle(guide.on))
+        ahead = float(rack.start) + rack.side * float(rack.radius) * (self.angle(rack.to) - self.angle(guide.on))
         self.drawing.place(rack.link, end, base + along * ahead, along)
         return Rack(rack.link, end, guide, rack.to, centre, rack.radius, rack.side, rack.start, rack.pressure_angle)
 
@@ -99,7 +149,7 @@ class Wheels:
         guide, pivot, at = self.drawing.guide(rack.link), self._centre(rack), self.drawing.links[rack.link].pins[0]
         end, (base, along) = self._end(rack.to, pivot), self.drawing.path(guide)
         moved = ((self.drawing.spot(at, rack.link) - base) / along).real - float(rack.start)
-        self._turn(rack.to, pivot, self._angle(guide.on) + rack.side * moved / float(rack.radius))
+        self._turn(rack.to, pivot, self.angle(guide.on) + rack.side * moved / float(rack.radius))
         return Pinion(rack.to, pivot, rack.link, at, rack.radius, rack.side, end, 0.0, guide.on, rack.pressure_angle,
                       guide.through, rack.start)  # fmt: skip
 
@@ -115,7 +165,7 @@ class Wheels:
             raise StructureError(f"links.{wheel}", problem, "name that pin first")
         return link.pins[1] if len(link.pins) > 1 and link.pins[1] not in link.points else None
 
-    def _angle(self, link: str) -> float:
+    def angle(self, link: str) -> float:
         """Angle of a link at crank angle zero."""
         return self.counted[link] if link in self.counted else cmath.phase(self.drawing.axis(link))
 

@@ -30,11 +30,11 @@ from linkjax import (
     Vec,
     Window,
 )
-from linkjax.groups import Belt, Gear, General, Pinion, Rack, Teeth
+from linkjax.groups import Belt, Gear, General, Pinion, Rack, Slot, Teeth
 from linkjax.kinematics import least_margin
 
 BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")
-COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides", "triad", "geared")
+COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides", "triad", "geared", "rolling")
 PRESCRIBED = ("swinging", "hydraulic")  # by a law of motion
 
 
@@ -293,10 +293,44 @@ def _geared() -> lj.Scene:
     return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.3)), loads, Vec(0.0, -9.81), 15.0, 0.05, title="Gears")
 
 
+def _rolling() -> lj.Scene:
+    """A lever with a wheel that rolls on one of the frame and moves a rack along the lever, and a pulley on its other
+    arm with a belt to the frame: the crank moves the rack by a rod, so that all must be found together."""
+
+    def link(length: float, mass: float, **points: Vec) -> Link:
+        return Link(length=length, mass=mass, inertia=0.02 * mass * (0.2 + length) ** 2,
+                    centre=Vec(0.4 * length + 0.01, 0.01), points=points)  # fmt: skip
+
+    links = {
+        "crank": link(0.05, 1.0), "lever": link(0.2, 1.5, F=Vec(-0.12, 0.05), H=Vec(0.0, 0.0)), "wheel": link(0.04, 0.8),
+        "rack": link(0.0, 1.2), "rod": link(0.35, 0.9), "pulley": link(0.06, 0.7), "coupler": link(0.4, 1.0),
+        "slide": link(0.0, 2.0),
+    }  # fmt: skip
+    along = Guide("E", 0.3, 0.04, "lever")
+    together = General(
+        (("lever", ("D", "E", "F")), ("wheel", ("E", "T")), ("rack", ("U",)), ("rod", ("B", "U")), ("pulley", ("F", "V"))),
+        ("B", "D"), {"E": Vec(0.5, 0.1), "F": Vec(0.2, 0.15), "T": Vec(0.54, 0.1), "U": Vec(0.4, 0.1), "V": Vec(0.2, 0.2)},
+        (Slot("rack", along),),
+        gears=(
+            Gear("wheel", "E", Teeth((20, 36)), "frame", "D", None, 0.4, "lever"),
+            Rack("rack", "U", along, "wheel", "E", 0.05, -1, -0.1),
+            Gear("pulley", "F", Belt(0.03, 0.05, crossed=True, tension=30.0), "frame", "D", None, 0.7, "lever"),
+        ),
+    )  # fmt: skip
+    groups = [Crank("crank", "A", "B"), together, RRP("coupler", "slide", "V", "W", Guide("A", 0.1, -0.05))]
+    fixed = {"A": Vec(0.05, 0.1), "D": Vec(0.3, 0.0)}
+    loads = (
+        OpposingForce("press", "rack", "U", magnitude=30.0, window=Window(turn(40.0), turn(200.0)), reacts_on="frame"),
+        Force("pull", "wheel", "T", force=Vec(10.0, -30.0)),
+        OpposingTorque("rub", "pulley", magnitude=1.0),
+    )
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.3)), loads, Vec(0.0, -9.81), 12.0, 0.05, title="Rolling")
+
+
 @functools.cache
 def machine(name: str) -> lj.Scene:
     """A built-in scene, or one composed here."""
-    made = _two_on_one_crank, _coupler_points, _clockwise, _slotted_levers, _moving_guides, _triad, _geared
+    made = _two_on_one_crank, _coupler_points, _clockwise, _slotted_levers, _moving_guides, _triad, _geared, _rolling
     made = *made, _swinging, _hydraulic
     composed = dict(zip((*COMPOSED, *PRESCRIBED), made, strict=True))
     return composed[name]() if name in composed else lj.load(name)
@@ -330,7 +364,10 @@ def mirrored(mechanism: Mechanism) -> Mechanism:
         if isinstance(old, RPP):
             return dataclasses.replace(old, guide=flipped(old.guide), slot=-old.slot, offset=-old.offset)
         if isinstance(old, General):
-            return dataclasses.replace(old, sketch={p: flip(at) for p, at in old.sketch.items()})
+            slots = tuple(dataclasses.replace(slot, guide=flipped(slot.guide)) for slot in old.slots)
+            gears = tuple(group(gear) for gear in old.gears)
+            sketch = {p: flip(at) for p, at in old.sketch.items()}
+            return dataclasses.replace(old, sketch=sketch, slots=slots, gears=gears)
         if isinstance(old, PRP):
             return dataclasses.replace(old, slots=tuple(map(flipped, old.slots)), side=-old.side)
         if isinstance(old, Gear):
@@ -379,7 +416,11 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
         if isinstance(old, RRP | RPP):
             old = dataclasses.replace(old, guide=group(old.guide))
         if isinstance(old, General):
-            return dataclasses.replace(old, sketch={p: at * lengths for p, at in old.sketch.items()})
+            slots = tuple(dataclasses.replace(slot, guide=group(slot.guide)) for slot in old.slots)
+            gears = tuple(group(gear) for gear in old.gears)
+            return dataclasses.replace(
+                old, sketch={p: at * lengths for p, at in old.sketch.items()}, slots=slots, gears=gears
+            )
         if isinstance(old, RPR | RPP | Guide):
             return dataclasses.replace(old, offset=old.offset * lengths)
         return old

@@ -90,9 +90,9 @@ def joints(mechanism) -> list[Joint]:
                 Joint(g.meet, g.meet, two, one),
             ]
             owner[g.meet] = one
-        if isinstance(g, wheels.WHEELS):
-            point = g.end if isinstance(g, Rack) else g.pivot
-            found.append(Joint(f"{g.link}.mesh", point, g.link, g.to, mesh=True))
+        for wheel in g.wheels():
+            point = wheel.end if isinstance(wheel, Rack) else wheel.pivot
+            found.append(Joint(f"{wheel.link}.mesh", point, wheel.link, wheel.to, mesh=True))
         for name in g.link_names():
             link = mechanism.links[name]
             for point in (link.centre_name, *link.point_names()):
@@ -118,7 +118,7 @@ def solve(scene, phi, speed, acceleration) -> Solution:
     row = {name: 3 * i for i, name in enumerate(bodies)}
     size = 3 * len(bodies)
     at, headings = ({name: jet.r for name, jet in jets.items()} for jets in here)
-    contacts = [wheels.contact(g, at, headings) for g in mechanism.groups if isinstance(g, wheels.WHEELS)]
+    contacts = [wheels.contact(wheel, at, headings) for g in mechanism.groups for wheel in g.wheels()]
     assert size == 2 * len(every) + len(contacts) + 1, "as many equations as unknowns"
     matrix, right = np.zeros((*phi.shape, size, size)), np.zeros((*phi.shape, size))
     centre = {name: here.points[next(iter(b.places))] for name, b in bodies.items()}

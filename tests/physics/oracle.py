@@ -137,7 +137,8 @@ def open_joints(g: General, places, points, directions, x, m=np, phi=0.0) -> lis
     n = reader(m)
     at = {link: x[3 * i] + 1j * x[3 * i + 1] for i, (link, _) in enumerate(g.members)}
     u = {link: m.exp(1j * x[3 * i + 2]) for i, (link, _) in enumerate(g.members)}
-    found, holders = [], {}
+    angles = {"frame": n(0), **{link: x[3 * i + 2] for i, (link, _) in enumerate(g.members)}}
+    found, holders, ways = [], {}, {}
     for link, pins in g.members:
         for p in pins:
             holders.setdefault(p, []).append(at[link] + places[link][p] * u[link])
@@ -151,6 +152,8 @@ def open_joints(g: General, places, points, directions, x, m=np, phi=0.0) -> lis
         seen = (at[slot.block] - base) / (m.exp(1j * n(guide.along)) * turned)
         found += [seen.imag - n(guide.offset), (u[slot.block] / (m.exp(1j * n(guide.along)) * turned)).imag]
         found += [seen.real - stands(g.drive, phi, m)] if k == g.driven_slot() else []
+        ways[slot.block] = seen.real
+    found += [wheels.left_open(gear, angles.__getitem__, ways, n) for gear in g.gears]
     if g.drive is not None and g.driven_slot() is None:
         turned = u[g.drive.link] / (1 if g.drive.on == "frame" else u[g.drive.on])
         found.append((turned / m.exp(1j * (n(g.drive.phase) + stands(g.drive, phi, m)))).imag)
@@ -531,6 +534,14 @@ def _general_rates(g: General, places, at, directions, points, links, still, phi
                 give(2j * w * slides[0][k] * along, row)
             matrix[..., row + 2, 3 * names.index(block) + 2] = 1.0
             row += 3
+        for gear in g.gears:
+            for name, factor in wheels.factors(gear).items():
+                if name in names:
+                    matrix[..., row, 3 * names.index(name) + 2] += factor
+            if isinstance(gear, Rack):
+                k = [slot.block for slot in g.slots].index(gear.link)
+                matrix[..., row, count - len(g.slots) + k] = 1.0
+            row += 1
         if g.drive is not None:
             k = g.driven_slot()
             if k is not None:

@@ -107,17 +107,20 @@ def test_a_triad_ends_where_the_other_way_round_it_reverses():
     covers when the crank drives, between dead centres found in closed form, group by group."""
     usual = load("stephenson-3").mechanism
     here = pose(usual, jnp.zeros(()))
-    angle = lambda at: jnp.arctan2(at.links["lever"].u.y, at.links["lever"].u.x)
     sketch = {p: here.points[p].r for p in "BCEG"}
     links = {name: dataclasses.replace(link, pins=PINS[name], centre_name="") for name, link in usual.links.items()}
-    other = linkage(usual.fixed, links, Drive("lever", phase=angle(here)), sketch=sketch)
+    other = linkage(usual.fixed, links, Drive("lever", phase=lever_angle(here)), sketch=sketch)
     assert other.formula() == "I1(lever) → III3(arm, coupler, crank, rocker)"
     ends = dead_centres(usual)["lever"]
-    turned = [float(angle(pose(usual, at))) - float(angle(here)) for at in ends.angle[ends.true]]
+    turned = [float(lever_angle(pose(usual, at)) - lever_angle(here)) for at in ends.angle[ends.true]]
     only, *_ = crank_limits(other)
     assert len(turned) == 2 and min(turned) < 0.0 < max(turned)
     assert (only.start, only.stop) == pytest.approx((min(turned), max(turned)), abs=1e-12)
     assert only.at_start == only.at_stop == "arm-coupler-crank-rocker, loops"
+
+
+def lever_angle(here):
+    return jnp.arctan2(here.links["lever"].u.y, here.links["lever"].u.x)
 
 
 PINS = {"crank": ("A", "B"), "coupler": ("B", "C", "E"), "rocker": ("D", "C"), "arm": ("E", "G"), "lever": ("F", "G")}

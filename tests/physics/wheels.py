@@ -27,6 +27,22 @@ def mesh_angle(g: Gear, angle, n) -> Any:
     return n(g.phase) + angle(g.carrier) + ratio * seen
 
 
+def left_open(g: Gear | Rack, angle, ways, n) -> Any:
+    """What wheels in gear leave open, from angles and from the ways of blocks."""
+    if isinstance(g, Gear):
+        return angle(g.link) - mesh_angle(g, angle, n)
+    return ways[g.link] - n(g.start) - g.side * n(g.radius) * (angle(g.to) - angle(g.guide.on))
+
+
+def factors(g: Gear | Rack) -> dict[str, Any]:
+    """The same as factors of the rates of links; that of the way is one."""
+    if isinstance(g, Rack):
+        arc = g.side * np.asarray(g.radius)
+        return {g.to: -arc, g.guide.on: arc}
+    found = {name: mesh_rates(g, lambda one, name=name: float(one == name)) for name in (g.to, g.carrier)}
+    return {g.link: 1.0, **{name: -factor for name, factor in found.items()}}
+
+
 def mesh_rates(g, rate) -> Any:
     """The same relation between rates of any order, without the phase."""
     if isinstance(g.mesh, Teeth):
