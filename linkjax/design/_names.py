@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, General, Guide, Slide, Slot, Teeth
+from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, General, Guide, Rack, Slide, Slot, Teeth
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -130,9 +130,10 @@ def _group(
     """The numbers of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
     drive does."""
     slides = slides or isinstance(group, Slide) or (isinstance(group, General) and group.driven_slot() is not None)
+    rack = isinstance(group, Rack) and ".gears[" in name  # its guide is that of a slot
     for field in dataclasses.fields(group):
         value = getattr(group, field.name)
-        if field.name == "path" or (field.name == "phase" and slides):
+        if field.name == "path" or (rack and field.name == "guide") or (field.name == "phase" and slides):
             continue  # no number of the design, or of no effect
         if isinstance(value, AbstractLaw):
             unit = "m" if slides else "rad"

@@ -89,8 +89,8 @@ class AbstractChain(AbstractGroup):
         return tuple(dict.fromkeys(name for name in names if name not in (FRAME, *self.link_names())))
 
     def spinning(self) -> set[str]:
-        """Wheels that carry none: how they stand is settled by those with which they are in gear."""
-        every = {name for gear in self.gears for name in (gear.link, gear.to)}
+        """Members that are wheels and carry none: how they stand is settled by those with which they are in gear."""
+        every = {name for gear in self.gears for name in (gear.link, gear.to) if name in self.link_names()}
         return every.difference((slot.block for slot in self.slots), (gear.mates()[1] for gear in self.gears))
 
     def lies_on(self):

@@ -40,7 +40,8 @@ class Track(NamedTuple):
         a, b, c, d = (self.z[first + k] for k in range(4))
         left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6
         if self.z.shape[2] == 3:  # angles go on from turn to turn
-            rounds = jnp.floor(phi / (2 * jnp.pi * turns))
+            span = 2 * jnp.pi * turns
+            rounds = jnp.round((phi - wrapped(phi, span)) / span)
             more = rounds * (self.z[-1, :, 2] - self.z[0, :, 2])
             a, b, c, d = (part.at[:, 2].add(more) for part in (a, b, c, d))
         return a * left + b * (x * (x - 2) * (x - 3) / 2) - c * (x * (x - 1) * (x - 3) / 2) + d * right

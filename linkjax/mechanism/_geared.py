@@ -127,7 +127,7 @@ class Wheels:
                 last, matrix = len(gears) - 1, at[:-1, : len(free)]
                 others = np.linalg.pinv(matrix) @ left[:-1] if last else np.zeros(len(free))
                 phase = math.degrees(float(gears[last].phase) - left[last] + float(at[last, : len(free)] @ others))
-                remedy = f'write phase = "{math.remainder(phase, 360):.6g} deg" for that of {gears[last].link!r} with '
+                remedy = f'write phase = "{phase:.6g} deg" for that of {gears[last].link!r} with '
                 raise StructureError(f"gear of {of}", f"{problem}, but at {drawn:.4g} in the sketch",
                                      f"{remedy}{gears[last].to!r}, or sketch it so")  # fmt: skip
 

@@ -34,7 +34,16 @@ from linkjax.groups import Belt, Gear, General, Pinion, Rack, Slot, Teeth
 from linkjax.kinematics import least_margin
 
 BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")
-COMPOSED = ("two-on-one-crank", "coupler-points", "clockwise", "slotted-levers", "moving-guides", "triad", "geared", "rolling")
+COMPOSED = (
+    "two-on-one-crank",
+    "coupler-points",
+    "clockwise",
+    "slotted-levers",
+    "moving-guides",
+    "triad",
+    "geared",
+    "rolling",
+)
 PRESCRIBED = ("swinging", "hydraulic")  # by a law of motion
 
 

@@ -6,6 +6,7 @@ Their kinematics and forces against 50 digits and against contacts that only pre
 """
 
 import math
+import re
 
 import jax
 import jax.numpy as jnp
@@ -403,22 +404,66 @@ def test_racks_in_any_order():
         np.testing.assert_allclose(xy(at_end.points["V"].r), [0.02 - 0.15, 0.2], atol=1e-15)
 
 
+SUN = {"sun": Link(length=0.05, mass=1.0, pins=("A", "S")), "arm": Link(length=0.1, mass=1.0, pins=("A", "B")),
+       "planet": Link(length=0.05, mass=1.0, pins=("B", "Q"))}  # fmt: skip
+
+
+def epicyclic(drive: Drive, **changes) -> Mechanism:
+    """A sun, and a planet that runs inside a ring of the frame."""
+    planet = {"phase": 0.3, **changes}
+    gears = [
+        GearPair("planet", "sun", Teeth((20, 40)), **planet),
+        GearPair("planet", "frame", Teeth((20, 80), inside=True)),
+    ]
+    sketch = {"B": (0.099, 0.01), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
+    return linkage({"A": Vec(0.0, 0.0)}, SUN, drive, (), sketch, gears=gears)
+
+
 def test_wheels_that_only_come_out_together():
-    """A sun that drives planet and arm: the arm must drive, and that is said."""
-    links = {"sun": Link(length=0.05, mass=1.0, pins=("A", "S")), "arm": Link(length=0.1, mass=1.0, pins=("A", "B")),
-             "planet": Link(length=0.05, mass=1.0, pins=("B", "Q"))}  # fmt: skip
-    gears = [GearPair("planet", "sun", Teeth((20, 40))), GearPair("planet", "frame", Teeth((20, 80), inside=True))]
-    sketch = {"B": (0.1, 0.0), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
-    with pytest.raises(StructureError, match=r"arm, planet can only be solved together.*drive.*by the carrier"):
-        linkage({"A": Vec(0.0, 0.0)}, links, Drive("sun"), (), sketch, gears=gears)
-    by_arm = linkage({"A": Vec(0.0, 0.0)}, links, Drive("arm"), (), sketch, gears=gears)
+    """The sun or the arm drives the same machine: one solves arm and planet together, the other one after the other."""
+    by_arm, by_sun = epicyclic(Drive("arm")), epicyclic(Drive("sun", phase=0.15))
     assert by_arm.formula() == "I1(arm) → G(planet) → G(sun)"
-    np.testing.assert_allclose(at(by_arm).links["sun"].w, 1 + 80 / 40, rtol=1e-14)  # Willis
+    assert by_sun.formula() == "I1(sun) → G(arm, planet)"
+    one, two = (
+        at(by_arm),
+        at(prepared(by_sun, 3), 3 * ANGLES),
+    )  # 1 + 80 / 40 turns of the sun for one of the arm: Willis
+    for name in SUN:
+        np.testing.assert_allclose(two.links[name].angle, one.links[name].angle, atol=1e-13)
+        np.testing.assert_allclose(two.links[name].w, one.links[name].w / 3, rtol=1e-14)
+    for name in "BQS":
+        np.testing.assert_allclose(xy(two.points[name].ddr), xy(one.points[name].ddr) / 9, atol=1e-15)
+
+
+def test_phases_and_sketch_that_contradict_each_other():
+    """Wheels that come out together stand where their phases say: the one that the sketch has is told, and fits."""
+    with pytest.raises(StructureError, match=r"'arm' stands at .*, but at 5.768 in the sketch; write phase = ") as told:
+        epicyclic(Drive("sun"), phase=3.0)
+    found = re.search(r'phase = "(.*) deg" for that of', str(told.value))
+    assert found is not None
+    gears = [GearPair("planet", "sun", Teeth((20, 40)), 3.0),
+             GearPair("planet", "frame", Teeth((20, 80), inside=True), math.radians(float(found[1])))]  # fmt: skip
+    sketch = {"B": (0.099, 0.01), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
+    made = linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun"), (), sketch, gears=gears)
+    assert float(at(made, jnp.zeros(1)).links["arm"].angle[0]) == pytest.approx(math.atan2(0.01, 0.099), abs=1e-5)
+
+
+def test_a_cycle_of_a_sun():
+    """After how many turns of the sun all is where it began."""
+    machine = epicyclic(Drive("sun", phase=0.15))
+    with pytest.raises(StructureError, match=r"'arm' turns 0.333333 times, so nothing repeats; write 3"):
+        lj.Scene(machine, speed=5.0)
+    lj.Scene(machine, speed=5.0, cycle_turns=3)
 
 
 def test_written_and_read_back():
-    """A drawn machine with wheels as a scene file, to the last bit."""
-    scene = lj.Scene(drawn(Drive("crank")), (), speed=5.0)
+    """Drawn machines with wheels as scene files, to the last bit."""
+    for scene in (lj.Scene(drawn(Drive("crank")), (), speed=5.0),
+                  lj.Scene(epicyclic(Drive("sun", phase=0.15)), speed=5.0, cycle_turns=3)):  # fmt: skip
+        same(scene)
+
+
+def same(scene: lj.Scene) -> None:
     again = loads_text(text_of(scene))
     for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
         assert np.array_equal(one, two)
