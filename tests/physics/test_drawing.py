@@ -153,3 +153,93 @@ def test_a_drive_half_a_turn_off():
 
     assert margin(stands) > 0.05
     assert margin(stands + math.pi) == -1.0
+
+
+FIVE = {"a": Link(pins=("A", "B"), length=0.1), "b": Link(pins=("A", "E"), length=0.15),
+        "c": Link(pins=("B", "C"), length=0.3), "d": Link(pins=("D", "C"), length=0.25),
+        "e": Link(pins=("C", "E"), length=0.3)}  # fmt: skip
+
+
+@pytest.mark.parametrize(("driver", "against"), [("a", "b"), ("e", "d")], ids=["on one shaft", "of three at a pin"])
+def test_links_at_one_pin_driven_against_each_other(driver, against):
+    """Two on one shaft of the frame, two of three at a pin: the machine that a crank drives, at another pace."""
+
+    def made(drive):
+        sketch = {"B": (0.0, 0.1), "E": (0.0, -0.15), "C": (0.26, 0.2)}
+        return linkage({"A": (0, 0), "D": (0.3, 0)}, FIVE, drive, sketch=sketch)
+
+    usual = made(Drive("a", phase=math.pi / 2))
+    here = pose(usual, jnp.zeros(())).links
+    start = [math.atan2(float(here[name].u.y), float(here[name].u.x)) for name in (driver, against)]
+    other = made(Drive(driver, against, phase=start[0] - start[1]))
+    assert other.formula() == ("I1+III2(a, b, c, d, e)" if driver == "a" else "I1+III3(a, b, c, d, e)")
+    there = pose(other, jnp.zeros(())).links
+    pace = float(here[driver].w - here[against].w)
+    for name in FIVE:
+        assert (float(there[name].u.x), float(there[name].u.y)) == pytest.approx(
+            (float(here[name].u.x), float(here[name].u.y)), abs=1e-14
+        )
+        assert float(there[name].w) == pytest.approx(float(here[name].w) / pace, rel=1e-12)
+
+
+def test_a_truss_on_the_frame():
+    """Links that cannot move may be drawn, before the crank, too: what hangs on them hangs on a point of the frame."""
+    truss = {"one": Link(pins=("D", "H")), "two": Link(pins=("G", "H"))}
+    bars = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.35),
+            "rocker": Link(pins=("H", "C"), length=0.25)}  # fmt: skip
+    fixed, sketch = {"A": (0, 0), "D": (0.4, 0), "G": (0.6, 0)}, {"H": (0.5, 0.1), "C": (0.36, 0.25)}
+    made = linkage(fixed, truss | bars, Drive("crank"), sketch=sketch)
+    assert made.formula() == "I1(crank) → II1(one, two) → II1(coupler, rocker)"
+    plain = linkage({"A": (0, 0), "H": (0.5, 0.1)}, bars, Drive("crank"), sketch={"C": sketch["C"]})
+    assert places(made, "HBC", 0.7) == pytest.approx(places(plain, "HBC", 0.7), abs=1e-15)
+    on_top = truss | {"crank": Link(pins=("H", "B"), length=0.1)}
+    with pytest.raises(StructureError, match=r"drive: moves 'crank' against 'two', but one, two are as good as the fr"):
+        linkage(fixed, on_top, Drive("crank", "two"), sketch={"H": (0.5, 0.1)})
+
+
+CYLINDER = {"boom": Link(pins=("A", "B"), length=0.3), "barrel": Link(pins=("P", "H"), length=0.15),
+            "rod": Link(pins=("B",))}  # fmt: skip
+
+
+def test_a_cylinder_named_the_other_way_round():
+    """Its barrel on its rod is its rod on its barrel."""
+    law, slots = lj.Harmonic(0.3, 0.33), [Slot("rod", Guide("P", on="barrel"))]
+    given = {"A": (0, 0), "P": (0.4, 0)}, CYLINDER
+    one, two = (
+        linkage(*given, drive, slots, {"B": (0.15, 0.25), "H": (0.33, 0.08)})
+        for drive in (Drive("rod", "barrel", law=law), Drive("barrel", "rod", law=law))
+    )
+    assert two == one
+    text = text_of(lj.Scene(one, speed=1.0))
+    turned = text.replace('link = "rod"', 'link = "barrel"').replace('on = "barrel"', 'on = "rod"', 1)
+    assert text.index("[drive]") < text.index('on = "barrel"') < text.index("[[slots]]") and turned != text
+    assert loads_text(turned).mechanism.crank == "rod"
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"links": {"frame": Link(pins=("A", "B"), length=0.1)}}, r"links\.frame: the name is taken by the frame"),
+        ({"links": {"boom": Link(pins=("A", "B"), length=jnp.asarray([0.3, 0.4]))}},
+         r"links\.boom: has numbers that are traced or batched; build the mechanism once, and change its numbers th"),
+        ({"drive": Drive("rod", "barrel", law=lj.Harmonic(jnp.ones(2), 0.2))}, "drive: has numbers that are traced or"),
+        ({"slots": [Slot("rod", Guide("P", jnp.ones(2), on="barrel"))]}, "slot of rod: has numbers that are traced or"),
+        ({"slots": [Slot("rod", Guide("P", on="barrel")), Slot("barrel", Guide("B", on="rod"))]},
+         "slot of rod: slides along 'barrel', which slides along it"),
+        ({"links": {"rod": Link(pins=("B",), mass_properties="section", area=1.0, density=1.0)}},
+         r"links\.rod: a sliding block without length has none for its mass to follow"),
+        ({"fixed": {"A": (0, 0, 0), "P": (0.4, 0)}}, r"fixed\.A: must be x and y, but is \(0, 0, 0\)"),
+        ({"drive": Drive("boom", "boom")}, "drive: moves 'boom' against 'boom'; name the link that it moves"),
+        ({"drive": Drive("frame", "boom")}, "drive: moves 'frame' against 'boom'; name the link that it moves"),
+    ],
+)  # fmt: skip
+def test_what_no_drawing_can_hold(given, told):
+    usual = {
+        "fixed": {"A": (0, 0), "P": (0.4, 0)},
+        "drive": Drive("rod", "barrel", law=lj.Harmonic(0.3, 0.33)),
+        "slots": [Slot("rod", Guide("P", on="barrel"))],
+        "sketch": {"B": (0.15, 0.25), "H": (0.33, 0.08)},
+    }
+    links = CYLINDER | given.pop("links", {})
+    with pytest.raises(StructureError, match=told):
+        linkage(links=links, **{**usual, **given})
