@@ -8,12 +8,13 @@ import itertools
 import math
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.groups import Crank, Drive, General, Guide, Slot
-from linkjax.kinematics import margins, pose, prepared
+from linkjax.kinematics import dead_centres, margins, pose, prepared, strokes
 from linkjax.mechanism import Link, StructureError, linkage
 from linkjax.scenes import loads_text, text_of
 
@@ -243,3 +244,16 @@ def test_what_no_drawing_can_hold(given, told):
     links = CYLINDER | given.pop("links", {})
     with pytest.raises(StructureError, match=told):
         linkage(links=links, **{**usual, **given})
+
+
+def test_dead_centres_where_two_links_are_driven_against_each_other():
+    """A slider stops where crank and rod are in line, and covers twice the crank."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),
+             "ram": Link(pins=("C",))}  # fmt: skip
+    sketch = {"B": (0.07, 0.07), "C": (0.36, 0.0)}
+    made = linkage({"A": (0, 0)}, links, Drive("crank", "rod", phase=1.0), [Slot("ram", Guide("A"))], sketch)
+    found, covered = compiled_soon(lambda m: (dead := dead_centres(m), strokes(m, dead)))(made)
+    stops = np.sort(np.asarray(found["C"].angle[found["C"].true]) % (2 * math.pi))
+    assert stops == pytest.approx([math.pi - 1.0, 2 * math.pi - 1.0], abs=1e-12)
+    assert float(covered["C"]) == pytest.approx(0.2, abs=1e-14)
+    assert not np.any(found["crank"].true)
