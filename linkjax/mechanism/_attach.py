@@ -260,5 +260,5 @@ def _turn(true: complex, own: complex) -> complex:
 @compiled_soon
 def _closed(group: General, links, states, points):
     phi = jnp.zeros(())
-    z, _, gap = group.closed(links, states, points, phi, group.sketched(group.places(links), states, points))
+    z, _, gap = group.closed(links, states, points, phi, group.sketched(links, states, points, phi))
     return z, gap

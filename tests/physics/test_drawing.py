@@ -14,7 +14,7 @@ import pytest
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.groups import Crank, Drive, General, Guide, Slot
-from linkjax.kinematics import dead_centres, margins, pose, prepared, strokes
+from linkjax.kinematics import Assemblies, assemblies, dead_centres, margins, pose, prepared, strokes
 from linkjax.mechanism import Link, StructureError, linkage
 from linkjax.scenes import loads_text, text_of
 
@@ -257,3 +257,33 @@ def test_dead_centres_where_two_links_are_driven_against_each_other():
     assert stops == pytest.approx([math.pi - 1.0, 2 * math.pi - 1.0], abs=1e-12)
     assert float(covered["C"]) == pytest.approx(0.2, abs=1e-14)
     assert not np.any(found["crank"].true)
+
+
+def triad(base, plate) -> Assemblies:
+    """The ways to put a plate on three legs, given where they stand in one of them."""
+    at = dict(zip("BCDEFG", (*base, *plate), strict=True))
+    links = {"crank": Link(pins=("A", "B"), length=0.3), "plate": Link(pins=("E", "F", "G")),
+             "leg1": Link(pins=("B", "E")), "leg2": Link(pins=("C", "F")), "leg3": Link(pins=("D", "G"))}  # fmt: skip
+    fixed = {"A": xy(at["B"] - 0.3), "C": xy(at["C"]), "D": xy(at["D"])}
+    made = linkage(fixed, links, Drive("crank"), sketch={p: xy(at[p]) for p in "BEFG"})
+    return assemblies(made)["plate-leg1-leg2-leg3"]
+
+
+def test_a_triad_that_can_move_by_itself():
+    """Equal legs, parallel as drawn, on a plate like its base: it shifts along circles, which no list of ways can hold;
+    told so, and not that there is none."""
+    base = 0j, 1 + 0j, 2 + 0j
+    found = triad(base, [z + 0.3 + 0.5j for z in base])
+    assert found.moves and not found.all_found
+    assert str(found).endswith("besides, there are places in which it can move by itself")
+    assert len(found.sketches) <= 6
+
+
+def test_a_triad_whose_circles_share_a_line():
+    """Legs on one line and a plate all of whose pins are on one: every way has its mirror image, and all are found."""
+    found = triad((0j, 1 + 0j, 2.2 + 0j), (0.3 + 0.5j, 1.0 + 0.5j, 1.9 + 0.5j))
+    ways = [np.array([complex(s[p].x, s[p].y) for p in "EFG"]) for s in found.sketches]
+    assert found.all_found and not found.moves and len(ways) in (2, 4, 6)
+    for way in ways:
+        assert sum(np.abs(way - other.conj()).max() < 1e-9 for other in ways) == 1
+        assert np.abs(way - way.conj()).max() > 0.1
