@@ -287,3 +287,21 @@ def test_a_triad_whose_circles_share_a_line():
     for way in ways:
         assert sum(np.abs(way - other.conj()).max() < 1e-9 for other in ways) == 1
         assert np.abs(way - way.conj()).max() > 0.1
+
+
+@pytest.mark.parametrize(("unit", "told"), [
+    (1000.0, "sketch: does not fit the lengths: from 'B' to 'C' of 'coupler' it is 1000 times as large as the link"),
+    (0.001, "sketch: does not fit the lengths: from 'B' to 'C' of 'coupler' it is 1000 times as small as the link"),
+])  # fmt: skip
+def test_a_sketch_in_another_unit(unit, told):
+    """Told with the factor, whichever of the two is wrong; a rough sketch of twice or half the size will do."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.3),
+             "rocker": Link(pins=("D", "C"), length=0.25)}  # fmt: skip
+
+    def made(scale):
+        sketch = {"B": (0.1 * scale, 0.0), "C": (0.28 * scale, 0.24 * scale)}
+        return linkage({"A": (0, 0), "D": (0.38, 0)}, links, Drive("crank"), sketch=sketch)
+
+    with pytest.raises(StructureError, match=told):
+        made(unit)
+    assert places(made(2.0), "C") == pytest.approx(places(made(0.5), "C"), abs=1e-15)
