@@ -57,7 +57,7 @@ class AbstractChain(AbstractGroup):
         one, on = self.drive.link, self.drive.on  # one link, as long as the drive is held
         held = [p._replace(one=on if p.one == one else p.one, other=on if p.other == one else p.other) for p in pairs]
         rest = tuple(name for name in names if name != one)
-        found, letters = classified(rest, [p for p in held if p.one != p.other])
+        found, letters = classified(rest, list(dict.fromkeys(p for p in held if p.one != p.other)))
         return f"I1+{found}", letters
 
     def link_names(self):

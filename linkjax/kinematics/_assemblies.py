@@ -22,33 +22,41 @@ from linkjax.mechanism import Mechanism
 
 STARTS = 60  # random starts for every way that there may be
 SAME = 1e-6  # of directions: two ways that differ by less are one
+HELD = 1e-4  # the least singular value of what holds the links; where it is less two ways meet, or the group moves
+NEAR = 3e-3  # a multiple root of a polynomial may be off by so much
+MOVED = 1e-3  # of directions: two ways that differ by less and are not held are one
 
 
 class Assemblies(NamedTuple):
     """The ways found to assemble a group, each as places of its pins (m), which will do as a sketch; how many there can
-    be at most, and whether these are all."""
+    be at most, whether these are all, and whether there are places, not among them, from which the group can move on by
+    itself while all else stands still."""
 
     sketches: list[dict[str, Vec]]
     at_most: int
     all_found: bool
+    moves: bool = False
 
     def __str__(self) -> str:
-        return (
+        found = (
             f"all {len(self.sketches)}" if self.all_found else f"found {len(self.sketches)} of at most {self.at_most}"
         )
+        return f"{found}; besides, there are places in which it can move by itself" if self.moves else found
 
 
 def assemblies(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str, Assemblies]:
-    """The ways to assemble every general group at the crank angle `phi` (rad), by the name of the group; the groups
-    before it stand as the mechanism's own.
+    """The ways to assemble every general group without wheels in gear at the crank angle `phi` (rad), by the name of
+    the group; the groups before it stand as the mechanism's own.
 
-    Those of a triad (a link on three others, all pinned) are the real roots of its sextic, and all of them. Others are
-    sought from random starts, always the same ones. Numbers must be known: neither traced nor batched.
+    Those of a triad (a link on three others, all pinned) are the real roots of its sextic, and all of them, but for
+    special dimensions, such as equal and parallel legs. Others are sought from random starts, always the same ones;
+    where the group can move by itself only the ways in which it cannot are listed. Numbers must be known: neither
+    traced nor batched.
     """
     mechanism, found = prepared(mechanism), {}
     angle = jnp.asarray(phi, dtype=float)
     for number, group in enumerate(mechanism.groups):
-        if isinstance(group, General):
+        if isinstance(group, General) and not group.gears:
             states, points = before_group(mechanism, number, angle)
             found["-".join(group.link_names())] = _assemblies(group, mechanism.links, states, points, angle)
     return found
@@ -71,20 +79,25 @@ def _assemblies(group: General, links, states, points, phi) -> Assemblies:
 
     def close(start):
         z, _, gap = group.closed(links, states, points, phi, start)
-        return z, gap, group.reversed(links, states, points, phi, z)
+        slopes = group.opened(links, states, points, phi, z, jnp.zeros(3 * len(group.members)))[1]
+        least = jnp.linalg.svd(slopes, compute_uv=False)[-1]
+        return z, gap, group.reversed(links, states, points, phi, z), least
 
-    z, gap, astern = jax.jit(jax.vmap(close))(jnp.asarray(starts))
     kept: list[np.ndarray] = []
-    for each, left, other_way in zip(np.asarray(z), np.asarray(gap), np.asarray(astern), strict=True):
+    loose: list[np.ndarray] = []  # where the joints do not hold the links, to first order
+    for each, left, astern, least in zip(*map(np.asarray, jax.jit(jax.vmap(close))(jnp.asarray(starts))), strict=True):
+        known = loose if least < HELD else kept
+        apart = MOVED if least < HELD else SAME
         if (
             left < closed_to(each.dtype)
-            and not other_way
-            and all(np.max(np.abs(each - other)[:, 2:]) > SAME for other in kept)
+            and not astern
+            and all(np.max(np.abs(each - other)[:, 2:]) > apart for other in known)
         ):
-            kept.append(each)
-    kept.sort(key=lambda each: [round(float(v), 9) for v in each[:, 2:].ravel()])
+            known.append(each)
+    moves = len(loose) > at_most
+    kept = sorted(kept if moves else kept + loose, key=lambda each: [round(float(v), 9) for v in each[:, 2:].ravel()])
     sketches = [_spots(group, places, each) for each in kept]
-    return Assemblies(sketches, at_most, exact or len(kept) == at_most)
+    return Assemblies(sketches, at_most, not moves and (exact or len(kept) == at_most), moves)
 
 
 def _rows(at: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -104,7 +117,8 @@ def _spots(group: General, places, z: np.ndarray) -> dict[str, Vec]:
 
 
 def _of_triad(group: General, places, outer: dict[str, complex]) -> np.ndarray | None:
-    """The configurations of a plate on three legs, all joints turning; None for any other group."""
+    """The configurations of a plate on three legs, all joints turning; None for any other group, and where its three
+    circles have one centre."""
     legs = {link: pins for link, pins in group.members if len(set(pins) & set(group.outer)) == 1 and len(pins) == 2}
     plates = [link for link, _ in group.members if link not in legs]
     if len(group.members) != 4 or len(legs) != 3 or len(plates) != 1 or group.slots or group.drive is not None:
@@ -117,35 +131,49 @@ def _of_triad(group: General, places, outer: dict[str, complex]) -> np.ndarray |
     near = np.array([places[plates[0]][inner] for _, _, inner in joined])
     length = np.array([abs(places[leg][inner] - places[leg][out]) for leg, out, inner in joined])
 
-    def origin(theta):
-        """Where the plate's origin is for its first two differences of circles, over the common denominator."""
+    def lines(theta):
+        """The plate's first leg as seen from its foot, and the differences of circles: the plate's origin times `apart`
+        is `right`."""
         arms = near[:, None] * np.exp(1j * theta)[None] - far[:, None]
-        apart = 2 * (arms[1:] - arms[:1])
         right = (length[1:, None] ** 2 - length[:1, None] ** 2) - (np.abs(arms[1:]) ** 2 - np.abs(arms[:1]) ** 2)
-        bottom = np.imag(np.conj(apart[0]) * apart[1])
-        return 1j * (right[1] * apart[0] - right[0] * apart[1]), bottom, arms[0]
+        return arms[0], 2 * (arms[1:] - arms[:1]), right
+
+    def crossing(apart, right):
+        """Where two lines cross, over the common denominator."""
+        return 1j * (right[1] * apart[0] - right[0] * apart[1]), np.imag(np.conj(apart[0]) * apart[1])
 
     def left(theta):
-        top, bottom, arm = origin(theta)
-        return (np.abs(top + arm * bottom) ** 2 - (length[0] * bottom) ** 2) / np.max(length) ** 6
+        arm, *both = lines(theta)
+        top, bottom = crossing(*both)
+        return (np.abs(top + arm * bottom) ** 2 - (length[0] * bottom) ** 2) / size**6
 
-    count = 16  # more than twice the degree of the polynomial
+    size, count = np.max(length), 16  # more than twice the degree of the polynomial
     terms = np.fft.fft(left(np.arange(count) * (2 * np.pi / count))) / count
     polynomial = np.roll(terms, count // 2)[::-1][:-1]  # of exp(i theta), highest power first
     big = np.abs(polynomial) > 1e-12 * np.max(np.abs(polynomial))
     polynomial = polynomial[np.argmax(big) : len(big) - np.argmax(big[::-1])]
     z = np.roots(polynomial)
-    theta = np.angle(z[np.abs(np.abs(z) - 1) < 1e-3])
-    top, bottom, _ = origin(theta)
-    good = np.abs(bottom) > 0
-    theta, base = theta[good], top[good] / bottom[good]
+    made = []
+    for theta in np.angle(z[np.abs(np.abs(z) - 1) < NEAR]):
+        arm, apart, right = (each[..., 0] for each in lines(np.array([theta])))
+        if np.max(np.abs(apart)) < 10 * NEAR * size:
+            return None  # three circles round one point: the plate may move on
+        top, bottom = crossing(apart, right)
+        if np.abs(bottom) > 1e-6 * size**2:
+            made.append((np.exp(1j * theta), top / bottom))
+            continue
+        k = np.argmax(np.abs(apart))  # one line twice: where it meets the first circle
+        foot, along = right[k] * apart[k] / np.abs(apart[k]) ** 2, 1j * apart[k] / np.abs(apart[k])
+        middle = -np.real((foot + arm) * np.conj(along))
+        reach = np.sqrt(np.maximum(middle**2 - np.abs(foot + arm) ** 2 + length[0] ** 2, 0.0))
+        made += [(np.exp(1j * theta), foot + along * (middle + side * reach)) for side in (1, -1)]
     rows = []
-    for turn, at in zip(np.exp(1j * theta), base, strict=True):
+    for turn, at in made:
         where = {plates[0]: (at, turn)}
         for (leg, out, inner), spot in zip(joined, near, strict=True):
             span = (at + spot * turn - outer[out]) / (places[leg][inner] - places[leg][out])
             u = span / abs(span)
             where[leg] = (outer[out] - places[leg][out] * u, u)
         rows.append([where[link] for link, _ in group.members])
-    made = np.array(rows).reshape((-1, len(group.members), 2))
-    return _rows(made[..., 0], made[..., 1])
+    ways = np.array(rows).reshape((-1, len(group.members), 2))
+    return _rows(ways[..., 0], ways[..., 1])

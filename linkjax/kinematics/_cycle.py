@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import nearest_turn, repeat, safe_divide, safe_sqrt, wrapped
-from linkjax.groups import BEYOND, Margin
+from linkjax.groups import BEYOND, Crank, Margin
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
@@ -180,8 +180,8 @@ def _places(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Float[Ar
 
 def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
     """Pins of sliders (True) and links that turn about a point of the frame (False), a turning crank left out."""
-    ends = {}
-    for group in mechanism.groups[0 if mechanism.prescribed else 1 :]:
+    ends, turning = {}, isinstance(mechanism.driver, Crank) and not mechanism.prescribed
+    for group in mechanism.groups[turning:]:
         ends |= {joint.point: True for joint in group.joints() if joint.slides and joint.by == "frame"}
         for link, pins in group.pins().items():
             pins = (*pins, *mechanism.links[link].pins)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import dataclasses
+import itertools
 from collections.abc import Collection, Sequence
 
 import jax
@@ -19,6 +20,7 @@ from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._passive import passive_links
 
+OUT_OF_SCALE = 20.0  # how many times too large or too small no rough sketch is; an inch has 25.4 mm
 Place = Vec | Sequence[float | int]
 
 
@@ -91,6 +93,27 @@ class Drawing:
         if link.mass_properties != "fixed" and number_of(link.length) == 0:
             problem = "a sliding block without length has none for its mass to follow"
             raise StructureError(f"links.{slot.block}", problem, "leave mass_properties out, or give its length")
+
+    def check_scale(self, sketch: Collection[str]) -> None:
+        """Raise `StructureError` where the sketch is of quite another size than the links."""
+        found: dict[int, list[tuple[float, str]]] = {1: [], 2: []}  # by how many of two points are sketched
+        for name in self.links:
+            unknown = self.unmeasured(name)
+            places = {p: at for p, at in self.places(name).items() if p in self.spots and p not in unknown}
+            for one, two in itertools.combinations(places, 2):
+                own, drawn = abs(places[two] - places[one]), abs(self.spots[two] - self.spots[one])
+                if own and drawn and (count := (one in sketch) + (two in sketch)):
+                    found[count].append((drawn / own, f"from {one!r} to {two!r} of {name!r}"))
+        ratios = sorted(found[2] or found[1])
+        if not ratios:
+            return
+        factor, where = ratios[len(ratios) // 2]
+        if not 1 / OUT_OF_SCALE < factor < OUT_OF_SCALE:
+            size = f"{factor:.0f} times as large" if factor > 1 else f"{1 / factor:.0f} times as small"
+            problem = f"does not fit the lengths: {where} it is {size} as the link"
+            raise StructureError(
+                "sketch", problem, 'write it in the unit of the lengths, e.g. C = ["300 mm", "250 mm"]'
+            )
 
     def _check_joined(self) -> None:
         reached, grown = {FRAME}, True

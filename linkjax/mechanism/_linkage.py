@@ -42,6 +42,7 @@ def linkage(
     ground = {name: Vec(at.real, at.imag) for name, at in frame.items()}
     drawing = Drawing(ground, dict(links), slots, spots | frame, tuple(gears), tuple(racks))
     drawing.check(spots)
+    drawing.check_scale(spots)
     drive = _of_block(drive, slots)
     found = drawing.pairs()
     driven = drawing.driven(drive, found)

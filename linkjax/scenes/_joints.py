@@ -50,7 +50,7 @@ class Drive(Table):
 
     def faults(self, slots: list[Slot], clockwise: bool) -> Iterator[Fault]:
         """What does not fit together, given the slots of the machine."""
-        slides = any((slot.block, slot.guide.on) == (self.link, self.on) for slot in slots)
+        slides = any({slot.block, slot.guide.on} == {self.link, self.on} for slot in slots)
         if slides and self.stroke is None:
             problem, remedy = "missing: a block cannot slide along a guide for ever", 'add stroke = { start = "0 mm", '
             yield ("drive", "stroke"), problem, remedy + 'stop = "120 mm" }'

@@ -8,12 +8,13 @@ import itertools
 import math
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.groups import Crank, Drive, General, Guide, Slot
-from linkjax.kinematics import margins, pose, prepared
+from linkjax.kinematics import Assemblies, assemblies, dead_centres, margins, pose, prepared, strokes
 from linkjax.mechanism import Link, StructureError, linkage
 from linkjax.scenes import loads_text, text_of
 
@@ -153,3 +154,154 @@ def test_a_drive_half_a_turn_off():
 
     assert margin(stands) > 0.05
     assert margin(stands + math.pi) == -1.0
+
+
+FIVE = {"a": Link(pins=("A", "B"), length=0.1), "b": Link(pins=("A", "E"), length=0.15),
+        "c": Link(pins=("B", "C"), length=0.3), "d": Link(pins=("D", "C"), length=0.25),
+        "e": Link(pins=("C", "E"), length=0.3)}  # fmt: skip
+
+
+@pytest.mark.parametrize(("driver", "against"), [("a", "b"), ("e", "d")], ids=["on one shaft", "of three at a pin"])
+def test_links_at_one_pin_driven_against_each_other(driver, against):
+    """Two on one shaft of the frame, two of three at a pin: the machine that a crank drives, at another pace."""
+
+    def made(drive):
+        sketch = {"B": (0.0, 0.1), "E": (0.0, -0.15), "C": (0.26, 0.2)}
+        return linkage({"A": (0, 0), "D": (0.3, 0)}, FIVE, drive, sketch=sketch)
+
+    usual = made(Drive("a", phase=math.pi / 2))
+    here = pose(usual, jnp.zeros(())).links
+    start = [math.atan2(float(here[name].u.y), float(here[name].u.x)) for name in (driver, against)]
+    other = made(Drive(driver, against, phase=start[0] - start[1]))
+    assert other.formula() == ("I1+III2(a, b, c, d, e)" if driver == "a" else "I1+III3(a, b, c, d, e)")
+    there = pose(other, jnp.zeros(())).links
+    pace = float(here[driver].w - here[against].w)
+    for name in FIVE:
+        assert (float(there[name].u.x), float(there[name].u.y)) == pytest.approx(
+            (float(here[name].u.x), float(here[name].u.y)), abs=1e-14
+        )
+        assert float(there[name].w) == pytest.approx(float(here[name].w) / pace, rel=1e-12)
+
+
+def test_a_truss_on_the_frame():
+    """Links that cannot move may be drawn, before the crank, too: what hangs on them hangs on a point of the frame."""
+    truss = {"one": Link(pins=("D", "H")), "two": Link(pins=("G", "H"))}
+    bars = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.35),
+            "rocker": Link(pins=("H", "C"), length=0.25)}  # fmt: skip
+    fixed, sketch = {"A": (0, 0), "D": (0.4, 0), "G": (0.6, 0)}, {"H": (0.5, 0.1), "C": (0.36, 0.25)}
+    made = linkage(fixed, truss | bars, Drive("crank"), sketch=sketch)
+    assert made.formula() == "I1(crank) → II1(one, two) → II1(coupler, rocker)"
+    plain = linkage({"A": (0, 0), "H": (0.5, 0.1)}, bars, Drive("crank"), sketch={"C": sketch["C"]})
+    assert places(made, "HBC", 0.7) == pytest.approx(places(plain, "HBC", 0.7), abs=1e-15)
+    on_top = truss | {"crank": Link(pins=("H", "B"), length=0.1)}
+    with pytest.raises(StructureError, match=r"drive: moves 'crank' against 'two', but one, two are as good as the fr"):
+        linkage(fixed, on_top, Drive("crank", "two"), sketch={"H": (0.5, 0.1)})
+
+
+CYLINDER = {"boom": Link(pins=("A", "B"), length=0.3), "barrel": Link(pins=("P", "H"), length=0.15),
+            "rod": Link(pins=("B",))}  # fmt: skip
+
+
+def test_a_cylinder_named_the_other_way_round():
+    """Its barrel on its rod is its rod on its barrel."""
+    law, slots = lj.Harmonic(0.3, 0.33), [Slot("rod", Guide("P", on="barrel"))]
+    given = {"A": (0, 0), "P": (0.4, 0)}, CYLINDER
+    one, two = (
+        linkage(*given, drive, slots, {"B": (0.15, 0.25), "H": (0.33, 0.08)})
+        for drive in (Drive("rod", "barrel", law=law), Drive("barrel", "rod", law=law))
+    )
+    assert two == one
+    text = text_of(lj.Scene(one, speed=1.0))
+    turned = text.replace('link = "rod"', 'link = "barrel"').replace('on = "barrel"', 'on = "rod"', 1)
+    assert text.index("[drive]") < text.index('on = "barrel"') < text.index("[[slots]]") and turned != text
+    assert loads_text(turned).mechanism.crank == "rod"
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"links": {"frame": Link(pins=("A", "B"), length=0.1)}}, r"links\.frame: the name is taken by the frame"),
+        ({"links": {"boom": Link(pins=("A", "B"), length=jnp.asarray([0.3, 0.4]))}},
+         r"links\.boom: has numbers that are traced or batched; build the mechanism once, and change its numbers th"),
+        ({"drive": Drive("rod", "barrel", law=lj.Harmonic(jnp.ones(2), 0.2))}, "drive: has numbers that are traced or"),
+        ({"slots": [Slot("rod", Guide("P", jnp.ones(2), on="barrel"))]}, "slot of rod: has numbers that are traced or"),
+        ({"slots": [Slot("rod", Guide("P", on="barrel")), Slot("barrel", Guide("B", on="rod"))]},
+         "slot of rod: slides along 'barrel', which slides along it"),
+        ({"links": {"rod": Link(pins=("B",), mass_properties="section", area=1.0, density=1.0)}},
+         r"links\.rod: a sliding block without length has none for its mass to follow"),
+        ({"fixed": {"A": (0, 0, 0), "P": (0.4, 0)}}, r"fixed\.A: must be x and y, but is \(0, 0, 0\)"),
+        ({"drive": Drive("boom", "boom")}, "drive: moves 'boom' against 'boom'; name the link that it moves"),
+        ({"drive": Drive("frame", "boom")}, "drive: moves 'frame' against 'boom'; name the link that it moves"),
+    ],
+)  # fmt: skip
+def test_what_no_drawing_can_hold(given, told):
+    usual = {
+        "fixed": {"A": (0, 0), "P": (0.4, 0)},
+        "drive": Drive("rod", "barrel", law=lj.Harmonic(0.3, 0.33)),
+        "slots": [Slot("rod", Guide("P", on="barrel"))],
+        "sketch": {"B": (0.15, 0.25), "H": (0.33, 0.08)},
+    }
+    links = CYLINDER | given.pop("links", {})
+    with pytest.raises(StructureError, match=told):
+        linkage(links=links, **{**usual, **given})
+
+
+def test_dead_centres_where_two_links_are_driven_against_each_other():
+    """A slider stops where crank and rod are in line, and covers twice the crank."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),
+             "ram": Link(pins=("C",))}  # fmt: skip
+    sketch = {"B": (0.07, 0.07), "C": (0.36, 0.0)}
+    made = linkage({"A": (0, 0)}, links, Drive("crank", "rod", phase=1.0), [Slot("ram", Guide("A"))], sketch)
+    found, covered = compiled_soon(lambda m: (dead := dead_centres(m), strokes(m, dead)))(made)
+    stops = np.sort(np.asarray(found["C"].angle[found["C"].true]) % (2 * math.pi))
+    assert stops == pytest.approx([math.pi - 1.0, 2 * math.pi - 1.0], abs=1e-12)
+    assert float(covered["C"]) == pytest.approx(0.2, abs=1e-14)
+    assert not np.any(found["crank"].true)
+
+
+def triad(base, plate) -> Assemblies:
+    """The ways to put a plate on three legs, given where they stand in one of them."""
+    at = dict(zip("BCDEFG", (*base, *plate), strict=True))
+    links = {"crank": Link(pins=("A", "B"), length=0.3), "plate": Link(pins=("E", "F", "G")),
+             "leg1": Link(pins=("B", "E")), "leg2": Link(pins=("C", "F")), "leg3": Link(pins=("D", "G"))}  # fmt: skip
+    fixed = {"A": xy(at["B"] - 0.3), "C": xy(at["C"]), "D": xy(at["D"])}
+    made = linkage(fixed, links, Drive("crank"), sketch={p: xy(at[p]) for p in "BEFG"})
+    return assemblies(made)["plate-leg1-leg2-leg3"]
+
+
+def test_a_triad_that_can_move_by_itself():
+    """Equal legs, parallel as drawn, on a plate like its base: it shifts along circles, which no list of ways can hold;
+    told so, and not that there is none."""
+    base = 0j, 1 + 0j, 2 + 0j
+    found = triad(base, [z + 0.3 + 0.5j for z in base])
+    assert found.moves and not found.all_found
+    assert str(found).endswith("besides, there are places in which it can move by itself")
+    assert len(found.sketches) <= 6
+
+
+def test_a_triad_whose_circles_share_a_line():
+    """Legs on one line and a plate all of whose pins are on one: every way has its mirror image, and all are found."""
+    found = triad((0j, 1 + 0j, 2.2 + 0j), (0.3 + 0.5j, 1.0 + 0.5j, 1.9 + 0.5j))
+    ways = [np.array([complex(s[p].x, s[p].y) for p in "EFG"]) for s in found.sketches]
+    assert found.all_found and not found.moves and len(ways) in (2, 4, 6)
+    for way in ways:
+        assert sum(np.abs(way - other.conj()).max() < 1e-9 for other in ways) == 1
+        assert np.abs(way - way.conj()).max() > 0.1
+
+
+@pytest.mark.parametrize(("unit", "told"), [
+    (1000.0, "sketch: does not fit the lengths: from 'B' to 'C' of 'coupler' it is 1000 times as large as the link"),
+    (0.001, "sketch: does not fit the lengths: from 'B' to 'C' of 'coupler' it is 1000 times as small as the link"),
+])  # fmt: skip
+def test_a_sketch_in_another_unit(unit, told):
+    """Told with the factor, whichever of the two is wrong; a rough sketch of twice or half the size will do."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.3),
+             "rocker": Link(pins=("D", "C"), length=0.25)}  # fmt: skip
+
+    def made(scale):
+        sketch = {"B": (0.1 * scale, 0.0), "C": (0.28 * scale, 0.24 * scale)}
+        return linkage({"A": (0, 0), "D": (0.38, 0)}, links, Drive("crank"), sketch=sketch)
+
+    with pytest.raises(StructureError, match=told):
+        made(unit)
+    assert places(made(2.0), "C") == pytest.approx(places(made(0.5), "C"), abs=1e-15)
