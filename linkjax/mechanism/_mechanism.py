@@ -142,7 +142,8 @@ def check_structure(mechanism: Mechanism) -> None:
             raise StructureError(element, *lacking)
         for link, (origin, far) in group.pins().items():
             length = number_of(mechanism.links[link].length)
-            if far is not None and number and length is not None and np.any(length == 0):
+            marked = far is None or far in mechanism.links[link].points  # whose place is known without it
+            if not marked and number and length is not None and np.any(length == 0):
                 problem = "has the length zero, but joins two pins"
                 raise StructureError(f"links.{link}", problem, "give the distance between its pins")
             for name, piece in mechanism.links[link].counterweights.items():
