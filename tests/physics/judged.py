@@ -99,9 +99,9 @@ def weights(count: int) -> np.ndarray:
 
 
 def computed(scene, paths, phi, speed, acceleration, tangent, scales, keys):
-    """For every design, with the reference paths of its general groups: results, coefficients by nested differentiation, and of two weighted sums, the second of which
-    counts reactions too, the derivative along a tangent, forward and in reverse, with the size of the scaled gradient.
-    """
+    """For every design, with the reference paths of its general groups: results, coefficients by nested
+    differentiation, and of two weighted sums, the second of which counts reactions too, the derivative along a tangent,
+    forward and in reverse, with the size of the scaled gradient."""
 
     def one(scene, paths, phi, speed, acceleration, tangent, scales):
         def scalars(mechanism):
@@ -122,6 +122,16 @@ def computed(scene, paths, phi, speed, acceleration, tangent, scales, keys):
     return jax.vmap(one)(scene, paths, phi, speed, acceleration, tangent, scales)
 
 
+def valued(scene, paths, phi, speed, acceleration, keys):
+    """For every design: results, and coefficients by nested differentiation."""
+
+    def one(scene, paths, phi, speed, acceleration):
+        scene = scene.with_mechanism(with_paths(scene.mechanism, paths))
+        return results(scene, phi, speed, acceleration, keys), _by_differentiation(scene.mechanism, phi)
+
+    return jax.vmap(one)(scene, paths, phi, speed, acceleration)
+
+
 def with_paths(mechanism, paths):
     """The mechanism with reference paths of its general groups, which belong to no design's numbers."""
     groups = tuple(with_path(g, paths[i]) if i in paths else g for i, g in enumerate(mechanism.groups))
@@ -135,7 +145,7 @@ def paths_of(mechanism):
     return {i: g.path for i, g in enumerate(found) if isinstance(g, General)}
 
 
-at_once = compiled_soon(computed, static=("keys",))
+at_once, values_at_once = (compiled_soon(each, static=("keys",)) for each in (computed, valued))
 
 
 # ---- by other roads
@@ -272,8 +282,8 @@ def conditions(batch: Batch, truth: dict[str, np.ndarray], rng) -> dict[str, np.
 def judged(
     batch: Batch, rng: np.random.Generator, compiled: bool = False, exact: int = 999, slopes: int = 999
 ) -> Verdict:
-    """All comparisons of a batch; so many of its designs with 50 digits, and their derivatives. Compiled or, since that
-    takes minutes for a long chain of groups, step by step."""
+    """All comparisons of a batch; so many of its designs with 50 digits, and their derivatives, or no derivatives at
+    all. Compiled or, since that takes minutes for a long chain of groups, step by step."""
     state = batch.phi, batch.speed, batch.acceleration
     truth, keys = by_numpy(batch.scene, *state)
     condition = conditions(batch, truth, rng)
@@ -286,7 +296,10 @@ def judged(
     paths = jax.device_get(paths_of(batch.scene.mechanism)) if general else {}
     program = at_once if compiled else computed
     with contextlib.nullcontext() if compiled else jax.disable_jit():
-        found, nested, slope = jax.device_get(program(batch.scene, paths, *state, tangent, scales, keys=keys))
+        if slopes:
+            found, nested, slope = jax.device_get(program(batch.scene, paths, *state, tangent, scales, keys=keys))
+        else:
+            (found, nested), slope = jax.device_get(values_at_once(batch.scene, paths, *state, keys=keys)), ()
     over = {"closure": closure(batch, found)}
 
     def compare(name: str, kind: str, value, known, only: slice = slice(None)):
@@ -304,6 +317,8 @@ def judged(
         compare(name, kind, found[kind], np.asarray([[float(x) for x in each[kind]] for each in known]), some)
     worst = np.max([condition[kind] for kind in KINDS], axis=0)
     allowed = PER_CONDITION * worst + BESIDES
+    if not slopes:
+        return Verdict(over, condition | {"gradient": worst})
     ahead, back, size = (np.asarray(x).T for x in slope)
     for name, row in (("gradient", 0), ("gradient with reactions", 1)):
         over[f"{name}: forward and reverse"] = np.abs(ahead - back)[row] / (size[row] * allowed)

@@ -311,15 +311,16 @@ def _rolling() -> lj.Scene:
                     centre=Vec(0.4 * length + 0.01, 0.01), points=points)  # fmt: skip
 
     links = {
-        "crank": link(0.05, 1.0), "lever": link(0.2, 1.5, F=Vec(-0.12, 0.05), H=Vec(0.0, 0.0)), "wheel": link(0.04, 0.8),
+        "crank": link(0.05, 1.0), "lever": link(0.2, 1.5, F=Vec(-0.12, 0.05)), "wheel": link(0.04, 0.8),
         "rack": link(0.0, 1.2), "rod": link(0.35, 0.9), "pulley": link(0.06, 0.7), "coupler": link(0.4, 1.0),
         "slide": link(0.0, 2.0),
     }  # fmt: skip
     along = Guide("E", 0.3, 0.04, "lever")
+    members = {"lever": "DEF", "wheel": "ET", "rack": "U", "rod": "BU", "pulley": "FV"}
+    sketch = {"E": (0.5, 0.1), "F": (0.2, 0.15), "T": (0.54, 0.1), "U": (0.4, 0.1), "V": (0.2, 0.2)}
     together = General(
-        (("lever", ("D", "E", "F")), ("wheel", ("E", "T")), ("rack", ("U",)), ("rod", ("B", "U")), ("pulley", ("F", "V"))),
-        ("B", "D"), {"E": Vec(0.5, 0.1), "F": Vec(0.2, 0.15), "T": Vec(0.54, 0.1), "U": Vec(0.4, 0.1), "V": Vec(0.2, 0.2)},
-        (Slot("rack", along),),
+        tuple((name, tuple(pins)) for name, pins in members.items()), ("B", "D"),
+        {name: Vec(*at) for name, at in sketch.items()}, (Slot("rack", along),),
         gears=(
             Gear("wheel", "E", Teeth((20, 36)), "frame", "D", None, 0.4, "lever"),
             Rack("rack", "U", along, "wheel", "E", 0.05, -1, -0.1),

@@ -141,13 +141,13 @@ def solve(scene, phi, speed, acceleration) -> Solution:
             act(j.by, j.point, 2 * k + c, -force, -couple)
     crank = mechanism.groups[0]
     pace = np.ones_like(phi)  # the driver's own first coefficient
-    if isinstance(crank, General):
-        drive, k = crank.drive, crank.driven_slot()
-        point = dict(crank.members)[drive.link][0]
-        push_along, couple = (none, 1.0) if k is None else (here.links[drive.link].r, 0.0)
-        act(drive.link, point, size - 1, push_along, couple)
-        act(drive.on, point, size - 1, -push_along, -couple)
-        pace = oracle.drive_rates(drive, phi)[0]
+    inside = crank.drive if isinstance(crank, General) else None
+    if isinstance(crank, General) and inside is not None:  # between two links, or one and the frame
+        point = dict(crank.members)[inside.link][0]
+        along, couple = (none, 1.0) if crank.driven_slot() is None else (here.links[inside.link].r, 0.0)
+        act(inside.link, point, size - 1, along, couple)
+        act(inside.on, point, size - 1, -along, -couple)
+        pace = oracle.drive_rates(inside, phi)[0]
     elif isinstance(crank, Slide):
         act(crank.link, crank.end, size - 1, here.links[crank.link].r)
         pace = (here.points[crank.end].v / here.links[crank.link].r).real
@@ -181,13 +181,15 @@ def solve(scene, phi, speed, acceleration) -> Solution:
             if link != "frame":
                 reactions[c.name, link] = sign * force, sign * (moment - shift)
     push = x[..., -1]
-    if isinstance(crank, General):
-        for link, sign in ((crank.drive.link, 1), (crank.drive.on, -1)):
+    if isinstance(crank, General) and inside is not None:
+        turns, at = crank.driven_slot() is None, here.links[inside.link].r
+        for link, sign in ((inside.link, 1), (inside.on, -1)):
             if link != "frame":
-                reactions[f"{crank.drive.link}.drive", link] = sign * push * push_along, sign * push * couple
+                force = sign * push * (none if turns else at), sign * push * float(turns)
+                reactions[f"{inside.link}.drive", link] = force
     elif isinstance(crank, Slide):
         reactions[f"{crank.link}.drive", crank.link] = push * here.links[crank.link].r, 0 * push
-    elif crank.law is not None:
+    elif isinstance(crank, Crank) and crank.law is not None:
         reactions[f"{crank.link}.drive", crank.link] = none, push
     return Solution(reactions, push * pace, rate, spin)
 

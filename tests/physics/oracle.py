@@ -192,7 +192,7 @@ def closed_at(g: General, places, points, directions, x, phi) -> tuple[np.ndarra
     size = np.where(size > 0, size, 1.0)
     unit = np.stack([size, size, np.ones_like(size)] * len(g.members))
     steps = np.concatenate([np.zeros((count, 1)), 1e-7 * np.eye(count)], 1)
-    last, gap, sense = False, size, size
+    last, gap, sense, found = False, size, size, size
     for _ in range(40):
         every = np.expand_dims(x, 1) + np.multiply.outer(steps, np.ones_like(size)) * np.expand_dims(unit, 1)
         values = np.stack(open_joints(g, places, points, directions, every, phi=phi))
@@ -239,16 +239,13 @@ def followed(g: General, mechanism: Mechanism, phi, before) -> np.ndarray:
 
     def next_one(path, at):
         points, directions = before(at)
-        if path:
-            start = path[-1][0]
-        else:
-            start = np.stack([part + 0 * at for part in sketched(g, places, points, directions)])
-        x, sense = closed_at(g, places, points, directions, start, at)
+        start = path[-1][0] if path else [part + 0 * at for part in sketched(g, places, points, directions)]
+        x, sense = closed_at(g, places, points, directions, np.stack(start), at)
         return np.where(sense == path[0][1], x, np.nan) if path else x, sense
 
     path: list[tuple[np.ndarray, np.ndarray]]
     if any(np.ndim(at) for each in places.values() for at in each.values()):
-        path, count = [], max(1, math.ceil(np.max(phi) / STEP))
+        path, count = [], max(1, math.ceil(np.max(np.abs(phi)) / STEP))
         for k in range(count + 1):
             path.append(next_one(path[:1] + path[-1:], phi * (k / count)))
         return path[-1][0]

@@ -6,8 +6,8 @@ that is there already. A design is drawn group by group until the group can be a
 narrowly: nothing else is asked of it. All numbers of a batch are arrays over its designs.
 
 General groups begin with a sketch at crank angle zero. So machines that have one are tested up to a radian from there,
-and a group is drawn until it can be followed all the way and two steps of its path further, by the oracle in steps of
-two degrees. Groups before it must stand all that way, too.
+and a group is drawn until the oracle can follow it, in steps of two degrees, all the way and two steps of its path
+further at either end. Groups before it must stand all that way, too.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ WHEELS = ("gear", "planet", "belt", "rack", "pinion")  # the last two behind a w
 TRIES = 200
 AS_SKETCHED = 0.05  # m, what a general group may move from its sketch to where it closes
 FROM_SKETCH = 1.0  # rad, how far from the sketch general groups are tested
-FURTHER = math.radians(6.0)  # how much further they close: two steps of the path that they are followed along
+FURTHER = math.radians(6.0)  # how much further they close at either end: two steps of the path they are followed along
 
 
 class Batch(NamedTuple):
@@ -117,7 +117,7 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
         asked = _ask(choose, fixed, moving, kind in random_general.LOOPS)
         scaled = bool(choose.random() < 0.3)
         ahead = any(kind in random_general.LOOPS for kind in kinds[number - 1 :])  # it or one behind it is followed
-        angles = np.linspace(0, 1, 33)[:, None] * (phi + FURTHER) if ahead else phi
+        angles = np.linspace(-FURTHER, phi + FURTHER, 37) if ahead else phi
         group, new = _assembled(kind, number, dice, asked, scaled, (fixed, links, made, angles))
         links |= new
         made.append(group)
@@ -143,7 +143,7 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
 def _driver(driver: str, choose, dice: Dice, fixed, phi):
     """The driver, its links, and the points on them that others can hang on."""
     if driver in random_general.DRIVERS:
-        so_far = fixed, {}, [], phi + FURTHER
+        so_far = fixed, {}, [], np.stack([0 * phi - FURTHER, phi + FURTHER])
         first, links = _until_it_stands(dice, lambda: random_general.driver_of(driver, dice, fixed), so_far)
         return first, links, random_general.points_of(driver)
     first, link = _one_link(driver, choose, dice)
@@ -180,19 +180,15 @@ def _assembled(kind: str, number: int, dice: Dice, asked: Asked, scaled: bool, s
     general = kind in random_general.LOOPS
     with np.errstate(invalid="ignore"):
         machine = SimpleNamespace(fixed=fixed, links=links, groups=made)
-        pose = random_general.Pose(*oracle.assemble(machine, phi[0] if phi.ndim > 1 else phi))
-    if general:
-        outer = [asked.one, asked.to, *asked.more][: random_general.outer_count(kind)]
+        pose = random_general.Pose(*oracle.assemble(machine, np.zeros(dice.count) if phi.ndim > 1 else phi))
 
-        def draw():
-            guide = dice.guide(asked.guides[0])
-            return random_general.group_of(kind, number, dice, outer, guide, pose, scaled)
-    else:
-
-        def draw():
+    def draw():
+        if not general:
             return _drawn(kind, number, dice, asked, pose.points, scaled)
+        outer = [asked.one, asked.to, *asked.more][: random_general.outer_count(kind)]
+        return random_general.group_of(kind, number, dice, outer, dice.guide(asked.guides[0]), pose, scaled)
 
-    return _until_it_stands(dice, draw, (fixed, links, made, phi[-1] if general else phi))
+    return _until_it_stands(dice, draw, (fixed, links, made, phi[[0, -1]] if general else phi))
 
 
 def _until_it_stands(dice: Dice, draw: Callable[[], Any], so_far):
@@ -206,7 +202,7 @@ def _until_it_stands(dice: Dice, draw: Callable[[], Any], so_far):
         found, done = new, done | _stands(fixed, links, made, new[:2], phi)
         if done.all():
             return found
-    raise AssertionError(f"no {found[0].kind} of {', '.join(found[1])} was found that can be assembled")
+    raise AssertionError(f"no group was found that can be assembled behind {', '.join(links)}")
 
 
 def _drawn(kind: str, number: int, dice: Dice, asked: Asked, points, scaled: bool):
@@ -260,14 +256,14 @@ def _stands(fixed, links, made, new, phi) -> np.ndarray:
     machine = SimpleNamespace(fixed=fixed, links=links | own, groups=[*made, group])
     with np.errstate(invalid="ignore"):
         points, directions = oracle.assemble(machine, phi)
-    good = np.ones(np.shape(phi), bool)
+    good = np.isfinite(phi)
     for link, pins in group.pins().items():
         good &= np.isfinite(directions[link])
         for p in pins:
             good &= np.isfinite(points[p]) if p else True
     if isinstance(group, General):
         with np.errstate(invalid="ignore"):
-            begin, _ = oracle.assemble(machine, 0 * phi)
+            begin, _ = oracle.assemble(machine, np.zeros(good.shape[-1]))
             off = [np.abs(begin[p] - (np.asarray(at.x) + 1j * np.asarray(at.y))) for p, at in group.sketch.items()]
         good &= np.max(off, 0) < AS_SKETCHED
     if isinstance(group, PRP):

@@ -154,6 +154,59 @@ def test_every_chain_moves(case):
         assert float(here.links[name].w) == pytest.approx(found[3 * i + 2], abs=1e-15 * condition * np.abs(found).max())
 
 
+SLIDING = [(count, *one, other) for count in (4, 6) for one in driven_chains(count, at_ground=True)
+           for other in one[0] if other != one[2]]  # fmt: skip
+SOON = (0, 1, 3, 4, 5, 6)  # whose groups are closed in closed form
+
+
+@pytest.mark.parametrize("number", [pytest.param(i, marks=() if i in SOON else pytest.mark.slow)
+                                    for i in range(len(SLIDING))])  # fmt: skip
+def test_every_chain_with_a_slider_moves(number):
+    """One joint of every chain is a slider, in any direction: closed as drawn, and the rates of all links and points
+    those that its joints allow."""
+    _, chain, ground, edge, other = SLIDING[number]
+    rng, (first, slides) = np.random.default_rng(number), (f"j{a}{b}" for a, b in (edge, other))
+    names, pairs = links_of(chain, ground), named(chain, ground, {other: "P"})
+    drive, slider = (next(p for p in pairs if p.name == name) for name in (first, slides))
+    order = {name: i for i, part in enumerate(blocks(names, pairs, drive)) for name in part} | {FRAME: -1}
+    on, block = sorted(slider.ends, key=lambda end: order[end])  # what stands first carries the guide
+    spots = {f"j{a}{b}": complex(*rng.uniform(-1, 1, 2)) for a, b in chain if (a, b) != other}
+    fixed = {p: at for p, at in spots.items() if ground in map(int, p[1:])}
+    lean, links = rng.uniform(-3, 3), {}
+    for name in names:
+        own = sorted((p for p in spots if name[1] in p), key=lambda p: p != first)  # a crank turns about its first pin
+        if name == block:  # in the axes of its guide
+            at = {p: (spots[p] - spots[own[0]]) * cmath.exp(-1j * lean) for p in own[1:]}
+            links[name] = Link(pins=tuple(own), points={p: lj.Vec(z.real, z.imag) for p, z in at.items()})
+            continue
+        if len(own) == 1:  # its axis runs to a point on which nothing hangs
+            own.append(f"e{name[1]}")
+            spots[own[1]] = complex(*rng.uniform(-1, 1, 2))
+        links[name] = Link(pins=tuple(own))
+    ways = {name: spots[link.pins[1]] - spots[link.pins[0]] for name, link in links.items() if name != block}
+    through = min(fixed) if on == FRAME else links[on].pins[0]
+    aside = ((spots[links[block].pins[0]] - spots[through]) * cmath.exp(-1j * lean)).imag
+    guide = Guide(through, lean - cmath.phase(ways.get(on, 1.0)), aside, on)
+    crank = drive.one if drive.other == FRAME else drive.other
+    machine = linkage(
+        {p: (at.real, at.imag) for p, at in fixed.items()}, links, Drive(crank, phase=cmath.phase(ways[crank])),
+        [Slot(block, guide)], {p: (at.real, at.imag) for p, at in spots.items() if p not in fixed},
+    )  # fmt: skip
+    here = compiled_soon(lambda m: pose(m, jnp.zeros(())))(prepared(machine))
+    lies = {p: (at.real, at.imag, 0.0) for p, at in spots.items()}
+    line = spots[links[block].pins[0]]
+    matrix = rates(names, pairs, drive, {**lies, f"{slides} of {slider.one}": (line.real, line.imag, lean)})
+    found = np.linalg.solve(matrix, np.eye(len(matrix))[-1] * (1.0 if drive.one == crank else -1.0))
+    allowed = 1e-15 * np.linalg.cond(matrix) * np.abs(found).max()
+    for i, name in enumerate(names):
+        assert float(here.links[name].w) == pytest.approx(found[3 * i + 2], abs=allowed)
+        for p in links[name].pins:
+            x, y, at = *found[3 * i : 3 * i + 2], here.points[p]
+            np.testing.assert_allclose((at.r.x, at.r.y), (spots[p].real, spots[p].imag), atol=1e-12)
+            moved = complex(x, y) + 1j * found[3 * i + 2] * spots[p]
+            np.testing.assert_allclose((at.dr.x, at.dr.y), (moved.real, moved.imag), atol=allowed)
+
+
 # ---- drawn by links and joints
 
 
