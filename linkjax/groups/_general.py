@@ -120,8 +120,9 @@ class General(AbstractChain):
         half = 0.5 * t * t
         links = {g.on: states[g.on] for g in self.guides() if g.on != "frame"}
         wound = None if self.path is None else self.path.wound
-        mates = () if phi is None else self.mates()
-        angles = {name: turned(name, k, states, wound, phi, self.turns) for k, name in enumerate(mates)}
+        angles = {}
+        if phi is not None:
+            angles = {name: turned(name, k, states, wound, phi, self.turns) for k, name in enumerate(self.mates())}
         return Known(
             {name: points[name].r + points[name].dr * t + points[name].ddr * half for name in self.needs()},
             {name: s.u + s.u.perp() * (s.w * t + s.e * half) - s.u * (s.w * s.w * half) for name, s in links.items()},

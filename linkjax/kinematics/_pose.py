@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
@@ -135,8 +136,8 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
             if isinstance(group, General):
                 wound = _winding(group, before, counting) if group.mates() else None
                 none = jnp.zeros(0)
-                group = with_path(group, Track(none, none, none, wound), turns)
-                path = path_of(group, fixed.links, before, angles)._replace(wound=wound)
+                begun = dataclasses.replace(group, path=Track(none, none, none, wound), turns=turns)
+                path = path_of(begun, fixed.links, before, angles)._replace(wound=wound)
             elif isinstance(group, Gear | Rack | Pinion):
                 path = _winding(group, before, counting)
             else:

@@ -109,12 +109,14 @@ class Wheels:
     def check_phases(self, group: General) -> None:
         """Raise `StructureError` where carriers stand elsewhere by the phases of their wheels than in the sketch."""
         gears = [gear for gear in group.gears if isinstance(gear, Gear)]
+        if not gears:
+            return
         rows = [{name: float(value) for name, value in gear.coupling().angles.items()} for gear in gears]
         names, wheels = dict.fromkeys(n for row in rows for n in row if n != FRAME), group.spinning()
         seen = {name: self.angle(name) for name in names if name not in wheels}
         held = [name for name in seen if name in group.link_names()]
         free = [name for name in names if name not in seen]
-        at = np.array([[row.get(name, 0.0) for name in (*free, *held)] for row in rows]).reshape((len(rows), -1))
+        at = np.array([[row.get(name, 0.0) for name in (*free, *held)] for row in rows])
         left = [float(gear.phase) - sum(row.get(name, 0.0) * seen[name] for name in seen)
                 for gear, row in zip(gears, rows, strict=True)]  # fmt: skip
         still = np.eye(len(rows)) - at[:, : len(free)] @ np.linalg.pinv(at[:, : len(free)])
