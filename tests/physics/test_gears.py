@@ -463,6 +463,16 @@ def test_written_and_read_back():
         same(scene)
 
 
+def test_what_comes_out_together_is_found_apart():
+    """As a file, a machine solved together is cut into the smallest groups, and moves as it did."""
+    scene = machine("rolling")
+    again = loads_text(text_of(scene)).mechanism
+    assert again.formula() == "I1(crank) → G(lever, wheel, rack, rod) → G(pulley) → II2(coupler, slide)"
+    one, two = at(scene.mechanism), at(again)
+    for name in "BEFTUVW":
+        np.testing.assert_allclose(xy(two.points[name].ddr), xy(one.points[name].ddr), atol=1e-14)
+
+
 def same(scene: lj.Scene) -> None:
     again = loads_text(text_of(scene))
     for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
