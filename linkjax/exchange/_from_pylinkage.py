@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import cmath
 import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +17,9 @@ from linkjax.groups import RRP, RRR, AbstractGroup, Crank, Guide
 from linkjax.mechanism import Link, Mechanism, StructureError
 
 Drawn = Mapping[str, Any]
+TEXTS = ("type", "name", "motor_joint", "ref_joint1_id", "ref_joint2_id")
+NUMBERS = ("distance", "angle", "angular_velocity", "initial_angle")
+PLACES = ("position", "axis", "line_point")
 LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
 
 
@@ -45,11 +49,37 @@ def _read(document: str | Mapping[str, Any]) -> Mapping[str, Any]:
         for number, each in enumerate(document[key]):
             if not isinstance(each, Mapping) or not isinstance(each.get("id"), str):
                 raise StructureError(f"{key}[{number}]", "has no id", "write the file with mechanism_to_json")
+            _check(each)
+            if key == "links" and not _are(each.get("joints"), str):
+                problem = f"joints is {each.get('joints')!r}, which is no list of ids"
+                raise StructureError(each["id"], problem, 'write the ids of its joints, e.g. ["A", "B"]')
     for joint in document["joints"]:
         if joint.get("type") in LEGACY:
             remedy = "read it with pylinkage and write it with mechanism_to_json"
             raise StructureError(joint["id"], f"has the type {joint['type']!r} of an older format", remedy)
     return document
+
+
+def _check(element: Drawn) -> None:
+    """Raise `StructureError` where a key of a joint or link is not what it should be."""
+    for key, value in element.items():
+        what, remedy = "", ""
+        if key in TEXTS and not isinstance(value, str | None):
+            what, remedy = "text", "write it in double quotes"
+        elif key in NUMBERS and not _are([value], int, float):
+            what, remedy = "finite number", "write a number"
+        elif key in PLACES and not (isinstance(value, list | tuple) and len(value) == 2 and _are(value, int, float)):
+            what, remedy = "place", "write two numbers, [x, y]"
+        if what:
+            raise StructureError(element["id"], f"{key} is {value!r}, which is no {what}", remedy)
+
+
+def _are(values: object, *kinds: type) -> bool:
+    """Whether these are a list of texts, or of finite numbers."""
+    return isinstance(values, list | tuple) and all(
+        isinstance(each, kinds) and not isinstance(each, bool) and (isinstance(each, str) or math.isfinite(each))
+        for each in values
+    )
 
 
 class _Reader:
@@ -62,7 +92,7 @@ class _Reader:
         self.lengths: dict[str, float] = {}
         self.groups: list[AbstractGroup] = []
         for bar in self.bars:
-            for joint in bar.get("joints", []):
+            for joint in bar["joints"]:
                 if joint not in self.joints:
                     raise StructureError(bar["id"], f"joint {joint!r} is not there", nearest(joint, self.joints))
 
@@ -90,11 +120,9 @@ class _Reader:
 
     def at(self, joint: str) -> complex:
         """Where a joint is drawn."""
-        try:
-            x, y = self.joints[joint]["position"]
-            return complex(float(x), float(y))
-        except (KeyError, TypeError, ValueError) as error:
-            raise StructureError(joint, "has no position", "write x and y") from error
+        if "position" not in self.joints[joint]:
+            raise StructureError(joint, "has no position", "write x and y")
+        return complex(*self.joints[joint]["position"])
 
     def bodies(self, joint: str) -> list[str]:
         """Bodies that a joint is on."""
@@ -107,7 +135,7 @@ class _Reader:
         """Ground joints, motors, and trackers that track nothing."""
         still = [joint for joint in self.joints if self.kind(joint) == "ground"]
         for bar in self.bars:
-            still += bar.get("joints", []) if bar.get("type") == "ground" else []
+            still += bar["joints"] if bar.get("type") == "ground" else []
             still += [bar["motor_joint"]] if bar.get("motor_joint") in self.joints else []
         still += [j for j, d in self.joints.items() if self.kind(j) == "tracker" and not d.get("ref_joint1_id")]
         self.on["frame"] = {joint: self.at(joint) for joint in still}
@@ -120,7 +148,7 @@ class _Reader:
             names = ", ".join(bar["id"] for bar in drivers) or "none"
             raise StructureError("links", f"there must be one driver, but there are: {names}", "mobility is one")
         (bar,) = drivers
-        pins, speed = bar.get("joints", []), float(bar.get("angular_velocity", 1.0))
+        pins, speed = bar["joints"], float(bar.get("angular_velocity", 1.0))
         if bar["type"] == "arc_driver":
             problem, remedy = (
                 "goes to and fro with jumps of its speed",
@@ -209,7 +237,7 @@ class _Reader:
             if self.kind(joint) != "prismatic" or self.bodies(joint) or not (found := self.hanging(joint)):
                 continue
             (bar, origin), base = found[0], self.groups[0].needs()[0]
-            axis, line = (complex(*map(float, drawn.get(key, (0.0, 0.0)))) for key in ("axis", "line_point"))
+            axis, line = (complex(*drawn.get(key, (0.0, 0.0))) for key in ("axis", "line_point"))
             axis = axis / abs(axis) if axis else 1 + 0j
             offset = ((line - self.at(base)) / axis).imag
             side = 1 if ((self.at(joint) - self.at(origin)) / axis).real >= 0 else -1

@@ -6,6 +6,8 @@ Source: MuJoCo documentation, XML reference (https://mujoco.readthedocs.io/en/st
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -28,8 +30,9 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
     equality constraints: pins by `connect`; slides by `weld`, to a body `<block>.guide` that runs on the guide. Wheels
     in gear have a tendon `<wheel>.mesh` of constant length. Every named point is a site of its name on the link that it
     belongs to; where a pin closes a loop, the other link has a site `<link>.<point>` there. The motor `drive` acts on
-    the driver; a flywheel is the armature of its joint. Counterweights are part of their link. A `Scene` brings its
-    gravity; working loads, speeds and laws of motion have no place in a model.
+    the driver, by a tendon of that name where the pin that it turns closes a loop; a flywheel is the armature of its
+    joint. Counterweights are part of their link. A `Scene` brings its gravity; working loads, speeds and laws of motion
+    have no place in a model.
 
     MuJoCo knows no body without mass and inertia: where a link has none, it has `massless` times the greatest mass of
     a link (1 kg if none has any), and this by the square of the greatest distance on a link.
@@ -144,25 +147,37 @@ def _couple(model: ET.Element, mechanism: Mechanism, tree: Tree) -> None:
     names = [joint.name for group in mechanism.groups for joint in group.joints() if joint.meshes]
     for name, wheel in zip(names, wheels, strict=True):
         coupling = wheel.coupling()
-        factors: dict[str, float] = {}
-        for link, factor in coupling.angles.items():  # the angle of a link is the sum of all hinges it hangs on
-            while link != "frame":
-                if above[link].axis is None:
-                    factors[link] = factors.get(link, 0.0) + float(factor)
-                link = above[link].parent
+        factors = _hinges(coupling.angles, tree)
         for block, factor in coupling.ways.items():
             on = tree.ways[block].on
             ends = [body for body in (block, on) if body in above and above[body].axis is not None]
             hung = [body for body in ends if {body, above[body].parent} == {block, on}]
             joint = hung[0] if hung else f"{block}.guide"
             factors[joint] = factors.get(joint, 0.0) + float(factor)
-        tendons, equality = model.find("tendon"), model.find("equality")
-        tendon = ET.SubElement(ET.SubElement(model, "tendon") if tendons is None else tendons, "fixed", name=name)
-        for joint, factor in factors.items():
-            if factor:
-                ET.SubElement(tendon, "joint", joint=joint, coef=repr(factor))
+        _tendon(model, name, factors)
+        equality = model.find("equality")
         assert equality is not None
         ET.SubElement(equality, "tendon", name=name, tendon1=name)
+
+
+def _hinges(angles: Mapping[str, Any], tree: Tree) -> dict[str, float]:
+    """Factors of hinges for those of the angles of links: each is the sum of all hinges that the link hangs on."""
+    above, factors = {body.body: body for body in tree.bodies}, {}
+    for link, factor in angles.items():
+        while link != "frame":
+            if above[link].axis is None:
+                factors[link] = factors.get(link, 0.0) + float(factor)
+            link = above[link].parent
+    return factors
+
+
+def _tendon(model: ET.Element, name: str, factors: Mapping[str, float]) -> None:
+    """A tendon whose length is the sum of joint coordinates, each times its factor."""
+    tendons = model.find("tendon")
+    tendon = ET.SubElement(ET.SubElement(model, "tendon") if tendons is None else tendons, "fixed", name=name)
+    for joint, factor in factors.items():
+        if factor:
+            ET.SubElement(tendon, "joint", joint=joint, coef=repr(factor))
 
 
 def _site(body: ET.Element, link: str, point: str, tree: Tree) -> str:
@@ -176,15 +191,18 @@ def _site(body: ET.Element, link: str, point: str, tree: Tree) -> str:
 def _drive(model: ET.Element, mechanism: Mechanism, bodies: dict[str, ET.Element], tree: Tree) -> None:
     """A motor on the driver, and the flywheel."""
     driver, joint = mechanism.driver, mechanism.crank
+    motor = ET.SubElement(ET.SubElement(model, "actuator"), "motor", name="drive")
     if isinstance(driver, General) and driver.drive is not None:
         link, on = driver.drive.link, driver.drive.on
         hung = [body.body for body in tree.bodies if {body.body, body.parent} == {link, on}]
-        if not hung and driver.driven_slot() is None:
-            return  # the pin that it turns closes a loop, and has no joint of its own
+        if driver.driven_slot() is None and hung != [link]:  # its pin closes a loop, and has no joint of its own
+            _tendon(model, "drive", _hinges({link: 1.0, on: -1.0}, tree))
+            motor.set("tendon", "drive")
+            return
         joint = hung[0] if hung else f"{link}.guide"
     flywheel = float(mechanism.flywheel.inertia)
     if flywheel:
         hinge = bodies[joint].find("joint")
         assert hinge is not None  # only a crank has one
         hinge.set("armature", repr(flywheel))
-    ET.SubElement(ET.SubElement(model, "actuator"), "motor", name="drive", joint=joint)
+    motor.set("joint", joint)

@@ -54,8 +54,12 @@ def linkage(
     _check_freedom(list(drawing.links), found, driven)
     parts = blocks(list(drawing.links), found, driven)
     if drive.link not in parts[0]:
-        problem = f"moves {drive.link!r} against {drive.on!r}, but {', '.join(parts[0])} are as good as the frame"
-        raise StructureError("drive", problem, "leave them out, put their pins under `fixed`, and drive on the frame")
+        problem = (
+            f"moves {drive.link!r} against {drive.on!r}, but {', '.join(parts[0])} cannot move, as good as the frame"
+        )
+        raise StructureError(
+            "drive", problem, "leave them out, put their pins under `fixed`, and drive against the frame"
+        )
     drawing.place_drive(drive)
     for name in drawing.links:
         drawing.measure(name)

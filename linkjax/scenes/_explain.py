@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import typing
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -10,9 +11,12 @@ from pydantic import BaseModel, ValidationError
 from linkjax._units import kind_of, nearest
 from linkjax.mechanism import StructureError
 from linkjax.scenes._errors import SceneError, shown
-from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_table, join, lookup
+from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_rolling, is_table, join, lookup, settle
+from linkjax.scenes._models import SceneFile
 
 File = TypeVar("File", bound=BaseModel)
+DRAWN = {"drive": "[drive]", "slots": "[[slots]]", "gears": "[[gears]]", "racks": "[[racks]]",
+         "links": "the [links.…] that it is of", "loads": "[[loads]]", "flywheel": "[flywheel]"}  # fmt: skip
 ADD = {
     "fixed": "add a table [fixed] with the points of the frame, e.g. A = [0, 0]",
     "links": 'add a table for each link, e.g. [links.crank] with length = "300 mm"',
@@ -47,7 +51,8 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "scene":
         return context["problem"], context["remedy"]
     if kind == "extra_forbidden":
-        return "not a known key", nearest(last, known_keys(table, path[:-1]))
+        remedy = nearest(last, known_keys(table, path[:-1]))
+        return "not a known key", remedy if remedy.startswith("did you mean") else _home(table, path) or remedy
     if kind == "missing":
         return "missing", _addition(table, path)
     if kind == "union_tag_invalid":
@@ -73,6 +78,26 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
         last = join(path)
         return f"{what} where a list of tables is needed", f"write [[{last}]], in double brackets, once for each"
     return message[:1].lower() + message[1:], "see docs/scenes.md for what may stand here"
+
+
+def _home(table: Any, path: Path) -> str:
+    """Where a key belongs that stands in a wrong table: in a table inside that, or in another one of the scene."""
+    key, inside = str(path[-1]), annotation_at(table, path[:-1])
+    own = (
+        {} if not is_table(inside) else {name: settle(annotation, None) for name, annotation in fields(inside).items()}
+    )
+    for name, model in own.items():
+        if is_table(model) and key in fields(model):
+            return f"write it inside of {name}, {name} = {{ {key} = {shown(examples(model).get(key, 'A'))} }}"
+    scene = fields(SceneFile)
+    if len(path) > 1 and key in scene and not is_rolling(table):
+        return "write it at the top of the file, above the first table in brackets"
+    for name in DRAWN if "drive" in table else ():
+        model = settle(scene[name], None)
+        model = settle(typing.get_args(model)[-1], None) if typing.get_args(model) else model
+        if is_table(model) and key in fields(model):
+            return f"write it under {DRAWN[name]}"
+    return ""
 
 
 def _choice(given: str, choices: list[str]) -> str:

@@ -14,8 +14,9 @@ import pytest
 import linkjax as lj
 from linkjax import Counterweight, Link, Mechanism, StructureError, Vec
 from linkjax.exchange import to_mjcf
+from linkjax.groups import Drive, Guide, Slot
 from linkjax.kinematics import pose
-from linkjax.mechanism import Flywheel
+from linkjax.mechanism import Flywheel, linkage
 from tests.physics.machines import machine
 
 
@@ -127,3 +128,25 @@ def test_one_machine_at_a_time():
     many = lj.four_bar(jnp.array([0.1, 0.11]), 0.35, 0.25, 0.38)
     with pytest.raises(StructureError, match="its numbers are traced or batched; export one machine at a time"):
         to_mjcf(many)
+
+
+@pytest.mark.parametrize(
+    ("link", "on", "phase"), [("rod", "ram", -0.25), ("crank", "rod", 1.0), ("rod", "crank", -1.0)]
+)
+def test_a_motor_between_two_moving_links(link, on, phase):
+    """It moves as fast as the one link turns against the other, wherever the tree has their pin."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),
+             "ram": Link(pins=("C",), mass=1.0)}  # fmt: skip
+    sketch = {"B": lj.Vec(0.07, 0.07), "C": lj.Vec(0.36, 0.0)}
+    drive = Drive(link, on, phase=phase)
+    made = linkage({"A": lj.Vec(0.0, 0.0)}, links, drive, [Slot("ram", Guide("A"))], sketch)
+    model = mujoco.MjModel.from_xml_string(lj.to_mjcf(made))
+    data = mujoco.MjData(model)
+    turning = {name: float(state.w) for name, state in lj.pose(made, jnp.zeros(())).links.items()} | {"world": 0.0}
+    for name in links:
+        if model.joint(name).type == mujoco.mjtJoint.mjJNT_HINGE:
+            parent = model.body(model.body(name).parentid[0]).name
+            data.qvel[model.joint(name).dofadr[0]] = turning[name] - turning[parent]
+    mujoco.mj_forward(model, data)
+    assert turning[link] - turning[on] == pytest.approx(1.0, abs=1e-12)
+    assert data.actuator("drive").velocity[0] == pytest.approx(1.0, abs=1e-12)

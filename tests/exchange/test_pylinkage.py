@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import dataclasses
 import json
@@ -133,7 +134,13 @@ def changed(*path, value) -> dict:
         ("[]", "pylinkage: has no lists of joints and links"),
         (changed("joints", 2, "id", value=None), r"joints\[2\]: has no id"),
         (changed("joints", 2, "type", value="Crank"), "B: has the type 'Crank' of an older format; read it with"),
-        (changed("joints", 3, "position", value=[None, None]), "C: has no position; write x and y"),
+        (changed("joints", 3, "position", value=[None, None]), r"C: position is \[None, None\], which is no place; wr"),
+        (changed("joints", 3, "position", value=None), "C: has no position; write x and y"),
+        (changed("joints", 6, "distance", value="far"), "T: distance is 'far', which is no finite number; write a n"),
+        (changed("joints", 5, "axis", value=[1.0]), r"P: axis is \[1.0\], which is no place; write two numbers"),
+        (changed("links", 1, "motor_joint", value=["A"]), r"crank: motor_joint is \['A'\], which is no text; write it"),
+        (changed("links", 3, "joints", value="BCE"), "coupler: joints is 'BCE', which is no list of ids; write the id"),
+        (changed("links", 2, "joints", value=None), "rocker: joints is None, which is no list of ids; write the ids"),
         (changed("links", 3, "joints", 1, value="X"), "coupler: joint 'X' is not there; known here: A, B"),
         (changed("links", 1, "type", value="link"), "links: there must be one driver, but there are: none"),
         (changed("links", 1, "type", value="arc_driver"), "crank: goes to and fro with jumps of its speed; write"),
@@ -153,6 +160,22 @@ def test_what_cannot_be_read(document, says):
         return
     with pytest.raises(StructureError, match=says):
         from_pylinkage(document)
+
+
+def leaves(value, path=()):
+    """Paths of everything in a document."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield (*path, key)
+        yield from leaves(inner, (*path, key))
+
+
+@pytest.mark.parametrize("value", [None, True, {}, [0, 0], math.nan], ids=str)
+def test_whatever_stands_anywhere_it_is_read_or_refused(value):
+    """With no other error than one that names an element."""
+    for path in leaves(drawn()):
+        with contextlib.suppress(StructureError):
+            from_pylinkage(changed(*path, value=value))
 
 
 @pytest.mark.parametrize(

@@ -237,3 +237,37 @@ def test_errors_travel_between_processes():
         loads_text(edit('"5 kg"', '"5 m"'), "press.toml")
     again = pickle.loads(pickle.dumps(caught.value))
     assert str(again) == str(caught.value) and again.key == "links.crank.mass" and again.value == "5 m"
+
+
+DRAWN = """speed = "60 rpm"
+[fixed]
+A = [0, 0]
+[links.crank]
+pins = ["A", "B"]
+length = "100 mm"
+[links.rod]
+pins = ["B", "C"]
+length = "300 mm"
+[links.ram]
+pins = ["C"]
+[[slots]]
+block = "ram"
+guide = { through = "A" }
+[drive]
+link = "crank"
+"""
+
+
+@pytest.mark.parametrize(("old", "new", "key", "remedy"), [
+    ('block = "ram"', 'block = "ram"\noffset = "5 mm"', "slots[0].offset", "write it inside of guide, guide = { of"),
+    ('link = "crank"', 'link = "crank"\nstart = "0 deg"', "drive.start", "write it inside of law, law = { start = "),
+    ('link = "crank"', 'link = "crank"\nspeed = "60 rpm"', "drive.speed", "write it at the top of the file, above the"),
+    ('block = "ram"', 'block = "ram"\nstroke = "5 mm"', "slots[0].stroke", "write it under [drive]"),
+    ('link = "crank"', 'link = "crank"\nmass = "1 kg"', "drive.mass", "write it under the [links.…] that it is of"),
+])  # fmt: skip
+def test_a_key_in_the_wrong_table(old, new, key, remedy):
+    """Of a machine drawn by links and joints: where it belongs."""
+    with pytest.raises(SceneError) as caught:
+        loads_text(DRAWN.replace(old, new))
+    assert (caught.value.key, caught.value.problem) == (key, "not a known key")
+    assert caught.value.remedy.startswith(remedy)
