@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from linkjax._numerics import envelope, once, root, safe_divide, safe_sqrt, sincos
+from linkjax._numerics import envelope, largest, once, root, safe_divide, safe_sqrt, sincos
 from tests.helpers import assert_gradients_agree, ulps
 
 MODES = {"forward": jax.jacfwd, "reverse": jax.jacrev}
@@ -18,6 +18,14 @@ EPS = np.finfo(float).eps
 
 class TestSafe:
     bad = jnp.asarray([0.0, -0.0, -1.0, -1e300, -jnp.inf])
+
+    @pytest.mark.parametrize("mode", MODES)
+    def test_largest(self, mode):
+        """Of several that are equal, one counts; of one alone, that."""
+        for values, slope in (([1.0, 3.0, 2.0], [0.0, 1.0, 0.0]), ([5.0, 1.0, 5.0], [1.0, 0.0, 0.0])):
+            x = jnp.asarray(values)
+            assert largest(x) == max(values)
+            np.testing.assert_array_equal(MODES[mode](largest)(x), slope)
 
     def test_sqrt_where_positive(self):
         x = jnp.asarray([1e-300, 0.25, 2.0, 1e300])

@@ -68,11 +68,11 @@ def driver_of(kind: str, dice: Dice, fixed: dict[str, Vec]) -> tuple[General, di
     if kind == "cylinder":
         guide = _through(Guide("P", dice.between(-3, 3), 0.0, "barrel"), at["B"], at, u)
         slots = (Slot("rod", guide),)
-        start = ((at["B"] - at["P"]) / (u["barrel"] * np.exp(1j * guide.along))).real
+        start = ((at["B"] - at["P"]) / (u["barrel"] * np.exp(1j * np.asarray(guide.along)))).real
         drive = Drive("rod", "barrel", law=Harmonic(start, start + dice.between(-0.1, 0.1)))
     else:
-        law = Harmonic(dice.between(-1, 1), dice.between(-1, 1))
-        drive = Drive("disc", "base", phase=np.angle(u["disc"] / u["base"]) - law.start, law=law)
+        start, stop = dice.between(-1, 1), dice.between(-1, 1)
+        drive = Drive("disc", "base", phase=np.angle(u["disc"] / u["base"]) - start, law=Harmonic(start, stop))
     return General(members, ("A", "P"), _sketch(at, pose, dice), slots, drive), links
 
 

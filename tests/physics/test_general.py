@@ -330,6 +330,22 @@ def test_what_is_no_group(members, outer, says):
         General(members, outer, {})
 
 
+def test_a_sketch_of_many_designs():
+    """Points that are sketched on one place are found in any of them."""
+    links = {"crank": Link(length=0.1), "plate": Link(length=0.25, points={"G": Vec(0.1, 0.2)})}
+    links |= {"bar": Link(length=0.3), "arm": Link(length=0.3), "block": Link()}
+    members = (("plate", ("E", "F", "G")), ("bar", ("B", "E")), ("arm", ("D", "F")), ("block", ("G",)))
+
+    def made(far: list[float]) -> Mechanism:
+        sketch = {"E": Vec(jnp.asarray([0.1, 0.1]), 0.2), "F": Vec(jnp.asarray(far), 0.2), "G": Vec(0.2, 0.4)}
+        group = General(members, ("B", "D"), sketch, (Slot("block", Guide("D", 1.0)),))
+        return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.5, 0.0)}, links, [Crank("crank", "A", "B"), group])
+
+    assert made([0.3, 0.4]).crank == "crank"
+    with pytest.raises(StructureError, match="puts 'E' and 'F' of link 'plate' on one place"):
+        made([0.3, 0.1])
+
+
 def test_what_a_drive_cannot_do():
     members = (("lever", ("D", "C")), ("barrel", ("A", "H")), ("rod", ("C",)))
     slot = Slot("rod", Guide("A", on="barrel"))
