@@ -38,6 +38,7 @@ from linkjax.forces import kinetostatics
 from linkjax.kinematics import assembly_margins, margins, pose, prepared
 from linkjax.mechanism import structure
 from linkjax.scenes import loads_text, text_of
+from tests.physics.machines import machine
 
 ANGLES = np.linspace(0.0, 2 * math.pi, 25)
 FIXED = {"A": Vec(0.0, 0.0), "D": Vec(0.3, 0.0)}

@@ -38,7 +38,9 @@ def rich() -> lj.Scene:
     )
 
 
-@pytest.mark.parametrize("name", [*(n for n in (*BUILT_IN, *COMPOSED, *PRESCRIBED) if n not in ("triad", "rolling")), "rich"])
+@pytest.mark.parametrize(
+    "name", [*(n for n in (*BUILT_IN, *COMPOSED, *PRESCRIBED) if n not in ("triad", "rolling")), "rich"]
+)
 def test_read_back_to_the_last_bit(name, rng):
     scene = rich() if name == "rich" else machine(name)
     values = {n: float(at.read(scene)) * (1 + 1e-3 * rng.random()) for n, at in numbers(scene).items()}
