@@ -25,7 +25,7 @@ from linkjax.groups._pairs import FRAME, classified
 from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
 
-NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
+NEAR, LAST = 4, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
 SWING = 0.2  # of the size: what they may move links
 
 
