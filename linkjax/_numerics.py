@@ -40,12 +40,17 @@ def highest(values: Array) -> Array:
 
 
 def largest(values: Array) -> Array:
-    """The largest of a row of values, whose derivative is that of one that is largest.
+    """The largest of some values, whose derivative is that of one that is largest.
 
     Not `jnp.max`: its derivative divides by how many entries equal the largest, and where XLA rounds these differently
     from those compared before, none does, which makes NaN.
     """
-    return values[jnp.argmax(jax.lax.stop_gradient(values))]
+    return values.ravel()[jnp.argmax(jax.lax.stop_gradient(values))]
+
+
+def smallest(values: Array) -> Array:
+    """The smallest, in the same way."""
+    return values.ravel()[jnp.argmin(jax.lax.stop_gradient(values))]
 
 
 def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> Array:

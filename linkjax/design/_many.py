@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from linkjax._compile import compiled_sooner
+from linkjax._numerics import largest
 from linkjax._population import over_designs
 from linkjax.design._cone import PENALTY, Path, descend
 from linkjax.design._point import rank
@@ -60,7 +61,7 @@ def _descent(problem: Problem) -> Callable:
     def merit(z):
         values = problem.values(lower + z * span) * factors
         excess = jnp.where(goals, 0.0, jnp.maximum(values - levels, 0.0))
-        return jnp.max(jnp.where(goals, values, -jnp.inf)) + PENALTY * jnp.sum(excess)
+        return largest(jnp.where(goals, values, -jnp.inf)) + PENALTY * jnp.sum(excess)
 
     def turn(state, _):
         z, held, best, least = state

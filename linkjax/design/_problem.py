@@ -13,6 +13,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
+from linkjax._numerics import largest, smallest
 from linkjax.design._names import DesignError, Number, changed, number
 from linkjax.design._terms import TODAY, Limit, Term, at_least
 from linkjax.machine import Scene
@@ -237,7 +238,7 @@ def _rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
     term = limit.term
     if term.rows is not None and term.smallest == (limit.sense == "at least"):
         rows = term.rows(parts)
-        return rows, jnp.min(rows.size()) if term.smallest else jnp.max(rows.size())
+        return rows, smallest(rows.size()) if term.smallest else largest(rows.size())
     value = term.value(parts)
     return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
 

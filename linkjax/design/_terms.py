@@ -9,6 +9,7 @@ from typing import Literal
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._numerics import largest
 from linkjax.design._names import number
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES, Measure, Parts
@@ -68,7 +69,7 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
         vectors = at if at.ndim == 2 else at.reshape((-1, 1))
         return Rows(vectors, jnp.full(vectors.shape[0], jnp.nan), signed=at.ndim < 2)
 
-    return Term(name, unit, lambda of: jnp.max(found(of).size()), found)
+    return Term(name, unit, lambda of: largest(found(of).size()), found)
 
 
 def at_most(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:

@@ -18,12 +18,14 @@ def closed_to(dtype: Any) -> float:
 
 class Track(NamedTuple):
     """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
-    leave open, of the size of the group; and how the links turn round that its wheels are in gear with."""
+    leave open, of the size of the group; how the links turn round that its wheels are in gear with; and the first of
+    the four places that say where the group is in the lower and the upper half of every step."""
 
     z: Array
     sense: Array
     gap: Array
     wound: Winding | None = None
+    first: Array | None = None
 
     def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
         """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
@@ -33,9 +35,11 @@ class Track(NamedTuple):
         return whole.astype(int), place - whole
 
     def at(self, phi: Array, turns: int) -> Array:
-        """The configuration at a crank angle, roughly: a cubic through four places of the path."""
+        """The configuration at a crank angle, roughly: a cubic through four places of the path, on one side of where
+        the group does not close."""
         i, rest = self.place(phi, turns)
-        first = jnp.clip(i - 1, 0, self.sense.size - 4)
+        assert self.first is not None
+        first = self.first[(rest > 0.5).astype(int), i]
         x = rest + (i - first).astype(rest.dtype)  # from the first of the four
         a, b, c, d = (self.z[first + k] for k in range(4))
         left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6

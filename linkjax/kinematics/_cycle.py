@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from linkjax._numerics import nearest_turn, repeat, safe_divide, safe_sqrt, wrapped
+from linkjax._numerics import largest, nearest_turn, repeat, safe_divide, safe_sqrt, smallest, wrapped
 from linkjax.groups import BEYOND, Crank, Margin
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
@@ -167,7 +167,7 @@ def strokes(mechanism: Mechanism, found: dict[str, Reversals], turns: int = 1) -
             rest = nearest_turn(coarse[0] - coarse[-1], 2 * math.pi)
             net = jnp.abs(coarse[-1] + rest - coarse[0])  # a link that comes round has no swing
             reach = jnp.where(net < math.pi, turned[:, None] - turned[None, :], jnp.nan)
-        covered[name] = jnp.max(jnp.where(both, reach, 0.0))
+        covered[name] = largest(jnp.where(both, reach, 0.0))
     return covered
 
 
@@ -268,4 +268,4 @@ def _lowest(margin: Margin, scan: Array) -> Array:
 def least_margin(mechanism: Mechanism, turns: int = 1) -> Array:
     """The smallest of all assembly margins over the continuous cycle (positive: the machine can be assembled)."""
     every = [least.value for sides in assembly_margins(mechanism, turns).values() for least in sides.values()]
-    return jnp.min(jnp.stack(every)) if every else jnp.asarray(jnp.inf)
+    return smallest(jnp.stack(every)) if every else jnp.asarray(jnp.inf)

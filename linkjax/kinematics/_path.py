@@ -13,6 +13,7 @@ from linkjax.groups import General, Track, closed_to
 
 ALONG = 5  # damped Newton steps in a step along the path
 SWING = 0.2  # rad, or of the size: what links may move in one step
+LOST = 1e-2  # of the size: what is left open where the group is beyond its range
 SMALLEST = 128  # parts of a step that a smaller one may be
 
 
@@ -38,7 +39,24 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     up, down = (jax.tree.map(lambda part, k=k: part[k], both) for k in (0, 1))
     reached = [jnp.cumprod(way.gap < closed_to(up.z.dtype)) > 0 for way in (up, down)]
     other = ~reached[0] & reached[1][::-1]
-    return jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a), up, down)
+    path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a), up, down)
+    return path._replace(first=_firsts(reached[0] | other, other))
+
+
+def _firsts(sound: Array, other: Array) -> Array:
+    """The first of the four places nearest to either half of every step, all reached, and on the same way."""
+    steps = sound.size - 1
+    ends = (other[1:] != other[:-1]) | (sound[1:] != sound[:-1])
+    stretch = jnp.concatenate([jnp.zeros(1, dtype=int), jnp.cumsum(ends.astype(int))])
+    i, found = jnp.arange(steps), []
+    for order in ((-1, 0, -2, -3, 1), (-1, -2, 0, 1, -3)):
+        best = jnp.clip(i - 1, 0, steps - 3)
+        for ahead in order[::-1]:
+            first = jnp.clip(i + ahead, 0, steps - 3)
+            whole = (first == i + ahead) & sound[first] & (stretch[first] == stretch[first + 3])
+            best = jnp.where(whole, first, best)
+        found.append(best)
+    return jnp.stack(found)
 
 
 def _follow(
@@ -46,8 +64,9 @@ def _follow(
 ) -> Track:
     """From a configuration on to the next crank angle, in as many steps as it takes; both angles are those on the
     `way`, one up or minus one down. A step is made smaller while it does not close, moves links far, or turns the sense
-    of the Jacobian; the smallest is taken as it is."""
-    least, shut, size = (to - phi) / SMALLEST, closed_to(last.z.dtype), group.size(links)
+    of the Jacobian; the smallest is taken as it is. Where it was lost before, one step will do."""
+    shut, size = closed_to(last.z.dtype), group.size(links)
+    least = jnp.where(last.gap > LOST, to - phi, (to - phi) / SMALLEST)
     one = jnp.ones_like(size)
     measure = jnp.stack([size, size, *[one] * (last.z.shape[1] - 2)])[None]
 

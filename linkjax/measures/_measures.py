@@ -12,7 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import safe_divide, safe_sqrt
+from linkjax._numerics import largest, safe_divide, safe_sqrt
+from linkjax._numerics import smallest as least_of
 from linkjax.groups import General
 from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
@@ -78,13 +79,13 @@ def measure(
 def peak(unit: str) -> Callable[[Callable[[Parts], Peaked]], Measure]:
     """Make a measure of what has a peak: the regime, its components, and their values at the nodes if known."""
     return lambda function: _registered(
-        function, unit, lambda of: jnp.max(peaks(*function(of)).value), lambda of: rows(*function(of))
+        function, unit, lambda of: largest(peaks(*function(of)).value), lambda of: rows(*function(of))
     )
 
 
 def smallest(unit: str) -> Callable[[Callable[[Parts], Rows]], Measure]:
     """Make a measure of which the smallest of several numbers counts."""
-    return lambda function: _registered(function, unit, lambda of: jnp.min(function(of).size()), function, True)
+    return lambda function: _registered(function, unit, lambda of: least_of(function(of).size()), function, True)
 
 
 def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:

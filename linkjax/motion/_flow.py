@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from linkjax._numerics import highest, once, root, safe_divide
+from linkjax._numerics import highest, largest, once, root, safe_divide, smallest
 from linkjax.machine import Scene
 from linkjax.motion._extremum import Pieces, best_piece, newton, phi_at, pieces
 from linkjax.motion._grid import Grid, Place
@@ -116,8 +116,8 @@ class Flow(eqx.Module):
         """E₀ for which the time mean of the speed is the wanted one: Newton's method between bounds."""
         wanted = self.scene.cycle / self.scene.speed
         room = 0.5 * self.scene.speed**2 * self.inertia - self.at_nodes  # the energy with the wanted speed at each node
-        low, high = jnp.min(room), jnp.max(room)
-        lowest = LEAST * self.scale - jnp.min(self.at_nodes)  # below, the kinetic energy runs out somewhere
+        low, high = smallest(room), largest(room)
+        lowest = LEAST * self.scale - smallest(self.at_nodes)  # below, the kinetic energy runs out somewhere
         guess = jnp.sum(self.weights * room / self.inertia) / jnp.sum(self.weights / self.inertia)
 
         def solve(_, start):
@@ -195,7 +195,7 @@ class Flow(eqx.Module):
             return phi, governing(self.scene, reduce(self.scene, phi, self.grid.middle[panel]))
 
         phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
-        least = jnp.minimum(here.inertia, jnp.min(value)) * self.scene.speed**2 / (2 * self.scale)
+        least = jnp.minimum(here.inertia, smallest(value)) * self.scene.speed**2 / (2 * self.scale)
         return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
 
     def at_ends(self) -> tuple[Array, Array]:

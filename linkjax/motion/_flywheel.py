@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import root, safe_divide
+from linkjax._numerics import root, safe_divide, smallest
 from linkjax._types import Scalar
 from linkjax.machine import Scene, ready
 from linkjax.mechanism import Flywheel
@@ -40,7 +40,7 @@ def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array
     if scene.mechanism.prescribed:  # steady by itself
         return jnp.zeros_like(scene.speed)
     bare = here.inertia - scene.mechanism.flywheel.inertia
-    least = -0.5 * jnp.min(bare)
+    least = -0.5 * smallest(bare)
 
     def excess(inertia):
         at = with_flywheel(scene, inertia)
