@@ -19,7 +19,8 @@ def closed_to(dtype: Any) -> float:
 class Track(NamedTuple):
     """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
     leave open, of the size of the group; how the links turn round that its wheels are in gear with; and the first of
-    the four places that say where the group is in the lower and the upper half of every step."""
+    the four places that say where the group is in the lower and the upper half of every step (as floating numbers, as
+    all leaves of a mechanism are)."""
 
     z: Array
     sense: Array
@@ -39,7 +40,7 @@ class Track(NamedTuple):
         the group does not close."""
         i, rest = self.place(phi, turns)
         assert self.first is not None
-        first = self.first[(rest > 0.5).astype(int), i]
+        first = self.first[(rest > 0.5).astype(int), i].astype(int)
         x = rest + (i - first).astype(rest.dtype)  # from the first of the four
         a, b, c, d = (self.z[first + k] for k in range(4))
         left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6

@@ -40,7 +40,7 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     reached = [jnp.cumprod(way.gap < closed_to(up.z.dtype)) > 0 for way in (up, down)]
     other = ~reached[0] & reached[1][::-1]
     path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a), up, down)
-    return path._replace(first=_firsts(reached[0] | other, other))
+    return path._replace(first=_firsts(reached[0] | other, other).astype(path.gap.dtype))
 
 
 def _firsts(sound: Array, other: Array) -> Array:

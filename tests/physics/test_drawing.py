@@ -96,7 +96,11 @@ def test_sides_are_those_of_the_true_places():
         assert places(rough, "EG") == pytest.approx(places(exact, "EG"), abs=1e-12)
 
 
-@pytest.mark.parametrize("drive", [Drive("crank"), Drive("coupler", "crank", phase=0.9)], ids=["dyad", "general"])
+@pytest.mark.parametrize(
+    "drive",
+    [Drive("crank"), pytest.param(Drive("coupler", "crank", phase=0.9), marks=pytest.mark.slow)],
+    ids=["dyad", "general"],
+)
 @pytest.mark.parametrize("far", [lj.Vec(0.3, 0.0), lj.Vec(0.28, 0.1)])
 def test_a_second_pin_that_is_a_marked_point(drive, far):
     """It is where the mark is, whatever the length: the machine whose coupler has that distance as its length."""
@@ -161,7 +165,11 @@ FIVE = {"a": Link(pins=("A", "B"), length=0.1), "b": Link(pins=("A", "E"), lengt
         "e": Link(pins=("C", "E"), length=0.3)}  # fmt: skip
 
 
-@pytest.mark.parametrize(("driver", "against"), [("a", "b"), ("e", "d")], ids=["on one shaft", "of three at a pin"])
+@pytest.mark.parametrize(
+    ("driver", "against"),
+    [("a", "b"), pytest.param("e", "d", marks=pytest.mark.slow)],
+    ids=["on one shaft", "of three at a pin"],
+)
 def test_links_at_one_pin_driven_against_each_other(driver, against):
     """Two on one shaft of the frame, two of three at a pin: the machine that a crank drives, at another pace."""
 
@@ -248,6 +256,7 @@ def test_what_no_drawing_can_hold(given, told):
         linkage(links=links, **{**usual, **given})
 
 
+@pytest.mark.slow
 def test_dead_centres_where_two_links_are_driven_against_each_other():
     """A slider stops where crank and rod are in line, and covers twice the crank."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),

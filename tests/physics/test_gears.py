@@ -464,6 +464,7 @@ def test_written_and_read_back():
         same(scene)
 
 
+@pytest.mark.slow
 def test_what_comes_out_together_is_found_apart():
     """As a file, a machine solved together is cut into the smallest groups, and moves as it did."""
     scene = machine("rolling")
