@@ -275,6 +275,10 @@ class General(AbstractChain):
             jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns),
         )
         value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
+        for gear in self.gears:  # a belt needs room between its wheels
+            if isinstance(gear, Gear):
+                room = gear.mesh.apart(points[gear.centre].r - points[gear.pivot].r).value
+                lost, value = lost | (room < 0), jnp.where(room < 0, jnp.minimum(room, value), value)
         return {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
 
     def returns(self):

@@ -449,6 +449,20 @@ def test_phases_and_sketch_that_contradict_each_other():
     assert float(at(made, jnp.zeros(1)).links["arm"].angle[0]) == pytest.approx(math.atan2(0.01, 0.099), abs=1e-5)
 
 
+@pytest.mark.slow
+def test_a_belt_that_cannot_be_in_a_loop():
+    """Also where arm and pulley come out together, wheels that overlap leave no room for a belt between them."""
+
+    def least(radius: float) -> float:
+        gears = [GearPair("planet", "sun", Belt(0.03, 0.02, crossed=True), 0.3),
+                 GearPair("planet", "frame", Belt(0.02, radius, crossed=True))]  # fmt: skip
+        sketch = {"B": (0.1, 0.001), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
+        made = linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun", phase=0.45), (), sketch, gears=gears)
+        return float(margins(prepared(made, 1), jnp.zeros(()))["arm-planet"]["loops"].value)
+
+    assert least(0.079) > 0 > least(0.081)  # on an arm of 0.1 m
+
+
 def test_a_cycle_of_a_sun():
     """After how many turns of the sun all is where it began."""
     machine = epicyclic(Drive("sun", phase=0.15))
