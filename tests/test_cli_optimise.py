@@ -121,6 +121,7 @@ def test_the_whole_story(call, scene, tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_limits_that_clash(call, scene, tmp_path):
     code, told, _ = call(scene, "--limit", "delta <= 1e-4", "--limit", "flywheel.inertia <= 0.1 kg m^2",
                          "--json", tmp_path / "all.json")  # fmt: skip

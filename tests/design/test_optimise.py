@@ -53,6 +53,7 @@ def test_a_rotor_is_balanced():
     assert short.pull[f"{AT}.along"] == pytest.approx(400.0, rel=1e-4)  # N per m of the bound: m ω²
 
 
+@pytest.mark.slow
 def test_multipliers_are_prices():
     """Smallest flywheel for a limit on δ: known exactly, and the price of the limit by differences."""
 
@@ -175,7 +176,7 @@ def test_what_cannot_be_asked(change, says):
         ),
         ("slider-crank", flywheel_for_target_delta),
         pytest.param("hay-press", least_inertia, marks=pytest.mark.slow),
-        ("slider-crank", rms_shaking_force_constant_speed),
+        pytest.param("slider-crank", rms_shaking_force_constant_speed, marks=pytest.mark.slow),
         *(
             pytest.param("four-bar", one, marks=pytest.mark.slow)
             for one in (peak_reaction_constant_speed, delta, flywheel_for_target_delta)

@@ -131,7 +131,11 @@ def test_one_machine_at_a_time():
 
 
 @pytest.mark.parametrize(
-    ("link", "on", "phase"), [("rod", "ram", -0.25), ("crank", "rod", 1.0), ("rod", "crank", -1.0)]
+    ("link", "on", "phase"),
+    [
+        ("rod", "ram", -0.25),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in (("crank", "rod", 1.0), ("rod", "crank", -1.0))),
+    ],
 )
 def test_a_motor_between_two_moving_links(link, on, phase):
     """It moves as fast as the one link turns against the other, wherever the tree has their pin."""

@@ -83,7 +83,12 @@ def check(ratios: dict[tuple[str, int], np.ndarray]) -> None:
 
 
 def test_the_stated_error_is_honest():
-    check(honesty((32,), COARSE) | honesty((96,), USUAL))  # the others: `make test-all`
+    check(honesty((96,), USUAL))  # the others: `make test-all`
+
+
+@pytest.mark.slow
+def test_the_stated_error_of_a_coarse_grid_is_honest():
+    check(honesty((32,), COARSE))
 
 
 @pytest.mark.slow

@@ -24,7 +24,15 @@ from linkjax.motion import with_flywheel as refitted
 from tests.physics import oracle, shooting
 from tests.physics.machines import BUILT_IN, COMPOSED, machine
 
-SLIDING = ("quick-return", "scotch-yoke", "slotted-levers", "moving-guides", "triad", "geared")  # left to the long run
+SLIDING = (
+    "quick-return",
+    "scotch-yoke",
+    "slotted-levers",
+    "moving-guides",
+    "triad",
+    "geared",
+    "rolling",
+)  # left to the long run
 MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name in SLIDING else name for name in (*BUILT_IN, *COMPOSED)]
 FINE = 352
 TRUTH = 0.0903376816582  # δ of hay-press-slider, by DOP853 with shooting at rtol 1e-13 and by panels: see the issue
@@ -70,7 +78,7 @@ def along(name: str, points: int):
 )
 def test_quadrature_and_diffrax_agree(name):
     scene = machine(name)
-    nodes = 192 if name == "geared" else 96  # its wheels turn faster than the crank
+    nodes = 192 if name in ("geared", "rolling") else 96  # its wheels turn faster than the crank
     one, two = regime(name), compiled_soon(lambda scene: steady_by_diffrax(scene, nodes))(scene)
     for field in ("delta", "speed_max", "speed_min", "drive_torque", "mean_speed", "period", "energy"):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), rel=1e-9), field

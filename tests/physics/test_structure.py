@@ -365,6 +365,7 @@ def test_what_does_not_hang_together_is_told():
     wrong("cannot do for ever; give it a law", links=ram, slots=[Slot("crank", Guide("A"))])
 
 
+@pytest.mark.slow
 def test_a_drawn_machine_is_written_and_read_back():
     for drive in (Drive("crank", turns=-1, phase=0.3), Drive("coupler", "crank", phase=0.8)):
         scene = lj.Scene(six_bar(drive), speed=3.0)
