@@ -243,7 +243,8 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     result: dict[str, dict[str, Least]] = {}
     groups = named_groups(mechanism)
     for i, (group, side) in enumerate(names):
-        back = groups[group].returns()
+        counted = "turns" in groups[group].dead_positions and side != "turns"  # what has a margin for that
+        back = None if counted else groups[group].returns()
         least = value[i] if back is None else jnp.where(back, value[i], jnp.minimum(value[i], -BEYOND))
         result.setdefault(group, {})[side] = Least(least, angle[i])
     return result

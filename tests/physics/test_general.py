@@ -199,7 +199,7 @@ def test_where_it_cannot_be_assembled():
     )
     assert float(value) < 0
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slope))
-    assert float(slope.groups[0].law.stop) < 0 < float(slope.links["lever"].length)
+    assert float(slope.groups[0].drive.law.stop) < 0 < float(slope.links["lever"].length)
 
 
 def singular_values(mechanism: Mechanism, angles) -> np.ndarray:
