@@ -29,7 +29,7 @@ from linkjax.groups._track import Track, closed_to
 from linkjax.groups._winding import turned
 
 FAR = 60  # damped steps from a sketch
-NEAR, LAST = 4, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
+NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
 SWING = 0.2  # of the size: what they may move links
 
 

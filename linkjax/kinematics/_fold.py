@@ -12,7 +12,7 @@ from linkjax.kinematics._pose import before_group
 from linkjax.mechanism import Mechanism
 
 STEPS = 20  # Newton steps: five where two assemblies meet, more where they only cross
-FAR = 0.06  # rad: a fold is no further from where the reference path stops, in steps of 0.052
+FAR = 0.06  # rad: a fold is no further from where the reference path stops, in steps of 0.017
 
 
 def folded(mechanism: Mechanism, number: int, inside: float, end: float) -> float:

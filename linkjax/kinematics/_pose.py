@@ -39,7 +39,8 @@ from linkjax.groups import (
 from linkjax.kinematics._path import path_of
 from linkjax.mechanism import Lump, Mechanism, lumps
 
-STEPS = 120  # a turn, of the reference path of a general group
+STEPS = 360  # a turn, of the reference path of a general group: so fine that five Newton steps do near dead positions
+SCANNED = 120  # and where change points of a dyad are looked for
 COUNTS = 480  # and of one along which turns are counted
 
 
@@ -164,7 +165,7 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
         states, points = before(phi)
         return group.coordinates(held, states, points, sense)
 
-    return course_of(lambda phi: group.gaps(held, *before(phi)), coordinates, STEPS, turns)
+    return course_of(lambda phi: group.gaps(held, *before(phi)), coordinates, SCANNED, turns)
 
 
 def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:
