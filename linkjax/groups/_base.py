@@ -85,7 +85,6 @@ class AbstractGroup(eqx.Module):
     """A structural group: closes one or more links onto points that are already known."""
 
     kind: eqx.AbstractClassVar[str]
-    dead_positions: eqx.AbstractClassVar[tuple[str, ...]]
 
     @abc.abstractmethod
     def link_names(self) -> tuple[str, ...]:
@@ -170,6 +169,10 @@ class AbstractGroup(eqx.Module):
     ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
         """States of the links brought in and of the pins that the group creates, from what is known already; of
         `links` only `length` is used."""
+
+    @abc.abstractmethod
+    def dead_positions(self) -> tuple[str, ...]:
+        """Names of its margins."""
 
     @abc.abstractmethod
     def margins(

@@ -28,7 +28,7 @@ class AbstractChain(AbstractGroup):
         check_drawn(names, self.slots, self.sketch)
         if self.drive is not None:
             check_drive(self.drive, names, self.slots)
-        check_gears(self.gears, names, self.slots)
+        check_gears(self.gears, dict(self.members), self.slots)
         rows = sum(2 * (len(links) - (point not in self.outer)) for point, links in self._pins().items())
         rows += 2 * len(self.slots) + len(self.gears) + (self.drive is not None)
         if rows != 3 * len(names):
@@ -65,7 +65,8 @@ class AbstractChain(AbstractGroup):
 
     def needs(self):
         inside = set(self.link_names())
-        return (*self.outer, *(slot.guide.through for slot in self.slots if slot.guide.on not in inside))
+        guided = (slot.guide.through for slot in self.slots if slot.guide.on not in inside)
+        return tuple(dict.fromkeys((*self.outer, *guided, *(point for _, point in self.lies_on()))))
 
     def guides(self):
         return tuple(slot.guide for slot in self.slots if slot.guide.on not in self.link_names())
@@ -95,7 +96,7 @@ class AbstractChain(AbstractGroup):
 
     def lies_on(self):
         ends = [end for gear in self.gears for end in gear.lies_on()]
-        return tuple((link, point) for link, point in ends if link not in self.link_names() and point in self.outer)
+        return tuple((link, point) for link, point in ends if link not in self.link_names())
 
     def driving(self):
         return None if self.drive is None else self.drive.link

@@ -107,17 +107,28 @@ def mesh_names(gears: Sequence[Any]) -> list[str]:
     return [f"{g.link}.mesh" if wheels.count(g.link) == 1 else f"{g.link}.{g.to}.mesh" for g in gears]
 
 
-def check_gears(gears: Sequence[Any], names: Sequence[str], slots: Sequence[Slot]) -> None:
+def check_gears(gears: Sequence[Any], members: Mapping[str, Sequence[str]], slots: Sequence[Slot]) -> None:
     """Raise `ValueError` for wheels in gear that are none of a group of these links."""
-    group = f"the group of {', '.join(names)}"
+    group = f"the group of {', '.join(members)}"
     for gear in gears:
-        if gear.link not in names:
+        if gear.link not in members:
             raise ValueError(f"{group}: {gear.link!r} is in gear, but no member; let the `link` of a gear be a member")
-        if gear.kind == "rack" and (gear.link, gear.guide.on) not in [(slot.block, slot.guide.on) for slot in slots]:
+        turns = [*gear.lies_on(), *([] if gear.kind == "rack" else [(gear.link, gear.pivot)])]
+        for link, point in turns:
+            if point not in members.get(link, (point,)):
+                problem = f"a wheel turns about {point!r}, which is no pin of {link!r}"
+                raise ValueError(f"{group}: {problem}; its pins are {', '.join(members[link])}")
+        if gear.kind == "rack" and not any(_same(gear, slot) for slot in slots):
             raise ValueError(f"{group}: the rack {gear.link!r} is in none of its slots; add one along the same guide")
     twice = [name for name in mesh_names(gears) if mesh_names(gears).count(name) > 1]
     if twice:
         raise ValueError(f"{group}: two gears are the same, {twice[0]}; leave one out")
+
+
+def _same(rack: Any, slot: Slot) -> bool:
+    """Whether a rack slides in a slot."""
+    mine, guide = rack.guide, slot.guide
+    return (rack.link, mine.on, mine.through) == (slot.block, guide.on, guide.through)
 
 
 def from_sketch(

@@ -18,13 +18,14 @@ from linkjax.groups._state import LinkState, PointState
 class AbstractDriver(AbstractGroup):
     """What the drive moves."""
 
-    dead_positions: ClassVar[tuple[str, ...]] = ()
-
     def classified(self):
         return "I1", self.pairs()[0].letter
 
     def driving(self):
         return self.link_names()[0]
+
+    def dead_positions(self):
+        return ()
 
     def margins(self, links, states, points, phi):
         return {}

@@ -18,7 +18,7 @@ from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench
 from linkjax.groups._mesh import Belt, Mesh, Teeth
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, carried
-from linkjax.groups._winding import Winding, always, nothing, turned
+from linkjax.groups._winding import Winding, always, counted, nothing
 
 
 class AbstractWheel(AbstractGroup):
@@ -64,7 +64,6 @@ class Gear(AbstractWheel):
     """
 
     kind: ClassVar[str] = "gear"
-    dead_positions: ClassVar[tuple[str, ...]] = ("turns", "apart")
 
     link: str = eqx.field(static=True)
     pivot: str = eqx.field(static=True)
@@ -108,10 +107,13 @@ class Gear(AbstractWheel):
         return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {})
 
     def solve(self, links, states, points, phi):
-        there, on = (turned(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
+        there, on = (counted(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
         ratio = self.mesh.ratio()
         angle, w, e = (b + ratio * (a - b) for a, b in zip(there, on, strict=True))
         return self.placed(self.end, links, points, angle + self.phase, w, e)
+
+    def dead_positions(self):
+        return ("turns", "apart")
 
     def margins(self, links, states, points, phi):
         apart = self.mesh.apart(points[self.centre].r - points[self.pivot].r)

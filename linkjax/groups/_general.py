@@ -16,17 +16,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._numerics import largest, safe_sqrt
+from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
 from linkjax.groups._chain import AbstractChain
-from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, array, least_singular, placed
+from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, along, array, least_singular, placed, turned
 from linkjax.groups._drawn import Slot, from_sketch
 from linkjax.groups._gear import Gear
+from linkjax.groups._mesh import Belt
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
-from linkjax.groups._winding import turned
+from linkjax.groups._winding import counted
 
 FAR = 60  # damped steps from a sketch
 NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
@@ -46,10 +47,12 @@ class General(AbstractChain):
     """
 
     kind: ClassVar[str] = "general"
-    dead_positions: ClassVar[tuple[str, ...]] = ("loops",)
 
     path: Track | None = None
     turns: int = eqx.field(static=True, default=1)
+
+    def _geared_pairs(self) -> list[Gear]:
+        return [gear for gear in self.gears if isinstance(gear, Gear)]
 
     # ---- closure
 
@@ -122,7 +125,7 @@ class General(AbstractChain):
         wound = None if self.path is None else self.path.wound
         angles = {}
         if phi is not None:
-            angles = {name: turned(name, k, states, wound, phi, self.turns) for k, name in enumerate(self.mates())}
+            angles = {name: counted(name, k, states, wound, phi, self.turns) for k, name in enumerate(self.mates())}
         return Known(
             {name: points[name].r + points[name].dr * t + points[name].ddr * half for name in self.needs()},
             {name: s.u + s.u.perp() * (s.w * t + s.e * half) - s.u * (s.w * s.w * half) for name, s in links.items()},
@@ -147,22 +150,31 @@ class General(AbstractChain):
         return s + d * t + 0.5 * t * t * dd
 
     def sketched(self, links, states, points, phi: Array) -> Array:
-        """The configuration that the sketch gives, shape (links, 4), or (links, 3) with wheels in gear."""
+        """The configuration that the sketch gives, shape (links, 4), or (links, 3) with wheels in gear, which stand any
+        way."""
         places, spots = self.places(links), {**{p: points[p].r for p in self.outer}, **self.sketch}
         lean = {slot.block: slot.guide for slot in self.slots}
         seen = {link: self._seen(link, pins, places) for link, pins in self.members}
         drawn = from_sketch(spots, lean, seen, places, {name: state.u for name, state in states.items()})
-        return self._wound(drawn, places, self._known(states, points, phi)) if self.gears else drawn
+        if self.gears:
+            return jnp.concatenate([drawn[:, :2], jnp.atan2(drawn[:, 3:], drawn[:, 2:3])], axis=1)
+        return drawn
 
-    def _wound(self, drawn: Array, places, known: Known) -> Array:
-        """The same with angles, those of wheels as the others say."""
-        held = self._geared(known, self._size(places))
-        assert held is not None
-        angle = jnp.atan2(drawn[:, 3], drawn[:, 2])
-        free = np.asarray([i for i, name in enumerate(self.link_names()) if name in self.spinning()], dtype=int)
+    def wound(self, links, states, points, phi: Array, at: Array, angle: Array) -> Array:
+        """A configuration from origins (links, 2) and angles (links,), which are counted from within half a turn of
+        zero; those of wheels as the others say. What is seen of a wheel stays where it is."""
+        (places, c), names = self._at(links, states, points, phi), self.link_names()
+        free = np.asarray([i for i, name in enumerate(names) if name in self.spinning()], dtype=int)
+        row = 2 * (len(self._pairs()) + len(self.slots))
+        angle = nearest_turn(angle, 2 * jnp.pi).at[free].set(angle[free])
         if free.size:
-            angle = angle.at[free].add(jnp.linalg.pinv(held.angles[:, free]) @ (held.wanted - held.angles @ angle))
-        return jnp.concatenate([drawn[:, :2], angle[:, None]], axis=1)
+            assert c.geared is not None
+            left = self._web().opened(Placed(at, along(angle), angle), c)[row : row + len(self.gears)]
+            true = angle.at[free].add(-jnp.linalg.pinv(c.geared.angles[:, free]) @ left)
+            first = {link: self._seen(link, pins, places)[0] for link, pins in self.members}
+            arm = array([places[link][point] for link, point in first.items()])
+            at, angle = at + turned(along(angle), arm) - turned(along(true), arm), true
+        return jnp.concatenate([at, angle[:, None]], axis=1)
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:
         """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
@@ -186,6 +198,18 @@ class General(AbstractChain):
         z = placed(jax.lax.fori_loop(0, steps, step, (placed(start).flat(), first))[0])
         sense = jnp.linalg.slogdet(web.jacobian(z, c))[0]
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
+
+    def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array]:
+        """The same from the sketch. With wheels twice: a carrier near half a turn may be counted one turn off there."""
+
+        def again(_, there):
+            z = self.wound(links, states, points, phi, there[0][:, :2], there[0][:, 2])
+            return self.closed(links, states, points, phi, z)
+
+        start, none = self.sketched(links, states, points, phi), jnp.zeros_like(phi)
+        if self.gears:
+            return jax.lax.fori_loop(0, 2, again, (start, none, none))
+        return self.closed(links, states, points, phi, start)
 
     def opened(self, links, states, points, phi: Array, z: Array, move: Array) -> tuple[Array, Array]:
         """What the joints leave open (m) in a configuration moved by x, y and angle times size of every link (m), and
@@ -256,6 +280,10 @@ class General(AbstractChain):
             rows += [rate.x, rate.y, size * getattr(states[link], of_link)]
         return jnp.stack(rows)
 
+    def dead_positions(self):
+        belts = any(isinstance(gear.mesh, Belt) for gear in self._geared_pairs())  # they need room
+        return ("loops", "apart") if belts else ("loops",)
+
     def margins(self, links, states, points, phi):
         here, none = self._here(states, points), jnp.zeros_like(states[self.members[0][0]].w)
         web, (_, c) = self._web(), self._at(links, states, points, phi)
@@ -275,11 +303,12 @@ class General(AbstractChain):
             jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns),
         )
         value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
-        for gear in self.gears:  # a belt needs room between its wheels
-            if isinstance(gear, Gear):
-                room = gear.mesh.apart(points[gear.centre].r - points[gear.pivot].r).value
-                lost, value = lost | (room < 0), jnp.where(room < 0, jnp.minimum(room, value), value)
-        return {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
+        found = {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
+        if "apart" in self.dead_positions():
+            spans = [(gear.mesh, points[gear.centre].r - points[gear.pivot].r) for gear in self._geared_pairs()]
+            least = smallest(jnp.stack([mesh.apart(span).value for mesh, span in spans]))
+            found["apart"] = Margin(least, jnp.zeros_like(least), jnp.zeros_like(least))
+        return found
 
     def returns(self):
         return None if self.path is None else ~(self.path.closes() & self.path.astray())

@@ -36,7 +36,6 @@ class RR(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RR"
-    dead_positions: ClassVar[tuple[str, ...]] = ("fits",)
 
     link: str = eqx.field(static=True)
     from_: str = eqx.field(static=True)
@@ -78,6 +77,9 @@ class RR(AbstractGroup):
         e = s.cross(dds) / square - 2 * s.dot(ds) * w / square
         return {self.link: LinkState(s / safe_sqrt(square, 1.0), w, e)}, {}
 
+    def dead_positions(self):
+        return ("fits",)
+
     def margins(self, links, states, points, phi):
         s, ds, dds = self._span(points)
         length, r = links[self.link].length, safe_sqrt(s.squared())
@@ -105,7 +107,6 @@ class RP(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RP"
-    dead_positions: ClassVar[tuple[str, ...]] = ("fits",)
 
     block: str = eqx.field(static=True)
     from_: str = eqx.field(static=True)
@@ -137,6 +138,9 @@ class RP(AbstractGroup):
 
     def solve(self, links, states, points, phi):
         return {self.block: self.guide.line(states, points).state}, {}
+
+    def dead_positions(self):
+        return ("fits",)
 
     def margins(self, links, states, points, phi):
         size = largest(jnp.stack([link.length for link in links.values()]))

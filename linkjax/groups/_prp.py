@@ -30,7 +30,6 @@ class PRP(AbstractGroup):
     """
 
     kind: ClassVar[str] = "PRP"
-    dead_positions: ClassVar[tuple[str, ...]] = ("parallel",)
 
     blocks: tuple[str, str] = eqx.field(static=True)
     meet: str = eqx.field(static=True)
@@ -67,6 +66,9 @@ class PRP(AbstractGroup):
         one, two = self._lines(states, points)
         a, b = self.blocks
         return {a: one.state, b: two.state}, {self.meet: crossing(one, two)}
+
+    def dead_positions(self):
+        return ("parallel",)
 
     def margins(self, links, states, points, phi):
         one, two = (line.state for line in self._lines(states, points))

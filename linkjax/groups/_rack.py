@@ -18,7 +18,7 @@ from linkjax.groups._gear import AbstractWheel
 from linkjax.groups._guide import Guide, Line, as_guide
 from linkjax.groups._mesh import PRESSURE, check_pressure, push
 from linkjax.groups._pairs import FRAME
-from linkjax.groups._winding import Winding, always, nothing, turned
+from linkjax.groups._winding import Winding, always, counted, nothing
 
 
 def check_radius(kind: str, radius: Array) -> None:
@@ -39,7 +39,6 @@ class Rack(AbstractGroup):
     """
 
     kind: ClassVar[str] = "rack"
-    dead_positions: ClassVar[tuple[str, ...]] = ("turns",)
 
     link: str = eqx.field(static=True)
     end: str = eqx.field(static=True)
@@ -97,10 +96,13 @@ class Rack(AbstractGroup):
         return Coupling({self.to: -rolled, self.guide.on: rolled}, {self.link: jnp.ones_like(rolled)})
 
     def solve(self, links, states, points, phi):
-        there, on = (turned(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
+        there, on = (counted(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
         rolled = [self.side * self.radius * (a - b) for a, b in zip(there, on, strict=True)]
         line = self.guide.line(states, points)
         return {self.link: line.state}, {self.end: line.point(self.start + rolled[0], rolled[1], rolled[2])}
+
+    def dead_positions(self):
+        return ("turns",)
 
     def margins(self, links, states, points, phi):
         return {"turns": always(phi)}
@@ -147,7 +149,6 @@ class Pinion(AbstractWheel):
     """
 
     kind: ClassVar[str] = "pinion"
-    dead_positions: ClassVar[tuple[str, ...]] = ()
 
     link: str = eqx.field(static=True)
     pivot: str = eqx.field(static=True)
@@ -200,8 +201,11 @@ class Pinion(AbstractWheel):
         rack, base = states[self.to], points[self.through or self.pivot]
         s, d, dd = Line(base, rack.u, jnp.zeros_like(phi), rack).along(points[self.at])
         s, d, dd = (self.side * x / self.radius for x in (s - self.start, d, dd))
-        on, w, e = turned(self.carrier, 0, states, self.path, phi, self.turns)
+        on, w, e = counted(self.carrier, 0, states, self.path, phi, self.turns)
         return self.placed(self.end, links, points, on + self.phase + s, w + d, e + dd)
+
+    def dead_positions(self):
+        return ()
 
     def margins(self, links, states, points, phi):
         return {}

@@ -30,7 +30,6 @@ class RPP(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RPP"
-    dead_positions: ClassVar[tuple[str, ...]] = ("parallel",)
 
     link: str = eqx.field(static=True)
     block: str = eqx.field(static=True)
@@ -64,6 +63,9 @@ class RPP(AbstractGroup):
         path = self.guide.line(states, points)
         slot = Line(points[self.from_], unit(self.slot).turned(path.t), -self.offset, path.state)
         return {self.link: path.state, self.block: slot.state}, {self.end: crossing(path, slot)}
+
+    def dead_positions(self):
+        return ("parallel",)
 
     def margins(self, links, states, points, phi):
         sine = unit(self.slot).y

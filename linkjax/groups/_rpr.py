@@ -27,7 +27,6 @@ class RPR(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RPR"
-    dead_positions: ClassVar[tuple[str, ...]] = ("pivot",)
 
     link: str = eqx.field(static=True)
     block: str = eqx.field(static=True)
@@ -70,6 +69,9 @@ class RPR(AbstractGroup):
         state, arm = LinkState(u, w, e), u * length
         end = PointState(a.r + arm, a.dr + arm.perp() * w, a.ddr + arm.perp() * e - arm * (w * w))
         return {self.link: state, self.block: state}, {self.end: end}
+
+    def dead_positions(self):
+        return ("pivot",)
 
     def margins(self, links, states, points, phi):
         length = links[self.link].length

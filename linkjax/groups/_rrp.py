@@ -26,7 +26,6 @@ class RRP(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RRP"
-    dead_positions: ClassVar[tuple[str, ...]] = ("left", "right")
 
     link: str = eqx.field(static=True)
     block: str = eqx.field(static=True)
@@ -100,6 +99,9 @@ class RRP(AbstractGroup):
         q = self.guide.line(states, points).height(points[self.from_]).value
         h = self._reach(links[self.link].length, q) * self.side * sense
         return jnp.stack([h, jnp.zeros_like(h)])
+
+    def dead_positions(self):
+        return ("left", "right")
 
     def margins(self, links, states, points, phi):
         length = links[self.link].length

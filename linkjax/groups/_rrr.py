@@ -27,7 +27,6 @@ class RRR(AbstractGroup):
     """
 
     kind: ClassVar[str] = "RRR"
-    dead_positions: ClassVar[tuple[str, ...]] = ("stretched", "folded")
 
     links: tuple[str, str] = eqx.field(static=True)
     from_: str = eqx.field(static=True)
@@ -107,6 +106,9 @@ class RRR(AbstractGroup):
         """What a polynomial takes through a change point."""
         p = self._crossing(links, points, self.side * sense)[0]
         return jnp.stack([p.x, p.y])
+
+    def dead_positions(self):
+        return ("stretched", "folded")
 
     def margins(self, links, states, points, phi):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length

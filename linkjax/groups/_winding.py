@@ -75,7 +75,7 @@ def nothing(missed: Array) -> Array:
     return missed < jnp.finfo(missed.dtype).eps ** 0.4
 
 
-def turned(
+def counted(
     name: str, number: int, states: Mapping[str, LinkState], path: Winding | None, phi: Array, turns: int
 ) -> tuple[Array, Array, Array]:
     """Angle of a link, or of the frame, unwound, and its rates."""

@@ -218,7 +218,7 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     Dimensionless; negative where the group cannot be assembled, by how much it falls short. Values and gradients are
     finite throughout, and the gradient points back to designs that assemble.
     """
-    names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.dead_positions]
+    names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.dead_positions()]
     if not names:
         return {}
     mechanism = prepared(mechanism, turns)
@@ -243,8 +243,7 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     result: dict[str, dict[str, Least]] = {}
     groups = named_groups(mechanism)
     for i, (group, side) in enumerate(names):
-        counted = "turns" in groups[group].dead_positions and side != "turns"  # what has a margin for that
-        back = None if counted else groups[group].returns()
+        back = None if side == "apart" else groups[group].returns()
         least = value[i] if back is None else jnp.where(back, value[i], jnp.minimum(value[i], -BEYOND))
         result.setdefault(group, {})[side] = Least(least, angle[i])
     return result
@@ -253,7 +252,7 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
 def stacked(mechanism: Mechanism, phi: Array) -> Margin:
     """All margins at one crank angle, leaves of shape (margins,)."""
     at, groups = margins(mechanism, phi), named_groups(mechanism)
-    every = [at[name][side] for name, group in groups.items() for side in group.dead_positions]
+    every = [at[name][side] for name, group in groups.items() for side in group.dead_positions()]
     return Margin(*(jnp.stack(part) for part in zip(*every, strict=True)))
 
 

@@ -13,6 +13,7 @@ from linkjax.mechanism import Mechanism
 
 STEPS = 20  # Newton steps: five where two assemblies meet, more where they only cross
 FAR = 0.06  # rad: a fold is no further from where the reference path stops, in steps of 0.017
+NEAR = 1.0  # rad, or of the size: nor do links move further to it; else it is one of other assemblies
 
 
 def folded(mechanism: Mechanism, number: int, inside: float, end: float) -> float:
@@ -23,14 +24,15 @@ def folded(mechanism: Mechanism, number: int, inside: float, end: float) -> floa
     closure is not.
     Source: Moore and Spence, The calculation of turning points of nonlinear equations, SIAM J. Numer. Anal. 17, 1980.
     """
-    angle, left = (float(part) for part in _fold(mechanism, number, jnp.asarray(inside), jnp.asarray(end)))
-    good = left < closed_to(float) and abs(angle - end) < FAR
-    return angle if good else end
+    angle, left, moved = _fold(mechanism, number, jnp.asarray(inside), jnp.asarray(end))
+    good = (left < closed_to(left.dtype)) & (jnp.abs(angle - end) < FAR) & (moved < NEAR)
+    return float(angle) if bool(good) else end
 
 
 @eqx.filter_jit
-def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple[Array, Array]:
-    """The crank angle after some steps, and what is left open, of the size of the group."""
+def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple[Array, Array, Array]:
+    """The crank angle after some steps, what is left open, of the size of the group, and how far links have moved, in
+    that size or rad."""
     group = mechanism.groups[number]
     assert isinstance(group, General) and group.path is not None
     links = mechanism.held_by(group)
@@ -54,4 +56,4 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
         return x - jnp.linalg.solve(jax.jacfwd(system)(x), system(x))
 
     x = jax.lax.fori_loop(0, STEPS, step, jnp.concatenate([still, along, end[None]]))
-    return x[-1], jnp.max(jnp.abs(system(x)))
+    return x[-1], jnp.max(jnp.abs(system(x))), jnp.max(jnp.abs(x[:free]))

@@ -57,8 +57,8 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
         assert law is not None
         turns = max(1, round(law.period() / (2 * math.pi)))
     whole = 2 * math.pi * turns
-    owners = [number for number, g in enumerate(mechanism.groups) for _ in g.dead_positions]
-    names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions]
+    owners = [number for number, g in enumerate(mechanism.groups) for _ in g.dead_positions()]
+    names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions()]
     if not names:
         return (CrankRange(0.0, whole, "", ""),)
     mechanism = prepared(mechanism, turns)

@@ -7,13 +7,14 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax.groups import General, Track, closed_to
 
 ALONG = 5  # damped Newton steps in a step along the path
 SWING = 0.2  # rad, or of the size: what links may move in one step
-LOST = 1e-2  # of the size: what is left open where the group is beyond its range
+LOST = 1e-4  # of the size: what is left open where the group is beyond its range
 SMALLEST = 128  # parts of a step that a smaller one may be
 
 
@@ -24,18 +25,18 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     reached on the way up, because the group does not close before them, are reached on the way down where they can be.
     """
     states, points = before(angles[0])
-    sketch = group.sketched(links, states, points, angles[0])
-    first = Track(*group.closed(links, states, points, angles[0], sketch))
+    first = Track(*group.assembled(links, states, points, angles[0]))
 
-    def along(way: Array) -> Track:
+    def along(done: Array, way: Array) -> tuple[Array, Track]:
         def step(last: Track, ends: tuple[Array, Array]):
-            now = _follow(group, links, before, last, ends[0], ends[1], way)
+            now = _follow(group, links, before, last, jnp.where(done, ends[1], ends[0]), ends[1], way)
             return now, now
 
         _, rest = jax.lax.scan(step, first, (angles[:-1], angles[1:]))
-        return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
+        whole = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
+        return jnp.all(whole.gap < closed_to(whole.gap.dtype)), whole
 
-    both = jax.lax.map(along, jnp.asarray([1.0, -1.0], dtype=angles.dtype))
+    both = jax.lax.scan(along, jnp.asarray(False), jnp.asarray([1.0, -1.0], dtype=angles.dtype))[1]
     up, down = (jax.tree.map(lambda part, k=k: part[k], both) for k in (0, 1))
     reached = [jnp.cumprod(way.gap < closed_to(up.z.dtype)) > 0 for way in (up, down)]
     other = ~reached[0] & reached[1][::-1]
@@ -67,8 +68,10 @@ def _follow(
     of the Jacobian; the smallest is taken as it is. Where it was lost before, one step will do."""
     shut, size = closed_to(last.z.dtype), group.size(links)
     least = jnp.where(last.gap > LOST, to - phi, (to - phi) / SMALLEST)
-    one = jnp.ones_like(size)
-    measure = jnp.stack([size, size, *[one] * (last.z.shape[1] - 2)])[None]
+    measure = jnp.ones_like(last.z).at[:, :2].set(size)
+    free = np.asarray([name in group.spinning() for name in group.link_names()])
+    if last.z.shape[1] == 3:  # wheels may turn as fast as they like: there is only one way
+        measure = measure.at[free, 2].set(jnp.inf)
 
     def goes_on(carry):
         return carry[1] < to - 0.5 * least

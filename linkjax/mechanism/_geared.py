@@ -14,6 +14,7 @@ from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 
 ASTRAY = 0.5  # rad: how far off its place a carrier may be sketched
+ASIDE = 0.1  # of the drawing's size: and a rack
 Pins = Mapping[str, Sequence[str]]
 
 
@@ -107,31 +108,45 @@ class Wheels:
         return tuple(found)
 
     def check_phases(self, group: General) -> None:
-        """Raise `StructureError` where carriers stand elsewhere by the phases of their wheels than in the sketch."""
-        gears = [gear for gear in group.gears if isinstance(gear, Gear)]
+        """Raise `StructureError` where by the phases of wheels carriers and racks stand elsewhere than sketched."""
+        gears, wheels = group.gears, group.spinning()
         if not gears:
             return
-        rows = [{name: float(value) for name, value in gear.coupling().angles.items()} for gear in gears]
-        names, wheels = dict.fromkeys(n for row in rows for n in row if n != FRAME), group.spinning()
-        seen = {name: self.angle(name) for name in names if name not in wheels}
-        held = [name for name in seen if name in group.link_names()]
-        free = [name for name in names if name not in seen]
-        at = np.array([[row.get(name, 0.0) for name in (*free, *held)] for row in rows])
-        left = [float(gear.phase) - sum(row.get(name, 0.0) * seen[name] for name in seen)
-                for gear, row in zip(gears, rows, strict=True)]  # fmt: skip
+        rows, wanted, seen = [], [], {FRAME: 0.0}
+        for gear in gears:
+            held, radius = gear.coupling(), 1.0 if isinstance(gear, Gear) else float(gear.radius)
+            rows.append({name: float(factor) / radius for name, factor in (*held.angles.items(), *held.ways.items())})
+            wanted.append(float(gear.phase if isinstance(gear, Gear) else gear.start) / radius)
+            seen |= {name: self.angle(name) for name in held.angles if name not in wheels}
+            seen |= {name: self._way(name) for name in held.ways}
+        free = list(wheels)
+        told = [name for name in seen if name in group.link_names()]
+        at = np.array([[row.get(name, 0.0) for name in (*free, *told)] for row in rows])
+        left = np.array([one - sum(row.get(name, 0.0) * seen[name] for name in seen)
+                         for one, row in zip(wanted, rows, strict=True)])  # fmt: skip
         still = np.eye(len(rows)) - at[:, : len(free)] @ np.linalg.pinv(at[:, : len(free)])
-        off = np.linalg.pinv(still @ at[:, len(free) :]) @ (still @ left)
-        for name, more in zip(held, off, strict=True):
-            if abs(math.remainder(more, 2 * math.pi)) > ASTRAY:
+        left = still @ left  # what wheels cannot make up for
+        off = np.linalg.pinv(still @ at[:, len(free) :]) @ left
+        racks = {gear.link for gear in gears if isinstance(gear, Rack)}
+        spots = np.array(list(self.drawing.spots.values()))
+        size = np.abs(spots[:, None] - spots).max()
+        for name, more in zip(told, off, strict=True):
+            if name in racks and abs(more) > ASIDE * size:
+                stands, drawn, unit = seen[name] + more, seen[name], "m along its guide"
+            elif name not in racks and abs(math.remainder(more, 2 * math.pi)) > ASTRAY:
                 stands, drawn = (math.degrees(math.remainder(a, 2 * math.pi)) for a in (seen[name] + more, seen[name]))
-                of = ", ".join(gear.link for gear in gears)
-                problem = f"with these phases {name!r} stands at {stands:.4g} degrees at crank angle zero"
-                last, matrix = len(gears) - 1, at[:-1, : len(free)]
-                others = np.linalg.pinv(matrix) @ left[:-1] if last else np.zeros(len(free))
-                phase = math.degrees(float(gears[last].phase) - left[last] + float(at[last, : len(free)] @ others))
-                remedy = f'write phase = "{phase:.6g} deg" for that of {gears[last].link!r} with '
-                raise StructureError(f"gear of {of}", f"{problem}, but at {drawn:.4g} in the sketch",
-                                     f"{remedy}{gears[last].to!r}, or sketch it so")  # fmt: skip
+                unit = "degrees"
+            else:
+                continue
+            problem = f"with these phases {name!r} stands at {stands:.4g} {unit} at crank angle zero"
+            remedy = next(filter(None, (_remedy(gears[i], left, still[:, i]) for i in reversed(range(len(gears))))), "")
+            raise StructureError(f"gear of {', '.join(gear.link for gear in gears)}",
+                                 f"{problem}, but at {drawn:.4g} in the sketch", f"{remedy}sketch it so")  # fmt: skip
+
+    def _way(self, rack: str) -> float:
+        """How far along its guide a rack is sketched (m)."""
+        base, along = self.drawing.path(self.drawing.guide(rack))
+        return ((self.drawing.spot(self.drawing.links[rack].pins[0], rack) - base) / along).real
 
     def _gear(self, gear: GearPair) -> Gear:
         carrier, pivot, centre = carried_on(gear, self.drawing.pins())
@@ -149,8 +164,8 @@ class Wheels:
 
     def _pinion(self, rack: RackPair) -> Pinion:
         guide, pivot, at = self.drawing.guide(rack.link), self._centre(rack), self.drawing.links[rack.link].pins[0]
-        end, (base, along) = self._end(rack.to, pivot), self.drawing.path(guide)
-        moved = ((self.drawing.spot(at, rack.link) - base) / along).real - float(rack.start)
+        end = self._end(rack.to, pivot)
+        moved = self._way(rack.link) - float(rack.start)
         self._turn(rack.to, pivot, self.angle(guide.on) + rack.side * moved / float(rack.radius))
         return Pinion(rack.to, pivot, rack.link, at, rack.radius, rack.side, end, 0.0, guide.on, rack.pressure_angle,
                       guide.through, rack.start)  # fmt: skip
@@ -182,3 +197,16 @@ def turned_round(gear: GearPair) -> GearPair:
     """The same two wheels, the other one first."""
     mesh = gear.mesh.turned_round()
     return GearPair(gear.to, gear.link, mesh, -gear.phase * mesh.ratio())
+
+
+def _remedy(gear: Gear | Rack, left: np.ndarray, share: np.ndarray) -> str:
+    """What to write for one wheel so that nothing of what is `left` stays; nothing where it takes more than one.
+    `share` is how much of its own phase wheels do not make up for."""
+    more = -float(left @ share) / float(share @ share) if share.any() else 0.0
+    if np.abs(left + more * share).max() > ASTRAY:
+        return ""
+    if isinstance(gear, Rack):
+        start = float(gear.start) + more * float(gear.radius)
+        return f"write start = {start:.6g} for the rack {gear.link!r}, or "
+    phase = math.degrees(float(gear.phase) + more)
+    return f'write phase = "{phase:.6g} deg" for that of {gear.link!r} with {gear.to!r}, or '

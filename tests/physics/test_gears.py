@@ -5,9 +5,11 @@ Their kinematics and forces against 50 digits and against contacts that only pre
 (`geared` in machines.py); as models of MuJoCo they are in tests/exchange.
 """
 
+import cmath
 import math
 import re
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +23,7 @@ from linkjax import (
     Drive,
     Gear,
     GearPair,
+    General,
     Guide,
     Link,
     Mechanism,
@@ -36,8 +39,9 @@ from linkjax import (
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import assembly_margins, margins, pose, prepared
+from linkjax.kinematics._pose import before_group
 from linkjax.mechanism import structure
-from linkjax.scenes import loads_text, text_of
+from linkjax.scenes import SceneError, loads_text, text_of
 from tests.physics.machines import machine
 
 ANGLES = np.linspace(0.0, 2 * math.pi, 25)
@@ -281,6 +285,15 @@ CRANK = Crank("crank", "A", "B")
         (lambda: lj.Scene(Mechanism(FIXED, {**BARS, "wheel": Link(mass=1.0), "other": Link(mass=1.0)}, [
             CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("other", "R", "D", "wheel", "D", 0.05)])),
          "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+        (lambda: General((("wheel", ("D",)),), ("D",), {}, gears=(Gear("wheel", "E", Teeth((20, 20)), "crank", "A"),)),
+         "the group of wheel: a wheel turns about 'E', which is no pin of 'wheel'; its pins are D"),
+        (lambda: General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {}, (Slot("rack", "D"),), gears=(
+            Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("rack", "R", "A", "wheel", "D", 0.05))),
+         "the rack 'rack' is in none of its slots; add one along the same guide"),
+        (lambda: lj.Scene(Mechanism(FIXED, {"crank": BARS["crank"], "wheel": Link(mass=1.0), "rack": Link(mass=1.0)}, [
+            CRANK, General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {"R": Vec(0.3, 0.05)}, (Slot("rack", "D"),),
+            gears=(Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("rack", "R", "D", "wheel", "D", 0.05)))])),
+         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
     ],
 )  # fmt: skip
 def test_refused(make, told):
@@ -453,14 +466,58 @@ def test_phases_and_sketch_that_contradict_each_other():
 def test_a_belt_that_cannot_be_in_a_loop():
     """Also where arm and pulley come out together, wheels that overlap leave no room for a belt between them."""
 
-    def least(radius: float) -> float:
+    def least(radius: float) -> dict[str, float]:
         gears = [GearPair("planet", "sun", Belt(0.03, 0.02, crossed=True), 0.3),
                  GearPair("planet", "frame", Belt(0.02, radius, crossed=True))]  # fmt: skip
         sketch = {"B": (0.1, 0.001), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
         made = linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun", phase=0.45), (), sketch, gears=gears)
-        return float(margins(prepared(made, 1), jnp.zeros(()))["arm-planet"]["loops"].value)
+        found = margins(prepared(made, 1), jnp.zeros(()))["arm-planet"]
+        return {side: float(margin.value) for side, margin in found.items()}
 
-    assert least(0.079) > 0 > least(0.081)  # on an arm of 0.1 m
+    for radius in (0.079, 0.081):  # on an arm of 0.1 m
+        found = least(radius)
+        assert found["loops"] > 0
+        assert found["apart"] == pytest.approx(1 - (radius + 0.02) / 0.1, rel=1e-12)
+
+
+def test_racks_that_contradict_the_sketch():
+    """A rack that comes out with its wheel is where its start says: the one that the sketch has is told, and fits."""
+    text = text_of(machine("rolling"))
+    with pytest.raises(SceneError, match=r"'rack' stands at .* m along its guide .*; write start = ") as told:
+        loads_text(text.replace('start = "-0.1 m"', 'start = "-0.3 m"'))
+    found = re.search(r"write start = (.*) for the rack", str(told.value))
+    assert found is not None
+    made = loads_text(text.replace('start = "-0.1 m"', f'start = "{found[1]} m"')).mechanism
+    here = pose(made, jnp.zeros(()))
+    along = here.links["lever"].u.turned(Vec(math.cos(0.3), math.sin(0.3)))
+    lever = cmath.phase((0.3 - 0.05j) / (0.32 - 0.05j))  # from F to E: as sketched, and in its own axes
+    way, sketched = (here.points["U"].r - here.points["E"].r).dot(along), -0.1 * math.cos(lever + 0.3)
+    assert f"but at {sketched:.4g} in the sketch" in str(told.value)
+    assert float(way) == pytest.approx(sketched, abs=0.05)  # the sketch is as rough as that
+
+
+def test_where_wheels_in_a_loop_begin():
+    """From a rough sketch they are turned so that teeth and racks fit best, about what is sketched of them; carriers
+    are counted from within half a turn of zero."""
+    scene = machine("rolling")
+    group = scene.mechanism.groups[1]
+    assert isinstance(group, General)
+    links, still = scene.mechanism.held_by(group), jnp.zeros(())
+    known = before_group(scene.mechanism, 1, still)
+    rim = {name: at for name, at in group.sketch.items() if name != "E"}
+    group = eqx.tree_at(lambda g: g.sketch, group, rim)
+    drawn = group.sketched(links, *known, still)
+    begun = group.wound(links, *known, still, drawn[:, :2], drawn[:, 2])
+    gap, matrix = group.opened(links, *known, still, begun, jnp.zeros(15))
+    rows, wheels = slice(-3, None), [5, 14]  # angles of wheel and pulley
+    np.testing.assert_allclose(matrix[rows][:, wheels].T @ gap[rows], 0.0, atol=1e-15)
+    assert float(jnp.linalg.norm(gap[rows])) < 0.1 * float(jnp.linalg.norm(drawn))
+    ahead = jnp.stack([jnp.cos(begun[1, 2]), jnp.sin(begun[1, 2])])
+    np.testing.assert_allclose(begun[1, :2] + 0.04 * ahead, [0.54, 0.1], atol=1e-15)  # T, the point of the rim
+    z, _, left = group.assembled(links, *known, still)
+    assert float(left) < 1e-14
+    later = group.wound(links, *known, still, z[:, :2], z[:, 2].at[0].add(2 * math.pi))
+    np.testing.assert_allclose(later, z, atol=1e-14)
 
 
 def test_a_cycle_of_a_sun():

@@ -30,7 +30,6 @@ class SlottedLever(AbstractGroup):
     """A `block` pinned at `from_` slides along a `lever` pinned at `about`, the origin of the lever."""
 
     kind: ClassVar[str] = "slotted lever"
-    dead_positions: ClassVar[tuple[str, ...]] = ("pivot",)
 
     block: str = eqx.field(static=True)
     lever: str = eqx.field(static=True)
@@ -62,6 +61,9 @@ class SlottedLever(AbstractGroup):
         turned = arm.perp()
         end = PointState(at.r + arm, at.dr + turned * state.w, at.ddr + turned * state.e - arm * (state.w * state.w))
         return {self.block: state, self.lever: state}, {self.end: end}
+
+    def dead_positions(self):
+        return ("pivot",)
 
     def margins(self, links, states, points, phi):
         r, dr, ddr, _ = self._reach(points)
