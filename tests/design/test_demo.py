@@ -40,6 +40,7 @@ def test_starts_agree_and_are_certified(best):
     assert best.objective < 0.35 * best.objective_before
 
 
+@pytest.mark.slow
 def test_the_optimum_by_other_roads(best):
     """Read back from a file, with 640 nodes and by the equation of motion: every limit holds to 1e-8."""
     after = loads_text(text_of(best.after))

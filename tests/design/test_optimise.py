@@ -174,7 +174,7 @@ def test_what_cannot_be_asked(change, says):
             pytest.param("slider-crank", one, marks=pytest.mark.slow)
             for one in (largest_speed, peak_reaction_constant_speed, delta, regime_margin)
         ),
-        ("slider-crank", flywheel_for_target_delta),
+        pytest.param("slider-crank", flywheel_for_target_delta, marks=pytest.mark.slow),
         pytest.param("hay-press", least_inertia, marks=pytest.mark.slow),
         pytest.param("slider-crank", rms_shaking_force_constant_speed, marks=pytest.mark.slow),
         *(
