@@ -22,7 +22,9 @@ def weighted(scene: lj.Scene) -> lj.Scene:
     return scene.with_mechanism(dataclasses.replace(m, links={**m.links, "crank": crank}))
 
 
-SLOW = [pytest.param(machine, marks=pytest.mark.slow) for machine in ("slider-crank", "four-bar", "quick-return", 0, 1, 3)]
+SLOW = [
+    pytest.param(machine, marks=pytest.mark.slow) for machine in ("slider-crank", "four-bar", "quick-return", 0, 1, 3)
+]
 
 
 @pytest.mark.parametrize("machine", SLOW)

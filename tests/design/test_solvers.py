@@ -45,7 +45,10 @@ def posed(number: int) -> tuple[Problem, list[np.ndarray]]:
     return problem, [(x - problem.lower) / (problem.upper - problem.lower) for x in starts]
 
 
-@pytest.mark.parametrize(("number", "best", "cone", "sqp"), [(1, 52.786870, 319, 510), pytest.param(2, 47.623038, 414, 663, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("number", "best", "cone", "sqp"),
+    [(1, 52.786870, 319, 510), pytest.param(2, 47.623038, 414, 663, marks=pytest.mark.slow)],
+)
 def test_the_baselines_problems(number, best, cone, sqp, few):
     """Ten of ten starts at the baseline's optimum with a quarter of its evaluations (1277 and 1658), and four tenths
     for the same method with exact slopes; all counted truly. One start by the two that need more."""
