@@ -227,15 +227,20 @@ class General(AbstractChain):
         z = self.closed(links, states, points, phi, self.path.at(phi, self.turns), NEAR)[0]
         web, (places, c) = self._web(), self._at(links, states, points, phi)
         here, sound = self._polished(web, placed(jax.lax.stop_gradient(z)), c)
-        inverse = jnp.linalg.inv(jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links)))
+        matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))
+        inverse = jnp.linalg.inv(matrix)
+
+        def rate(push):
+            x = -inverse @ push
+            return x - inverse @ (matrix @ x + push)  # what rounding left: near dead positions it counts
 
         def along(t, v):
             return web.opened(here.later(v, t, c.size), self._moved_on(c, states, points, phi, t))
 
         none, zero, one = jnp.zeros(3 * web.links), jnp.zeros_like(phi), jnp.ones_like(phi)
-        v = -inverse @ jax.jvp(lambda t: along(t, none), (zero,), (one,))[1]
+        v = rate(jax.jvp(lambda t: along(t, none), (zero,), (one,))[1])
         bend = jax.jvp(lambda t: jax.jvp(lambda s: along(s, v), (t,), (one,))[1], (zero,), (one,))[1]
-        return self._states(here, v, -inverse @ bend, places, c.size)
+        return self._states(here, v, rate(bend), places, c.size)
 
     def _polished(self, web: Web, here: Placed, c: Closure) -> tuple[Placed, Array]:
         """The root near a configuration, with derivatives up to the third order, and whether there is one; else the
