@@ -117,7 +117,7 @@ def explain(cycle: Cycle) -> None:
             f"cannot be assembled over the cycle: at {place} its slots point past each other, on the other side than "
             "given; change the side, or the slots so that they are never parallel"
             if side == "parallel"
-            else "has its wheels too near to each other for a belt between them; change radii or distance"
+            else "has axes of wheels too near to each other for a belt or teeth between them; change radii or distance"
             if side == "apart"
             else f"does not fit: at {degrees:.2f} degrees it is off by {(short + 1) * FITS:.3g} of its length"
             if side == "fits"

@@ -90,9 +90,18 @@ class AbstractChain(AbstractGroup):
         return tuple(dict.fromkeys(name for name in names if name not in (FRAME, *self.link_names())))
 
     def spinning(self) -> set[str]:
-        """Members that are wheels and carry none: how they stand is settled by those with which they are in gear."""
+        """Members that are wheels, carry none, are pinned once and not driven: how they stand is settled by those with
+        which they are in gear alone."""
         every = {name for gear in self.gears for name in (gear.link, gear.to) if name in self.link_names()}
-        return every.difference((slot.block for slot in self.slots), (gear.mates()[1] for gear in self.gears))
+        held = [link for links in self._pins().values() for link in links]
+        tied = (name for name in every if held.count(name) > 1 or name == self.driving())
+        return every.difference(tied, (slot.block for slot in self.slots), (gear.mates()[1] for gear in self.gears))
+
+    def in_whole_turns(self, gear: Gear | Rack) -> bool:
+        """Whether the wheel of a gear stands as it is sketched, but in any turn: the links that it is tied to besides
+        know no difference."""
+        others = {*self.spinning(), *(g.mates()[1] for g in self.gears), *(slot.block for slot in self.slots)}
+        return isinstance(gear, Gear) and gear.link not in others and gear.to not in self.spinning()
 
     def lies_on(self):
         ends = [end for gear in self.gears for end in gear.lies_on()]

@@ -34,7 +34,6 @@ def followed(groups: Sequence[AbstractGroup]) -> list[int]:
             found += [number] * (group.branch == "continue")
         elif isinstance(group, General):
             found.append(number)
-            counted |= set(group.link_names()) if group.gears else set()
         elif isinstance(group, Crank):
             counted.add(group.link)
     return found

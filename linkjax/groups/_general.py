@@ -8,6 +8,7 @@ Source: any text on constrained planar systems, e.g. Haug, Computer Aided Kinema
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -23,7 +24,6 @@ from linkjax.groups._chain import AbstractChain
 from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, along, array, least_singular, placed, turned
 from linkjax.groups._drawn import Slot, from_sketch
 from linkjax.groups._gear import Gear
-from linkjax.groups._mesh import Belt
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, PointState, carried
 from linkjax.groups._track import Track, closed_to
@@ -162,11 +162,13 @@ class General(AbstractChain):
 
     def wound(self, links, states, points, phi: Array, at: Array, angle: Array) -> Array:
         """A configuration from origins (links, 2) and angles (links,), which are counted from within half a turn of
-        zero; those of wheels as the others say. What is seen of a wheel stays where it is."""
+        zero; those of wheels as the others say: of wheels that are tied to links besides, by whole turns, of others
+        about the first point that is seen of them."""
         (places, c), names = self._at(links, states, points, phi), self.link_names()
         free = np.asarray([i for i, name in enumerate(names) if name in self.spinning()], dtype=int)
         row = 2 * (len(self._pairs()) + len(self.slots))
         angle = nearest_turn(angle, 2 * jnp.pi).at[free].set(angle[free])
+        angle = self._whole_turns(angle, lambda angle: self._web().opened(Placed(at, along(angle), angle), c)[row:], c)
         if free.size:
             assert c.geared is not None
             left = self._web().opened(Placed(at, along(angle), angle), c)[row : row + len(self.gears)]
@@ -175,6 +177,14 @@ class General(AbstractChain):
             arm = array([places[link][point] for link, point in first.items()])
             at, angle = at + turned(along(angle), arm) - turned(along(true), arm), true
         return jnp.concatenate([at, angle[:, None]], axis=1)
+
+    def _whole_turns(self, angle: Array, left: Callable[[Array], Array], c: Closure) -> Array:
+        """Angles with whole turns of wheels that are tied to links besides, so that little is `left` of their gears."""
+        for row, gear in enumerate(self.gears):
+            if self.in_whole_turns(gear):
+                turns = jnp.round(left(angle)[row] / (2 * jnp.pi * c.size))
+                angle = angle.at[self.link_names().index(gear.link)].add(-2 * jnp.pi * turns)
+        return angle
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:
         """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
@@ -286,8 +296,7 @@ class General(AbstractChain):
         return jnp.stack(rows)
 
     def dead_positions(self):
-        belts = any(isinstance(gear.mesh, Belt) for gear in self._geared_pairs())  # they need room
-        return ("loops", "apart") if belts else ("loops",)
+        return ("loops", "apart") if self._geared_pairs() else ("loops",)
 
     def margins(self, links, states, points, phi):
         here, none = self._here(states, points), jnp.zeros_like(states[self.members[0][0]].w)
@@ -312,11 +321,15 @@ class General(AbstractChain):
         if "apart" in self.dead_positions():
             spans = [(gear.mesh, points[gear.centre].r - points[gear.pivot].r) for gear in self._geared_pairs()]
             least = smallest(jnp.stack([mesh.apart(span).value for mesh, span in spans]))
+            least = jnp.where(lost, jnp.maximum(least, value), least)  # what is open says nothing of them
             found["apart"] = Margin(least, jnp.zeros_like(least), jnp.zeros_like(least))
         return found
 
     def returns(self):
-        return None if self.path is None else ~(self.path.closes() & self.path.astray())
+        if self.path is None:
+            return None
+        fast = jnp.asarray(False) if self.path.wound is None else self.path.wound.too_fast(self.turns)
+        return ~(self.path.closes() & (self.path.astray() | fast))
 
     def transmission(self, states, points):
         return None

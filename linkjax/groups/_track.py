@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import nearest_turn, wrapped
+from linkjax._numerics import nearest_turn, safe_divide, wrapped
 from linkjax.groups._winding import Winding
 
 
@@ -62,8 +62,11 @@ class Track(NamedTuple):
 
     def astray(self) -> Array:
         """Whether it does not come back to where it began."""
-        apart = (self.z[-1] - self.z[0])[:, 2:]
-        apart = jnp.max(jnp.abs(nearest_turn(apart, 2 * jnp.pi) if self.z.shape[2] == 3 else apart))
+        moved, turned = jnp.split(self.z[-1] - self.z[0], [2], axis=1)
+        places = self.z[:, :, :2]  # racks may go on though nothing turns
+        size = jnp.max(jnp.max(places, axis=(0, 1)) - jnp.min(places, axis=(0, 1)))
+        turned = nearest_turn(turned, 2 * jnp.pi) if self.z.shape[2] == 3 else turned
+        apart = jnp.maximum(jnp.max(jnp.abs(turned)), safe_divide(jnp.max(jnp.abs(moved)), size))
         return apart > jnp.finfo(apart.dtype).eps ** 0.4
 
     def trouble(self) -> str:

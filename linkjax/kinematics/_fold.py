@@ -5,6 +5,7 @@ from __future__ import annotations
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax.groups import General, closed_to
@@ -31,12 +32,13 @@ def folded(mechanism: Mechanism, number: int, inside: float, end: float) -> floa
 
 @eqx.filter_jit
 def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple[Array, Array, Array]:
-    """The crank angle after some steps, what is left open, of the size of the group, and how far links have moved, in
-    that size or rad."""
+    """The crank angle after some steps, what is left open, of the size of the group, and how far links but loose
+    wheels have moved, in that size or rad."""
     group = mechanism.groups[number]
     assert isinstance(group, General) and group.path is not None
     links = mechanism.held_by(group)
     size, free = group.size(links), 3 * len(group.members)
+    loose = np.asarray([name in group.spinning() for name in group.link_names()])
     start, *_ = group.closed(
         links, *before_group(mechanism, number, inside), inside, group.path.at(inside, group.turns), STEPS
     )
@@ -56,4 +58,5 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
         return x - jnp.linalg.solve(jax.jacfwd(system)(x), system(x))
 
     x = jax.lax.fori_loop(0, STEPS, step, jnp.concatenate([still, along, end[None]]))
-    return x[-1], jnp.max(jnp.abs(system(x))), jnp.max(jnp.abs(x[:free]))
+    moved = jnp.abs(x[:free].reshape((-1, 3))).at[loose, 2].set(0.0)
+    return x[-1], jnp.max(jnp.abs(system(x))), jnp.max(moved)

@@ -109,21 +109,12 @@ class Wheels:
 
     def check_phases(self, group: General) -> None:
         """Raise `StructureError` where by the phases of wheels carriers and racks stand elsewhere than sketched."""
-        gears, wheels = group.gears, group.spinning()
+        gears, free = group.gears, list(group.spinning())
         if not gears:
             return
-        rows, wanted, seen = [], [], {FRAME: 0.0}
-        for gear in gears:
-            held, radius = gear.coupling(), 1.0 if isinstance(gear, Gear) else float(gear.radius)
-            rows.append({name: float(factor) / radius for name, factor in (*held.angles.items(), *held.ways.items())})
-            wanted.append(float(gear.phase if isinstance(gear, Gear) else gear.start) / radius)
-            seen |= {name: self.angle(name) for name in held.angles if name not in wheels}
-            seen |= {name: self._way(name) for name in held.ways}
-        free = list(wheels)
+        rows, left, seen = self._contradictions(group)
         told = [name for name in seen if name in group.link_names()]
         at = np.array([[row.get(name, 0.0) for name in (*free, *told)] for row in rows])
-        left = np.array([one - sum(row.get(name, 0.0) * seen[name] for name in seen)
-                         for one, row in zip(wanted, rows, strict=True)])  # fmt: skip
         still = np.eye(len(rows)) - at[:, : len(free)] @ np.linalg.pinv(at[:, : len(free)])
         left = still @ left  # what wheels cannot make up for
         off = np.linalg.pinv(still @ at[:, len(free) :]) @ left
@@ -139,9 +130,48 @@ class Wheels:
             else:
                 continue
             problem = f"with these phases {name!r} stands at {stands:.4g} {unit} at crank angle zero"
-            remedy = next(filter(None, (_remedy(gears[i], left, still[:, i]) for i in reversed(range(len(gears))))), "")
+            every = (self._remedy(gears[i], left, still[:, i]) for i in reversed(range(len(gears))))
+            remedy = next(filter(None, every), "")
             raise StructureError(f"gear of {', '.join(gear.link for gear in gears)}",
                                  f"{problem}, but at {drawn:.4g} in the sketch", f"{remedy}sketch it so")  # fmt: skip
+
+    def _contradictions(self, group: General) -> tuple[list[dict[str, float]], np.ndarray, dict[str, float]]:
+        """What wheels, racks and a drive inside a group keep constant, by how much the sketch is off that (rad, of a
+        rack over its wheel's radius), and the angles and ways that it has."""
+        rows, left, seen, wheels = [], [], {FRAME: 0.0}, group.spinning()
+        for gear in group.gears:
+            held, radius = gear.coupling(), 1.0 if isinstance(gear, Gear) else float(gear.radius)
+            rows.append({name: float(factor) / radius for name, factor in (*held.angles.items(), *held.ways.items())})
+            left.append(float(gear.phase if isinstance(gear, Gear) else gear.start) / radius)
+            seen |= {name: self.angle(name) for name in held.angles if name not in wheels}
+            seen |= {name: self._way(name) for name in held.ways}
+        drive, whole = group.drive, [group.in_whole_turns(gear) for gear in group.gears]
+        if drive is not None and group.driven_slot() is None:
+            rows.append({drive.link: 1.0, drive.on: -1.0})
+            left.append(float(drive.at(drive.phase * 0.0, slides=False)[0]))
+            seen |= {name: self.angle(name) for name in (drive.link, drive.on)}
+            whole.append(True)
+        for i, row in enumerate(rows):
+            left[i] -= sum(row.get(name, 0.0) * at for name, at in seen.items())
+            left[i] = math.remainder(left[i], 2 * math.pi) if whole[i] else left[i]
+        return rows, np.array(left), seen
+
+    def _remedy(self, gear: Gear | Rack, left: np.ndarray, share: np.ndarray) -> str:
+        """What to write for one wheel so that nothing of what is `left` stays; nothing where it takes more than one.
+        `share` is how much of its own phase wheels do not make up for."""
+        much = float(share @ share)
+        more = -float(left @ share) / much if much > 1e-12 else 0.0
+        if np.abs(left + more * share).max() > ASTRAY:
+            return ""
+        if isinstance(gear, Rack):
+            start = float(gear.start) + more * float(gear.radius)
+            return f"write start = {start:.6g} for the rack {gear.link!r}, or "
+        pair = GearPair(gear.link, gear.to, gear.mesh, gear.phase + more)
+        if all((given.link, given.to) != (gear.link, gear.to) for given in self.gears):
+            pair = turned_round(pair)  # as it was drawn
+        return (
+            f'write phase = "{math.degrees(float(pair.phase)):.6g} deg" for that of {pair.link!r} with {pair.to!r}, or '
+        )
 
     def _way(self, rack: str) -> float:
         """How far along its guide a rack is sketched (m)."""
@@ -197,16 +227,3 @@ def turned_round(gear: GearPair) -> GearPair:
     """The same two wheels, the other one first."""
     mesh = gear.mesh.turned_round()
     return GearPair(gear.to, gear.link, mesh, -gear.phase * mesh.ratio())
-
-
-def _remedy(gear: Gear | Rack, left: np.ndarray, share: np.ndarray) -> str:
-    """What to write for one wheel so that nothing of what is `left` stays; nothing where it takes more than one.
-    `share` is how much of its own phase wheels do not make up for."""
-    more = -float(left @ share) / float(share @ share) if share.any() else 0.0
-    if np.abs(left + more * share).max() > ASTRAY:
-        return ""
-    if isinstance(gear, Rack):
-        start = float(gear.start) + more * float(gear.radius)
-        return f"write start = {start:.6g} for the rack {gear.link!r}, or "
-    phase = math.degrees(float(gear.phase) + more)
-    return f'write phase = "{phase:.6g} deg" for that of {gear.link!r} with {gear.to!r}, or '

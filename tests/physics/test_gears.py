@@ -6,6 +6,7 @@ Their kinematics and forces against 50 digits and against contacts that only pre
 """
 
 import cmath
+import dataclasses
 import math
 import re
 
@@ -251,7 +252,7 @@ def test_a_belt_that_cannot_be():
     gap = margins(prepared(scene.mechanism), jnp.asarray(0.0))["wheel"]["apart"]
     assert float(gap.value) == pytest.approx(1 - 0.3 / 0.32, rel=1e-14)
     scene = lj.design.changed(scene, {"fixed.D.x": 0.29})
-    with pytest.raises(lj.MachineError, match="'wheel' has its wheels too near to each other for a belt between them"):
+    with pytest.raises(lj.MachineError, match="'wheel' has axes of wheels too near to each other for a belt or teeth between them"):
         lj.analyse(scene, angles=12)
 
 
@@ -478,6 +479,78 @@ def test_a_belt_that_cannot_be_in_a_loop():
         found = least(radius)
         assert found["loops"] > 0
         assert found["apart"] == pytest.approx(1 - (radius + 0.02) / 0.1, rel=1e-12)
+
+
+def test_the_remedy_is_for_what_was_drawn():
+    """A gear drawn from the sun to the planet, solved the other way round: its own phase is told, and fits."""
+    sketch = {"B": (0.001, 0.1), "Q": (0.0, 0.15), "S": (0.05, 0.0)}
+
+    def made(phase: float) -> Mechanism:
+        gears = [GearPair("planet", "frame", Teeth((20, 80), inside=True)),
+                 GearPair("sun", "planet", Teeth((40, 20)), phase)]  # fmt: skip
+        return linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun"), (), sketch, gears=gears)
+
+    with pytest.raises(StructureError, match=r"'arm' stands at .*, but at 89.43 in the sketch") as told:
+        made(0.0)
+    found = re.search(r'phase = "(.*) deg" for that of \'sun\' with \'planet\'', str(told.value))
+    assert found is not None
+    here = at(made(math.radians(float(found[1]))), jnp.zeros(1))
+    assert float(here.links["arm"].angle[0]) == pytest.approx(math.atan2(0.1, 0.001), abs=1e-5)
+
+
+@pytest.mark.parametrize(("phase", "told"), [(1.0, "'arm' stands at -28.65"), (3.0, "'planet' stands at -85.94")])
+def test_a_drive_on_the_arm_has_a_phase_too(phase, told):
+    """The planet is driven against the arm: its phase and that of its teeth leave one place for both."""
+    links = {name: dataclasses.replace(SUN[name], centre_name="") for name in ("arm", "planet")}
+    with pytest.raises(StructureError, match=told):
+        linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm"), (), {"B": (0.1, 0.001), "Q": (0.15, 0.0)},
+                gears=[GearPair("planet", "frame", Teeth((20, 40)), phase)])  # fmt: skip
+
+
+def tied(phase: float) -> Mechanism:
+    """Two wheels in gear that a crank moves by rods from where both meet."""
+    where = {"A": 0.3j, "B": 0.03 + 0.3j, "D": 0.2 + 0j, "E": 0.4 + 0j, "P": 0.3 + 0.3j,
+             "C": 0.2 + 0.06 * cmath.exp(2.0j), "F": 0.4 + 0.06 * cmath.exp(0.8j)}  # fmt: skip
+    pins = {"crank": "AB", "pull": "BP", "one": "DC", "two": "EF", "left": "CP", "right": "FP"}
+    links = {name: Link(length=abs(where[a] - where[b]), mass=1.0, pins=(a, b)) for name, (a, b) in pins.items()}
+    spots = {name: (z.real, z.imag) for name, z in where.items()}
+    return linkage(
+        {name: spots[name] for name in "ADE"}, links, Drive("crank"), (), {name: spots[name] for name in "BCFP"},
+        gears=[GearPair("two", "one", Teeth((20, 20)), 2.8 + phase)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("turns", [0, 1])
+def test_whole_turns_of_a_phase_change_nothing(turns):
+    """Wheels with rods stand as they are drawn, whatever turn their phase is given in."""
+    mechanism = tied(2 * math.pi * turns)
+    assert mechanism.formula() == "I1(crank) → G(pull, one, two, left, right)"
+    here = at(mechanism, jnp.zeros(1))
+    np.testing.assert_allclose(xy(here.points["P"].r)[:, 0], [0.3, 0.3], atol=1e-13)
+    assert float(here.links["one"].angle[0]) == pytest.approx(2.0, abs=1e-12)
+    assert float(here.links["two"].angle[0]) == pytest.approx(0.8 + 2 * math.pi * turns, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_racks_that_run_away_behind_a_link_that_turns_round():
+    """Inside a group that is solved together, and behind one, as by themselves."""
+    lengths = {"crank": 0.3, "coupler": 0.25, "second": 0.28}
+    links = {name: Link(length=long, mass=1.0, inertia=0.01) for name, long in lengths.items()}
+    links |= {name: Link(mass=1.0, inertia=0.01) for name in ("wheel", "rack")}
+    base = [Crank("crank", "A", "B"), RRR(("coupler", "second"), "B", "D", "C", 1)]
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.1, 0.0), "E": Vec(0.6, 0.0), "F": Vec(0.9, 0.0)}
+    wheel, rack = Gear("wheel", "E", Teeth((20, 20)), "second", "D"), Rack("rack", "R", "E", "wheel", "E", 0.05)
+    alone = assembly_margins(Mechanism(fixed, links, [*base, wheel, rack]))
+    together = General((("wheel", ("E",)), ("rack", ("R",))), ("E",), {"R": Vec(0.3, 0.05)}, (Slot("rack", "E"),),
+                       gears=(wheel, rack))  # fmt: skip
+    more = [Gear("out", "F", Teeth((40, 20)), "wheel", "E"), Rack("other", "U", "F", "out", "F", 0.05)]
+    behind = assembly_margins(Mechanism(
+        fixed, links | {name: Link(mass=1.0, inertia=0.01) for name in ("out", "other")}, [*base, together, *more]
+    ))  # fmt: skip
+    assert float(alone["wheel"]["turns"].value) == 1.0
+    for least in (alone["rack"]["turns"], behind["wheel-rack"]["loops"], behind["out"]["turns"],
+                  behind["other"]["turns"]):  # fmt: skip
+        assert float(least.value) == -1e-6
 
 
 def test_racks_that_contradict_the_sketch():
