@@ -36,10 +36,10 @@ def test_handed_to_the_compiler(scene, program):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("program", PROGRAMS)
-@pytest.mark.parametrize("scene", ["slider-crank", "hay-press"])
+@pytest.mark.parametrize("scene", scene_names())
 def test_compiled(scene, program):
     compare(scene, program, "compiled")
 
 
 def test_every_scene_is_counted():
-    assert set(kept()["lowered"]) == set(scene_names())
+    assert set(kept()["lowered"]) == set(kept()["compiled"]) == set(scene_names())

@@ -195,7 +195,7 @@ class Flow(eqx.Module):
             return phi, governing(self.scene, reduce(self.scene, phi, self.grid.middle[panel]))
 
         phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
-        least = jnp.minimum(here.inertia, smallest(value)) * self.scene.speed**2 / (2 * self.scale)
+        least = jnp.minimum(here.inertia, smallest(self.inertia)) * self.scene.speed**2 / (2 * self.scale)
         return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
 
     def at_ends(self) -> tuple[Array, Array]:
