@@ -252,7 +252,9 @@ def test_a_belt_that_cannot_be():
     gap = margins(prepared(scene.mechanism), jnp.asarray(0.0))["wheel"]["apart"]
     assert float(gap.value) == pytest.approx(1 - 0.3 / 0.32, rel=1e-14)
     scene = lj.design.changed(scene, {"fixed.D.x": 0.29})
-    with pytest.raises(lj.MachineError, match="'wheel' has axes of wheels too near to each other for a belt or teeth between them"):
+    with pytest.raises(
+        lj.MachineError, match="'wheel' has axes of wheels too near to each other for a belt or teeth between them"
+    ):
         lj.analyse(scene, angles=12)
 
 
