@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import nearest_turn, safe_divide, wrapped
+from linkjax._numerics import nearest_turn, wrapped
 from linkjax.groups._winding import Winding
 
 
@@ -20,13 +20,14 @@ class Track(NamedTuple):
     """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
     leave open, of the size of the group; how the links turn round that its wheels are in gear with; and the first of
     the four places that say where the group is in the lower and the upper half of every step (as floating numbers, as
-    all leaves of a mechanism are)."""
+    all leaves of a mechanism are); the size of the group (m)."""
 
     z: Array
     sense: Array
     gap: Array
     wound: Winding | None = None
     first: Array | None = None
+    size: Array | None = None
 
     def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
         """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
@@ -63,10 +64,9 @@ class Track(NamedTuple):
     def astray(self) -> Array:
         """Whether it does not come back to where it began."""
         moved, turned = jnp.split(self.z[-1] - self.z[0], [2], axis=1)
-        places = self.z[:, :, :2]  # racks may go on though nothing turns
-        size = jnp.max(jnp.max(places, axis=(0, 1)) - jnp.min(places, axis=(0, 1)))
+        assert self.size is not None
         turned = nearest_turn(turned, 2 * jnp.pi) if self.z.shape[2] == 3 else turned
-        apart = jnp.maximum(jnp.max(jnp.abs(turned)), safe_divide(jnp.max(jnp.abs(moved)), size))
+        apart = jnp.maximum(jnp.max(jnp.abs(turned)), jnp.max(jnp.abs(moved)) / self.size)  # racks only slide on
         return apart > jnp.finfo(apart.dtype).eps ** 0.4
 
     def trouble(self) -> str:

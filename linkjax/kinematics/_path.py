@@ -41,7 +41,8 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     reached = [jnp.cumprod(way.gap < closed_to(up.z.dtype)) > 0 for way in (up, down)]
     other = ~reached[0] & reached[1][::-1]
     path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a), up, down)
-    return path._replace(first=_firsts(reached[0] | other, other).astype(path.gap.dtype))
+    firsts = _firsts(reached[0] | other, other).astype(path.gap.dtype)
+    return path._replace(first=firsts, size=group.size(links))
 
 
 def _firsts(sound: Array, other: Array) -> Array:

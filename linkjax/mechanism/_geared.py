@@ -160,8 +160,8 @@ class Wheels:
         """What to write for one wheel so that nothing of what is `left` stays; nothing where it takes more than one.
         `share` is how much of its own phase wheels do not make up for."""
         much = float(share @ share)
-        more = -float(left @ share) / much if much > 1e-12 else 0.0
-        if np.abs(left + more * share).max() > ASTRAY:
+        more = -float(left @ share) / much if much > 1e-12 else math.inf
+        if not np.abs(left + more * share).max() <= ASTRAY:
             return ""
         if isinstance(gear, Rack):
             start = float(gear.start) + more * float(gear.radius)

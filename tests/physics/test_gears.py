@@ -562,13 +562,19 @@ def test_racks_that_contradict_the_sketch():
         loads_text(text.replace('start = "-0.1 m"', 'start = "-0.3 m"'))
     found = re.search(r"write start = (.*) for the rack", str(told.value))
     assert found is not None
+
+    def start(way, lever):  # by Willis the wheel stands at 0.4 + 2.8 lever, and rolls on the rack with 0.05 m
+        return way + 0.05 * (0.4 + 1.8 * lever)
+
+    lever = cmath.phase((0.3 - 0.05j) / (0.32 - 0.05j))  # from F to E: as sketched, and in its own axes
+    sketched = -0.1 * math.cos(lever + 0.3)  # of U before E, along the guide
+    assert f"but at {sketched:.4g} in the sketch" in str(told.value)
+    assert float(found[1]) == pytest.approx(start(sketched, lever), rel=1e-5)  # six digits are told
     made = loads_text(text.replace('start = "-0.1 m"', f'start = "{found[1]} m"')).mechanism
     here = pose(made, jnp.zeros(()))
     along = here.links["lever"].u.turned(Vec(math.cos(0.3), math.sin(0.3)))
-    lever = cmath.phase((0.3 - 0.05j) / (0.32 - 0.05j))  # from F to E: as sketched, and in its own axes
-    way, sketched = (here.points["U"].r - here.points["E"].r).dot(along), -0.1 * math.cos(lever + 0.3)
-    assert f"but at {sketched:.4g} in the sketch" in str(told.value)
-    assert float(way) == pytest.approx(sketched, abs=0.05)  # the sketch is as rough as that
+    way = float((here.points["U"].r - here.points["E"].r).dot(along))
+    assert start(way, float(here.links["lever"].angle)) == pytest.approx(float(found[1]), abs=1e-14)
 
 
 def test_where_wheels_in_a_loop_begin():
