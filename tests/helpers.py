@@ -11,8 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+import linkjax as lj
 from linkjax._compile import compiled_soon
+from linkjax.kinematics import pose, prepared
+from linkjax.scenes import loads_text, text_of
 
+ANGLES = np.linspace(0.0, 2 * np.pi, 25)
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "linkjax"
 
@@ -58,3 +62,21 @@ def ulps(value: Any, exact: Any) -> np.ndarray:
     """Errors of float64 values, in units in the last place of the exact ones (numbers of any precision)."""
     pairs = zip(np.asarray(value, dtype=float), exact, strict=True)
     return np.asarray([abs(float((float(v) - e) / float(np.spacing(abs(float(e)))))) for v, e in pairs])
+
+
+def at(mechanism: lj.Mechanism, angles: Any = ANGLES) -> Any:
+    """Poses over crank angles."""
+    return compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(angles)))(prepared(mechanism))
+
+
+def xy(at: lj.Vec) -> np.ndarray:
+    """Both coordinates."""
+    return np.stack([at.x, at.y])
+
+
+def same(scene: lj.Scene) -> None:
+    """A scene is the same, to the last bit, when it is written as a file and read again."""
+    again = loads_text(text_of(scene))
+    for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
+        assert np.array_equal(one, two)
+    assert jax.tree.structure(scene) == jax.tree.structure(again)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import FITS, Course, Crank, Track
+from linkjax.groups import FITS, Course, Crank, Track, Winding
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -111,27 +111,8 @@ def explain(cycle: Cycle) -> None:
     title = f"Scene {cycle.scene.title!r}: " if cycle.scene.title else ""
     if code is Result.CANNOT_BE_ASSEMBLED:
         group, side, at = _first_lost(cycle)
-        degrees, short = float(jnp.degrees(at.angle)), -float(at.value)
-        place = f"{degrees:.2f} degrees of crank angle ({side})"
-        what = (
-            f"cannot be assembled over the cycle: at {place} its slots point past each other, on the other side than "
-            "given; change the side, or the slots so that they are never parallel"
-            if side == "parallel"
-            else "has axes of wheels too near to each other for a belt or teeth between them; change radii or distance"
-            if side == "apart"
-            else f"does not fit: at {degrees:.2f} degrees it is off by {(short + 1) * FITS:.3g} of its length"
-            if side == "fits"
-            else "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
-            if side == "turns" or _trouble(cycle, group) == "astray"
-            else f"passes on to another assembly near {place}: it has a change point or a dead position there"
-            if side == "loops" and _trouble(cycle, group) == "change point"
-            else f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
-            if short > (NEARLY if side == "loops" else CHANGE_POINT)
-            else f"has a change point at {place}: its two assemblies meet there, and which it takes is chance"
-        )
-        where = _where_it_can(cycle) if what.startswith("cannot be assembled at") else ""
-        remedy = "Write more turns, or choose another ratio." if side == "turns" else MESSAGES[code]
-        raise MachineError(f"{title}group {group!r} {what}. {where}{remedy}", code)
+        what, remedy = _what_is_lost(cycle, group, side, at)
+        raise MachineError(f"{title}group {group!r} {what}. {remedy or MESSAGES[code]}", code)
     if code is Result.INTEGRATION_FAILED:
         raise MachineError(f"{title}{MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:
@@ -146,6 +127,36 @@ def explain(cycle: Cycle) -> None:
             f"{MESSAGES[code]}",
             code,
         )
+
+
+def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, str]:
+    """What is wrong with a group whose margin is not positive, and what to do; "" for what always helps."""
+    degrees, short, trouble = float(jnp.degrees(at.angle)), -float(at.value), _trouble(cycle, group)
+    place = f"{degrees:.2f} degrees of crank angle ({side})"
+    if side == "parallel":
+        return (
+            f"cannot be assembled over the cycle: at {place} its slots point past each other, on the other side than "
+            "given; change the side, or the slots so that they are never parallel"
+        ), ""
+    if side == "apart":
+        return (
+            "has wheels whose axes are too near to each other for their belt, or coincide with teeth between them; "
+            "change radii, or the distance"
+        ), ""
+    if side == "fits":
+        return f"does not fit: at {degrees:.2f} degrees it is off by {(short + 1) * FITS:.3g} of its length", ""
+    if trouble == "too fast":
+        what = "has wheels that follow a link which turns too fast, somewhere in the cycle, for its turns to be counted"
+        return what, "Let that link turn less unevenly, or fewer times a turn of the crank."
+    if side == "turns" or trouble == "astray":
+        what = "is not after the cycle where it began: it goes on for more turns (cycle_turns)"
+        return what, "Write more turns, or choose another ratio." if side == "turns" else ""
+    if side == "loops" and trouble == "change point":
+        return f"passes on to another assembly near {place}: it has a change point or a dead position there", ""
+    if short > (NEARLY if side == "loops" else CHANGE_POINT):
+        what = f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
+        return what, _where_it_can(cycle) + MESSAGES[Result.CANNOT_BE_ASSEMBLED]
+    return f"has a change point at {place}: its two assemblies meet there, and which it takes is chance", ""
 
 
 def _where_it_can(cycle: Cycle) -> str:
@@ -171,9 +182,12 @@ def _where_it_can(cycle: Cycle) -> str:
 
 
 def _trouble(cycle: Cycle, name: str) -> str:
-    """What is wrong with a followed group that closes everywhere."""
+    """What is wrong with a followed group that closes everywhere, or with the turns that wheels follow."""
     group = named_groups(ready(cycle.scene).mechanism)[name]
     path = getattr(group, "path", None)
+    wound = path.wound if isinstance(path, Track) else path
+    if isinstance(wound, Winding) and bool(wound.too_fast(group.turns)):  # pyright: ignore[reportAttributeAccessIssue]
+        return "too fast"
     return path.trouble() if isinstance(path, Course | Track) else ""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Joint
@@ -135,6 +136,14 @@ class AbstractChain(AbstractGroup):
     def _seen(self, link: str, pins: tuple[str, ...], places) -> list[str]:
         """Points of a link whose places are known or sketched."""
         return [p for p in dict.fromkeys((*pins, *places[link])) if p in self.outer or p in self.sketch]
+
+    def _pace(self, slot: Slot, states, points) -> Array:
+        """How fast the block of a slot moves along it."""
+        block, base = points[dict(self.members)[slot.block][0]], points[slot.guide.through]
+        under = base.dr
+        if slot.guide.on != "frame":
+            under = under + (block.r - base.r).perp() * states[slot.guide.on].w
+        return (block.dr - under).dot(states[slot.block].u)
 
     def lacking(self, links):
         blocks = {slot.block: slot.guide for slot in self.slots}

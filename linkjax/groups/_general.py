@@ -8,7 +8,7 @@ Source: any text on constrained planar systems, e.g. Haug, Computer Aided Kinema
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -22,7 +22,7 @@ from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
 from linkjax.groups._chain import AbstractChain
 from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, along, array, least_singular, placed, turned
-from linkjax.groups._drawn import Slot, from_sketch
+from linkjax.groups._drawn import from_sketch
 from linkjax.groups._gear import Gear
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, PointState, carried
@@ -42,8 +42,9 @@ class General(AbstractChain):
     `outer` are the points that exist already. `slots` are the sliding joints: a block has one point, its origin, and
     the axes of its guide. `gears` are the wheels and racks in gear whose `link` is a member, written as they would be
     by themselves; a rack is the block of a slot. `sketch` says roughly where points are at crank angle zero, which
-    chooses the assembly: of every link two points, of a block and of a wheel one. With a `drive` the group stands first
-    and moves by itself. `path` and `turns` are filled in by `kinematics.prepared`.
+    chooses the assembly: of every link two points, of a block one, and of a wheel that is pinned once and not driven.
+    With a `drive` the group stands first and moves by itself. `path` and `turns` are filled in by
+    `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "general"
@@ -94,7 +95,12 @@ class General(AbstractChain):
                 jnp.stack([still, *(held.ways.get(slot.block, still) for slot in self.slots)])[1:],
                 per * ((gear.phase if isinstance(gear, Gear) else gear.start) - sum(outside, still)),
             ))  # fmt: skip
-        return Geared(*(jnp.stack(parts) for parts in zip(*rows, strict=True))) if rows else None
+        if not rows:
+            return None
+        held = Geared(*(jnp.stack(parts) for parts in zip(*rows, strict=True)))
+        if self.path is None or self.path.whole is None:
+            return held
+        return held._replace(wanted=held.wanted + 2 * jnp.pi * size * self.path.whole)
 
     def _closure(self, places, known: Known, drive: Array) -> Closure:
         """The numbers of the closure equations."""
@@ -160,31 +166,30 @@ class General(AbstractChain):
             return jnp.concatenate([drawn[:, :2], jnp.atan2(drawn[:, 3:], drawn[:, 2:3])], axis=1)
         return drawn
 
-    def wound(self, links, states, points, phi: Array, at: Array, angle: Array) -> Array:
+    def wound(self, links, states, points, phi: Array, at: Array, angle: Array) -> tuple[Array, Array]:
         """A configuration from origins (links, 2) and angles (links,), which are counted from within half a turn of
-        zero; those of wheels as the others say: of wheels that are tied to links besides, by whole turns, of others
-        about the first point that is seen of them."""
+        zero; those of loose wheels as the others say, about the first point that is seen of them. And by how many whole
+        turns the gears of tied wheels are off, which makes no difference to what they are tied to."""
         (places, c), names = self._at(links, states, points, phi), self.link_names()
+        assert c.geared is not None
         free = np.asarray([i for i, name in enumerate(names) if name in self.spinning()], dtype=int)
         row = 2 * (len(self._pairs()) + len(self.slots))
         angle = nearest_turn(angle, 2 * jnp.pi).at[free].set(angle[free])
-        angle = self._whole_turns(angle, lambda angle: self._web().opened(Placed(at, along(angle), angle), c)[row:], c)
+        left = self._web().opened(Placed(at, along(angle), angle), c)[row : row + len(self.gears)]
+        tied = np.asarray([self.in_whole_turns(gear) for gear in self.gears])
+        whole = jnp.where(tied, jnp.round(left / (2 * jnp.pi * c.size)), 0.0)
         if free.size:
-            assert c.geared is not None
-            left = self._web().opened(Placed(at, along(angle), angle), c)[row : row + len(self.gears)]
+            left = left - 2 * jnp.pi * c.size * whole
             true = angle.at[free].add(-jnp.linalg.pinv(c.geared.angles[:, free]) @ left)
             first = {link: self._seen(link, pins, places)[0] for link, pins in self.members}
             arm = array([places[link][point] for link, point in first.items()])
             at, angle = at + turned(along(angle), arm) - turned(along(true), arm), true
-        return jnp.concatenate([at, angle[:, None]], axis=1)
+        return jnp.concatenate([at, angle[:, None]], axis=1), whole
 
-    def _whole_turns(self, angle: Array, left: Callable[[Array], Array], c: Closure) -> Array:
-        """Angles with whole turns of wheels that are tied to links besides, so that little is `left` of their gears."""
-        for row, gear in enumerate(self.gears):
-            if self.in_whole_turns(gear):
-                turns = jnp.round(left(angle)[row] / (2 * jnp.pi * c.size))
-                angle = angle.at[self.link_names().index(gear.link)].add(-2 * jnp.pi * turns)
-        return angle
+    def off_by(self, whole: Array) -> General:
+        """The group with its gears off by so many whole turns each."""
+        none = jnp.zeros(0)
+        return dataclasses.replace(self, path=(self.path or Track(none, none, none))._replace(whole=whole))
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:
         """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
@@ -209,17 +214,18 @@ class General(AbstractChain):
         sense = jnp.linalg.slogdet(web.jacobian(z, c))[0]
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
 
-    def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array]:
-        """The same from the sketch. With wheels twice: a carrier near half a turn may be counted one turn off there."""
+    def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array, Array | None]:
+        """The same from the sketch, and by how many whole turns gears are off, in a group that has some. With wheels
+        twice: a carrier near half a turn may be counted one turn off there."""
 
         def again(_, there):
-            z = self.wound(links, states, points, phi, there[0][:, :2], there[0][:, 2])
-            return self.closed(links, states, points, phi, z)
+            z, whole = self.wound(links, states, points, phi, there[0][:, :2], there[0][:, 2])
+            return *self.off_by(whole).closed(links, states, points, phi, z), whole
 
         start, none = self.sketched(links, states, points, phi), jnp.zeros_like(phi)
         if self.gears:
-            return jax.lax.fori_loop(0, 2, again, (start, none, none))
-        return self.closed(links, states, points, phi, start)
+            return jax.lax.fori_loop(0, 2, again, (start, none, none, jnp.zeros(len(self.gears), dtype=start.dtype)))
+        return *self.closed(links, states, points, phi, start), None
 
     def opened(self, links, states, points, phi: Array, z: Array, move: Array) -> tuple[Array, Array]:
         """What the joints leave open (m) in a configuration moved by x, y and angle times size of every link (m), and
@@ -390,11 +396,3 @@ class General(AbstractChain):
             if at == point and link in (wheel, carrier):
                 more = force if link == wheel else -force
                 pins[k] = Wrench(pins[k].force + more, pins[k].moment)
-
-    def _pace(self, slot: Slot, states, points) -> Array:
-        """How fast the block of a slot moves along it."""
-        block, base = points[dict(self.members)[slot.block][0]], points[slot.guide.through]
-        under = base.dr
-        if slot.guide.on != "frame":
-            under = under + (block.r - base.r).perp() * states[slot.guide.on].w
-        return (block.dr - under).dot(states[slot.block].u)

@@ -20,7 +20,7 @@ class Track(NamedTuple):
     """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
     leave open, of the size of the group; how the links turn round that its wheels are in gear with; and the first of
     the four places that say where the group is in the lower and the upper half of every step (as floating numbers, as
-    all leaves of a mechanism are); the size of the group (m)."""
+    all leaves of a mechanism are); the size of the group (m); and by how many whole turns its gears are off."""
 
     z: Array
     sense: Array
@@ -28,6 +28,7 @@ class Track(NamedTuple):
     wound: Winding | None = None
     first: Array | None = None
     size: Array | None = None
+    whole: Array | None = None
 
     def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
         """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""

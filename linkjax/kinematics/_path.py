@@ -25,7 +25,8 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     reached on the way up, because the group does not close before them, are reached on the way down where they can be.
     """
     states, points = before(angles[0])
-    first = Track(*group.assembled(links, states, points, angles[0]))
+    z, sense, gap, whole = group.assembled(links, states, points, angles[0])
+    first, group = Track(z, sense, gap), group if whole is None else group.off_by(whole)
 
     def along(done: Array, way: Array) -> tuple[Array, Track]:
         def step(last: Track, ends: tuple[Array, Array]):
@@ -42,7 +43,7 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     other = ~reached[0] & reached[1][::-1]
     path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a), up, down)
     firsts = _firsts(reached[0] | other, other).astype(path.gap.dtype)
-    return path._replace(first=firsts, size=group.size(links))
+    return path._replace(first=firsts, size=group.size(links), whole=whole)
 
 
 def _firsts(sound: Array, other: Array) -> Array:

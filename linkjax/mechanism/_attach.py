@@ -251,5 +251,5 @@ def _turn(true: complex, own: complex) -> complex:
 @compiled_soon
 def _closed(group: General, links, states, points):
     phi = jnp.zeros(())
-    z, _, gap = group.assembled(links, states, points, phi)
+    z, _, gap, _ = group.assembled(links, states, points, phi)
     return z, gap

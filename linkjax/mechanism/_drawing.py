@@ -251,8 +251,9 @@ class Drawing:
         places = self.places(link)
         seen = [p for p in places if p in self.spots]
         if len(seen) < 2:
-            names = ", ".join(self.links[link].point_names())
-            raise StructureError(f"links.{link}", "the sketch does not say how it stands", f"sketch two of: {names}")
+            names = self.links[link].point_names()
+            remedy = f"sketch two of: {', '.join(names)}" if len(names) > 1 else "give it another pin, and sketch it"
+            raise StructureError(f"links.{link}", "the sketch does not say how it stands", remedy)
         pairs = [(self.spots[b] - self.spots[a], places[b] - places[a]) for a in seen for b in seen]
         drawn, own = max(pairs, key=lambda pair: min(abs(pair[0]), abs(pair[1])))
         if drawn == 0 or own == 0:

@@ -195,6 +195,8 @@ class Flow(eqx.Module):
             return phi, governing(self.scene, reduce(self.scene, phi, self.grid.middle[panel]))
 
         phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
+        first = jnp.argmin(jax.lax.stop_gradient(self.inertia))  # a peak too sharp to be seen between nodes is at one
+        phi = jnp.where(self.inertia.ravel()[first] < here.inertia, self.grid.nodes.ravel()[first], phi)
         least = jnp.minimum(here.inertia, smallest(self.inertia)) * self.scene.speed**2 / (2 * self.scale)
         return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
 

@@ -5,12 +5,8 @@ Their kinematics and forces against 50 digits and against contacts that only pre
 (`geared` in machines.py); as models of MuJoCo they are in tests/exchange.
 """
 
-import cmath
-import dataclasses
 import math
-import re
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -40,23 +36,10 @@ from linkjax import (
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import assembly_margins, margins, pose, prepared
-from linkjax.kinematics._pose import before_group
 from linkjax.mechanism import structure
-from linkjax.scenes import SceneError, loads_text, text_of
-from tests.physics.machines import machine
+from tests.helpers import ANGLES, at, same, xy
 
-ANGLES = np.linspace(0.0, 2 * math.pi, 25)
 FIXED = {"A": Vec(0.0, 0.0), "D": Vec(0.3, 0.0)}
-
-
-def at(mechanism: Mechanism, angles=ANGLES):
-    """Poses over crank angles."""
-    return compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(angles)))(prepared(mechanism))
-
-
-def xy(at: Vec) -> np.ndarray:
-    """Both coordinates."""
-    return np.stack([at.x, at.y])
 
 
 def test_cardans_wheels():
@@ -253,7 +236,7 @@ def test_a_belt_that_cannot_be():
     assert float(gap.value) == pytest.approx(1 - 0.3 / 0.32, rel=1e-14)
     scene = lj.design.changed(scene, {"fixed.D.x": 0.29})
     with pytest.raises(
-        lj.MachineError, match="'wheel' has axes of wheels too near to each other for a belt or teeth between them"
+        lj.MachineError, match="'wheel' has wheels whose axes are too near to each other for their belt"
     ):
         lj.analyse(scene, angles=12)
 
@@ -421,214 +404,6 @@ def test_racks_in_any_order():
         np.testing.assert_allclose(xy(at_end.points["V"].r), [0.02 - 0.15, 0.2], atol=1e-15)
 
 
-SUN = {"sun": Link(length=0.05, mass=1.0, pins=("A", "S")), "arm": Link(length=0.1, mass=1.0, pins=("A", "B")),
-       "planet": Link(length=0.05, mass=1.0, pins=("B", "Q"))}  # fmt: skip
-
-
-def epicyclic(drive: Drive, **changes) -> Mechanism:
-    """A sun, and a planet that runs inside a ring of the frame."""
-    planet = {"phase": 0.3, **changes}
-    gears = [
-        GearPair("planet", "sun", Teeth((20, 40)), **planet),
-        GearPair("planet", "frame", Teeth((20, 80), inside=True)),
-    ]
-    sketch = {"B": (0.099, 0.01), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
-    return linkage({"A": Vec(0.0, 0.0)}, SUN, drive, (), sketch, gears=gears)
-
-
-def test_wheels_that_only_come_out_together():
-    """The sun or the arm drives the same machine: one solves arm and planet together, the other one after the other."""
-    by_arm, by_sun = epicyclic(Drive("arm")), epicyclic(Drive("sun", phase=0.15))
-    assert by_arm.formula() == "I1(arm) → G(planet) → G(sun)"
-    assert by_sun.formula() == "I1(sun) → G(arm, planet)"
-    one, two = (
-        at(by_arm),
-        at(prepared(by_sun, 3), 3 * ANGLES),
-    )  # 1 + 80 / 40 turns of the sun for one of the arm: Willis
-    for name in SUN:
-        np.testing.assert_allclose(two.links[name].angle, one.links[name].angle, atol=1e-13)
-        np.testing.assert_allclose(two.links[name].w, one.links[name].w / 3, rtol=1e-14)
-    for name in "BQS":
-        np.testing.assert_allclose(xy(two.points[name].ddr), xy(one.points[name].ddr) / 9, atol=1e-15)
-
-
-def test_phases_and_sketch_that_contradict_each_other():
-    """Wheels that come out together stand where their phases say: the one that the sketch has is told, and fits."""
-    with pytest.raises(StructureError, match=r"'arm' stands at .*, but at 5.768 in the sketch; write phase = ") as told:
-        epicyclic(Drive("sun"), phase=3.0)
-    found = re.search(r'phase = "(.*) deg" for that of', str(told.value))
-    assert found is not None
-    gears = [GearPair("planet", "sun", Teeth((20, 40)), 3.0),
-             GearPair("planet", "frame", Teeth((20, 80), inside=True), math.radians(float(found[1])))]  # fmt: skip
-    sketch = {"B": (0.099, 0.01), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
-    made = linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun"), (), sketch, gears=gears)
-    assert float(at(made, jnp.zeros(1)).links["arm"].angle[0]) == pytest.approx(math.atan2(0.01, 0.099), abs=1e-5)
-
-
-@pytest.mark.slow
-def test_a_belt_that_cannot_be_in_a_loop():
-    """Also where arm and pulley come out together, wheels that overlap leave no room for a belt between them."""
-
-    def least(radius: float) -> dict[str, float]:
-        gears = [GearPair("planet", "sun", Belt(0.03, 0.02, crossed=True), 0.3),
-                 GearPair("planet", "frame", Belt(0.02, radius, crossed=True))]  # fmt: skip
-        sketch = {"B": (0.1, 0.001), "Q": (0.15, 0.0), "S": (0.05, 0.0)}
-        made = linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun", phase=0.45), (), sketch, gears=gears)
-        found = margins(prepared(made, 1), jnp.zeros(()))["arm-planet"]
-        return {side: float(margin.value) for side, margin in found.items()}
-
-    for radius in (0.079, 0.081):  # on an arm of 0.1 m
-        found = least(radius)
-        assert found["loops"] > 0
-        assert found["apart"] == pytest.approx(1 - (radius + 0.02) / 0.1, rel=1e-12)
-
-
-def test_the_remedy_is_for_what_was_drawn():
-    """A gear drawn from the sun to the planet, solved the other way round: its own phase is told, and fits."""
-    sketch = {"B": (0.001, 0.1), "Q": (0.0, 0.15), "S": (0.05, 0.0)}
-
-    def made(phase: float) -> Mechanism:
-        gears = [GearPair("planet", "frame", Teeth((20, 80), inside=True)),
-                 GearPair("sun", "planet", Teeth((40, 20)), phase)]  # fmt: skip
-        return linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun"), (), sketch, gears=gears)
-
-    with pytest.raises(StructureError, match=r"'arm' stands at .*, but at 89.43 in the sketch") as told:
-        made(0.0)
-    found = re.search(r'phase = "(.*) deg" for that of \'sun\' with \'planet\'', str(told.value))
-    assert found is not None
-    here = at(made(math.radians(float(found[1]))), jnp.zeros(1))
-    assert float(here.links["arm"].angle[0]) == pytest.approx(math.atan2(0.1, 0.001), abs=1e-5)
-
-
-@pytest.mark.parametrize(("phase", "told"), [(1.0, "'arm' stands at -28.65"), (3.0, "'planet' stands at -85.94")])
-def test_a_drive_on_the_arm_has_a_phase_too(phase, told):
-    """The planet is driven against the arm: its phase and that of its teeth leave one place for both."""
-    links = {name: dataclasses.replace(SUN[name], centre_name="") for name in ("arm", "planet")}
-    with pytest.raises(StructureError, match=told):
-        linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm"), (), {"B": (0.1, 0.001), "Q": (0.15, 0.0)},
-                gears=[GearPair("planet", "frame", Teeth((20, 40)), phase)])  # fmt: skip
-
-
-def tied(phase: float) -> Mechanism:
-    """Two wheels in gear that a crank moves by rods from where both meet."""
-    where = {"A": 0.3j, "B": 0.03 + 0.3j, "D": 0.2 + 0j, "E": 0.4 + 0j, "P": 0.3 + 0.3j,
-             "C": 0.2 + 0.06 * cmath.exp(2.0j), "F": 0.4 + 0.06 * cmath.exp(0.8j)}  # fmt: skip
-    pins = {"crank": "AB", "pull": "BP", "one": "DC", "two": "EF", "left": "CP", "right": "FP"}
-    links = {name: Link(length=abs(where[a] - where[b]), mass=1.0, pins=(a, b)) for name, (a, b) in pins.items()}
-    spots = {name: (z.real, z.imag) for name, z in where.items()}
-    return linkage(
-        {name: spots[name] for name in "ADE"}, links, Drive("crank"), (), {name: spots[name] for name in "BCFP"},
-        gears=[GearPair("two", "one", Teeth((20, 20)), 2.8 + phase)],
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("turns", [0, 1])
-def test_whole_turns_of_a_phase_change_nothing(turns):
-    """Wheels with rods stand as they are drawn, whatever turn their phase is given in."""
-    mechanism = tied(2 * math.pi * turns)
-    assert mechanism.formula() == "I1(crank) → G(pull, one, two, left, right)"
-    here = at(mechanism, jnp.zeros(1))
-    np.testing.assert_allclose(xy(here.points["P"].r)[:, 0], [0.3, 0.3], atol=1e-13)
-    assert float(here.links["one"].angle[0]) == pytest.approx(2.0, abs=1e-12)
-    assert float(here.links["two"].angle[0]) == pytest.approx(0.8 + 2 * math.pi * turns, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_racks_that_run_away_behind_a_link_that_turns_round():
-    """Inside a group that is solved together, and behind one, as by themselves."""
-    lengths = {"crank": 0.3, "coupler": 0.25, "second": 0.28}
-    links = {name: Link(length=long, mass=1.0, inertia=0.01) for name, long in lengths.items()}
-    links |= {name: Link(mass=1.0, inertia=0.01) for name in ("wheel", "rack")}
-    base = [Crank("crank", "A", "B"), RRR(("coupler", "second"), "B", "D", "C", 1)]
-    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.1, 0.0), "E": Vec(0.6, 0.0), "F": Vec(0.9, 0.0)}
-    wheel, rack = Gear("wheel", "E", Teeth((20, 20)), "second", "D"), Rack("rack", "R", "E", "wheel", "E", 0.05)
-    alone = assembly_margins(Mechanism(fixed, links, [*base, wheel, rack]))
-    together = General((("wheel", ("E",)), ("rack", ("R",))), ("E",), {"R": Vec(0.3, 0.05)}, (Slot("rack", "E"),),
-                       gears=(wheel, rack))  # fmt: skip
-    more = [Gear("out", "F", Teeth((40, 20)), "wheel", "E"), Rack("other", "U", "F", "out", "F", 0.05)]
-    behind = assembly_margins(Mechanism(
-        fixed, links | {name: Link(mass=1.0, inertia=0.01) for name in ("out", "other")}, [*base, together, *more]
-    ))  # fmt: skip
-    assert float(alone["wheel"]["turns"].value) == 1.0
-    for least in (alone["rack"]["turns"], behind["wheel-rack"]["loops"], behind["out"]["turns"],
-                  behind["other"]["turns"]):  # fmt: skip
-        assert float(least.value) == -1e-6
-
-
-def test_racks_that_contradict_the_sketch():
-    """A rack that comes out with its wheel is where its start says: the one that the sketch has is told, and fits."""
-    text = text_of(machine("rolling"))
-    with pytest.raises(SceneError, match=r"'rack' stands at .* m along its guide .*; write start = ") as told:
-        loads_text(text.replace('start = "-0.1 m"', 'start = "-0.3 m"'))
-    found = re.search(r"write start = (.*) for the rack", str(told.value))
-    assert found is not None
-
-    def start(way, lever):  # by Willis the wheel stands at 0.4 + 2.8 lever, and rolls on the rack with 0.05 m
-        return way + 0.05 * (0.4 + 1.8 * lever)
-
-    lever = cmath.phase((0.3 - 0.05j) / (0.32 - 0.05j))  # from F to E: as sketched, and in its own axes
-    sketched = -0.1 * math.cos(lever + 0.3)  # of U before E, along the guide
-    assert f"but at {sketched:.4g} in the sketch" in str(told.value)
-    assert float(found[1]) == pytest.approx(start(sketched, lever), rel=1e-5)  # six digits are told
-    made = loads_text(text.replace('start = "-0.1 m"', f'start = "{found[1]} m"')).mechanism
-    here = pose(made, jnp.zeros(()))
-    along = here.links["lever"].u.turned(Vec(math.cos(0.3), math.sin(0.3)))
-    way = float((here.points["U"].r - here.points["E"].r).dot(along))
-    assert start(way, float(here.links["lever"].angle)) == pytest.approx(float(found[1]), abs=1e-14)
-
-
-def test_where_wheels_in_a_loop_begin():
-    """From a rough sketch they are turned so that teeth and racks fit best, about what is sketched of them; carriers
-    are counted from within half a turn of zero."""
-    scene = machine("rolling")
-    group = scene.mechanism.groups[1]
-    assert isinstance(group, General)
-    links, still = scene.mechanism.held_by(group), jnp.zeros(())
-    known = before_group(scene.mechanism, 1, still)
-    rim = {name: at for name, at in group.sketch.items() if name != "E"}
-    group = eqx.tree_at(lambda g: g.sketch, group, rim)
-    drawn = group.sketched(links, *known, still)
-    begun = group.wound(links, *known, still, drawn[:, :2], drawn[:, 2])
-    gap, matrix = group.opened(links, *known, still, begun, jnp.zeros(15))
-    rows, wheels = slice(-3, None), [5, 14]  # angles of wheel and pulley
-    np.testing.assert_allclose(matrix[rows][:, wheels].T @ gap[rows], 0.0, atol=1e-15)
-    assert float(jnp.linalg.norm(gap[rows])) < 0.1 * float(jnp.linalg.norm(drawn))
-    ahead = jnp.stack([jnp.cos(begun[1, 2]), jnp.sin(begun[1, 2])])
-    np.testing.assert_allclose(begun[1, :2] + 0.04 * ahead, [0.54, 0.1], atol=1e-15)  # T, the point of the rim
-    z, _, left = group.assembled(links, *known, still)
-    assert float(left) < 1e-14
-    later = group.wound(links, *known, still, z[:, :2], z[:, 2].at[0].add(2 * math.pi))
-    np.testing.assert_allclose(later, z, atol=1e-14)
-
-
-def test_a_cycle_of_a_sun():
-    """After how many turns of the sun all is where it began."""
-    machine = epicyclic(Drive("sun", phase=0.15))
-    with pytest.raises(StructureError, match=r"'arm' turns 0.333333 times, so nothing repeats; write 3"):
-        lj.Scene(machine, speed=5.0)
-    lj.Scene(machine, speed=5.0, cycle_turns=3)
-
-
 def test_written_and_read_back():
-    """Drawn machines with wheels as scene files, to the last bit."""
-    for scene in (lj.Scene(drawn(Drive("crank")), (), speed=5.0),
-                  lj.Scene(epicyclic(Drive("sun", phase=0.15)), speed=5.0, cycle_turns=3)):  # fmt: skip
-        same(scene)
-
-
-@pytest.mark.slow
-def test_what_comes_out_together_is_found_apart():
-    """As a file, a machine solved together is cut into the smallest groups, and moves as it did."""
-    scene = machine("rolling")
-    again = loads_text(text_of(scene)).mechanism
-    assert again.formula() == "I1(crank) → G(lever, wheel, rack, rod) → G(pulley) → II2(coupler, slide)"
-    one, two = at(scene.mechanism), at(again)
-    for name in "BEFTUVW":
-        np.testing.assert_allclose(xy(two.points[name].ddr), xy(one.points[name].ddr), atol=1e-14)
-
-
-def same(scene: lj.Scene) -> None:
-    again = loads_text(text_of(scene))
-    for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
-        assert np.array_equal(one, two)
-    assert jax.tree.structure(scene) == jax.tree.structure(again)
+    """A drawn machine with wheels as a scene file, to the last bit."""
+    same(lj.Scene(drawn(Drive("crank")), (), speed=5.0))

@@ -153,6 +153,28 @@ def test_nothing_to_set_in_motion(mechanism, degrees):
     finite_gradient(scene)
 
 
+@pytest.mark.parametrize("short", [1e-3, 1e-6])
+def test_least_inertia_beside_a_sharp_peak(short):
+    """A heavy rocker that jerks near a change point: the least inertia, over its mean, is what the machine has at the
+    angle told, by the kinetic energy at unit speed."""
+    mechanism = four_bar(0.1, 0.3, 0.2 * (1 + short), 0.4)
+    rocker = dataclasses.replace(mechanism.links["rocker"], inertia=1.0)
+    scene = lj.Scene(dataclasses.replace(mechanism, links={**mechanism.links, "rocker": rocker}), (), speed=5.0)
+    found = compiled_soon(steady)(scene)
+
+    def inertia(angles):
+        here = jax.vmap(lambda phi: lj.kinematics.pose(scene.mechanism, phi))(jnp.asarray(angles))
+        total = 1.0
+        for name, body in scene.mechanism.links.items():
+            state, centre = here.links[name], here.points[body.centre_name]
+            total += body.mass * (centre.dr.x**2 + centre.dr.y**2) + body.inertia * state.w**2
+        return np.asarray(total)
+
+    mean = np.mean(inertia(np.linspace(0.0, 2 * np.pi, 20000, endpoint=False)))
+    (there,) = inertia([found.angle_of_least_inertia])
+    assert float(found.least_inertia) * mean == pytest.approx(there, rel=5e-3)
+
+
 def test_two_turns_a_cycle():
     """A load in every other turn, against SciPy; as accurate as one turn, since nodes count by the turn."""
     scene = machine("hay-press-slider")
