@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import math
 import os
 import subprocess
@@ -12,8 +14,18 @@ from pathlib import Path
 import jax
 import numpy as np
 
+KEPT = {-1: 2**31 - 1, -2: 2**28, -3: 2**25, -8: 1}  # M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD, M_ARENA_MAX
 ROUNDS = 15
 TURN = 0.05  # s
+
+
+def keep_memory() -> None:
+    """Let the C library keep what is freed, where it can be asked to (glibc): else every new array of megabytes costs
+    page faults, some hundred nanoseconds for 4 KiB, and the machine's memory is measured rather than a program."""
+    with contextlib.suppress(OSError, TypeError, AttributeError):
+        library = ctypes.CDLL(None)
+        for option, value in KEPT.items():
+            library.mallopt(option, value)
 
 
 def seconds(run: Callable[[], object], calls: int = 1) -> float:

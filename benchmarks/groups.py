@@ -4,8 +4,9 @@ Run: python -m benchmarks.groups [--plot FILE] [ROW ...]     rows: growth numba 
 
 `growth`: four-bar on four-bar, 1 to 16 dyads, time a position with the straight line through them. `numba`: four-bar,
 quick-return and Stephenson III, positions with first and second coefficients of all pins, the same numbers written to
-memory; medians of paired ratios, above one where linkjax is the faster. On a machine that others use too the best turns
-say more than the medians: threads that wait for each other suffer most.
+memory; medians of paired ratios, above one where linkjax is the faster. numba writes into the same memory again and
+again; linkjax, as any JAX program, into new arrays, for which freed memory is kept at hand. On a machine that others
+use too the best turns say more than the medians: threads that wait for each other suffer most.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import linkjax as lj
-from benchmarks._timing import by_turns, line, ratio
+from benchmarks._timing import by_turns, keep_memory, line, ratio
 from linkjax._config import use_compilation_cache
 from linkjax.kinematics import pose
 
@@ -163,6 +164,7 @@ def main() -> None:
     words.add_argument("rows", nargs="*", metavar="ROW", help="growth, numba")
     words.add_argument("--plot", type=Path, default=Path("out/groups.png"), metavar="FILE")
     asked = words.parse_args()
+    keep_memory()
     lj.use_cpu_devices()
     use_compilation_cache()
     for row in asked.rows or ("numba", "growth"):

@@ -58,10 +58,11 @@ class RPR(AbstractGroup):
         length = links[self.link].length
         a, b = points[self.about], points[self.from_]
         d, v, c = self._span(points), b.dr - a.dr, b.ddr - a.ddr
-        r = once(safe_sqrt(d.squared(), 1.0))
-        squared = (r - self.offset) * (r + self.offset)
-        s = once(jnp.where(squared > 0, safe_sqrt(squared, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder
-        u = (d * s - d.perp() * self.offset) / (r * safe_sqrt(s * s + self.offset**2, 1.0))
+        squared = d.squared()
+        ahead = squared - self.offset * self.offset
+        s = once(jnp.where(ahead > 0, safe_sqrt(ahead, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder
+        whole = jnp.where(ahead > 0, squared, s * s + self.offset**2)
+        u = (d * s - d.perp() * self.offset) / whole
         n = u.perp()
         w = v.dot(n) / s  # b - a = s u + h n, its rate s' u + s w n - h w u
         slide = v.dot(u) + self.offset * w

@@ -146,7 +146,7 @@ def test_every_chain_moves(case):
     ways = {name: complex(*(spots[link.pins[1]] - spots[link.pins[0]])) for name, link in links.items()}
     start = cmath.phase(ways[one] / ways.get(on, 1.0))
     machine = linkage(fixed, links, Drive(one, on, phase=start), sketch=sketch)
-    here = compiled_soon(lambda m: pose(m, jnp.zeros(())))(prepared(machine))
+    here = compiled_soon(lambda m: pose(prepared(m), jnp.zeros(())))(machine)
     for p, at in spots.items():
         np.testing.assert_allclose((here.points[p].r.x, here.points[p].r.y), at, atol=1e-12)
     names, pairs = links_of(chain, ground), named(chain, ground)
@@ -195,7 +195,7 @@ def test_every_chain_with_a_slider_moves(count, number):
         {p: (at.real, at.imag) for p, at in fixed.items()}, links, Drive(crank, phase=cmath.phase(ways[crank])),
         [Slot(block, guide)], {p: (at.real, at.imag) for p, at in spots.items() if p not in fixed},
     )  # fmt: skip
-    here = compiled_soon(lambda m: pose(m, jnp.zeros(())))(prepared(machine))
+    here = compiled_soon(lambda m: pose(prepared(m), jnp.zeros(())))(machine)
     lies = {p: (at.real, at.imag, 0.0) for p, at in spots.items()}
     line = spots[links[block].pins[0]]
     matrix = rates(names, pairs, drive, {**lies, f"{slides} of {slider.one}": (line.real, line.imag, lean)})
