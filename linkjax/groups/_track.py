@@ -20,7 +20,8 @@ class Track(NamedTuple):
     """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
     leave open, of the size of the group; how the links turn round that its wheels are in gear with; and the first of
     the four places that say where the group is in the lower and the upper half of every step (as floating numbers, as
-    all leaves of a mechanism are); the size of the group (m); and by how many whole turns its gears are off."""
+    all leaves of a mechanism are; below zero, or beyond the last, they go on at the other end); the size of the group
+    (m); and by how many whole turns its gears are off."""
 
     z: Array
     sense: Array
@@ -44,7 +45,8 @@ class Track(NamedTuple):
         assert self.first is not None
         first = self.first[(rest > 0.5).astype(int), i].astype(int)
         x = rest + (i - first).astype(rest.dtype)  # from the first of the four
-        a, b, c, d = (self.z[first + k] for k in range(4))
+        last, four = self.sense.size - 1, first + jnp.arange(4)
+        a, b, c, d = self.z[jnp.where(four < 0, four + last, jnp.where(four > last, four - last, four))]
         left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6
         if self.z.shape[2] == 3:  # angles go on from turn to turn
             span = 2 * jnp.pi * turns

@@ -47,16 +47,22 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
 
 
 def _firsts(sound: Array, other: Array) -> Array:
-    """The first of the four places nearest to either half of every step, all reached, and on the same way."""
+    """The first of the four places nearest to either half of every step, all reached, and on the same way; where both
+    ways were taken they meet at crank angle zero, and the places go on there from the last to the first."""
     steps = sound.size - 1
     ends = (other[1:] != other[:-1]) | (sound[1:] != sound[:-1])
+    ends, sound = (
+        jnp.concatenate([before[-3:], part, after[:3]])
+        for before, part, after in ((ends, ends, ends), (sound[:-1], sound, sound[1:]))
+    )
     stretch = jnp.concatenate([jnp.zeros(1, dtype=int), jnp.cumsum(ends.astype(int))])
     i, found = jnp.arange(steps), []
     for order in ((-1, 0, -2, -3, 1), (-1, -2, 0, 1, -3)):
         best = jnp.clip(i - 1, 0, steps - 3)
         for ahead in order[::-1]:
-            first = jnp.clip(i + ahead, 0, steps - 3)
-            whole = (first == i + ahead) & sound[first] & (stretch[first] == stretch[first + 3])
+            first = i + ahead
+            there = (first >= 0) & (first <= steps - 3) | jnp.any(other)
+            whole = there & sound[first + 3] & (stretch[first + 3] == stretch[first + 6])
             best = jnp.where(whole, first, best)
         found.append(best)
     return jnp.stack(found)

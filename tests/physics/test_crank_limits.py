@@ -185,3 +185,22 @@ def test_a_general_group_is_followed_both_ways():
     angles = jnp.linspace(two.start + 1e-3, two.stop - 1e-3, 40)
     found, known = at(prepared(general), angles), at(closed, angles)
     np.testing.assert_allclose((found.x, found.y), (known.x, known.y), atol=1e-13)
+
+
+@pytest.mark.parametrize("end", ["start", "stop"])
+def test_crank_angle_zero_beside_the_end_of_a_range(end):
+    """The path then goes on from its last place to its first: the four-bar in closed form, on both sides of zero."""
+    links = {"crank": Link(length=0.3), "coupler": Link(length=0.25), "rocker": Link(length=0.2)}
+    fixed, beside = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, 1e-4 if end == "stop" else -1e-4
+    closed = Mechanism(fixed, links, [Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C", 1)])
+    limit = getattr(crank_limits(closed)[0], end)
+    known = jax.vmap(lambda phi: pose(closed, phi).points["C"])
+    away = jnp.asarray([0.5 * beside, 0.0, -beside, -50 * beside, -300 * beside, -2000 * beside])
+    wanted = known(limit - beside + away)
+    members = (("coupler", ("B", "C")), ("rocker", ("D", "C")))
+    general = General(members, ("B", "D"), {"C": Vec(wanted.r.x[1], wanted.r.y[1])})
+    found = jax.vmap(lambda phi: pose(made, phi).points["C"])
+    made = prepared(Mechanism(fixed, links, [Crank("crank", "A", "B", phase=limit - beside), general]))
+    here = found(away)
+    np.testing.assert_allclose((here.r.x, here.r.y), (wanted.r.x, wanted.r.y), atol=1e-12)
+    np.testing.assert_allclose((here.dr.x, here.dr.y), (wanted.dr.x, wanted.dr.y), rtol=1e-8)
