@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import FITS, Course, Crank, Track, Winding
+from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -185,9 +185,10 @@ def _trouble(cycle: Cycle, name: str) -> str:
     """What is wrong with a followed group that closes everywhere, or with the turns that wheels follow."""
     group = named_groups(ready(cycle.scene).mechanism)[name]
     path = getattr(group, "path", None)
-    wound = path.wound if isinstance(path, Track) else path
-    if isinstance(wound, Winding) and bool(wound.too_fast(group.turns)):  # pyright: ignore[reportAttributeAccessIssue]
-        return "too fast"
+    if isinstance(group, General | Gear | Rack | Pinion):
+        wound = path.wound if isinstance(path, Track) else path
+        if wound is not None and bool(wound.too_fast(group.turns)):
+            return "too fast"
     return path.trouble() if isinstance(path, Course | Track) else ""
 
 

@@ -60,7 +60,8 @@ class RPR(AbstractGroup):
         d, v, c = self._span(points), b.dr - a.dr, b.ddr - a.ddr
         squared = d.squared()
         ahead = squared - self.offset * self.offset
-        s = once(jnp.where(ahead > 0, safe_sqrt(ahead, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder
+        s = once(jnp.where(ahead > 0, safe_sqrt(ahead, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder,
+        # with which the direction is finite, not of length one
         whole = jnp.where(ahead > 0, squared, s * s + self.offset**2)
         u = (d * s - d.perp() * self.offset) / whole
         n = u.perp()

@@ -172,7 +172,7 @@ def test_least_inertia_beside_a_sharp_peak(short):
 
     mean = np.mean(inertia(np.linspace(0.0, 2 * np.pi, 20000, endpoint=False)))
     (there,) = inertia([found.angle_of_least_inertia])
-    assert float(found.least_inertia) * mean == pytest.approx(there, rel=5e-3)
+    assert float(found.least_inertia) * mean == pytest.approx(there, rel=1e-3)
 
 
 def test_two_turns_a_cycle():
