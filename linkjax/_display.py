@@ -10,6 +10,7 @@ from typing import NamedTuple, SupportsFloat
 from linkjax._units import label_of
 
 NONE = "–"
+NO_BOUND = "∞"
 PLAIN = str.maketrans({"·": " ", "²": "^2", "³": "^3"})
 Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
 
@@ -65,7 +66,7 @@ class Numbers(NamedTuple):
     def measured(self, value: float, error: float, unit: str = "", most: int = 10) -> tuple[str, str]:
         """A value and the bound of its error, the value in one unit to the digits the error leaves it (3 at least)."""
         if not (math.isfinite(value) and math.isfinite(error)):
-            return NONE, ""
+            return NO_BOUND if math.isinf(value) else NONE, ""
         factor, label = prefixed(abs(value), unit, self.units)
         ratio = abs(value) / error if error > 0 else math.inf
         digits = most if ratio > 10.0**most else max(3, min(most, math.floor(math.log10(max(ratio, 1.0))) + 1))
@@ -94,7 +95,7 @@ class Numbers(NamedTuple):
 
 def _number(value: float, label: str, digits: int) -> str:
     if not math.isfinite(value):
-        return NONE
+        return NO_BOUND if math.isinf(value) else NONE
     mantissa, _, power = number(value, digits).partition("e")
     scale = f"·10{superscript(int(power.replace('−', '-')))}" if power else ""
     return _joined(f"{mantissa}{scale}", label)

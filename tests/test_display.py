@@ -55,7 +55,7 @@ def test_without_any_they_suit_the_largest():
     assert show.told([math.radians(4e-4)], "rad", 3) == ["0.000400°"]
     assert (show.turned(-1e-9), show.bound(-0.0, "rad"), show.turned(math.pi)) == ("0.000°", "0°", "180.000°")
     assert show.told([math.pi], "rad/s") == ["30.0000 rpm"]
-    assert show.told([math.inf], "N") == ["–"]
+    assert show.told([math.inf], "N") == ["∞"] and show.told([math.nan], "N") == ["–"]
     assert show.place((0.0, -9.8), "m/s²") == "(0, −9.8) m/s²"
     assert show.shown(40, "kg·m²") == "40 kg·m²"
     assert show.bound(None, "N") == "–"

@@ -16,10 +16,10 @@ from linkjax._numerics import safe_divide, wrapped
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
 from linkjax._vec import Vec
-from linkjax.analysis._blunt import blunt, singular, without_joints
+from linkjax.analysis._blunt import singular, without_joints
 from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain
 from linkjax.analysis._precision import FEWEST, fewest_digits
-from linkjax.forces import Forces
+from linkjax.forces import Forces, driven_by_joint
 from linkjax.groups import closed_to
 from linkjax.kinematics import (
     Pose,
@@ -203,8 +203,8 @@ def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Eve
     both = [table(scene, jax.tree.map(lambda leaf: leaf[:count], forces)) for forces in every.forces]
     begin = motion.clock.at(grid.place(jnp.zeros(())))
     at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
-    lost = blunt(at_angles.transmission, scene.mechanism)
-    at_angles = at_angles._replace(forces=tuple(without_joints(forces, lost) for forces in at_angles.forces))
+    told = tuple(without_joints(scene.mechanism, at_angles.pose, forces) for forces in at_angles.forces)
+    at_angles = at_angles._replace(forces=told)
     time = wrapped(at_angles.time - begin, motion.period)
     at_nodes = jnp.moveaxis(jnp.concatenate(both, axis=1), 0, -1)
     at_nodes = at_nodes.reshape((*at_nodes.shape[:2], *grid.nodes.shape))
@@ -281,12 +281,11 @@ def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
     """Virtual power and force balance in one of the two motions, relative to the largest of what is summed: where
     everything is balanced the sums themselves are no measure."""
     forces, speed, acceleration = at.forces[i], at.speed[i], at.acceleration[i]
-    told = ~jnp.isnan(forces.drive_torque)  # not at a change point
-    forces = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), 0.0, x), forces)
+    forces = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), 0.0, x), forces)  # joints at a change point
     crank = at.pose.links[scene.mechanism.crank].w
     inertia, slope, torque = at.reduced[:3]
     parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
-    power, reach = jnp.where(told, jnp.abs(forces.drive_torque - sum(parts)), 0.0), jnp.zeros_like(speed)
+    power, reach = jnp.abs(forces.drive_torque - sum(parts)), jnp.zeros_like(speed)
     about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
     heavy, size = jnp.zeros_like(speed), sum(jnp.abs(share) for share in at.reduced.by_load.values())
     size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration * crank)
@@ -299,12 +298,11 @@ def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
     joints = [side for sides in forces.reactions.values() for side in sides.values()]
     heavy = jnp.max(functools.reduce(jnp.maximum, [side.magnitude for side in joints], heavy))
     sources = forces.shaking, forces.weight, forces.loads
-    rest = [jnp.where(told, forces.frame[k] - sum(source[k] for source in sources), 0.0) for k in (0, 1)]
-    by_joint = any(joint.name.endswith(".drive") for joint in scene.mechanism.driver.joints())
-    drive = jnp.zeros_like(power) if by_joint else crank * forces.drive_torque
+    rest = [forces.frame[k] - sum(source[k] for source in sources) for k in (0, 1)]
+    drive = jnp.zeros_like(power) if driven_by_joint(scene.mechanism) else crank * forces.drive_torque
     moments = drive, *(source.moment for source in sources)
     turning = jnp.max(sum(jnp.abs(moment) for moment in moments) + reach * heavy)
-    twist = jnp.max(jnp.where(told, jnp.abs(forces.frame.moment - sum(moments)), 0.0))
+    twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)))
     balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), heavy), safe_divide(twist, turning))
     return safe_divide(jnp.max(power), jnp.max(size)), balance
 

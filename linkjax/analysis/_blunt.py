@@ -2,37 +2,24 @@
 
 from __future__ import annotations
 
+import functools
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax.forces import Forces
+from linkjax.forces import Forces, at_change_point
 from linkjax.groups import RRP, RRR
-from linkjax.kinematics import named_groups
+from linkjax.kinematics import Pose
 from linkjax.mechanism import Mechanism
 
-BLUNT = 1e-5  # sine of the transmission angle below which forces at joints are not told: ten digits are gone there
 
-
-def blunt(transmission: dict[str, Array], mechanism: Mechanism) -> Array:
-    """Where a group that continues through change points is at one of them."""
-    sines = [
-        jnp.abs(jnp.sin(transmission[name]))
-        for name, group in named_groups(mechanism).items()
-        if isinstance(group, RRR | RRP) and group.branch == "continue"
-    ]
-    none = [jnp.ones_like(angle) for angle in list(transmission.values())[:1]] or [jnp.ones(())]
-    return jnp.min(jnp.stack([*none, *sines]), axis=0) < BLUNT
-
-
-def without_joints(forces: Forces, lost: Array) -> Forces:
-    """The forces, with none at the joints, on the crank and on the frame where they are `lost`: NaN."""
-
-    def told(tree):
-        return jax.tree.map(lambda x: jnp.where(lost, jnp.nan, x), tree)
-
-    kept = {name: getattr(forces, name) for name in ("shaking", "weight", "loads")}
-    return told(forces)._replace(**kept)
+def without_joints(mechanism: Mechanism, here: Pose, forces: Forces) -> Forces:
+    """The forces at many angles, with none at the joints at change points: NaN."""
+    lost = jax.vmap(functools.partial(at_change_point, mechanism))(here)
+    if lost is None:
+        return forces
+    return forces._replace(reactions=jax.tree.map(lambda x: jnp.where(lost, jnp.nan, x), forces.reactions))
 
 
 def singular(mechanism: Mechanism, names: list[str]) -> Array:

@@ -115,8 +115,8 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
         console.print(f"WARNING: {more}", style="bold", highlight=False)
     if model["indeterminate"]:
         joints = ", ".join(model["indeterminate"])
-        console.print(f"NOTE: passive links share forces, as if they carried none, at the joints {joints}",
-                      highlight=False, markup=False)  # fmt: skip
+        more = "depend on how tight the passive links fit; given are those of links that do not help the others"
+        console.print(f"NOTE: reactions at {joints} {more}", highlight=False, markup=False)
     console.print(f"model      {model['motion']}, {model['nodes']} nodes: {model['why']}", highlight=False)
 
 

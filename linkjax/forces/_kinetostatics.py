@@ -14,10 +14,13 @@ from jaxtyping import Array
 
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
-from linkjax.groups import Joint, Wrench
+from linkjax.groups import RRP, RRR, Joint, Wrench
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Instant
 from linkjax.machine import Scene
+from linkjax.mechanism import Mechanism
+
+BLUNT = 1e-5  # sine of the transmission angle below which forces at joints are not told: ten digits are gone there
 
 
 class JointForce(NamedTuple):
@@ -82,13 +85,35 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
         acting[link] = Wrench(acting[link].force + force, acting[link].moment + couple + arm.cross(force))
     found, drive = _solve_groups(scene, here, acting, origins)
     about = here.points[scene.mechanism.groups[0].needs()[0]].r
-    shaking = _resultant(here, inertia, about)
+    sources = tuple(_resultant(here, applied, about) for applied in (inertia, weight, working))
     frame = _on_frame(here, found, about)
+    lost = at_change_point(scene.mechanism, here)
+    if lost is not None:  # the whole tells what its joints do not
+        whole = -_power(here, [*inertia, *weight, *working])
+        drive = jnp.where(lost, whole, drive)
+        own_torque = zero().x if driven_by_joint(scene.mechanism) else here.links[scene.mechanism.crank].w * whole
+        total = JointForce(*(sum(parts) for parts in zip(*sources, strict=True)))
+        total = total._replace(moment=total.moment + own_torque)
+        frame = JointForce(*(jnp.where(lost, a, b) for a, b in zip(total, frame, strict=True)))
     to_frame = _resultant(here, own, about)
-    net = JointForce(frame.fx - to_frame.fx, frame.fy - to_frame.fy, frame.moment - to_frame.moment)
-    return Forces(
-        _by_joint(found), drive, shaking, frame, net, _resultant(here, weight, about), _resultant(here, working, about)
-    )
+    net = JointForce(*(a - b for a, b in zip(frame, to_frame, strict=True)))
+    return Forces(_by_joint(found), drive, sources[0], frame, net, *sources[1:])
+
+
+def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
+    """Whether forces at the joints are lost to rounding, at a change point that a group continues through; None where
+    no group does."""
+    sines = [
+        jnp.abs(jnp.sin(group.transmission(here.links, here.points)))
+        for group in mechanism.groups
+        if isinstance(group, RRR | RRP) and group.branch == "continue"
+    ]
+    return jnp.min(jnp.stack(sines), axis=0) < BLUNT if sines else None
+
+
+def driven_by_joint(mechanism: Mechanism) -> bool:
+    """Whether what drives is a joint of its own, whose reaction counts among the others."""
+    return any(joint.name.endswith(".drive") for joint in mechanism.driver.joints())
 
 
 def _applied(scene: Scene, here: Pose, at: Instant, speed, acceleration):
@@ -160,6 +185,14 @@ def _resultant(here: Pose, acting, about: Vec) -> JointForce:
         arm = here.points[point].r - about if point else zero()
         total, moment = total + force, moment + couple + arm.cross(force)
     return JointForce(total.x, total.y, moment)
+
+
+def _power(here: Pose, acting) -> Array:
+    """Power of forces and couples at unit crank speed (N m)."""
+    total = jnp.zeros(())
+    for link, point, force, couple in acting:
+        total = total + couple * here.links[link].w + (force.dot(here.points[point].dr) if point else 0.0)
+    return total
 
 
 def _on_frame(here: Pose, found: list[Reaction], about: Vec) -> JointForce:

@@ -111,6 +111,53 @@ def test_an_analysis_names_what_is_shared():
     assert document(cycle)["model"]["indeterminate"] == list(indeterminate(mechanism))
 
 
+def trammel() -> Mechanism:
+    """Cardan's: a crank turns the middle of a bar, whose ends run in two guides at right angles."""
+    links = {
+        "crank": Link(length=0.15, mass=1.0, pins=("O", "M")),
+        "bar": Link(length=0.3, mass=2.0, inertia=0.015, centre=Vec(0.15, 0.0), points={"M": Vec(0.15, 0.0)},
+                    pins=("X", "Y", "M")),
+        "along": Link(mass=6.0, pins=("X",)), "across": Link(mass=3.0, pins=("Y",)),
+    }  # fmt: skip
+    sketch = {"M": (0.075, 0.13), "X": (0.15, 0.0), "Y": (0.0, 0.26)}
+    slots = [Slot("along", Guide("O")), Slot("across", Guide("O", math.pi / 2))]
+    return linkage({"O": (0.0, 0.0)}, links, Drive("crank", phase=math.pi / 3), slots, sketch, Flywheel(1.0))
+
+
+def test_a_change_point_that_a_passive_link_passes():
+    """Where the rest could go either way only the passive block holds the bar: reactions have no bound if it carries
+    nothing, but drive torque and what the frame bears do not depend on it, and are Newton's at the very point, too."""
+    mechanism, g, speed, grows = trammel(), 9.81, 12.0, -3.0
+    scene = lj.Scene(prepared(mechanism), (), Vec(0.0, -g), speed)
+    phi = np.concatenate([np.radians([30.0, 210.0, 120.0]), np.pi / 6 + np.array([1e-9, -1e-6, 1e-4]), ANGLES])
+    both = jax.vmap(lambda phi: kinetostatics(scene, phi, jnp.asarray(speed), jnp.asarray(grows)))
+    found = compiled_soon(both)(jnp.asarray(phi))
+    c, s, a = np.cos(np.pi / 3 + phi), np.sin(np.pi / 3 + phi), 0.15
+    fx = (2.0 + 2 * 6.0) * a * (c * speed**2 + s * grows)
+    fy = (2.0 + 2 * 3.0) * a * (s * speed**2 - c * grows)
+    inertia = 1.0 + 0.015 + 2.0 * a**2 + 4 * a**2 * (6.0 * s**2 + 3.0 * c**2)
+    torque = inertia * grows + 4 * a**2 * (6.0 - 3.0) * s * c * speed**2 + g * a * c * (2.0 + 2 * 3.0)
+    np.testing.assert_allclose(found.drive_torque, torque, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.frame.fx, fx, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.frame.fy, fy - 12.0 * g, rtol=0, atol=1e-8)
+    about = torque - (1.0 - 0.015 + 2.0 * a**2) * grows - g * a * c * (2.0 + 2 * 6.0)
+    np.testing.assert_allclose(found.frame.moment, about, rtol=0, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_an_analysis_through_such_a_point():
+    """Only what depends on the passive link is not told there."""
+    scene = lj.Scene(trammel(), (lj.OpposingForce("pen", "bar", "X", magnitude=5.0),), Vec(0.0, -9.81), 6.0)
+    cycle = lj.analyse(scene, angles=36)
+    assert float(cycle.checks.virtual_power) < 1e-11 and float(cycle.checks.force_balance) < 1e-11
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(cycle.forces._replace(reactions={})))
+    lost = np.isnan(np.asarray(cycle.reactions["X"]["bar"].fx))
+    assert list(np.flatnonzero(lost)) == [3, 21]
+    at = dict(zip(lj.measures.peak_names(scene), cycle.peaks.value, strict=True))
+    unbounded = {name.split(".")[1] for name, value in at.items() if np.isinf(value)}
+    assert unbounded == {"O", "M", "X", "along"} and {"O", "M", "X", "along.guide"} < set(indeterminate(scene.mechanism))
+
+
 def test_nothing_is_shared_in_a_plain_machine():
     assert indeterminate(lj.load("slider-crank").mechanism) == ()
 
