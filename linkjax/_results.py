@@ -26,9 +26,9 @@ MESSAGES = {
     Result.INTEGRATION_FAILED: "The differential equation could not be integrated: the solver ran out of steps. Take "
     "the quadrature, or, in Python, a looser tolerance.",
     Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out "
-    "within the cycle. Raise the mean speed, add a flywheel or lower the loads.",
+    "within the cycle. Raise the mean speed, add a flywheel (or other inertia) or lower the loads.",
     Result.NO_INERTIA: "The reduced inertia vanishes within the cycle, so that the crank speed is not bounded there. "
-    "Give the crank or the flywheel an inertia.",
+    "Give the crank or the flywheel (or what else the drive moves) an inertia.",
     Result.CANNOT_BE_ASSEMBLED: "The linkage cannot be assembled over the whole cycle. Change the lengths named until "
     "every margin is positive.",
 }

@@ -82,6 +82,7 @@ def call(monkeypatch, capsys):
     return functools.partial(run, monkeypatch, capsys, "optimise")
 
 
+@pytest.mark.slow
 def test_the_whole_story(call, scene, tmp_path):
     """Tables, JSON, a scene that loads again, report and figures."""
     out = tmp_path / "made"

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from linkjax._results import MESSAGES, MachineError, Result
 from linkjax.forces import Forces
 from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track
-from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups
+from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
@@ -107,7 +107,7 @@ class Cycle(eqx.Module):
 
 def explain(cycle: Cycle) -> None:
     """Raise `MachineError` when the cycle did not succeed, saying what falls short, where, and what to change."""
-    code = Result(int(cycle.result))
+    code, shaft = Result(int(cycle.result)), isinstance(cycle.scene.mechanism.groups[0], Crank)
     title = f"Scene {cycle.scene.title!r}: " if cycle.scene.title else ""
     if code is Result.CANNOT_BE_ASSEMBLED:
         group, side, at = _first_lost(cycle)
@@ -117,14 +117,16 @@ def explain(cycle: Cycle) -> None:
         raise MachineError(f"{title}{MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_inertia))
-        raise MachineError(f"{title}no reduced inertia at {degrees:.2f} degrees of crank angle. {MESSAGES[code]}", code)
+        remedy = "Give the crank or the flywheel an inertia." if shaft else "Give what the drive moves an inertia."
+        what = "where the crank speed has no bound" if shaft else "where the speed has no bound"
+        raise MachineError(f"{title}no reduced inertia at {degrees:.2f} degrees of crank angle, {what}. {remedy}", code)
     if code is Result.NO_PERIODIC_REGIME:
         lowest = float(cycle.steady.lowest_mean_speed)
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_work))
         raise MachineError(
             f"{title}no periodic regime at a mean speed of {float(cycle.scene.speed):.4g} rad/s: the kinetic energy "
-            f"runs out at {degrees:.2f} degrees; the lowest mean speed that has one is {lowest:.4g} rad/s. "
-            f"{MESSAGES[code]}",
+            f"runs out at {degrees:.2f} degrees; the lowest mean speed that has one is {lowest:.4g} rad/s. Raise the "
+            f"mean speed, {'add a flywheel' if shaft else 'add inertia to what the drive moves'} or lower the loads.",
             code,
         )
 
@@ -154,7 +156,7 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
     if side == "loops" and trouble == "change point":
         return f"passes on to another assembly near {place}: it has a change point or a dead position there", ""
     if short > (NEARLY if side == "loops" else CHANGE_POINT):
-        what = f"cannot be assembled at {place}: it falls short by {short:.3g} of its length"
+        what = f"cannot be assembled at {place}: {shortfall(cycle.scene.mechanism, group, side, at.angle)}"
         return what, _where_it_can(cycle) + MESSAGES[Result.CANNOT_BE_ASSEMBLED]
     return f"has a change point at {place}: its two assemblies meet there, and which it takes is chance", ""
 

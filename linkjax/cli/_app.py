@@ -24,7 +24,7 @@ from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneNa
 from linkjax.cli._print import print_assemblies, print_at, print_scene, print_structure, print_summary
 from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling, structure_of
 from linkjax.cli._write import write_csv, write_out
-from linkjax.kinematics import assemblies
+from linkjax.kinematics import assemblies, open_at_start
 from linkjax.mechanism import structure
 from linkjax.scenes import (
     SceneError,
@@ -126,6 +126,8 @@ def structure_command(scene: SceneName, units: Units = "", set_: Set = None) -> 
     mechanism = load(scene, changes_of(scene, set_)).mechanism
     print_structure(structure(mechanism))
     print_assemblies(assemblies(mechanism), Numbers(display_units(units)))
+    if missing := open_at_start(mechanism):
+        console.print(f"WARNING: {missing}", style="bold", highlight=False, markup=False)
 
 
 @app.command(name="analyse")

@@ -219,6 +219,6 @@ def _without_noise(rows: dict[Any, dict[str, Any]]) -> dict[Any, dict[str, float
             largest[key.rstrip("xy")] = max(largest.get(key.rstrip("xy"), 0.0), abs(float(value[0])))
 
     def clean(key: str, value: Any) -> float:
-        return 0.0 if abs(float(value[0])) <= 1e-14 * largest[key.rstrip("xy")] else float(value[0])
+        return 0.0 if abs(float(value[0])) <= 1e-13 * largest[key.rstrip("xy")] else float(value[0])
 
     return {name: {key: clean(key, value) for key, value in row.items()} for name, row in rows.items()}

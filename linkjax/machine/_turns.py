@@ -26,7 +26,8 @@ def check_turns(mechanism: Mechanism, cycle_turns: int) -> None:
     for link, count in turns.items():
         if abs(count - round(count)) > WHOLE:
             whole = [k for k in range(1, MOST + 1) if all(_near(k * each / cycle_turns) for each in turns.values())]
-            problem = f"in {cycle_turns} turns of the crank {link!r} turns {count:.6g} times, so nothing repeats"
+            taken = f"{cycle_turns} turn{'s' * (cycle_turns > 1)}"
+            problem = f"in {taken} of the crank {link!r} turns {count:.6g} times, so nothing repeats"
             remedy = f"write {whole[0]}" if whole else "choose a ratio of smaller whole numbers"
             raise StructureError("cycle_turns", problem, remedy)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cmath
 import dataclasses
-import itertools
 from collections.abc import Collection, Sequence
 
 import jax
@@ -20,7 +19,6 @@ from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._passive import passive_links
 
-OUT_OF_SCALE = 20.0  # how many times too large or too small no rough sketch is; an inch has 25.4 mm
 Place = Vec | Sequence[float | int]
 
 
@@ -94,27 +92,6 @@ class Drawing:
             problem = "a sliding block without length has none for its mass to follow"
             raise StructureError(f"links.{slot.block}", problem, "leave mass_properties out, or give its length")
 
-    def check_scale(self, sketch: Collection[str]) -> None:
-        """Raise `StructureError` where the sketch is of quite another size than the links."""
-        found: dict[int, list[tuple[float, str]]] = {1: [], 2: []}  # by how many of two points are sketched
-        for name in self.links:
-            unknown = self.unmeasured(name)
-            places = {p: at for p, at in self.places(name).items() if p in self.spots and p not in unknown}
-            for one, two in itertools.combinations(places, 2):
-                own, drawn = abs(places[two] - places[one]), abs(self.spots[two] - self.spots[one])
-                if own and drawn and (count := (one in sketch) + (two in sketch)):
-                    found[count].append((drawn / own, f"from {one!r} to {two!r} of {name!r}"))
-        ratios = sorted(found[2] or found[1])
-        if not ratios:
-            return
-        factor, where = ratios[len(ratios) // 2]
-        if not 1 / OUT_OF_SCALE < factor < OUT_OF_SCALE:
-            size = f"{factor:.0f} times as large" if factor > 1 else f"{1 / factor:.0f} times as small"
-            problem = f"does not fit the lengths: {where} it is {size} as the link"
-            raise StructureError(
-                "sketch", problem, 'write it in the unit of the lengths, e.g. C = ["300 mm", "250 mm"]'
-            )
-
     def _check_joined(self) -> None:
         reached, grown = {FRAME}, True
         while grown:
@@ -130,14 +107,20 @@ class Drawing:
         degrees, redundant, *_ = freedom(list(self.links), found, driven)
         if degrees == 1 and not redundant:
             return []
+        drawn = self.measured(drive)
+        return [] if drawn is None else passive_links(drawn, found, driven)
+
+    def measured(self, drive: Drive) -> Drawing | None:
+        """The same with all that the drive and the sketch say of links; None where the sketch does not say enough."""
         drawn = dataclasses.replace(self, links=dict(self.links), spots=dict(self.spots))
         try:
             drawn.place_drive(drive)
             for name in drawn.links:
                 drawn.measure(name)
-            return passive_links(drawn, found, driven)
+                drawn.axis(name)
         except StructureError:
-            return []  # the sketch does not say enough
+            return None
+        return drawn
 
     def without(self, gone: Sequence[str]) -> Drawing:
         """The same without these links."""
@@ -251,8 +234,12 @@ class Drawing:
         places = self.places(link)
         seen = [p for p in places if p in self.spots]
         if len(seen) < 2:
-            names = self.links[link].point_names()
-            remedy = f"sketch two of: {', '.join(names)}" if len(names) > 1 else "give it another pin, and sketch it"
+            names = [p for p in self.links[link].point_names() if p not in seen]
+            some = f"one of: {', '.join(names)}" if seen else f"two of: {', '.join(names)}"
+            enough = len(names) + len(seen) > 1
+            remedy = (
+                f"sketch {some if len(names) > 1 else names[0]}" if enough else "give it another pin, and sketch it"
+            )
             raise StructureError(f"links.{link}", "the sketch does not say how it stands", remedy)
         pairs = [(self.spots[b] - self.spots[a], places[b] - places[a]) for a in seen for b in seen]
         drawn, own = max(pairs, key=lambda pair: min(abs(pair[0]), abs(pair[1])))

@@ -12,7 +12,10 @@ from linkjax.mechanism._drawing import Drawing, Place, complex_of
 from linkjax.mechanism._freedom import blocks, counted, freedom
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._mechanism import Mechanism, StructureError
-from linkjax.mechanism._passive import passive_group
+from linkjax.mechanism._passive import misfit, passive_group
+from linkjax.mechanism._sketched import check_reach, check_sketch
+
+MOST_TOLD = 6  # pins in a message
 
 
 def linkage(
@@ -42,7 +45,7 @@ def linkage(
     ground = {name: Vec(at.real, at.imag) for name, at in frame.items()}
     drawing = Drawing(ground, dict(links), slots, spots | frame, tuple(gears), tuple(racks))
     drawing.check(spots)
-    drawing.check_scale(spots)
+    check_sketch(drawing, spots)
     drive = _of_block(drive, slots)
     found = drawing.pairs()
     driven = drawing.driven(drive, found)
@@ -51,7 +54,7 @@ def linkage(
         drawing = whole.without(passive)
         found = drawing.pairs()
         driven = drawing.driven(drive, found)
-    _check_freedom(list(drawing.links), found, driven)
+    _check_freedom(drawing, drive, found, driven)
     parts = blocks(list(drawing.links), found, driven)
     if drive.link not in parts[0]:
         problem = (
@@ -61,6 +64,7 @@ def linkage(
             "drive", problem, "leave them out, put their pins under `fixed`, and drive against the frame"
         )
     drawing.place_drive(drive)
+    check_reach(drawing, drive, spots)
     for name in drawing.links:
         drawing.measure(name)
     groups = Attachment(drawing, drive).groups(parts)
@@ -86,8 +90,9 @@ def _through(group: AbstractGroup) -> AbstractGroup:
     return dataclasses.replace(group, branch="continue") if isinstance(group, RRR | RRP) else group
 
 
-def _check_freedom(links: Sequence[str], found: Sequence[Pair], driven: Pair) -> None:
+def _check_freedom(drawing: Drawing, drive: Drive, found: Sequence[Pair], driven: Pair) -> None:
     """Raise `StructureError` unless the chain has the one degree of freedom that the drive takes."""
+    links = list(drawing.links)
     degrees, redundant, loose, moved = freedom(links, found, driven)
     count = counted(len(links), found)
     if redundant:
@@ -97,11 +102,29 @@ def _check_freedom(links: Sequence[str], found: Sequence[Pair], driven: Pair) ->
         problem = f"{held} hold each other fast: one of the joints {names} is too many ({count})"
         raise StructureError("links", problem, "leave out one of these joints, or add a link between them")
     if degrees == 0:
+        drawn = drawing.measured(drive)
+        near = misfit(drawn, found, driven) if drawn is not None else None
+        if near is not None:
+            name, length, *ends = near
+            apart = " to ".join(dict.fromkeys(f"{end:.6g}" for end in ends))
+            problem = (
+                f"nothing can move ({count}): {name!r} is {length:.6g} m, but as the rest moves its ends are {apart}"
+            )
+            remedy = "give it dimensions with which it fits all the way, or leave it out"
+            raise StructureError(f"links.{name}", f"{problem} m apart", remedy)
         raise StructureError("links", f"nothing can move ({count})", "leave out a link that joins two others, "
                              "or give it dimensions with which it fits all the way")  # fmt: skip
+    alone = _alone(drawing, [name for name in links if name in (*loose, drive.link)])
     if not moved:
-        problem = f"it moves nothing: {' and '.join(driven.ends)} cannot move against each other ({count})"
+        problem = f"it moves nothing: {' and '.join(driven.ends)} cannot move against each other ({count}){alone}"
         raise StructureError("drive", problem, "name a link that can move")
     if degrees > 1:
         problem = f"{', '.join(loose)} can still move when the drive is held: {degrees} degrees of freedom ({count})"
-        raise StructureError("links", problem, "join them to something, or leave them out")
+        raise StructureError("links", f"{problem}{alone}", "join them to something, or leave them out")
+
+
+def _alone(drawing: Drawing, links: Sequence[str]) -> str:
+    """Pins of links that nothing else names, where one may be missing."""
+    ends = drawing.pins()
+    told = [f"{point!r} of {name!r}" for name in links for point in drawing.links[name].pins if ends[point] == [name]]
+    return f"; nothing else names {', '.join(told[:MOST_TOLD])}" if told else ""

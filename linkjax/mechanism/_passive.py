@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -19,22 +19,45 @@ STEPS = (0.05, 0.1)  # rad, or of the size: how far the drive is moved
 CLOSED = 1e-9  # of the size: what may be left open
 ROUNDS = 30
 H = 1e-7  # of the size, of differences
+NEARLY = 0.2  # of its length: what a link is off that was meant to fit
+Standing = Mapping[str, tuple[complex, complex]]  # where each link is, and its direction
 MOST = 3  # passive links that are looked for
 
 
 def passive_links(drawing, found: Sequence[Pair], driven: Pair) -> list[str]:
     """Links without which the chain has the one degree of freedom that the drive takes, if it moves with them, too;
     none if it does not. The last ones given are taken first."""
-    if any(pair.letter == "G" for pair in found) or not _moves(drawing, found, driven):
+    if any(pair.letter == "G" for pair in found) or not _places(drawing, found, driven):
         return []
+    gone = next(_dispensable(drawing, found, driven, MOST), ())
+    return [link for link in drawing.links if link in gone]
+
+
+def misfit(drawing, found: Sequence[Pair], driven: Pair) -> tuple[str, float, float, float] | None:
+    """A link that would only hold what is held already if it fitted, which it nearly does: its name, its length, and
+    how far apart its ends are at least and at most where the rest moves a little (m)."""
+    geared = any(pair.letter == "G" for pair in found)
+    for (link,) in () if geared else _dispensable(drawing, found, driven, 1):
+        rest, own = drawing.without((link,)), drawing.places(link)
+        first, second = list(own)[:2] if len(own) > 1 else (FRAME, FRAME)
+        spans = [
+            abs(at[first] - at[second]) for at in _places(rest, rest.pairs(), driven) if {first, second} <= set(at)
+        ]
+        length = abs(own[second] - own[first]) if spans else 0.0
+        if spans and max(abs(span - length) for span in spans) < NEARLY * length:
+            return link, length, min(spans), max(spans)
+    return None
+
+
+def _dispensable(drawing, found: Sequence[Pair], driven: Pair, most: int) -> Iterator[tuple[str, ...]]:
+    """Links, so many at most, without which the chain has the one degree of freedom that the drive takes."""
     spare = [link for link in reversed(drawing.links) if link not in driven.ends and _bridges(link, found)]
-    for count in range(1, MOST + 1):
+    for count in range(1, most + 1):
         for gone in itertools.combinations(spare, count):
             rest = drawing.without(gone)
             after = freedom(list(rest.links), rest.pairs(), driven)
             if after.degrees == 1 and after.driven and not after.redundant:
-                return [link for link in drawing.links if link in gone]
-    return []
+                yield gone
 
 
 def _bridges(link: str, found: Sequence[Pair]) -> bool:
@@ -52,8 +75,9 @@ def passive_group(link: str, drawing) -> AbstractGroup:
     return RR(link, pins[0], pins[1]) if guide is None else RP(link, pins[0], guide)
 
 
-def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
-    """Whether all joints close at some places of the drive, too, and not only where it is drawn."""
+def _places(drawing, found: Sequence[Pair], driven: Pair) -> list[dict[str, complex]]:
+    """Where the points of all links are at some places of the drive at which all joints close, beside where it is
+    drawn; none where it cannot move."""
     names = list(drawing.links)
     places = {name: drawing.places(name) for name in names}
     start = np.zeros((len(names), 3))
@@ -63,27 +87,26 @@ def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
         row[:] = origin.real, origin.imag, cmath.phase(axis)
     size = max((abs(at) for each in places.values() for at in each.values()), default=0.0) or 1.0
 
+    def world(here: Standing, body: str, point: str) -> complex:
+        if body == FRAME:
+            return drawing.spots[point]
+        return here[body][0] + places[body][point] * here[body][1]
+
     def opened(x: np.ndarray, drive: float) -> np.ndarray:
         here = {
             name: (complex(a, b), cmath.exp(1j * t)) for name, (a, b, t) in zip(names, x.reshape(-1, 3), strict=True)
         }
-
-        def world(body: str, point: str) -> complex:
-            if body == FRAME:
-                return drawing.spots[point]
-            return here[body][0] + places[body][point] * here[body][1]
-
         rows: list[float] = []
         value = 0.0
         for pair in found:
             turn = here[pair.other][1] if pair.other != FRAME else 1 + 0j
             if pair.letter == "R":
-                gap = world(pair.one, pair.name) - world(pair.other, pair.name)
+                gap = world(here, pair.one, pair.name) - world(here, pair.other, pair.name)
                 rows += [gap.real, gap.imag]
             else:
                 guide = next(slot.guide for slot in drawing.slots if slot.block == pair.one)
                 along = turn * cmath.exp(1j * float(guide.along))
-                off = (here[pair.one][0] - world(pair.other, guide.through)) / along
+                off = (here[pair.one][0] - world(here, pair.other, guide.through)) / along
                 rows += [off.imag - float(guide.offset), size * (here[pair.one][1] / along).imag]
                 if pair == driven:
                     value = off.real / size
@@ -91,6 +114,12 @@ def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
             one, other = (here[end][1] if end != FRAME else 1 for end in driven.ends)
             value = cmath.phase(one / other / moved)
         return np.array([*rows, size * (value - drive)])
+
+    def points(x: np.ndarray) -> dict[str, complex]:
+        at = {name: complex(a, b) for name, (a, b, _) in zip(names, x.reshape(-1, 3), strict=True)}
+        turn = {name: cmath.exp(1j * t) for name, t in zip(names, x[2::3], strict=True)}
+        own = {p: at[name] + z * turn[name] for name in names for p, z in places[name].items()}
+        return own | {p: drawing.spots[p] for p in drawing.fixed}
 
     moved = 1 + 0j
     x = _closest(lambda x: opened(x, 0.0)[:-1], start.ravel(), size)
@@ -101,10 +130,11 @@ def _moves(drawing, found: Sequence[Pair], driven: Pair) -> bool:
         ends = []
         for step in STEPS:
             y = _closest(lambda x, to=first + sign * step: opened(x, to), x, size)
-            ends.append(np.abs(opened(y, first + sign * step)).max() < CLOSED * size)
-        if all(ends):
-            return True
-    return False
+            if np.abs(opened(y, first + sign * step)).max() < CLOSED * size:
+                ends.append(y)
+        if len(ends) == len(STEPS):
+            return [points(y) for y in (x, *ends)]
+    return []
 
 
 def _closest(opened, x: np.ndarray, size: float) -> np.ndarray:

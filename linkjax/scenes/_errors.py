@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+LONGEST = 70  # characters of what stands in a file, in a message
+
 
 class SceneError(ValueError):
     """A scene cannot be used as it stands.
@@ -18,7 +20,8 @@ class SceneError(ValueError):
     def __init__(self, source: str, key: str, value: Any, problem: str, remedy: str):
         self.source, self.key, self.value, self.problem, self.remedy = source, key, value, problem, remedy
         line = key.startswith("line ")  # of a file that is not TOML: the line itself is the value
-        stands = "" if value is None else str(value)[:70] if line else shown(value)
+        whole = isinstance(value, dict | list) and len(_toml(value)) > LONGEST  # says no more than its key
+        stands = "" if value is None or whole else str(value)[:LONGEST] if line else shown(value)
         place = (": " if line else " = ").join(part for part in (key[:200], stands) if part)
         super().__init__(f"{source}: {place + ': ' if place else ''}{problem}; {remedy}")
 
@@ -26,7 +29,7 @@ class SceneError(ValueError):
         return SceneError, (self.source, self.key, self.value, self.problem, self.remedy)
 
 
-def shown(value: Any, limit: int = 70) -> str:
+def shown(value: Any, limit: int = LONGEST) -> str:
     """`value` as it would stand in a TOML file, on one line, cut at `limit` characters."""
     text = _toml(value)
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -234,7 +234,11 @@ def test_what_depends_on_nothing_is_named():
     [
         ({"limits": [at_most("speed", np.inf)]}, "speed: inf is no finite number"),
         ({"limits": ["speed <= 30 rad/s", "speed <= 40 rad/s"]}, "speed: is limited 2 times"),
-        ({"limits": [at_most(PEAK, "today")], "scene": {"links.rod.length": 0.02}}, "has no value today"),
+        pytest.param(
+            {"limits": [at_most(PEAK, "today")], "scene": {"links.rod.length": 0.02}},
+            "has no value today",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             {"limits": ["delta <= today"], "scene": {"speed": 1.0}},
             "has no value today: .* does not run",

@@ -14,7 +14,9 @@ from tests.exchange.mujoco_road import check
 from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
 
-@pytest.mark.parametrize("name", [*BUILT_IN, *COMPOSED, *PRESCRIBED])
+@pytest.mark.parametrize("name", [
+    *(n for n in (*BUILT_IN, *COMPOSED, *PRESCRIBED) if n != "rolling"), pytest.param("rolling", marks=pytest.mark.slow)
+])  # fmt: skip
 def test_known_machines(name, figures):
     check(machine(name), name, figures)
 

@@ -149,10 +149,8 @@ def values_and_gradients(scene, lengths: jax.Array):
     return jax.lax.map(one, lengths, batch_size=BLOCK)
 
 
-SOON = [n if n == "slider-crank" else pytest.param(n, marks=pytest.mark.slow) for n in BUILT_IN]
-
-
-@pytest.mark.parametrize("name", SOON)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_never_nan(name):
     """Values and gradients by every number of the design, assembled or lost."""
     lengths, runs = sample(name, 2000), overall(known(name, 2000)) > 0

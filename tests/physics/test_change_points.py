@@ -153,7 +153,9 @@ def test_a_slider_at_work():
     np.testing.assert_allclose(drive, 1.0 + 2.0 * 0.16 * np.sin(phi) * np.cos(phi) * 100.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("law", [(0.0, math.pi), (0.0, math.pi / 3), (math.pi / 6, math.pi)])
+@pytest.mark.parametrize("law", [
+    (0.0, math.pi), *(pytest.param(law, marks=pytest.mark.slow) for law in ((0.0, math.pi / 3), (math.pi / 6, math.pi)))
+])  # fmt: skip
 def test_a_law_that_turns_back_at_a_change_point(law):
     """Motion comes to the change point and goes back: the parallelogram stays one, and is where it began."""
     machine = four_bar(0.1, 0.4, 0.1, 0.4)

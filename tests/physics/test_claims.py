@@ -169,7 +169,7 @@ for make in (
     assert "midrange" in said[2]
 
 
-@pytest.mark.parametrize("name", ["hay-press", pytest.param("four-bar", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "four-bar"])
 def test_work_and_power(name):
     """Each load's work by SciPy; the drive makes up for all of them, and its mean power is the work over the period."""
     scene = machine(name)
@@ -249,6 +249,7 @@ def test_an_integration_that_fails_is_told(monkeypatch):
         lj.analyse(machine("four-bar"), motion="diffrax", angles=8)
 
 
+@pytest.mark.slow
 def test_a_lost_machine_under_grad():
     """No error there, whatever the machine: the result is data."""
 

@@ -6,15 +6,17 @@ import cmath
 import dataclasses
 import itertools
 import math
+import re
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import linkjax as lj
+from linkjax import Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import Crank, Drive, General, Guide, Slot
-from linkjax.kinematics import Assemblies, assemblies, dead_centres, margins, pose, prepared, strokes
+from linkjax.kinematics import Assemblies, assemblies, dead_centres, margins, open_at_start, pose, prepared, strokes
 from linkjax.mechanism import Link, StructureError, linkage
 from linkjax.scenes import loads_text, text_of
 
@@ -316,3 +318,69 @@ def test_a_sketch_in_another_unit(unit, told):
     with pytest.raises(StructureError, match=told):
         made(unit)
     assert places(made(2.0), "C") == pytest.approx(places(made(0.5), "C"), abs=1e-15)
+
+
+def press(
+    crank: float = 0.1, coupler: float = 0.3, rocker: float = 0.25, E: tuple = (0.2, -0.1), drawn: dict | None = None
+):
+    """A four-bar whose rocker is a plate that pulls a ram, with rough places of its pins."""
+    links = {"crank": Link(pins=("A", "B"), length=crank), "coupler": Link(pins=("B", "C"), length=coupler),
+             "rocker": Link(pins=("D", "C", "E"), length=rocker, points={"E": Vec(*E)}),
+             "rod": Link(pins=("E", "U"), length=0.5), "ram": Link(pins=("U",))}  # fmt: skip
+    sketch = {"C": (0.28, 0.24), "E": (0.4, 0.22), "U": (0.9, 0.2)} | (drawn or {})
+    fixed = {"A": (0.0, 0.0), "D": (0.38, 0.0), "T": (0.0, 0.2)}
+    return linkage(fixed, links, Drive("crank"), [Slot("ram", Guide("T"))], sketch=sketch)
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    ({"rocker": 25.0}, "links.rocker.length: is 25 m from 'D' to 'C', but the sketch has 0.26 m; "
+     'write what is meant, e.g. length = "260 mm", or correct the places of the pins'),
+    ({"coupler": 0.03}, "links.coupler.length: is 0.03 m from 'B' to 'C', but 'B' is 0.3 m from 'C' as that is "
+     "sketched and 'crank' has it; write what is meant, "),
+    ({"crank": 100.0}, "links.crank.length: is 100 m, so that 'B' is 99.72 m from 'C' as that is sketched, where "
+     """'coupler' has 0.3 m; write the unit that is meant, e.g. length = "100 mm\""""),
+    ({"E": (2.0, -1.0)}, "links.rocker.points.E: puts it 2.016 m away from 'C' to 'E', but the sketch has 0.1217 m"),
+    ({"drawn": {"E": (0.2, 0.05)}}, "sketch.E: lies to the left of the line from 'D' to 'C', but 'rocker' has it on "
+     "the other side; turn the sign of its `across` on the link, or sketch it near (0.396, 0.232) m"),
+])  # fmt: skip
+def test_a_sketch_that_disagrees_with_one_link(given, told):
+    press()
+    with pytest.raises(StructureError) as caught:
+        press(**given)
+    assert str(caught.value).startswith(told)
+
+
+def test_a_crank_in_another_unit_that_nothing_reaches():
+    """Its pin runs in a slot: nothing but its size is strange."""
+    links = {
+        "crank": Link(pins=("O", "B"), length=100.0),
+        "lever": Link(pins=("P", "E"), length=0.3),
+        "die": Link(pins=("B",)),
+    }
+    with pytest.raises(
+        StructureError, match=r"links\.crank\.length: is 100 m, and all else that is drawn lies within 0\.34 m"
+    ):
+        linkage({"O": (0, 0), "P": (0, -0.04)}, links, Drive("crank"), [Slot("die", Guide("P", on="lever"))],
+                sketch={"E": (0.0, 0.3)})  # fmt: skip
+
+
+def test_pins_that_nothing_else_names():
+    """Too many degrees of freedom: the pin that was forgotten elsewhere is told."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.3),
+             "rocker": Link(pins=("D", "K"), length=0.25)}  # fmt: skip
+    told = r"coupler, rocker can still move .*; nothing else names 'C' of 'coupler', 'K' of 'rocker'; join them"
+    with pytest.raises(StructureError, match=told):
+        linkage({"A": (0, 0), "D": (0.38, 0)}, links, Drive("crank"), sketch={"C": (0.28, 0.24)})
+
+
+def test_what_cannot_be_assembled_is_told_in_lengths():
+    """At crank angle zero, by `structure` already."""
+    assert open_at_start(press()) == ""
+    said = open_at_start(press(coupler=0.065, rocker=0.06, E=(0.1, -0.1)))
+    told = (
+        "'coupler-rocker' cannot be assembled at crank angle zero (stretched): its pins 'B' and 'D' are 0.28 m apart, "
+    )
+    assert said == f"{told}and 'coupler' (0.065 m) and 'rocker' (0.06 m) do not reach that far"
+    said = open_at_start(press(E=(0.3, -1.2), drawn={"E": (1.3, 0.8), "U": (1.5, 0.2)}))
+    told = r"its pin 'E' is [\d.]+ m off the path of 'U', and 'rod' \(0.5 m\) does not reach that far"
+    assert re.fullmatch(rf"'rod-ram' cannot be .* \((left|right)\): {told}", said)

@@ -63,7 +63,8 @@ def finite_gradient(scene: lj.Scene):
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(found))
 
 
-@pytest.mark.parametrize("lengths", [pytest.param((0.1, 0.4, 0.1, 0.4), id="parallelogram", marks=pytest.mark.slow),
+@pytest.mark.slow
+@pytest.mark.parametrize("lengths", [pytest.param((0.1, 0.4, 0.1, 0.4), id="parallelogram"),
                                      pytest.param((0.1, 0.1, 0.4, 0.4), id="kite")])  # fmt: skip
 def test_change_points(lengths):
     """The two ways of assembly meet: said so, with the place, and nothing is NaN."""

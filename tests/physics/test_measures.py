@@ -115,6 +115,7 @@ def test_gradients(name, group):
     assert {n: w for n, w in zip(names, wrong, strict=True) if not w <= 1e-6} == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_independent_of_the_number_of_nodes(name):
     many = {}

@@ -74,7 +74,7 @@ def along(name: str, points: int):
 
 @pytest.mark.parametrize(
     "name",
-    ["hay-press", *(pytest.param(n, marks=pytest.mark.slow) for n in (*BUILT_IN, *COMPOSED) if n != "hay-press")],
+    ["four-bar", *(pytest.param(n, marks=pytest.mark.slow) for n in (*BUILT_IN, *COMPOSED) if n != "four-bar")],
 )
 def test_quadrature_and_diffrax_agree(name):
     scene = machine(name)

@@ -155,7 +155,9 @@ def test_an_analysis_through_such_a_point():
     assert list(np.flatnonzero(lost)) == [3, 21]
     at = dict(zip(lj.measures.peak_names(scene), cycle.peaks.value, strict=True))
     unbounded = {name.split(".")[1] for name, value in at.items() if np.isinf(value)}
-    assert unbounded == {"O", "M", "X", "along"} and {"O", "M", "X", "along.guide"} < set(indeterminate(scene.mechanism))
+    assert unbounded == {"O", "M", "X", "along"} and {"O", "M", "X", "along.guide"} < set(
+        indeterminate(scene.mechanism)
+    )
 
 
 def test_nothing_is_shared_in_a_plain_machine():

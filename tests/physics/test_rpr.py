@@ -158,6 +158,7 @@ def test_what_is_wrong_is_told():
         lj.load("quick-return", {"groups[1].from": "P"})
 
 
+@pytest.mark.slow
 def test_gradients_of_a_cycle():
     """δ of the shaper by the pivot's place, the lever's length and the offset, against differences."""
 

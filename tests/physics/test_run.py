@@ -71,7 +71,7 @@ def test_the_steady_regime_repeats_itself():
     np.testing.assert_allclose(got.time, float(motion.period) * np.arange(4.0), rtol=1e-8)
 
 
-@pytest.mark.parametrize("road", ["angle", "time"])
+@pytest.mark.parametrize("road", ["angle", pytest.param("time", marks=pytest.mark.slow)])
 def test_a_machine_that_stalls(road):
     """It says so, is infinite from there on, and stops where its kinetic energy is used up."""
     scene = machine("hay-press-slider")

@@ -27,7 +27,7 @@ def report(request, tmp_path_factory):
     return scene, data, read(path)
 
 
-@pytest.mark.parametrize("name", ["hay-press", pytest.param("four-bar", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "four-bar"])
 def test_self_contained_and_well_formed(name, tmp_path):
     scene, data = analysed(name)
     path = write_report(data, scene, tmp_path / "report.html", figures=write_figures(data, scene, tmp_path))

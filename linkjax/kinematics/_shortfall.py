@@ -1,0 +1,41 @@
+"""What falls short where a dyad cannot be assembled, in its own lengths."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from linkjax._types import Scalar
+from linkjax.groups import RRP, RRR
+from linkjax.kinematics._pose import margins, named_groups, pose, prepared
+from linkjax.mechanism import Mechanism
+
+
+def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -> str:
+    """In words: how far apart the pins of this group are at the crank angle `phi`, and how far its links reach; its
+    margin where it is no RRR or RRP. Not for use under jax transformations."""
+    mechanism = prepared(mechanism)
+    group, here = named_groups(mechanism)[name], pose(mechanism, jnp.asarray(phi))
+    links, points = mechanism.held_by(group), here.points
+    if isinstance(group, RRR):
+        away = float(jnp.sqrt((points[group.to].r - points[group.from_].r).squared()))
+        one, two = (f"{link!r} ({float(links[link].length):.4g} m)" for link in group.links)
+        pins = f"its pins {group.from_!r} and {group.to!r} are {away:.4g} m apart"
+        far = side == "stretched"
+        return (
+            f"{pins}, and {one} and {two} {'do not reach' if far else 'cannot fold'} that {'far' if far else 'close'}"
+        )
+    if isinstance(group, RRP):
+        off = abs(float(group.guide.line(here.links, points).height(points[group.from_]).value))
+        rod = f"{group.link!r} ({float(links[group.link].length):.4g} m) does not reach that far"
+        return f"its pin {group.from_!r} is {off:.4g} m off the path of {group.end!r}, and {rod}"
+    return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
+
+
+def open_at_start(mechanism: Mechanism) -> str:
+    """What cannot be assembled at crank angle zero, and why; nothing where all can. Not for use under jax
+    transformations."""
+    for name, sides in margins(prepared(mechanism), jnp.zeros(())).items():
+        side = min(sides, key=lambda side, sides=sides: float(sides[side].value), default=None)
+        if side is not None and float(sides[side].value) < 0:
+            return f"{name!r} cannot be assembled at crank angle zero ({side}): {shortfall(mechanism, name, side, 0.0)}"
+    return ""

@@ -1,0 +1,145 @@
+"""What a sketch and the dimensions of links say of each other: units mixed up, numbers mistyped, points mirrored."""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from collections.abc import Collection, Iterator
+from typing import NamedTuple
+
+from linkjax._types import known as number_of
+from linkjax.groups import Drive
+from linkjax.mechanism._mechanism import StructureError
+
+OUT_OF_SCALE = 5.0  # how many times too large or too small no rough sketch is; a centimetre has 10 mm, an inch 25.4
+FAR = 20.0  # times the extent of all else: where no pin can be that something else hangs on
+PLAIN = 0.3  # sine of the angle by which a point lies plainly on one side of a line
+
+
+class Span(NamedTuple):
+    """Two points of a link: how far apart they are by its dimensions and as drawn (m)."""
+
+    link: str
+    one: str
+    two: str
+    own: float
+    drawn: float
+
+    @property
+    def off(self) -> bool:
+        return not self.own / OUT_OF_SCALE < self.drawn < self.own * OUT_OF_SCALE
+
+
+def check_sketch(drawing, sketch: Collection[str]) -> None:
+    """Raise `StructureError` where the sketch is of quite another size than the links, or than one of them, and where a
+    link is sketched turned over."""
+    spans = list(_spans(drawing))
+    both = [span for span in spans if span.one in sketch and span.two in sketch]
+    some = [span for span in spans if (span.one in sketch) != (span.two in sketch)]
+    ranked = sorted(both or some, key=lambda span: span.drawn / span.own)
+    if ranked and (middle := ranked[len(ranked) // 2]).off and not _alone(drawing, ranked):
+        factor = middle.drawn / middle.own
+        size = f"{factor:.0f} times as large" if factor > 1 else f"{1 / factor:.0f} times as small"
+        where = f"from {middle.one!r} to {middle.two!r} of {middle.link!r}"
+        problem = f"does not fit the lengths: {where} it is {size} as the link"
+        example = middle.two if middle.two in sketch else middle.one
+        remedy = f'write it in the unit of the lengths, e.g. {example} = ["300 mm", "250 mm"]'
+        raise StructureError("sketch", problem, remedy)
+    wrong = sorted((span for span in (*both, *some) if span.off), key=lambda span: _marked(drawing, span) is not None)
+    if wrong:
+        raise _misfit(drawing, wrong[0], f"the sketch has {wrong[0].drawn:.4g} m")
+    for name in drawing.links:
+        _check_sides(drawing, name, sketch)
+
+
+def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
+    """Raise `StructureError` where the drive puts a pin far from where a link that hangs on it can be."""
+    moved = [point for point in drawing.links[drive.link].point_names() if point not in drawing.fixed]
+    for span in _spans(drawing):
+        mine, other = (span.one, span.two) if span.one in moved else (span.two, span.one)
+        if span.link == drive.link or mine not in moved or mine in sketch or other not in sketch:
+            continue
+        if span.drawn > OUT_OF_SCALE * span.own:
+            there = f"{mine!r} is {span.drawn:.4g} m from {other!r} as that is sketched"
+            if _strange(drawing, drive.link):
+                raise _too_long(drawing, drive, f"so that {there}, where {span.link!r} has {span.own:.4g} m")
+            raise _misfit(drawing, span, f"{there} and {drive.link!r} has it")
+    joints = [
+        point for point, ends in drawing.pins().items() if point in moved and point in drawing.spots and len(ends) > 1
+    ]
+    rest = [at for point, at in drawing.spots.items() if point not in moved]
+    extent = max((abs(a - b) for a, b in itertools.combinations(rest, 2)), default=0.0)
+    for point in joints:
+        away = min(abs(drawing.spots[point] - at) for at in rest)
+        if point not in sketch and 0 < extent * FAR < away:
+            raise _too_long(drawing, drive, f"and all else that is drawn lies within {extent:.4g} m")
+
+
+def _spans(drawing) -> Iterator[Span]:
+    for name in drawing.links:
+        unknown = drawing.unmeasured(name)
+        places = {p: at for p, at in drawing.places(name).items() if p in drawing.spots and p not in unknown}
+        for one, two in itertools.combinations(places, 2):
+            own, drawn = abs(places[two] - places[one]), abs(drawing.spots[two] - drawing.spots[one])
+            if own and drawn:
+                yield Span(name, one, two, own, drawn)
+
+
+def _alone(drawing, spans: list[Span]) -> bool:
+    """Whether it is one link that does not fit, because it is of another size than the rest."""
+    names = {span.link for span in spans}
+    return len(names) == 1 and _strange(drawing, *names)
+
+
+def _strange(drawing, name: str) -> bool:
+    """Whether a link is much longer or shorter than is usual among the others."""
+    lengths = [float(length) for other, link in drawing.links.items() if other != name
+               and (length := number_of(link.length)) is not None and length > 0]  # fmt: skip
+    usual, length = statistics.median(lengths) if lengths else 0.0, float(drawing.links[name].length)
+    return usual > 0 and length > 0 and not usual / OUT_OF_SCALE < length < usual * OUT_OF_SCALE
+
+
+def _misfit(drawing, span: Span, instead: str) -> StructureError:
+    """One dimension of a link against what is drawn."""
+    point = _marked(drawing, span)
+    between = f"from {span.one!r} to {span.two!r}"
+    if point is None:
+        remedy = f'write what is meant, e.g. length = "{1000 * span.drawn:.4g} mm", or correct the places of the pins'
+        return StructureError(f"links.{span.link}.length", f"is {span.own:.4g} m {between}, but {instead}", remedy)
+    problem = f"puts it {span.own:.4g} m away {between}, but {instead}"
+    return StructureError(f"links.{span.link}.points.{point}", problem, "correct the one or the other")
+
+
+def _marked(drawing, span: Span) -> str | None:
+    """The end of it that is a marked point of the link, and not one that its length places."""
+    return next((p for p in (span.two, span.one) if p in drawing.links[span.link].points), None)
+
+
+def _too_long(drawing, drive: Drive, why: str) -> StructureError:
+    """A link that the drive moves and that reaches far beyond all others."""
+    length = float(drawing.links[drive.link].length)
+    remedy = f'write the unit that is meant, e.g. length = "{length:.4g} mm"'
+    return StructureError(f"links.{drive.link}.length", f"is {length:.4g} m, {why}", remedy)
+
+
+def _check_sides(drawing, name: str, sketch: Collection[str]) -> None:
+    """Raise `StructureError` where a link is sketched turned over: three of its points the other way round."""
+    places = drawing.places(name)
+    known = [p for p in places if p in drawing.spots and p not in drawing.unmeasured(name)]
+    for one, two, three in itertools.combinations(known, 3):
+        own = _sine(places[one], places[two], places[three])
+        drawn = _sine(*(drawing.spots[p] for p in (one, two, three)))
+        if min(abs(own), abs(drawn)) > PLAIN and own * drawn < 0 and {one, two, three} & set(sketch):
+            base, across = drawing.spots[one], drawing.spots[two] - drawing.spots[one]
+            at = base + (places[three] - places[one]) * across / (places[two] - places[one])
+            side = "left" if drawn > 0 else "right"
+            line = f"the line from {one!r} to {two!r}"
+            problem = f"lies to the {side} of {line}, but {name!r} has it on the other side"
+            remedy = f"turn the sign of its `across` on the link, or sketch it near ({at.real:.4g}, {at.imag:.4g}) m"
+            raise StructureError(f"sketch.{three}", problem, remedy)
+
+
+def _sine(a: complex, b: complex, c: complex) -> float:
+    """Sine of the angle at a, from b to c; zero where points coincide."""
+    size = abs(b - a) * abs(c - a)
+    return ((b - a).conjugate() * (c - a)).imag / size if size else 0.0
