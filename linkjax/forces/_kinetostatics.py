@@ -92,7 +92,7 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
         whole = -_power(here, [*inertia, *weight, *working])
         drive = jnp.where(lost, whole, drive)
         own_torque = zero().x if driven_by_joint(scene.mechanism) else here.links[scene.mechanism.crank].w * whole
-        total = JointForce(*(sum(parts) for parts in zip(*sources, strict=True)))
+        total = JointForce(*(a + b + c for a, b, c in zip(*sources, strict=True)))
         total = total._replace(moment=total.moment + own_torque)
         frame = JointForce(*(jnp.where(lost, a, b) for a, b in zip(total, frame, strict=True)))
     to_frame = _resultant(here, own, about)
