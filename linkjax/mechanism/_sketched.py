@@ -12,22 +12,27 @@ from linkjax.groups import Drive
 from linkjax.mechanism._mechanism import StructureError
 
 OUT_OF_SCALE = 5.0  # how many times too large or too small no rough sketch is; a centimetre has 10 mm, an inch 25.4
+ROUGH = 0.1  # of the drawing's size: how far off a point may be sketched
 FAR = 20.0  # times the extent of all else: where no pin can be that something else hangs on
-PLAIN = 0.3  # sine of the angle by which a point lies plainly on one side of a line
+PLAIN = 0.3  # sine of the angle by which, and
+ASIDE = 0.05  # of the drawing's size, how far a point lies plainly on one side of a line
 
 
 class Span(NamedTuple):
-    """Two points of a link: how far apart they are by its dimensions and as drawn (m)."""
+    """Two points of a link: how far apart they are by its dimensions and as drawn, and the size of the drawing (m)."""
 
     link: str
     one: str
     two: str
     own: float
     drawn: float
+    size: float
 
     @property
     def off(self) -> bool:
-        return not self.own / OUT_OF_SCALE < self.drawn < self.own * OUT_OF_SCALE
+        """Whether that is more than what a rough sketch has."""
+        alike = self.own / OUT_OF_SCALE < self.drawn < self.own * OUT_OF_SCALE
+        return not alike and abs(self.drawn - self.own) > ROUGH * self.size
 
 
 def check_sketch(drawing, sketch: Collection[str]) -> None:
@@ -59,7 +64,7 @@ def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
         mine, other = (span.one, span.two) if span.one in moved else (span.two, span.one)
         if span.link == drive.link or mine not in moved or mine in sketch or other not in sketch:
             continue
-        if span.drawn > OUT_OF_SCALE * span.own:
+        if span.off and span.drawn > span.own:
             there = f"{mine!r} is {span.drawn:.4g} m from {other!r} as that is sketched"
             if _strange(drawing, drive.link):
                 raise _too_long(drawing, drive, f"so that {there}, where {span.link!r} has {span.own:.4g} m")
@@ -75,14 +80,20 @@ def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
             raise _too_long(drawing, drive, f"and all else that is drawn lies within {extent:.4g} m")
 
 
+def _size(drawing) -> float:
+    """The largest distance in the drawing."""
+    return max((abs(a - b) for a, b in itertools.combinations(drawing.spots.values(), 2)), default=0.0)
+
+
 def _spans(drawing) -> Iterator[Span]:
+    size = _size(drawing)
     for name in drawing.links:
         unknown = drawing.unmeasured(name)
         places = {p: at for p, at in drawing.places(name).items() if p in drawing.spots and p not in unknown}
         for one, two in itertools.combinations(places, 2):
             own, drawn = abs(places[two] - places[one]), abs(drawing.spots[two] - drawing.spots[one])
             if own and drawn:
-                yield Span(name, one, two, own, drawn)
+                yield Span(name, one, two, own, drawn, size)
 
 
 def _alone(drawing, spans: list[Span]) -> bool:
@@ -124,22 +135,25 @@ def _too_long(drawing, drive: Drive, why: str) -> StructureError:
 
 def _check_sides(drawing, name: str, sketch: Collection[str]) -> None:
     """Raise `StructureError` where a link is sketched turned over: three of its points the other way round."""
-    places = drawing.places(name)
+    places, link, least = drawing.places(name), drawing.links[name], ASIDE * _size(drawing)
     known = [p for p in places if p in drawing.spots and p not in drawing.unmeasured(name)]
-    for one, two, three in itertools.combinations(known, 3):
-        own = _sine(places[one], places[two], places[three])
-        drawn = _sine(*(drawing.spots[p] for p in (one, two, three)))
-        if min(abs(own), abs(drawn)) > PLAIN and own * drawn < 0 and {one, two, three} & set(sketch):
+    for three in itertools.combinations(known, 3):
+        one, two, last = sorted(three, key=lambda point: point in sketch)
+        own = _off_line(*(places[p] for p in (one, two, last)))
+        drawn = _off_line(*(drawing.spots[p] for p in (one, two, last)))
+        plain = min(abs(own[1]), abs(drawn[1])) > PLAIN and min(abs(own[0]), abs(drawn[0])) > least
+        if last in sketch and plain and own[0] * drawn[0] < 0:
             base, across = drawing.spots[one], drawing.spots[two] - drawing.spots[one]
-            at = base + (places[three] - places[one]) * across / (places[two] - places[one])
-            side = "left" if drawn > 0 else "right"
-            line = f"the line from {one!r} to {two!r}"
+            at = base + (places[last] - places[one]) * across / (places[two] - places[one])
+            side, line = "left" if drawn[0] > 0 else "right", f"the line from {one!r} to {two!r}"
             problem = f"lies to the {side} of {line}, but {name!r} has it on the other side"
-            remedy = f"turn the sign of its `across` on the link, or sketch it near ({at.real:.4g}, {at.imag:.4g}) m"
-            raise StructureError(f"sketch.{three}", problem, remedy)
+            remedy = f"sketch it near ({at.real:.4g}, {at.imag:.4g}) m"
+            remedy = f"turn the sign of its `across` on the link, or {remedy}" if last in link.points else remedy
+            raise StructureError(f"sketch.{last}", problem, remedy)
 
 
-def _sine(a: complex, b: complex, c: complex) -> float:
-    """Sine of the angle at a, from b to c; zero where points coincide."""
-    size = abs(b - a) * abs(c - a)
-    return ((b - a).conjugate() * (c - a)).imag / size if size else 0.0
+def _off_line(a: complex, b: complex, c: complex) -> tuple[float, float]:
+    """How far c is to the left of the line from a to b, and the sine of the angle at a; zero where points coincide."""
+    base, away = abs(b - a), abs(c - a)
+    off = ((b - a).conjugate() * (c - a)).imag / base if base else 0.0
+    return off, off / away if away else 0.0

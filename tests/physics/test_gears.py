@@ -404,6 +404,22 @@ def test_racks_in_any_order():
         np.testing.assert_allclose(xy(at_end.points["V"].r), [0.02 - 0.15, 0.2], atol=1e-15)
 
 
+def test_a_rack_that_stands_elsewhere_than_sketched():
+    """Where it is follows from its start and its wheel; the start that is told fits the sketch."""
+    links = {"wheel": Link(length=0.2, mass=1.0, pins=("D", "E")), "rack": Link(mass=1.0, pins=("V",))}
+
+    def made(start: float) -> lj.Mechanism:
+        racks = [RackPair("rack", "wheel", 0.1, start=start)]
+        drive = Drive("wheel", law=lj.Harmonic(2.0, 2.5))
+        return linkage({"A": (0.0, 0.0), "D": (0.3, 0.1)}, links, drive, [Slot("rack", Guide("A"))],
+                       {"V": (0.35, 0.0)}, racks=racks)  # fmt: skip
+
+    told = r"stands at 0\.3 m along its guide at crank angle zero, but at 0\.35 in the sketch; write start = 0\.15 "
+    with pytest.raises(StructureError, match=f"rack rack: {told}for the rack"):
+        made(0.1)
+    assert float(pose(made(0.15), jnp.asarray(0.0)).points["V"].r.x) == pytest.approx(0.35, abs=1e-15)
+
+
 def test_written_and_read_back():
     """A drawn machine with wheels as a scene file, to the last bit."""
     same(lj.Scene(drawn(Drive("crank")), (), speed=5.0))
