@@ -19,6 +19,7 @@ class Result(enum.IntEnum):
     CANNOT_BE_ASSEMBLED = 5
 
 
+LENGTHS = "Change the lengths named until every margin is positive."
 MESSAGES = {
     Result.SUCCESS: "The machine runs.",
     Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid has room for; "
@@ -29,8 +30,7 @@ MESSAGES = {
     "within the cycle. Raise the mean speed, add a flywheel (or other inertia) or lower the loads.",
     Result.NO_INERTIA: "The reduced inertia vanishes within the cycle, so that the crank speed is not bounded there. "
     "Give the crank or the flywheel (or what else the drive moves) an inertia.",
-    Result.CANNOT_BE_ASSEMBLED: "The linkage cannot be assembled over the whole cycle. Change the lengths named until "
-    "every margin is positive.",
+    Result.CANNOT_BE_ASSEMBLED: f"The linkage cannot be assembled over the whole cycle. {LENGTHS}",
 }
 
 

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._results import MESSAGES, MachineError, Result
+from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.forces import Forces
 from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups, shortfall
@@ -157,7 +157,7 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
         return f"passes on to another assembly near {place}: it has a change point or a dead position there", ""
     if short > (NEARLY if side == "loops" else CHANGE_POINT):
         what = f"cannot be assembled at {place}: {shortfall(cycle.scene.mechanism, group, side, at.angle)}"
-        return what, _where_it_can(cycle) + MESSAGES[Result.CANNOT_BE_ASSEMBLED]
+        return what, _where_it_can(cycle) + LENGTHS
     return f"has a change point at {place}: its two assemblies meet there, and which it takes is chance", ""
 
 
