@@ -167,6 +167,11 @@ class Drawing:
         """Points of a link in its own axes."""
         return {p: complex_of(f"links.{link}", at) for p, at in self.links[link].actual().points.items()}
 
+    def size(self) -> float:
+        """The largest distance between points whose places are known (m)."""
+        spots = np.array(list(self.spots.values()))
+        return float(np.abs(spots[:, None] - spots).max()) if len(spots) else 0.0
+
     def place_drive(self, drive: Drive) -> None:
         """Find the places of the points of a link that the drive moves on the frame."""
         link, guide = self.links[drive.link], self.guide(drive.link)

@@ -120,7 +120,7 @@ class Wheels:
         off = np.linalg.pinv(still @ at[:, len(free) :]) @ left
         racks = {gear.link for gear in gears if isinstance(gear, Rack)}
         for name, more in zip(told, off, strict=True):
-            if name in racks and abs(more) > ASIDE * self._size():
+            if name in racks and abs(more) > ASIDE * self.drawing.size():
                 stands, drawn, unit = seen[name] + more, seen[name], "m along its guide"
             elif name not in racks and abs(math.remainder(more, 2 * math.pi)) > ASTRAY:
                 stands, drawn = (math.degrees(math.remainder(a, 2 * math.pi)) for a in (seen[name] + more, seen[name]))
@@ -132,11 +132,6 @@ class Wheels:
             remedy = next(filter(None, every), "")
             raise StructureError(f"gear of {', '.join(gear.link for gear in gears)}",
                                  f"{problem}, but at {drawn:.4g} in the sketch", f"{remedy}sketch it so")  # fmt: skip
-
-    def _size(self) -> float:
-        """The largest distance in the drawing."""
-        spots = np.array(list(self.drawing.spots.values()))
-        return float(np.abs(spots[:, None] - spots).max())
 
     def _contradictions(self, group: General) -> tuple[list[dict[str, float]], np.ndarray, dict[str, float]]:
         """What wheels, racks and a drive inside a group keep constant, by how much the sketch is off that (rad, of a
@@ -193,7 +188,7 @@ class Wheels:
         end, (base, along) = self.drawing.links[rack.link].pins[0], self.drawing.path(guide)
         moved = rack.side * float(rack.radius) * (self.angle(rack.to) - self.angle(guide.on))
         ahead = float(rack.start) + moved
-        if end in self.drawing.spots and abs((drawn := self._way(rack.link)) - ahead) > ASIDE * self._size():
+        if end in self.drawing.spots and abs((drawn := self._way(rack.link)) - ahead) > ASIDE * self.drawing.size():
             stands = f"stands at {ahead:.4g} m along its guide at crank angle zero, but at {drawn:.4g} in the sketch"
             remedy = f"write start = {drawn - moved:.6g} for the rack, or sketch it so"
             raise StructureError(f"rack {rack.link}", stands, remedy)

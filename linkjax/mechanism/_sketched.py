@@ -74,19 +74,14 @@ def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
     ]
     rest = [at for point, at in drawing.spots.items() if point not in moved]
     extent = max((abs(a - b) for a, b in itertools.combinations(rest, 2)), default=0.0)
-    for point in joints:
+    for point in joints if extent else ():
         away = min(abs(drawing.spots[point] - at) for at in rest)
-        if point not in sketch and 0 < extent * FAR < away:
+        if point not in sketch and extent * FAR < away:
             raise _too_long(drawing, drive, f"and all else that is drawn lies within {extent:.4g} m")
 
 
-def _size(drawing) -> float:
-    """The largest distance in the drawing."""
-    return max((abs(a - b) for a, b in itertools.combinations(drawing.spots.values(), 2)), default=0.0)
-
-
 def _spans(drawing) -> Iterator[Span]:
-    size = _size(drawing)
+    size = drawing.size()
     for name in drawing.links:
         unknown = drawing.unmeasured(name)
         places = {p: at for p, at in drawing.places(name).items() if p in drawing.spots and p not in unknown}
@@ -135,7 +130,7 @@ def _too_long(drawing, drive: Drive, why: str) -> StructureError:
 
 def _check_sides(drawing, name: str, sketch: Collection[str]) -> None:
     """Raise `StructureError` where a link is sketched turned over: three of its points the other way round."""
-    places, link, least = drawing.places(name), drawing.links[name], ASIDE * _size(drawing)
+    places, link, least = drawing.places(name), drawing.links[name], ASIDE * drawing.size()
     known = [p for p in places if p in drawing.spots and p not in drawing.unmeasured(name)]
     for three in itertools.combinations(known, 3):
         one, two, last = sorted(three, key=lambda point: point in sketch)
