@@ -66,7 +66,7 @@ class Numbers(NamedTuple):
     def measured(self, value: float, error: float, unit: str = "", most: int = 10) -> tuple[str, str]:
         """A value and the bound of its error, the value in one unit to the digits the error leaves it (3 at least)."""
         if not (math.isfinite(value) and math.isfinite(error)):
-            return NO_BOUND if math.isinf(value) else NONE, ""
+            return _missing(value), ""
         factor, label = prefixed(abs(value), unit, self.units)
         ratio = abs(value) / error if error > 0 else math.inf
         digits = most if ratio > 10.0**most else max(3, min(most, math.floor(math.log10(max(ratio, 1.0))) + 1))
@@ -95,10 +95,14 @@ class Numbers(NamedTuple):
 
 def _number(value: float, label: str, digits: int) -> str:
     if not math.isfinite(value):
-        return NO_BOUND if math.isinf(value) else NONE
+        return _missing(value)
     mantissa, _, power = number(value, digits).partition("e")
     scale = f"·10{superscript(int(power.replace('−', '-')))}" if power else ""
     return _joined(f"{mantissa}{scale}", label)
+
+
+def _missing(value: float) -> str:
+    return NONE if math.isnan(value) else NO_BOUND if value > 0 else f"−{NO_BOUND}"
 
 
 def _joined(text: str, label: str) -> str:

@@ -279,7 +279,8 @@ def _checks(
 
 def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
     """Virtual power and force balance in one of the two motions, relative to the largest of what is summed: where
-    everything is balanced the sums themselves are no measure."""
+    everything is balanced the sums themselves are no measure. At a change point, where drive torque and frame forces
+    are those sums, only power is compared, with the reduced machine."""
     forces, speed, acceleration = at.forces[i], at.speed[i], at.acceleration[i]
     forces = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), 0.0, x), forces)  # joints at a change point
     crank = at.pose.links[scene.mechanism.crank].w

@@ -9,6 +9,8 @@ from linkjax.groups import RRP, RRR
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
+OPEN = 1e-6  # what a margin falls short by where nothing closes; nearer to zero it may be a change point
+
 
 def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -> str:
     """In words: how far apart the pins of this group are at the crank angle `phi`, and how far its links reach; its
@@ -36,6 +38,6 @@ def open_at_start(mechanism: Mechanism) -> str:
     transformations."""
     for name, sides in margins(prepared(mechanism), jnp.zeros(())).items():
         side = min(sides, key=lambda side, sides=sides: float(sides[side].value), default=None)
-        if side is not None and float(sides[side].value) < 0:
+        if side is not None and float(sides[side].value) < -OPEN:
             return f"{name!r} cannot be assembled at crank angle zero ({side}): {shortfall(mechanism, name, side, 0.0)}"
     return ""

@@ -118,6 +118,7 @@ class Drawing:
             for name in drawn.links:
                 drawn.measure(name)
                 drawn.axis(name)
+                drawn.spot(drawn.links[name].pins[0], name)
         except StructureError:
             return None
         return drawn

@@ -13,9 +13,8 @@ from linkjax.mechanism._mechanism import StructureError
 
 OUT_OF_SCALE = 5.0  # how many times too large or too small no rough sketch is; a centimetre has 10 mm, an inch 25.4
 ROUGH = 0.1  # of the drawing's size: how far off a point may be sketched
+PLAIN = 0.05  # of the drawing's size: the smallest height of three points that plainly turn one way round
 FAR = 20.0  # times the extent of all else: where no pin can be that something else hangs on
-PLAIN = 0.3  # sine of the angle by which, and
-ASIDE = 0.05  # of the drawing's size, how far a point lies plainly on one side of a line
 
 
 class Span(NamedTuple):
@@ -59,25 +58,29 @@ def check_sketch(drawing, sketch: Collection[str]) -> None:
 
 def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
     """Raise `StructureError` where the drive puts a pin far from where a link that hangs on it can be."""
-    moved = [point for point in drawing.links[drive.link].point_names() if point not in drawing.fixed]
+    link, slides = drawing.links[drive.link], drawing.guide(drive.link) is not None
+    moved = [point for point in link.point_names() if point not in drawing.fixed]
+    strange = not slides and _strange(drawing, drive.link)
     for span in _spans(drawing):
         mine, other = (span.one, span.two) if span.one in moved else (span.two, span.one)
         if span.link == drive.link or mine not in moved or mine in sketch or other not in sketch:
             continue
         if span.off and span.drawn > span.own:
             there = f"{mine!r} is {span.drawn:.4g} m from {other!r} as that is sketched"
-            if _strange(drawing, drive.link):
+            if slides:
+                problem = f"puts {drive.link!r} so that {there}, where {span.link!r} has {span.own:.4g} m"
+                raise StructureError("drive", problem, "correct its law, or the sketch")
+            if strange:
                 raise _too_long(drawing, drive, f"so that {there}, where {span.link!r} has {span.own:.4g} m")
             raise _misfit(drawing, span, f"{there} and {drive.link!r} has it")
-    joints = [
-        point for point, ends in drawing.pins().items() if point in moved and point in drawing.spots and len(ends) > 1
-    ]
     rest = [at for point, at in drawing.spots.items() if point not in moved]
-    extent = max((abs(a - b) for a, b in itertools.combinations(rest, 2)), default=0.0)
-    for point in joints if extent else ():
-        away = min(abs(drawing.spots[point] - at) for at in rest)
-        if point not in sketch and extent * FAR < away:
-            raise _too_long(drawing, drive, f"and all else that is drawn lies within {extent:.4g} m")
+    within = max((abs(a - b) for a, b in itertools.combinations(rest, 2)), default=0.0)
+    extent = max(within, *(float(other.length) for name, other in drawing.links.items() if name != drive.link), 0.0)
+    shared = (point for point, ends in drawing.pins().items() if len(ends) > 1 and point in moved)
+    for point in shared if strange else ():
+        spot = None if point in sketch else drawing.spots.get(point)
+        if spot is not None and min(abs(spot - at) for at in rest) > FAR * extent:
+            raise _too_long(drawing, drive, f"and all else that is drawn lies within {within:.4g} m")
 
 
 def _spans(drawing) -> Iterator[Span]:
@@ -130,25 +133,22 @@ def _too_long(drawing, drive: Drive, why: str) -> StructureError:
 
 def _check_sides(drawing, name: str, sketch: Collection[str]) -> None:
     """Raise `StructureError` where a link is sketched turned over: three of its points the other way round."""
-    places, link, least = drawing.places(name), drawing.links[name], ASIDE * drawing.size()
+    places, link, least = drawing.places(name), drawing.links[name], PLAIN * drawing.size()
     known = [p for p in places if p in drawing.spots and p not in drawing.unmeasured(name)]
     for three in itertools.combinations(known, 3):
         one, two, last = sorted(three, key=lambda point: point in sketch)
-        own = _off_line(*(places[p] for p in (one, two, last)))
-        drawn = _off_line(*(drawing.spots[p] for p in (one, two, last)))
-        plain = min(abs(own[1]), abs(drawn[1])) > PLAIN and min(abs(own[0]), abs(drawn[0])) > least
-        if last in sketch and plain and own[0] * drawn[0] < 0:
+        own, drawn = (_height(*(at[p] for p in (one, two, last))) for at in (places, drawing.spots))
+        if last in sketch and min(abs(own), abs(drawn)) > least and own * drawn < 0:
             base, across = drawing.spots[one], drawing.spots[two] - drawing.spots[one]
             at = base + (places[last] - places[one]) * across / (places[two] - places[one])
-            side, line = "left" if drawn[0] > 0 else "right", f"the line from {one!r} to {two!r}"
+            side, line = "left" if drawn > 0 else "right", f"the line from {one!r} to {two!r}"
             problem = f"lies to the {side} of {line}, but {name!r} has it on the other side"
             remedy = f"sketch it near ({at.real:.4g}, {at.imag:.4g}) m"
             remedy = f"turn the sign of its `across` on the link, or {remedy}" if last in link.points else remedy
             raise StructureError(f"sketch.{last}", problem, remedy)
 
 
-def _off_line(a: complex, b: complex, c: complex) -> tuple[float, float]:
-    """How far c is to the left of the line from a to b, and the sine of the angle at a; zero where points coincide."""
-    base, away = abs(b - a), abs(c - a)
-    off = ((b - a).conjugate() * (c - a)).imag / base if base else 0.0
-    return off, off / away if away else 0.0
+def _height(a: complex, b: complex, c: complex) -> float:
+    """Smallest height of a triangle, positive where it turns to the left."""
+    longest = max(abs(b - a), abs(c - a), abs(c - b))
+    return ((b - a).conjugate() * (c - a)).imag / longest if longest else 0.0

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax import Vec
+from linkjax import RRR, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import Crank, Drive, General, Guide, Slot
 from linkjax.kinematics import Assemblies, assemblies, dead_centres, margins, open_at_start, pose, prepared, strokes
@@ -363,6 +363,38 @@ def test_a_crank_in_another_unit_that_nothing_reaches():
     ):
         linkage({"O": (0, 0), "P": (0, -0.04)}, links, Drive("crank"), [Slot("die", Guide("P", on="lever"))],
                 sketch={"E": (0.0, 0.3)})  # fmt: skip
+
+
+def test_rough_sketches_and_odd_machines_pass():
+    """Two pins of a plate near to each other, a yoke beside its crank's pivot, a slide that goes far: none is refused;
+    what a law puts out of reach is told of the drive."""
+    links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),
+             "bell": Link(pins=("D", "E", "C"), length=0.006, points={"C": Vec(0.0, 0.25)}),
+             "pull": Link(pins=("E", "U"), length=0.3), "ram": Link(pins=("U",))}  # fmt: skip
+    linkage({"A": (0, 0), "D": (0.38, 0), "T": (0, 0)}, links, Drive("crank"), [Slot("ram", Guide("T"))],
+            sketch={"C": (0.3, 0.24), "E": (0.374, 0.001), "U": (0.68, 0.0)})  # fmt: skip
+    links = {"crank": Link(pins=("O", "B"), length=0.5), "die": Link(pins=("B",)), "yoke": Link(pins=("V",))}
+    slots = [Slot("yoke", Guide("T")), Slot("die", Guide("V", math.pi / 2, on="yoke"))]
+    linkage({"O": (0, 0), "T": (0.02, 0)}, links, Drive("crank"), slots, sketch={"V": (0.01, 0.0)})
+    links = {
+        "ram": Link(pins=("U",)),
+        "rod": Link(pins=("U", "C"), length=0.5),
+        "arm": Link(pins=("D", "C"), length=0.3),
+    }
+    with pytest.raises(
+        StructureError, match=r"drive: puts 'ram' so that 'U' is .* as that is sketched, where 'rod' has"
+    ):
+        linkage({"T": (0, 0), "D": (0.3, 0)}, links, Drive("ram", law=lj.Harmonic(100.0, 101.0)),
+                [Slot("ram", Guide("T"))], sketch={"C": (0.3, 0.3)})  # fmt: skip
+
+
+def test_a_change_point_at_the_start_is_not_open():
+    """A parallelogram in line with its frame: its margin is zero but for rounding."""
+    for arm, span, lean in ((0.3, 0.7, 0.3), (0.39, 1.164, 1.931), (0.615, 0.709, 2.350)):
+        at = cmath.rect(span, lean)
+        links = {"crank": Link(length=arm), "coupler": Link(length=span), "rocker": Link(length=arm)}
+        groups = [Crank("crank", "A", "B", phase=lean), RRR(("coupler", "rocker"), "B", "D", "C")]
+        assert open_at_start(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(*xy(at))}, links, groups)) == ""
 
 
 def test_pins_that_nothing_else_names():

@@ -127,10 +127,10 @@ def trammel() -> Mechanism:
 def test_a_change_point_that_a_passive_link_passes():
     """Where the rest could go either way only the passive block holds the bar: reactions have no bound if it carries
     nothing, but drive torque and what the frame bears do not depend on it, and are Newton's at the very point, too."""
-    mechanism, g, speed, grows = trammel(), 9.81, 12.0, -3.0
+    mechanism, g, speed, grows = trammel(), 9.81, 12.0, jnp.asarray(-3.0)
     scene = lj.Scene(prepared(mechanism), (), Vec(0.0, -g), speed)
     phi = np.concatenate([np.radians([30.0, 210.0, 120.0]), np.pi / 6 + np.array([1e-9, -1e-6, 1e-4]), ANGLES])
-    both = jax.vmap(lambda phi: kinetostatics(scene, phi, jnp.asarray(speed), jnp.asarray(grows)))
+    both = jax.vmap(lambda phi: kinetostatics(scene, phi, jnp.asarray(speed), grows))
     found = compiled_soon(both)(jnp.asarray(phi))
     c, s, a = np.cos(np.pi / 3 + phi), np.sin(np.pi / 3 + phi), 0.15
     fx = (2.0 + 2 * 6.0) * a * (c * speed**2 + s * grows)
@@ -142,6 +142,10 @@ def test_a_change_point_that_a_passive_link_passes():
     np.testing.assert_allclose(found.frame.fy, fy - 12.0 * g, rtol=0, atol=1e-8)
     about = torque - (1.0 - 0.015 + 2.0 * a**2) * grows - g * a * c * (2.0 + 2 * 6.0)
     np.testing.assert_allclose(found.frame.moment, about, rtol=0, atol=1e-8)
+    drive = jax.grad(lambda scene: kinetostatics(scene, jnp.asarray(np.pi / 6), scene.speed, grows).drive_torque)
+    slopes = compiled_soon(drive)(scene)
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slopes))
+    assert float(slopes.mechanism.links["along"].mass) == pytest.approx(4 * a**2 * float(grows), abs=1e-9)
 
 
 @pytest.mark.slow
