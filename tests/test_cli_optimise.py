@@ -177,6 +177,7 @@ def interrupted(call, *arguments) -> dict:
     return data
 
 
+@pytest.mark.slow
 def test_interrupted(call, scene, tmp_path, monkeypatch):
     """Ctrl-C in the second start: the best design so far is written, the code says what happened."""
     descend = _optimise.SOLVERS["cone"]

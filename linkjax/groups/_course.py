@@ -22,7 +22,7 @@ REACH = 0.3  # rad to either side, from which the polynomial takes its values
 INSIDE = 0.1  # rad to either side, in which it is used
 DEGREE = 15
 NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))  # Chebyshev's, none of them zero
-BLUNT = 1e-8  # sine of the angle between the links, below which reactions are not followed any further
+IN_LINE = 1e-8  # sine of the angle between the links, below which reactions are not followed any further
 BLUNTEST = 1e-4  # of the greatest bend of a gap, below which it touches zero so bluntly that motion turns back there
 CLOSEST = 1e-6  # rad from a change point within which nothing has a derivative by the design
 

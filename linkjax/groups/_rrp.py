@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_sqrt
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
-from linkjax.groups._course import BLUNT, TOUCHING, Course, check_branch
+from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
 from linkjax.groups._guide import Guide, as_guide
 from linkjax.groups._state import LinkState, PointState
 
@@ -134,7 +134,7 @@ class RRP(AbstractGroup):
         push = on_block.force.dot(t)
         reach = rod.dot(t)
         if self.path is not None:  # zero at a change point, where reactions have no bound
-            least = BLUNT * safe_sqrt(rod.squared(), 1.0)
+            least = IN_LINE * safe_sqrt(rod.squared(), 1.0)
             reach = jnp.where(jnp.abs(reach) < least, least, reach)
         lift = -(on_rod.moment + push * rod.cross(t)) / reach
         pin = t * push + n * lift  # force on the rod by the block

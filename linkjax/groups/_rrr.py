@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
-from linkjax.groups._course import BLUNT, TOUCHING, Course, check_branch
+from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -139,7 +139,7 @@ class RRR(AbstractGroup):
         p, q = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
         det = p.cross(q)
         if self.path is not None:  # zero at a change point, where reactions have no bound
-            least = BLUNT * safe_sqrt(p.squared() * q.squared(), 1.0)
+            least = IN_LINE * safe_sqrt(p.squared() * q.squared(), 1.0)
             det = jnp.where(jnp.abs(det) < least, least, det)
         m1, m2 = loads[one].moment, loads[two].moment
         inner = -(p * m2 + q * m1) / det  # force at the inner pin on link one by link two

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import largest, safe_divide, safe_sqrt
+from linkjax._numerics import largest, safe_divide
 from linkjax._numerics import smallest as least_of
 from linkjax.groups import General
 from linkjax.kinematics import Least, assembly_margins, transmission_angles
@@ -255,9 +255,13 @@ def peak_shaking_force_constant_speed(of: Parts) -> Peaked:
 
 
 def _all_shaking(of: Parts) -> Rows:
-    """The shaking forces of the whole cycle as one vector, whose length is their root mean square."""
-    share = of.grid.half[:, None] * of.grid.rule.w[None] / of.scene.cycle
-    return Rows((safe_sqrt(share)[None] * of.shaking(of.constant_speed)[0]).reshape((1, -1)), jnp.full(1, jnp.nan))
+    """The shaking forces of the whole cycle as one vector, whose length is their root mean square. They are smooth
+    however the panels are laid, and the root of one without width, between loads that switch together, has no slope:
+    so at angles that stay."""
+    still = Parts(of.scene, of.nodes)
+    still.grid = grid = jax.lax.stop_gradient(of.grid)
+    share = grid.half[:, None] * grid.rule.w[None] / of.scene.cycle
+    return Rows((jnp.sqrt(share)[None] * still.shaking(still.constant_speed)[0]).reshape((1, -1)), jnp.full(1, jnp.nan))
 
 
 @measure("N", _all_shaking)

@@ -41,7 +41,7 @@ def check_sketch(drawing, sketch: Collection[str]) -> None:
     both = [span for span in spans if span.one in sketch and span.two in sketch]
     some = [span for span in spans if (span.one in sketch) != (span.two in sketch)]
     ranked = sorted(both or some, key=lambda span: span.drawn / span.own)
-    if ranked and (middle := ranked[len(ranked) // 2]).off and not _alone(drawing, ranked):
+    if ranked and (middle := ranked[len(ranked) // 2]).off and not _single(drawing, ranked):
         factor = middle.drawn / middle.own
         size = f"{factor:.0f} times as large" if factor > 1 else f"{1 / factor:.0f} times as small"
         where = f"from {middle.one!r} to {middle.two!r} of {middle.link!r}"
@@ -94,7 +94,7 @@ def _spans(drawing) -> Iterator[Span]:
                 yield Span(name, one, two, own, drawn, size)
 
 
-def _alone(drawing, spans: list[Span]) -> bool:
+def _single(drawing, spans: list[Span]) -> bool:
     """Whether it is one link that does not fit, because it is of another size than the rest."""
     names = {span.link for span in spans}
     return len(names) == 1 and _strange(drawing, *names)

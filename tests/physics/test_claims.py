@@ -176,7 +176,7 @@ def test_work_and_power(name):
     cycle = lj.analyse(scene, angles=8)
     edges = oracle.jumps(scene)
     edges = np.append(edges, edges[:1] + scene.cycle) if edges.size else np.asarray([0.0, scene.cycle])
-    total = sum(shooting.work(scene, a + 1e-13, b - 1e-13) for a, b in itertools.pairwise(edges))
+    total = sum(shooting.Fitted(scene, a + 1e-13, b - 1e-13).work() for a, b in itertools.pairwise(edges))
     work = {key: float(value) for key, value in cycle.work.items()}
     assert set(work) == {"drive", "gravity", *(load.name for load in scene.loads)}
     assert work["drive"] == pytest.approx(-total, rel=1e-9)

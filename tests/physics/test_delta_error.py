@@ -112,10 +112,8 @@ def one_cycle(scene: lj.Scene, nodes: int) -> Steady:
     return steady(scene, nodes)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [n if n == "four-bar" else pytest.param(n, marks=pytest.mark.slow) for n in BUILT_IN],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_it_covers_the_scenes_themselves(name):
     fine = one_cycle(machine(name), nodes=TRUTH)
     for nodes in (32, 64):

@@ -21,7 +21,8 @@ from linkjax.motion import Regime
 from tests.physics import newton_euler, oracle
 from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
-MACHINES = [*BUILT_IN, *COMPOSED, *PRESCRIBED]
+EVERY = (*BUILT_IN, *COMPOSED, *PRESCRIBED)
+MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name == "rolling" else name for name in EVERY]
 ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
 STATES = {"constant speed": (1.0, 0.0), "speeding up": (0.8, 0.6), "slowing down": (1.1, -0.9)}  # times ω, ω²
 
@@ -240,7 +241,7 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     return np.abs(np.stack([found[name] + 0 * phi for name in peak_names(scene)]))
 
 
-@pytest.mark.parametrize("name", [n if n == "hay-press" else pytest.param(n, marks=pytest.mark.slow) for n in MACHINES])
+@pytest.mark.parametrize("name", [n if n == "hay-press" else pytest.param(n, marks=pytest.mark.slow) for n in EVERY])
 def test_peaks_and_checks(name):
     """Suprema over 20 000 angles and both sides of every jump, each looked at more closely around the highest."""
     scene = machine(name)

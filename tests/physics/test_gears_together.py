@@ -251,6 +251,7 @@ def test_what_is_told_of_wheels_that_do_not_come_back(fast, more, told):
         lj.analyse(lj.Scene(double_crank(*more, fast=fast), (), speed=5.0), angles=12)
 
 
+@pytest.mark.slow
 def test_racks_that_contradict_the_sketch():
     """A rack that comes out with its wheel is where its start says: the one that the sketch has is told, and fits."""
     text = text_of(machine("rolling"))

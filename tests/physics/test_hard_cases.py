@@ -109,6 +109,7 @@ def test_no_loads_at_all():
     assert float(got.delta) == pytest.approx((fast - slow) / mean, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_crank_alone():
     """It turns evenly, its torque balances the brake, and there is nothing that could not be assembled."""
     scene = lj.Scene(crank_alone(), (Torque("brake", "crank", torque=-3.0),), speed=10.0)
@@ -198,6 +199,7 @@ def test_an_analysis_of_two_turns():
     assert (stroke["value"], stroke["time_ratio"]) == pytest.approx((0.6, 1.0), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_windows_that_touch():
     """Loads that switch at the same angles, one on where another goes off, are one load that changes its size."""
     scene = machine("hay-press-slider")

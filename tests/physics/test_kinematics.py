@@ -24,8 +24,9 @@ from linkjax.kinematics import dead_centres, margins, pose, strokes, transmissio
 from tests.physics import oracle
 from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine, mirrored, moved, resized
 
-MACHINES = [*BUILT_IN, *COMPOSED, *PRESCRIBED]
-SOON = [pytest.param(name, marks=pytest.mark.slow) if name == "triad" else name for name in MACHINES]
+EVERY = (*BUILT_IN, *COMPOSED, *PRESCRIBED)
+MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name == "rolling" else name for name in EVERY]
+SOON = [pytest.param(name, marks=pytest.mark.slow) if name in ("rolling", "triad") else name for name in EVERY]
 ANGLES = np.linspace(-3.0, 9.0, 25)
 EPS = np.finfo(float).eps
 

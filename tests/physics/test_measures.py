@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import equinox as eqx
@@ -14,8 +15,9 @@ import linkjax as lj
 from linkjax import measures
 from linkjax._compile import compiled_soon
 from linkjax.analysis import measured
+from linkjax.groups import General
 from linkjax.measures import MEASURES
-from tests.physics.machines import BUILT_IN, machine, resized
+from tests.physics.machines import machine, resized
 
 FEW, MANY = 96, 160
 NAMES = sorted(MEASURES)
@@ -35,13 +37,39 @@ GROUPS = {  # measures that share most of their work, compiled together; the las
     "flywheel": ("flywheel_for_target_delta",),
 }
 GROUPS["rest"] = tuple(n for n in sorted(MEASURES) if n not in {m for group in GROUPS.values() for m in group})
-FEWER = {"slider-crank": tuple(group for group in GROUPS if group != "constant")}  # the others: `make test-all`
+FEWER = {"slider-crank": ("motion", "shaking", "flywheel", "rest")}  # the others: `make test-all`
+EVERY = lj.scene_names()
 CASES = [
     pytest.param(name, group, marks=[] if group in FEWER.get(name, ()) else [pytest.mark.slow])
-    for name in BUILT_IN
+    for name in EVERY
     for group in GROUPS
 ]
-SCENES = [pytest.param(name, marks=[] if name == "slider-crank" else [pytest.mark.slow]) for name in BUILT_IN]
+SCENES = [pytest.param(name, marks=[] if name == "slider-crank" else [pytest.mark.slow]) for name in EVERY]
+SYMMETRIC = ("two-cylinder", "elliptic-trammel")  # their peaks are tied, and what is the larger of two has no slope
+H = 3e-4  # step of the differences
+FINER = {"scissor-lift": 3e-5}  # its forces are steep where it is folded
+# a law holds the crank's speed, weights and inertia count for nothing beside the load
+EVEN = {"scissor-lift": ("delta", "regime_margin", "least_inertia", "mean_drive_torque", "flywheel_for_target_delta",
+                         "peak_shaking_force", "peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed",
+                         "smallest_transmission_angle")}  # fmt: skip
+
+
+@functools.cache
+def swept(name: str) -> lj.Scene:
+    """A built-in scene; where its peaks are tied, with each number of its mechanism up to a per cent off."""
+    scene = machine(name)
+    if name not in SYMMETRIC:
+        return scene
+    leaves, tree = jax.tree.flatten(scene.mechanism)
+    off = 0.01 * np.random.default_rng(3).uniform(-1, 1, len(leaves))
+    return scene.with_mechanism(jax.tree.unflatten(tree, [leaf * (1 + x) for leaf, x in zip(leaves, off, strict=True)]))
+
+
+def names_of(name: str, group: str = "") -> tuple[str, ...]:
+    """The measures of a group, of all if none is named, that a scene has."""
+    general = all(isinstance(one, General) for one in machine(name).mechanism.groups[1:])
+    names = GROUPS[group] if group else NAMES
+    return tuple(n for n in names if not (general and n == "smallest_transmission_angle"))
 
 
 def every(scene: lj.Scene, names: tuple[str, ...], nodes: int) -> jax.Array:
@@ -74,54 +102,53 @@ def backward(scene: lj.Scene, none: jax.Array, names: tuple[str, ...]) -> jax.Ar
 
 @functools.cache
 def gradients(name: str, group: str) -> np.ndarray:
-    scene = machine(name)
-    return np.asarray(backward(scene, jnp.zeros(len(jax.tree.leaves(scene))), names=GROUPS[group]))
+    scene = swept(name)
+    return np.asarray(backward(scene, jnp.zeros(len(jax.tree.leaves(scene))), names=names_of(name, group)))
 
 
 @functools.cache
 def all_values(name: str) -> np.ndarray:
-    return np.asarray(values(machine(name), names=tuple(NAMES), nodes=FEW))
-
-
-H = 3e-4  # step of the differences
+    return np.asarray(values(swept(name), names=names_of(name), nodes=FEW))
 
 
 @functools.cache
 def neighbours(name: str, group: str) -> tuple[np.ndarray, np.ndarray]:
     """Measures with every number two steps down, one down, one up and two up, and (last row) as it is; and their
     derivatives by every number, forwards: (numbers, measures). One program for both."""
-    count = len(jax.tree.leaves(machine(name)))
-    steps = np.concatenate([*(k * H * np.eye(count) for k in (-2, -1, 1, 2)), np.zeros((1, count))])
+    count, h = len(jax.tree.leaves(swept(name))), FINER.get(name, H)
+    steps = np.concatenate([*(k * h * np.eye(count) for k in (-2, -1, 1, 2)), np.zeros((1, count))])
     shifts = jnp.asarray(np.concatenate([steps, np.zeros((count, count))]))
     directions = jnp.asarray(np.concatenate([np.zeros_like(steps), np.eye(count)]))
-    values, slopes = around(machine(name), shifts, directions, names=GROUPS[group])
+    values, slopes = around(swept(name), shifts, directions, names=names_of(name, group))
     return np.asarray(values[: len(steps)]), np.asarray(slopes[len(steps) :])
 
 
 @pytest.mark.parametrize(("name", "group"), CASES)
 def test_gradients(name, group):
     """Finite, not zero, and the same forwards, backwards and by fourth-order differences, by every number."""
-    names, reverse = GROUPS[group], gradients(name, group)
+    names, reverse, (f, ahead) = names_of(name, group), gradients(name, group), neighbours(name, group)
     assert np.all(np.isfinite(reverse))
-    assert np.all(np.any(reverse != 0, axis=1))
     size = np.linalg.norm(reverse, axis=1, keepdims=True)
     count = reverse.shape[1]
-    f, ahead = neighbours(name, group)
-    wrong = np.max(np.abs(ahead.T - reverse) / size, axis=1)
-    assert {n: w for n, w in zip(names, wrong, strict=True) if not w <= 1e-10} == {}
     f = f[:-1].reshape((4, count, len(names)))
-    differences = ((f[0] - f[3]) + 8 * (f[2] - f[1])).T / (12 * H)
-    wrong = np.max(np.abs(differences - reverse) / size, axis=1)
-    assert {n: w for n, w in zip(names, wrong, strict=True) if not w <= 1e-6} == {}
+    differences = ((f[0] - f[3]) + 8 * (f[2] - f[1])).T / (12 * FINER.get(name, H))
+    for i, measure in enumerate(names):
+        if measure in EVEN.get(name, ()):  # rounding, beside torques of kilonewton metres
+            assert np.max(np.abs([reverse[i], ahead.T[i]])) < 1e-10, measure
+            assert np.max(np.abs(differences[i])) < 1e-7, measure
+        else:
+            assert size[i] > 0, measure
+            assert np.max(np.abs(ahead.T[i] - reverse[i])) <= 1e-10 * size[i], measure
+            assert np.max(np.abs(differences[i] - reverse[i])) <= 1e-6 * size[i], measure
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_independent_of_the_number_of_nodes(name):
     many = {}
-    for group, names in GROUPS.items():
-        many |= dict(zip(names, neighbours(name, group)[0][-1], strict=True))
-    np.testing.assert_allclose(all_values(name), [many[n] for n in NAMES], rtol=1e-8, atol=1e-8)
+    for group in GROUPS:
+        many |= dict(zip(names_of(name, group), neighbours(name, group)[0][-1], strict=True))
+    np.testing.assert_allclose(all_values(name), [many[n] for n in names_of(name)], rtol=1e-8, atol=1e-8)
 
 
 POWERS = {
@@ -138,19 +165,31 @@ POWERS = {
 @pytest.mark.parametrize("name", SCENES)
 def test_unchanged_by_units(name, units):
     """Millimetres and tonnes, micro machines and giants: the same numbers in their own units."""
-    before = all_values(name)
-    after = np.asarray(values(resized(machine(name), *units), names=tuple(NAMES), nodes=FEW))
-    back = [np.prod([u**-p for u, p in zip(units, POWERS[MEASURES[n].unit], strict=True)]) for n in NAMES]
+    before, names = all_values(name), names_of(name)
+    after = np.asarray(values(resized(swept(name), *units), names=names, nodes=FEW))
+    back = [np.prod([u**-p for u, p in zip(units, POWERS[MEASURES[n].unit], strict=True)]) for n in names]
     np.testing.assert_allclose(after * back, before, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_an_analysis_holds_the_same_numbers(name):
     """What `measured` reads from a cycle, found by other programs; a target for the flywheel only some scenes have."""
-    found = measured(lj.analyse(machine(name), angles=4, nodes=FEW))
-    expected = dict(zip(NAMES, all_values(name), strict=True))
+    found = measured(lj.analyse(swept(name), angles=4, nodes=FEW))
+    expected = dict(zip(names_of(name), all_values(name), strict=True))
     assert set(expected) - set(found) <= {"flywheel_for_target_delta"}
     assert found == pytest.approx({name: expected[name] for name in found}, rel=1e-9, abs=1e-12)
+
+
+def test_windows_that_switch_together_do_not_shake():
+    """At constant speed no load shakes the frame: its window has no slope, even where a panel has no width."""
+    scene = machine("slider-crank")
+    both = lj.Window(jnp.asarray(0.7), jnp.asarray(4.0))
+    loads = tuple(lj.Torque(name, "crank", torque=-size, window=both) for name, size in (("one", 3.0), ("two", 5.0)))
+    scene = dataclasses.replace(scene, loads=loads)
+    slope = compiled_soon(jax.grad(lambda scene: measures.rms_shaking_force_constant_speed(scene, 48)))(scene)
+    assert float(slope.speed) > 0
+    assert [float(leaf) for leaf in jax.tree.leaves(slope.loads)] == [0.0] * 6
 
 
 def test_two_designs_share_one_compilation():

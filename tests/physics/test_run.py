@@ -32,14 +32,16 @@ def by_scipy(scene: lj.Scene, angles: np.ndarray, speed: float, drive: float) ->
     cuts = np.unique(np.concatenate([angles, (jumps[None] + scene.cycle * turns[:, None]).ravel()]))
     cuts = cuts[(cuts >= angles[0]) & (cuts <= angles[-1])]
 
-    def rate(phi, state):
-        inertia, slope, torque = shooting.at(scene, phi)
+    def rate(phi, state, smooth):
+        inertia, slope, torque = smooth(phi)
         return [(torque + drive - 0.5 * slope * state[0] ** 2) / (inertia * state[0]), 1 / state[0]]
 
     states = [[speed, 0.0]]
     for low, high in itertools.pairwise(cuts):
         off = 1e-13 * (high - low)
-        states.append(solve_ivp(rate, (low + off, high - off), states[-1], "DOP853", rtol=1e-12, atol=1e-15).y[:, -1])
+        smooth = shooting.Fitted(scene, low + off, high - off)
+        ends, given = (smooth.low, smooth.high), {"args": (smooth,), "rtol": 1e-12, "atol": 1e-15}
+        states.append(solve_ivp(rate, ends, states[-1], "DOP853", **given).y[:, -1])
     found = np.asarray(states)[np.searchsorted(cuts, angles)]
     return found[:, 0], found[:, 1]
 

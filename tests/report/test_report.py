@@ -27,7 +27,9 @@ def report(request, tmp_path_factory):
     return scene, data, read(path)
 
 
-@pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "four-bar"])
+@pytest.mark.parametrize(
+    "name", ["quick-return", *(pytest.param(n, marks=pytest.mark.slow) for n in ("hay-press", "four-bar"))]
+)
 def test_self_contained_and_well_formed(name, tmp_path):
     scene, data = analysed(name)
     path = write_report(data, scene, tmp_path / "report.html", figures=write_figures(data, scene, tmp_path))

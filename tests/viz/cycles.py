@@ -10,7 +10,7 @@ import pytest
 import linkjax as lj
 from linkjax.analysis import document
 
-QUICK = ("hay-press", "quick-return", "scotch-yoke")
+QUICK = ("hay-press", "quick-return")
 SCENES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in lj.scene_names()]
 
 
