@@ -6,15 +6,19 @@ import jax
 import numpy as np
 
 from linkjax.analysis._cycle import Cycle
+from linkjax.groups import General
 from linkjax.measures import MEASURES, peak_names
 
 
 def measured(cycle: Cycle) -> dict[str, float]:
-    """Every measure in `MEASURES` that an analysis holds, by name, in their order: those of the package."""
+    """Every measure in `MEASURES` that an analysis holds and the scene has, by name, in their order: those of the
+    package."""
     cycle = jax.device_get(cycle)
     motion, wheel = cycle.steady, cycle.flywheel
     limits = [least.value for sides in cycle.margins.values() for least in sides.values()]
     turned = np.concatenate([np.zeros(0), *map(np.ravel, cycle.transmission_ends.values())])
+    groups = cycle.scene.mechanism.groups[1:]
+    told = not groups or not all(isinstance(group, General) for group in groups)  # those have none
     found = {
         "delta": motion.delta,
         "largest_speed": motion.speed_max,
@@ -24,7 +28,9 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "mean_drive_torque": motion.drive_torque,
         "flywheel_for_target_delta": wheel.for_target_delta,
         "smallest_margin": min(limits, default=1.0),
-        "smallest_transmission_angle": np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi),
+        "smallest_transmission_angle": (
+            np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi) if told else None
+        ),
         "rms_shaking_force_constant_speed": cycle.rms_shaking_force_constant_speed,
     }
     for suffix, peak in (("", cycle.peaks), ("_constant_speed", cycle.peaks_constant_speed)):
