@@ -47,10 +47,6 @@ CASES = [
 ]
 SCENES = [pytest.param(name, marks=[] if name == "slider-crank" else [pytest.mark.slow]) for name in EVERY]
 SYMMETRIC = ("two-cylinder", "two-slider-press", "elliptic-trammel")  # peaks are tied: the larger of two has no slope
-    "two-cylinder",
-    "two-slider-press",
-    "elliptic-trammel",
-)  # their peaks are tied, and what is the larger of two has no slope
 H = 3e-4  # step of the differences
 FINER = {"scissor-lift": 3e-5}  # its forces are steep where it is folded
 ZERO = {"Andrews' squeezer": 3e-5}  # what its share is taken of where a number is zero; this one weighs grams
