@@ -3,6 +3,7 @@
 linkjax itself must not be imported here: its annotations are checked by a hook that acts on import.
 """
 
+import gc
 import os
 import sys
 import zlib
@@ -12,6 +13,7 @@ CACHE = Path(__file__).parents[1] / ".cache"
 MOST_MAPS = 15_000  # of the 65 530 that Linux allows; some 5 GB of programs
 os.environ["XDG_CACHE_HOME"] = str(CACHE)  # also for programs that tests start: nothing is written outside
 os.environ["MPLBACKEND"] = "agg"
+gc.set_threshold(100_000, 20, 20)  # tracing makes millions of objects that live: looking through them took a tenth
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402

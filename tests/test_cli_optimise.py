@@ -134,6 +134,7 @@ def test_limits_that_clash(call, scene, tmp_path):
     assert set(data["result"]["clash"]) == {"delta", "flywheel.inertia"}
 
 
+@pytest.mark.slow
 def test_options_take_the_place_of_the_section(call, scene, tmp_path):
     """Another objective, another range, a number fixed again."""
     options = ["--minimise", "delta", "--limit", "delta <= 1"]

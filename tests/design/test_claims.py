@@ -190,6 +190,7 @@ def test_rounding_is_no_scale():
     assert found.kkt_residual <= 1e-7
 
 
+@pytest.mark.slow
 def test_an_own_function_of_the_true_motion_needs_one():
     """At 20 rpm the pump has no steady motion, whoever asks for it."""
     scene = lj.load("slider-crank", {"speed": "300 rpm"})

@@ -99,6 +99,7 @@ def test_no_regime_on_the_general_road():
     json.dumps(plain(document(two, "slow", "0")), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_lowest_midrange_speed():
     """Just below there is no regime, just above there is one: the mean meant is the scene's own."""
     scene = dataclasses.replace(machine("hay-press"), mean="midrange", speed=jnp.asarray(15.0))

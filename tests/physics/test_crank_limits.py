@@ -187,7 +187,8 @@ def test_a_general_group_is_followed_both_ways():
     np.testing.assert_allclose((found.x, found.y), (known.x, known.y), atol=1e-13)
 
 
-@pytest.mark.parametrize("end", [pytest.param("start", marks=pytest.mark.slow), "stop"])
+@pytest.mark.slow
+@pytest.mark.parametrize("end", ["start", "stop"])
 def test_crank_angle_zero_beside_the_end_of_a_range(end):
     """The path then goes on from its last place to its first: the four-bar in closed form, on both sides of zero."""
     links = {"crank": Link(length=0.3), "coupler": Link(length=0.25), "rocker": Link(length=0.2)}

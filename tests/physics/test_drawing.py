@@ -80,6 +80,7 @@ def test_pins_of_a_link_whose_second_pin_is_a_marked_point():
     assert (float(at.x), float(at.y)) == pytest.approx((0.0, 0.3), abs=1e-16)  # its axis lies along x in the sketch
 
 
+@pytest.mark.slow
 def test_sides_are_those_of_the_true_places():
     """A pin sketched far off its place does not turn the dyad that hangs on it."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "E", "C"), length=0.15,

@@ -241,7 +241,7 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     return np.abs(np.stack([found[name] + 0 * phi for name in peak_names(scene)]))
 
 
-@pytest.mark.parametrize("name", [n if n == "hay-press" else pytest.param(n, marks=pytest.mark.slow) for n in EVERY])
+@pytest.mark.parametrize("name", [n if n == "slider-crank" else pytest.param(n, marks=pytest.mark.slow) for n in EVERY])
 def test_peaks_and_checks(name):
     """Suprema over 20 000 angles and both sides of every jump, each looked at more closely around the highest."""
     scene = machine(name)
