@@ -181,7 +181,9 @@ def test_an_analysis_holds_the_same_numbers(name):
     found = measured(lj.analyse(swept(name), angles=4, nodes=FEW))
     expected = dict(zip(names_of(name), all_values(name), strict=True))
     assert set(expected) - set(found) <= {"flywheel_for_target_delta"}
-    assert found == pytest.approx({name: expected[name] for name in found}, rel=1e-9, abs=1e-12)
+    for measure, value in found.items():
+        least = 1e-10 if measure in EVEN.get(name, ()) else 1e-12
+        assert value == pytest.approx(expected[measure], rel=1e-9, abs=least), measure
 
 
 def test_windows_that_switch_together_do_not_shake():
