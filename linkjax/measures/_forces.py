@@ -70,10 +70,11 @@ def reaction_names(scene: Scene) -> list[tuple[str, str]]:
     """One (joint, link) for every joint: the link that joins, the other side being equal and opposite; where several
     join one pin, also the link that carries it, which takes their sum."""
     joints = [joint for group in scene.mechanism.groups for joint in group.joints()]
-    names = list(dict.fromkeys((joint.name, joint.link) for joint in joints))
+    names = [(joint.name, joint.link) for joint in joints]
     owners = scene.mechanism.owners()
     carried = collections.Counter((joint.name, joint.by or owners[joint.point]) for joint in joints)
-    return names + [(joint, link) for (joint, link), count in carried.items() if count > 1 and link != "frame"]
+    names += [(joint, link) for (joint, link), count in carried.items() if count > 1 and link != "frame"]
+    return list(dict.fromkeys(names))
 
 
 def _forces(regime: Regime, place: Place) -> Forces:

@@ -222,6 +222,13 @@ def test_limits_at_a_jump(name, kind):
     assert gap > 0.1 * jump
 
 
+@pytest.mark.parametrize("name", lj.scene_names())
+def test_every_peak_has_a_name_of_its_own(name):
+    """Also where four links meet at a pin, each of which may carry it."""
+    names = peak_names(lj.load(name))
+    assert len(set(names)) == len(names)
+
+
 def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     """Size of everything whose peak is reported, rows in the order of `peak_names`, from the Newton-Euler equations."""
     known, mechanism = newton_euler.solve(scene, phi, speed, acceleration), scene.mechanism
