@@ -134,7 +134,6 @@ def test_limits_that_clash(call, scene, tmp_path):
     assert set(data["result"]["clash"]) == {"delta", "flywheel.inertia"}
 
 
-@pytest.mark.slow
 def test_options_take_the_place_of_the_section(call, scene, tmp_path):
     """Another objective, another range, a number fixed again."""
     options = ["--minimise", "delta", "--limit", "delta <= 1"]
@@ -178,7 +177,6 @@ def interrupted(call, *arguments) -> dict:
     return data
 
 
-@pytest.mark.slow
 def test_interrupted(call, scene, tmp_path, monkeypatch):
     """Ctrl-C in the second start: the best design so far is written, the code says what happened."""
     descend = _optimise.SOLVERS["cone"]

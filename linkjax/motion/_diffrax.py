@@ -105,6 +105,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     import diffrax
 
     panels, unit = grid.half.size, jax.lax.stop_gradient(scene.speed)
+    sides, scene = grid.orders(scene), grid.in_order(scene)
     fixed = jax.lax.stop_gradient(along)
     jumps = jnp.floor(fixed[0]) + jnp.arange(1, MOST_CYCLES * panels + 1, dtype=float)
 
@@ -112,7 +113,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
         at = grid.edges[panel] + (s - jnp.floor(s)) * width
-        return width, governing(scene, reduce(scene, at, grid.middle[panel]))
+        return width, governing(scene, reduce(scene, at, sides[panel]))
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
     first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)

@@ -6,6 +6,7 @@ breakpoint are used to halve the hardest panels, so nothing is wasted and every 
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -16,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from linkjax._numerics import highest, nearest_turn, safe_divide, wrapped
 from linkjax.groups import Margin
 from linkjax.kinematics import Motion, find_reversals, named_groups, pose, scan_angles
-from linkjax.loads import AbstractLoad
+from linkjax.loads import AbstractLoad, Window
 from linkjax.machine import Scene, ready
 from linkjax.motion._panels import Rule, rule
 
@@ -32,9 +33,12 @@ class Grid(eqx.Module):
     """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each.
 
     `overflow` when there are more reversals than slots; `doubt` is the work (J) that misplaced reversals may cost.
+    `switches` are the numbers of the panels that begin where the loads' windows begin and end, in the order of the
+    loads; where several are at one angle, each has a panel of its own, without width.
     """
 
     edges: Float[Array, " edges"]
+    switches: Int[Array, " ends"]
     overflow: Bool[Array, ""]
     doubt: Float[Array, ""]
     n: int = eqx.field(static=True)
@@ -64,6 +68,20 @@ class Grid(eqx.Module):
     def nodes(self) -> Float[Array, "panels n"]:
         """Crank angles of the nodes (rad)."""
         return self.middle[:, None] + self.half[:, None] * self.rule.x[None]
+
+    def in_order(self, scene: Scene) -> Scene:
+        """The scene with windows told by the numbers of panels, spread evenly over the cycle; `orders` is the side. It
+        has each load on in its own panels without width, so that an integral has the slope of every single switch."""
+        ends = iter(self.switches.astype(float) * (scene.cycle / self.half.size))
+        loads = tuple(
+            load if load.window is None else dataclasses.replace(load, window=Window(next(ends), next(ends)))
+            for load in scene.loads
+        )
+        return dataclasses.replace(scene, loads=loads)
+
+    def orders(self, scene: Scene) -> Float[Array, " panels"]:
+        """The middle of every panel (rad), were all of one width."""
+        return (jnp.arange(self.half.size, dtype=float) + 0.5) * (scene.cycle / self.half.size)
 
     def place(self, phi: Array) -> Place:
         """Where a crank angle lies; on an edge, in the panel that begins there (the limit from increasing φ)."""
@@ -99,11 +117,12 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
     """Lay the grid for a scene with about `nodes` nodes a crank turn (at least 4 per panel)."""
     scene = ready(scene)
     windows = [end for load in scene.loads if load.window is not None for end in (load.window.on, load.window.off)]
-    windows += [jnp.asarray(angle) for angle in _breaks(scene)]
+    windows = [wrapped(end, scene.cycle) for end in windows]
+    breaks = [wrapped(jnp.asarray(angle), scene.cycle) for angle in _breaks(scene)]
     opposing = [load for load in scene.loads if load.opposing]
     groups = len(scene.mechanism.groups) - 1
     turns, slots = scene.cycle_turns, REVERSALS * scene.cycle_turns
-    count = max(6 * turns, len(windows) + slots * len(opposing) + groups * turns)
+    count = max(6 * turns, len(windows) + len(breaks) + slots * len(opposing) + groups * turns)
     scan = scan_angles(turns, SCAN)
     motions, closeness = jax.vmap(lambda phi: _scan_at(scene, opposing, phi))(scan)
     found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
@@ -114,11 +133,11 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
         for turn in range(turns)
     ]
     kinks = _collect(scene, [*(f[0] for f in found), *jax.lax.stop_gradient(soft)])
-    edges = _edges(scene, [wrapped(w, scene.cycle) for w in windows], kinks, count)
+    edges = _edges(scene, windows + breaks, kinks, count)
     overflow = jnp.any(jnp.stack([jnp.asarray(False), *(f[1] for f in found)]))
     doubt = sum((f[2] for f in found), jnp.zeros(()))
     n = max(4, -(-nodes * turns // count))
-    return Grid(edges, overflow, doubt, n, scan.size + POLISH * slots * len(opposing))
+    return Grid(edges, _switches(edges, windows), overflow, doubt, n, scan.size + POLISH * slots * len(opposing))
 
 
 def _breaks(scene: Scene) -> list[float]:
@@ -208,6 +227,16 @@ def _sorted(values: Array) -> Array:
     before = (values[None] < values[:, None]) | ((values[None] == values[:, None]) & (number[None] < number[:, None]))
     place = jnp.sum(before, axis=1)
     return jnp.max(jnp.where(place[None] == number[:, None], values[None], -jnp.inf), axis=1)
+
+
+def _switches(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
+    """The number of the edge that every end of a window has become: those at one angle follow each other."""
+    if not ends:
+        return jnp.zeros((0,), jnp.int32)
+    found, number = jnp.stack(ends), jnp.arange(len(ends))
+    before = jnp.sum(edges[None] < found[:, None], axis=1)
+    twins = jnp.sum((found[None] == found[:, None]) & (number[None] < number[:, None]), axis=1)
+    return (before + twins).astype(jnp.int32)
 
 
 def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:

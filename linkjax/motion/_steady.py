@@ -109,7 +109,8 @@ def node_poses(scene: Scene, grid: Grid) -> Pose:
 
 def node_values(scene: Scene, grid: Grid, poses: Pose | None = None) -> Reduced:
     """Reduced inertia, slope and torque at every node, shape (panels, n); `poses` from `node_poses` where known."""
-    sides = jnp.broadcast_to(grid.middle[:, None], grid.nodes.shape).ravel()
+    sides = jnp.broadcast_to(grid.orders(scene)[:, None], grid.nodes.shape).ravel()
+    scene = grid.in_order(scene)
 
     def at(phi, side, here):
         return governing(scene, reduce_pose(scene, Instant(phi, side, scene.cycle), here))

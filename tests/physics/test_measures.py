@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,6 +19,7 @@ from linkjax._compile import compiled_soon
 from linkjax.analysis import measured
 from linkjax.groups import General
 from linkjax.measures import MEASURES
+from linkjax.motion import steady_by_diffrax
 from tests.physics.machines import machine, resized
 
 FEW, MANY = 96, 160
@@ -47,14 +50,22 @@ CASES = [
 ]
 SCENES = [pytest.param(name, marks=[] if name == "slider-crank" else [pytest.mark.slow]) for name in EVERY]
 SYMMETRIC = ("two-cylinder", "two-slider-press", "elliptic-trammel")  # peaks are tied: the larger of two has no slope
-CHANGED = {"oscillating-cylinder": {"groups[1].offset": "5 mm"}}  # or its transmission angle is a right one all along
+CHANGED = {
+    "oscillating-cylinder": {"groups[1].offset": "5 mm"},  # or its transmission angle is a right one all along
+    "two-cylinder": {"groups[1].guide.offset": "3 mm"},  # its twins are nearly tied otherwise
+    "two-slider-press": {"groups[1].guide.offset": "3 mm", "links.crank.centre": "20 mm"},
+}
 H = 3e-4  # step of the differences
 FINER = {"scissor-lift": 3e-5}  # its forces are steep where it is folded
 ZERO = {"Andrews' squeezer": 3e-5}  # what its share is taken of where a number is zero; this one weighs grams
-# a law holds the crank's speed, weights and inertia count for nothing beside the load
-EVEN = {"scissor-lift": ("delta", "regime_margin", "least_inertia", "mean_drive_torque", "flywheel_for_target_delta",
-                         "peak_shaking_force", "peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed",
-                         "smallest_transmission_angle")}  # fmt: skip
+EVEN = {  # measures without slope
+    "andrews-squeezer": ("mean_drive_torque",),  # without loads
+    "scissor-lift": (  # a law holds the crank's speed, weights and inertia count for nothing beside the load
+        "delta", "regime_margin", "least_inertia", "mean_drive_torque", "flywheel_for_target_delta",
+        "peak_shaking_force", "peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed",
+        "smallest_transmission_angle",
+    ),
+}  # fmt: skip
 
 
 @functools.cache
@@ -195,6 +206,61 @@ def test_windows_that_switch_together_do_not_shake():
     slope = compiled_soon(jax.grad(lambda scene: measures.rms_shaking_force_constant_speed(scene, 48)))(scene)
     assert float(slope.speed) > 0
     assert [float(leaf) for leaf in jax.tree.leaves(slope.loads)] == [0.0] * 6
+
+
+def switched_together() -> lj.Scene:
+    """A machine of which four loads begin and end at two angles, one at one of them only."""
+    times = {"one": (0.7, 4.0, -3.0), "two": (0.7, 4.0, 5.0), "three": (4.0, 0.7, 2.0), "four": (0.7, 5.0, -4.0)}
+    scene = machine("slider-crank")
+    windows = {name: lj.Window(jnp.asarray(on), jnp.asarray(off)) for name, (on, off, _) in times.items()}
+    loads = tuple(lj.Torque(n, "crank", torque=size, window=windows[n]) for n, (_, _, size) in times.items())
+    return dataclasses.replace(scene, loads=scene.loads + loads)
+
+
+@functools.cache
+def by_single_ends(measure) -> np.ndarray:
+    """Derivatives by each end of each window of `switched_together`, (loads, ends)."""
+    slope = compiled_soon(jax.grad(measure))(switched_together())
+    return np.asarray([[load.window.on, load.window.off] for load in slope.loads[1:]])
+
+
+def mean_torque(scene: lj.Scene) -> jax.Array:
+    return measures.mean_drive_torque(scene, MANY)
+
+
+def swing(scene: lj.Scene) -> jax.Array:
+    return measures.delta(scene, MANY)
+
+
+def test_windows_that_switch_together_count_each_for_itself():
+    """The drive makes up for what a load gives where it begins or ends, whatever else switches there (closed form)."""
+    scene = switched_together()
+    torque = np.asarray([float(load.torque) for load in scene.loads[1:]])
+    expected = torque[:, None] * np.asarray([1, -1]) / scene.cycle
+    np.testing.assert_allclose(by_single_ends(mean_torque), expected, rtol=1e-12)
+
+
+def test_the_swing_by_a_window_that_switches_with_others():
+    """By differences: the window moved out of the row, both ways."""
+    program, scene = compiled_soon(swing), switched_together()
+    found, h = by_single_ends(swing), 1e-4
+    for i, end in itertools.product(range(4), (0, 1)):
+
+        def moved(by, i=i, end=end):
+            return eqx.tree_at(
+                lambda s: jax.tree.leaves(s.loads[1 + i].window)[end], scene, replace_fn=lambda x: x + by
+            )
+
+        slope = (float(program(moved(h))) - float(program(moved(-h)))) / (2 * h)
+        assert found[i, end] == pytest.approx(slope, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_diffrax_sees_single_windows_that_switch_together():
+    adjoint = diffrax.RecursiveCheckpointAdjoint()
+    slope = compiled_soon(jax.grad(lambda s: steady_by_diffrax(s, MANY, adjoint=adjoint).delta))(switched_together())
+    found = np.asarray([[load.window.on, load.window.off] for load in slope.loads[1:]])
+    np.testing.assert_allclose(found, by_single_ends(swing), rtol=1e-6)
 
 
 def test_two_designs_share_one_compilation():
