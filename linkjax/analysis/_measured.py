@@ -6,8 +6,7 @@ import jax
 import numpy as np
 
 from linkjax.analysis._cycle import Cycle
-from linkjax.groups import General
-from linkjax.measures import MEASURES, peak_names
+from linkjax.measures import MEASURES, no_transmission_angle, peak_names
 
 
 def measured(cycle: Cycle) -> dict[str, float]:
@@ -17,8 +16,7 @@ def measured(cycle: Cycle) -> dict[str, float]:
     motion, wheel = cycle.steady, cycle.flywheel
     limits = [least.value for sides in cycle.margins.values() for least in sides.values()]
     turned = np.concatenate([np.zeros(0), *map(np.ravel, cycle.transmission_ends.values())])
-    groups = cycle.scene.mechanism.groups[1:]
-    told = not groups or not all(isinstance(group, General) for group in groups)  # those have none
+    none = no_transmission_angle(cycle.scene.mechanism)
     found = {
         "delta": motion.delta,
         "largest_speed": motion.speed_max,
@@ -29,7 +27,7 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "flywheel_for_target_delta": wheel.for_target_delta,
         "smallest_margin": min(limits, default=1.0),
         "smallest_transmission_angle": (
-            np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi) if told else None
+            None if none else np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi)
         ),
         "rms_shaking_force_constant_speed": cycle.rms_shaking_force_constant_speed,
     }

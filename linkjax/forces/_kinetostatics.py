@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
 from linkjax.groups import RRP, RRR, Joint, Wrench
@@ -33,7 +34,7 @@ class JointForce(NamedTuple):
     @property
     def magnitude(self) -> Array:
         """Size of the force (N)."""
-        return jnp.sqrt(self.fx**2 + self.fy**2)
+        return safe_sqrt(self.fx**2 + self.fy**2)
 
 
 class Reaction(NamedTuple):

@@ -13,6 +13,7 @@ from linkjax.measures._measures import largest_speed as largest_speed
 from linkjax.measures._measures import least_inertia as least_inertia
 from linkjax.measures._measures import mean_drive_torque as mean_drive_torque
 from linkjax.measures._measures import measure as measure
+from linkjax.measures._measures import no_transmission_angle as no_transmission_angle
 from linkjax.measures._measures import peak as peak
 from linkjax.measures._measures import peak_drive_torque_constant_speed as peak_drive_torque_constant_speed
 from linkjax.measures._measures import peak_reaction as peak_reaction

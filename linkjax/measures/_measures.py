@@ -19,7 +19,7 @@ from linkjax.kinematics import Least, assembly_margins, transmission_angles
 from linkjax.machine import Scene
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
-from linkjax.mechanism import StructureError
+from linkjax.mechanism import Mechanism, StructureError
 from linkjax.motion import (
     LEAST,
     Components,
@@ -229,13 +229,18 @@ def smallest_margin(of: Parts) -> Rows:
     return Rows(jnp.stack([each.value for each in found])[:, None], jnp.stack([each.angle for each in found]), True)
 
 
+def no_transmission_angle(mechanism: Mechanism) -> bool:
+    """Whether nothing but general groups, which have none, transmits the motion."""
+    driver, *groups = (isinstance(group, General) for group in mechanism.groups)
+    return all(groups) and (driver or len(groups) > 0)
+
+
 @smallest("rad")
 def smallest_transmission_angle(of: Parts) -> Rows:
     """Smallest of all transmission angles over the cycle, an obtuse one counted by what it lacks to 180 degrees: a
     right angle transmits best, and zero is a dead position. General groups have none; `StructureError` where no other
     group is there."""
-    groups = of.scene.mechanism.groups[1:]
-    if groups and all(isinstance(group, General) for group in groups):
+    if no_transmission_angle(of.scene.mechanism):
         problem = "this machine has none: all its groups are general ones"
         raise StructureError("smallest_transmission_angle", problem, "leave it out")
 

@@ -143,7 +143,7 @@ def settle(grid: Grid, panel: Array, x: Array) -> Place:
     inside = jax.lax.stop_gradient(jnp.abs(x) < 1)
     end = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
     edge, angle = phi_at(grid, panel, end), phi_at(grid, panel, x)
-    drift = (jax.lax.stop_gradient(angle) - grid.middle[panel]) / grid.half[panel]
+    drift = safe_divide(jax.lax.stop_gradient(angle) - grid.middle[panel], grid.half[panel])  # none without width
     phi = envelope(jnp.where(inside, angle, edge), jnp.where(inside, 0.0, edge - jax.lax.stop_gradient(edge)))
     moves = jnp.where(inside, drift - jax.lax.stop_gradient(drift), 0.0)
     return Place(panel, envelope(jnp.where(inside, x, end), moves), phi)
