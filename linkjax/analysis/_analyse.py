@@ -17,7 +17,7 @@ from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
 from linkjax._vec import Vec
 from linkjax.analysis._blunt import singular, without_joints
-from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain
+from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain, explain_start
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.forces import Forces, driven_by_joint
 from linkjax.groups import closed_to
@@ -87,7 +87,7 @@ def analyse(
         raise StructureError(scene.mechanism.crank, problem, "leave diffrax out, or the law")
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
-    cycle = _analyse(scene, angles, nodes, constant_speed, motion)
+    cycle = _analyse(scene, angles, nodes, constant_speed, motion, throw)
     if throw and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         explain(cycle)
     if scene.speed.dtype == jnp.float32 and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
@@ -122,10 +122,12 @@ def _angles(scene: Scene, angles: Any) -> Array:
     return found
 
 
-def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str) -> Cycle:
+def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str, throw: bool) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile."""
     given, scene = scene, ready(scene)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
+        if throw:
+            explain_start(scene)
         _compile_ahead(scene, angles, nodes, road)
     motion, here, work = _motion(scene, nodes, road)
     at_nodes, at = _everywhere(scene, motion, angles)

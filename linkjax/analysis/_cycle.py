@@ -18,6 +18,7 @@ from linkjax.reduction import Reduced
 
 CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
 INSIDE = 0.1  # of a range of crank angles: how far inside it the law that is proposed stays
+OPEN = 1e-2  # of the size of a group: what its joints leave open where it is far from closing
 NEARLY = 1e-6  # or within this, where Newton's method closes the loops: at a change point it is slow
 
 Margins = dict[str, dict[str, Least]]
@@ -105,6 +106,28 @@ class Cycle(eqx.Module):
         return self.forces.reactions
 
 
+def explain_start(scene: Scene) -> None:
+    """Raise `MachineError` where a general group of a prepared scene is far from closing at crank angle zero: what is
+    not to be had from its sketch needs no analysis to tell."""
+    for name, group in named_groups(scene.mechanism).items():
+        if not isinstance(group, General) or group.path is None or not float(group.path.gap[0]) > OPEN:
+            continue
+        title = f"Scene {scene.title!r}: " if scene.title else ""
+        left = float(group.path.gap[0] * group.size(scene.mechanism.held_by(group)))
+        joints = ", ".join(sorted({joint.name for joint in group.joints()}))
+        law = group.follows()
+        remedy = "Change lengths, or sketch its pins where they are at crank angle zero."
+        if law is not None:
+            slides = group.driven_slot() is not None
+            begins = float(law.at(jnp.zeros(()))[0])
+            told = f"stroke, which begins at {begins:.4g} m" if slides else f"law, which begins at {begins:.4g} rad"
+            remedy = f"Change its {told}, or lengths, or sketch its pins where they are there."
+        raise MachineError(
+            f"{title}group {name!r} cannot be assembled at crank angle zero: as near as its joints ({joints}) come, "
+            f"{left:.3g} m are left open. {remedy}", Result.CANNOT_BE_ASSEMBLED,
+        )  # fmt: skip
+
+
 def explain(cycle: Cycle) -> None:
     """Raise `MachineError` when the cycle did not succeed, saying what falls short, where, and what to change."""
     code, shaft = Result(int(cycle.result)), isinstance(cycle.scene.mechanism.groups[0], Crank)
@@ -167,7 +190,7 @@ def _where_it_can(cycle: Cycle) -> str:
     crank = cycle.scene.mechanism.groups[0]
     if not isinstance(crank, Crank):
         return ""
-    ranges = crank_limits(cycle.scene.mechanism)
+    ranges = crank_limits(cycle.scene.mechanism, cycle.scene.cycle_turns)
     if not ranges:
         return "It can be assembled at no crank angle. "
     if not ranges[0].at_start:

@@ -164,7 +164,7 @@ def analyse_command(
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     with elapsed("analysing"):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed,
-                        motion=motion.value, throw=False)  # fmt: skip
+                        motion=motion.value, throw=not (json_file or csv_folder))  # fmt: skip
         cycle = pick(whole, slice(0, angles))
         data = document(cycle, scene, __version__)
     if json_file:

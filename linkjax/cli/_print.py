@@ -74,7 +74,9 @@ def print_structure(found: Structure) -> None:
 def print_assemblies(found: dict[str, Assemblies], show: Numbers) -> None:
     """The ways to assemble general groups at crank angle zero, as sketches."""
     for name, ways in found.items():
-        console.print(f"\n{name} can be assembled in {len(ways.sketches)} ways at 0° ({ways}); as [sketch]:",
+        several = "1 way" if len(ways.sketches) == 1 else f"{len(ways.sketches)} ways"
+        listed = "; as [sketch]:" if ways.sketches else ""
+        console.print(f"\n{name} can be assembled in {several} at 0° ({ways}){listed}",
                       highlight=False, markup=False)  # fmt: skip
         for sketch in ways.sketches:
             places = ", ".join(f"{point} {show.place((at.x, at.y))}" for point, at in sketch.items())

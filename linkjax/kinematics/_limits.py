@@ -32,9 +32,11 @@ class CrankRange(NamedTuple):
     at_stop: str
 
 
-def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
+def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]:
     """The ranges of crank angle in which a mechanism can be assembled, from the one that holds crank angle zero, or
-    comes next, on; one from 0 to 2π for a crank that comes round, none for a linkage that closes nowhere.
+    comes next, on; one from 0 to 2π `turns` for a crank that comes round, none for a linkage that closes nowhere.
+    `turns` of the crank are looked at: as many as the machine's cycle has (more than one where gears turn other links
+    less often), for what lies beyond is taken to repeat them.
 
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
     driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
@@ -47,7 +49,6 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
     crank = mechanism.groups[0]
-    turns = 1
     if isinstance(crank, Crank):
         mechanism = dataclasses.replace(
             mechanism, groups=(dataclasses.replace(crank, law=None, turns=crank.turns), *mechanism.groups[1:])
@@ -55,7 +56,7 @@ def crank_limits(mechanism: Mechanism) -> tuple[CrankRange, ...]:
     elif mechanism.prescribed:
         law = mechanism.driver.follows()
         assert law is not None
-        turns = max(1, round(law.period() / (2 * math.pi)))
+        turns = max(turns, round(law.period() / (2 * math.pi)))
     whole = 2 * math.pi * turns
     owners = [number for number, g in enumerate(mechanism.groups) for _ in g.dead_positions()]
     names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions()]

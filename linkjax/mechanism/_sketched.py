@@ -60,7 +60,7 @@ def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
     """Raise `StructureError` where the drive puts a pin far from where a link that hangs on it can be."""
     link, slides = drawing.links[drive.link], drawing.guide(drive.link) is not None
     moved = [point for point in link.point_names() if point not in drawing.fixed]
-    strange = not slides and _strange(drawing, drive.link)
+    strange = not slides and _strange(drawing, drive.link) > 0
     for span in _spans(drawing):
         mine, other = (span.one, span.two) if span.one in moved else (span.two, span.one)
         if span.link == drive.link or mine not in moved or mine in sketch or other not in sketch:
@@ -97,15 +97,17 @@ def _spans(drawing) -> Iterator[Span]:
 def _single(drawing, spans: list[Span]) -> bool:
     """Whether it is one link that does not fit, because it is of another size than the rest."""
     names = {span.link for span in spans}
-    return len(names) == 1 and _strange(drawing, *names)
+    return len(names) == 1 and _strange(drawing, *names) != 0
 
 
-def _strange(drawing, name: str) -> bool:
-    """Whether a link is much longer or shorter than is usual among the others."""
+def _strange(drawing, name: str) -> int:
+    """Whether a link is much longer (+1) or shorter (-1) than is usual among the others."""
     lengths = [float(length) for other, link in drawing.links.items() if other != name
                and (length := number_of(link.length)) is not None and length > 0]  # fmt: skip
     usual, length = statistics.median(lengths) if lengths else 0.0, float(drawing.links[name].length)
-    return usual > 0 and length > 0 and not usual / OUT_OF_SCALE < length < usual * OUT_OF_SCALE
+    if not (usual > 0 and length > 0):
+        return 0
+    return (length >= usual * OUT_OF_SCALE) - (length <= usual / OUT_OF_SCALE)
 
 
 def _misfit(drawing, span: Span, instead: str) -> StructureError:

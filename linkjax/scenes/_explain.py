@@ -15,6 +15,8 @@ from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_rolli
 from linkjax.scenes._models import SceneFile
 
 File = TypeVar("File", bound=BaseModel)
+CHOICES = ("kind", "side", "branch")  # keys that hold no names
+MEANT = {"weight": "mass", "radius": "length", "moment_of_inertia": "inertia"}  # words for what has another name here
 DRAWN = {"drive": "[drive]", "slots": "[[slots]]", "gears": "[[gears]]", "racks": "[[racks]]",
          "links": "the [links.…] that it is of", "loads": "[[loads]]", "flywheel": "[flywheel]"}  # fmt: skip
 ADD = {
@@ -49,9 +51,10 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     """Problem and remedy."""
     what, last = kind_of(given), str(path[-1]) if path else ""
     if kind == "scene":
-        return context["problem"], context["remedy"]
+        return context["problem"], _other_law(path, context["problem"]) or context["remedy"]
     if kind == "extra_forbidden":
-        remedy = nearest(last, known_keys(table, path[:-1]))
+        keys = known_keys(table, path[:-1])
+        remedy = nearest(MEANT[last] if MEANT.get(last) in keys else last, keys)
         return "not a known key", remedy if remedy.startswith("did you mean") else _home(table, path) or remedy
     if kind == "missing":
         return "missing", _addition(table, path)
@@ -100,6 +103,15 @@ def _home(table: Any, path: Path) -> str:
     return ""
 
 
+def _other_law(path: Path, problem: str) -> str:
+    """What to write where a drive's law has lengths, or its stroke angles."""
+    if path[:2] == ("drive", "law") and problem.startswith("a length"):
+        return 'a block that slides along a guide has a stroke: write stroke = { start = "0 mm", stop = "120 mm" }'
+    if path[:2] == ("drive", "stroke") and problem.startswith("an angle"):
+        return 'a link that turns has a law: write law = { start = "20 deg", stop = "140 deg" }'
+    return ""
+
+
 def _choice(given: str, choices: list[str]) -> str:
     alike = [choice for choice in choices if choice.lower() == given.strip().lower()]
     listed = " or ".join(shown(choice) for choice in choices)
@@ -139,6 +151,8 @@ def from_structure(error: StructureError, source: str, table: Any) -> SceneError
     element = lookup(table, path)
     if isinstance(element, dict) and "already" in error.problem:  # the new name stands behind those that it is hung on
         element = dict(reversed(element.items()))
+    if isinstance(element, dict):  # a link may have the name of a choice, e.g. "left"
+        element = dict(sorted(element.items(), key=lambda item: item[0] in CHOICES))
     inner = _holder(element, quoted[0]) if quoted else None
     return fault(source, table, (*path, *(inner or ())), error.problem, error.remedy)
 

@@ -49,7 +49,9 @@ class Drive(Table):
         return groups.Drive(self.link, self.on, 1 if law else turns, self.phase, None if law is None else law.build())
 
     def faults(self, slots: list[Slot], clockwise: bool) -> Iterator[Fault]:
-        """What does not fit together, given the slots of the machine."""
+        """What does not fit together, given the slots of the machine, if each of them is sound."""
+        if any(slot.block == slot.guide.on for slot in slots):
+            return
         slides = any({slot.block, slot.guide.on} == {self.link, self.on} for slot in slots)
         if slides and self.stroke is None:
             problem, remedy = "missing: a block cannot slide along a guide for ever", 'add stroke = { start = "0 mm", '

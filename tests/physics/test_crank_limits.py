@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import linkjax as lj
 from linkjax import RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
@@ -205,3 +206,26 @@ def test_crank_angle_zero_beside_the_end_of_a_range(end):
     here = found(away)
     np.testing.assert_allclose((here.r.x, here.r.y), (wanted.r.x, wanted.r.y), atol=1e-12)
     np.testing.assert_allclose((here.dr.x, here.dr.y), (wanted.dr.x, wanted.dr.y), rtol=1e-8)
+
+
+@pytest.mark.parametrize("phase", [1.0, 4.0])
+def test_a_geared_five_bar_over_both_turns_of_its_cycle(phase):
+    """The second turn differs from the first: |D + c exp i(phase - φ/2) - b exp iφ| = l + r, at every sign change."""
+    links = {name: body(length) for name, length in (("crank", 0.05), ("wheel", 0.04), ("left", 0.1), ("right", 0.1))}
+    groups = [
+        Crank("crank", "A", "B"),
+        lj.Gear("wheel", "D", "crank", "A", teeth=(40, 20), end="C", phase=phase),
+        RRR("left", "right", "B", "C", "P"),
+    ]
+    machine = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.18, 0.0)}, links, groups, flywheel=Flywheel(1.0))
+
+    def apart(phi):
+        return abs(0.18 + 0.04 * np.exp(1j * (phase - 0.5 * phi)) - 0.05 * np.exp(1j * phi)) - 0.2
+
+    scan = np.linspace(0.0, 4 * np.pi, 4001)
+    signs = [i for i in range(4000) if apart(scan[i]) * apart(scan[i + 1]) < 0]
+    ends = np.asarray([brentq(apart, scan[i], scan[i + 1], xtol=1e-15) for i in signs])
+    found = crank_limits(machine, 2)
+    np.testing.assert_allclose(np.sort(np.ravel([r[:2] for r in found]) % (4 * np.pi)), ends, atol=1e-12)
+    assert all(apart(0.5 * (r.start + r.stop)) < 0 for r in found)
+    assert len(ends) > 2
