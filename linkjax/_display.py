@@ -12,6 +12,7 @@ from linkjax._units import label_of
 NONE = "–"
 NO_BOUND = "∞"
 PLAIN = str.maketrans({"·": " ", "²": "^2", "³": "^3"})
+ROUNDING = 1e-12  # of a sum's parts: what is left of a sum that is zero
 Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
 
 
@@ -23,9 +24,10 @@ class Numbers(NamedTuple):
 
     units: Units = MappingProxyType({})
 
-    def quantity(self, value: float, unit: str = "", digits: int = 5) -> str:
-        """A number to so many significant digits, with its unit."""
-        return self.alike([value], unit, digits)[0]
+    def quantity(self, value: float, unit: str = "", digits: int = 5, beside: float = 0.0) -> str:
+        """A number to so many significant digits, with its unit; zero where it is the rounding of what stands beside
+        it."""
+        return self.alike([0.0 if abs(value) < ROUNDING * abs(beside) else value], unit, digits)[0]
 
     def alike(self, values: Iterable[float], unit: str = "", digits: int = 5) -> list[str]:
         """Numbers to so many significant digits, all in the unit that suits the largest."""

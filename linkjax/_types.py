@@ -26,10 +26,14 @@ def known(value: Any) -> np.ndarray | None:
 def as_float(value: Any) -> Any:
     """Return `value` as a floating array of the precision in force (float64 after `linkjax.enable_x64()`).
 
-    Tracers, arrays and the placeholders that JAX puts into trees pass through unchanged.
+    Tracers, arrays and the placeholders that JAX puts into trees pass through unchanged. Raises `TypeError` for what is
+    no number.
     """
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.integer):
         return value.astype(float)
     if isinstance(value, jax.Array) or hasattr(value, "aval") or type(value) is object or value is None:
         return value
-    return jnp.asarray(value, dtype=float)
+    try:
+        return jnp.asarray(None if isinstance(value, str) else value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{value!r} where a number is needed; write it in SI units, e.g. 0.3 for 300 mm") from error

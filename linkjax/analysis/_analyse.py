@@ -31,7 +31,7 @@ from linkjax.kinematics import (
     strokes,
     transmission_angles,
 )
-from linkjax.machine import Scene, ready
+from linkjax.machine import Scene, check_scene, ready
 from linkjax.measures import both_motions, peak_names, table
 from linkjax.mechanism import StructureError
 from linkjax.motion import (
@@ -73,6 +73,7 @@ def analyse(
     has no periodic regime or no inertia; with `throw=False`, and under jax transformations, `result` tells instead. By
     diffrax, derivatives are forward only (`jax.jvp`); `motion.steady_by_diffrax` takes another adjoint.
     """
+    check_scene(scene)
     if nodes < 8:
         raise ValueError(f"nodes must be at least 8, but is {nodes}; 96 gives about ten digits")
     scene, angles = jax.tree.map(as_float, scene), _angles(scene, angles)

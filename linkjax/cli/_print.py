@@ -86,6 +86,7 @@ def print_assemblies(found: dict[str, Assemblies], show: Numbers) -> None:
 def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     """Motion, flywheel, peaks, margins, dead centres, checks."""
     run, wheel, checks = data["motion"], data["flywheel"], data["checks"]
+    torque = data["peaks"]["drive_torque"]["value"]
     console.print(Text(machine.title or data["scene"], style="bold"))
     console.print(f"{machine.mechanism.formula()}\n", highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
@@ -94,8 +95,8 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
         ("mean speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
         ("largest speed", f"{show.speed(run['speed_max'])} at {show.turned(run['angle_of_max'])}"),
         ("smallest speed", f"{show.speed(run['speed_min'])} at {show.turned(run['angle_of_min'])}"),
-        ("constant drive torque", show.quantity(run["drive_torque_mean"], "N·m", 6)),
-        ("mean power", show.quantity(run["mean_power"], "W", 6)),
+        ("constant drive torque", show.quantity(run["drive_torque_mean"], "N·m", 6, torque)),
+        ("mean power", show.quantity(run["mean_power"], "W", 6, torque * run["mean_speed"])),
         ("flywheel given", show.shown(wheel["given"], "kg·m²")),
     ]
     if wheel["for_target_delta"] is not None:
@@ -143,7 +144,7 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     for name in (name for name in peaks if not name.endswith("_constant_speed")):
         both = [peaks[name], peaks[f"{name}_constant_speed"]]
         values = [show.quantity(peak["value"], peak_unit(name), 6) for peak in both]
-        angles = [show.turned(peak["angle"]) for peak in both]
+        angles = [show.turned(peak["angle"]) if peak["value"] else NONE for peak in both]
         table.add_row(name.replace("_", " "), values[0], angles[0], values[1], angles[1])
     console.print()
     console.print(table, highlight=False)

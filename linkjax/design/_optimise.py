@@ -18,7 +18,7 @@ from linkjax.design._scipy import slsqp, trust
 from linkjax.design._starts import Progress, Run, Start, Traded, feasible, objective, trade, violated
 from linkjax.design._terms import Asked, Limit
 from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
-from linkjax.machine import Scene
+from linkjax.machine import Scene, check_scene
 from linkjax.measures import MEASURES, NODES
 
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
@@ -114,6 +114,7 @@ def optimise(
     `KeyboardInterrupt` raised where there is none. Raises `DesignError` for what cannot be asked. Source: see
     `linkjax.design.descend`.
     """
+    check_scene(scene)
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
     if seed < 0:

@@ -7,10 +7,11 @@ from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import safe_divide, safe_sqrt, wrapped
-from linkjax._types import as_float
+from linkjax._types import as_float, known
 from linkjax._vec import Vec, zero
 from linkjax.groups import PointState, Wrench
 from linkjax.kinematics import Motion, Pose
@@ -64,6 +65,20 @@ class AbstractLoad(eqx.Module):
     def strength(self) -> Array:
         """Size of a load that opposes a motion (N or N m); zero for others."""
         return jnp.zeros(())
+
+    def __check_init__(self):
+        """Raise `TypeError` for what is no force, and `ValueError` for what is no size of one."""
+        if isinstance(force := getattr(self, "force", None), int | float | tuple | list):
+            raise TypeError(f"force of load {self.name!r} must be a Vec, but is {force!r}; write Vec(x, y), in N")
+        sizes = {key: getattr(self, key, None) for key in ("torque", "magnitude")}
+        parts = {f"force.{axis}": getattr(force, axis, None) for axis in ("x", "y")}
+        for key, size in (sizes | parts).items():
+            value = known(size)
+            if value is not None and not np.all(np.isfinite(value)):
+                raise ValueError(f"{key} of load {self.name!r} is {value}; write a finite number")
+            if value is not None and key == "magnitude" and np.any(value < 0):
+                remedy = "write its size; a load that drives is no opposing one"
+                raise ValueError(f"{key} of load {self.name!r} must not be negative, but is {value}; {remedy}")
 
     def activity(self, at: Instant) -> Array | float:
         """One while the load is on, zero while it is off."""

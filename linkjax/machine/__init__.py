@@ -1,4 +1,5 @@
 """The scene: mechanism, loads, gravity and nominal speed together."""
 
 from linkjax.machine._scene import Scene as Scene
+from linkjax.machine._scene import check_scene as check_scene
 from linkjax.machine._scene import ready as ready

@@ -39,6 +39,9 @@ class Scene(eqx.Module):
     title: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
+        if not isinstance(self.mechanism, Mechanism):
+            problem = f"is {type(self.mechanism).__name__}"
+            raise StructureError("mechanism", problem, "write a Mechanism, e.g. of lj.library")
         if self.mean not in ("time", "midrange"):
             raise StructureError("mean", f"is {self.mean!r}", 'write "time" or "midrange"')
         if not isinstance(self.cycle_turns, int) or self.cycle_turns < 1:
@@ -60,6 +63,9 @@ class Scene(eqx.Module):
         if self.target_delta is not None and not isinstance(self.mechanism.driver, Crank):
             problem = "there is no shaft for a flywheel: no crank of the frame drives"
             raise StructureError("target_delta", problem, "delete it")
+        if not isinstance(self.loads, tuple) or not all(isinstance(load, AbstractLoad) for load in self.loads):
+            problem = f"are {type(self.loads).__name__}"
+            raise StructureError("loads", problem, "write a tuple of loads, (load,) for a single one")
         seen = {"gravity", "drive"}
         for number, load in enumerate(self.loads):
             element = f"loads[{number}] ({load.name})"
@@ -67,8 +73,8 @@ class Scene(eqx.Module):
                 raise StructureError(element, f"the name {load.name!r} is used already", "give every load its own name")
             seen.add(load.name)
             if load.window is not None and self._whole(load.window):
-                remedy = "leave the window out for a load that always acts"
-                raise StructureError(element, "the window is a whole cycle long, so its ends coincide", remedy)
+                remedy = "leave the window out for a load that always acts, and the load for one that never does"
+                raise StructureError(element, "the ends of the window are one place of the cycle", remedy)
             if load.link not in self.mechanism.links:
                 remedy = nearest(load.link, self.mechanism.links)
                 raise StructureError(element, f"link {load.link!r} is not defined", remedy)
@@ -86,7 +92,8 @@ class Scene(eqx.Module):
         if on is None or off is None:
             return False
         turns = np.round((off - on) / self.cycle)
-        return bool(np.any((turns != 0) & (np.abs(off - on - turns * self.cycle) < 1e-9 * self.cycle)))
+        same = np.abs(off - on - turns * self.cycle) < 1e-9 * self.cycle
+        return bool(np.any((on == off) | ((turns != 0) & same)))
 
     def _never_moves(self, load: AbstractLoad) -> bool:
         translating = {link for group in self.mechanism.groups for link in group.translating()}
@@ -100,6 +107,13 @@ class Scene(eqx.Module):
     def with_mechanism(self, mechanism: Mechanism) -> Scene:
         """The same scene around another design of the same mechanism."""
         return dataclasses.replace(self, mechanism=jax.tree.map(as_float, mechanism))
+
+
+def check_scene(scene: object) -> None:
+    """Raise `TypeError` for what is no scene."""
+    if not isinstance(scene, Scene):
+        remedy = "write Scene(mechanism, loads, speed=...)" if isinstance(scene, Mechanism) else "write lj.load(name)"
+        raise TypeError(f"a Scene is needed, not {type(scene).__name__}; {remedy}")
 
 
 def ready(scene: Scene) -> Scene:

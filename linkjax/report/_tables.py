@@ -34,15 +34,18 @@ def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -
 def _values(show: Cells, data: Data) -> dict[str, str]:
     """The results of an analysis as they are printed, by name."""
     motion, wheel = data["motion"], data.get("flywheel", {})
+    torque = float(data.get("peaks", {}).get("drive_torque", {}).get("value", 0.0))
     found = {
         "coefficient of speed fluctuation δ": show.measured(float(motion["delta"]), float(motion["delta_error"]))[0],
         "mean speed": show.speed(motion["mean_speed"]),
         "largest speed": show.speed(motion["speed_max"]),
         "smallest speed": show.speed(motion["speed_min"]),
-        "drive torque, constant": show.quantity(float(motion["drive_torque_mean"]), "N·m"),
+        "drive torque, constant": show.quantity(float(motion["drive_torque_mean"]), "N·m", beside=torque),
     }
     if "period" in motion:
-        found["drive power, mean"] = show.quantity(float(motion["mean_power"]), "W")
+        found["drive power, mean"] = show.quantity(
+            float(motion["mean_power"]), "W", beside=torque * float(motion["mean_speed"])
+        )
         found["duration of the cycle"] = show.quantity(float(motion["period"]), "s")
     found["flywheel, given"] = show.amount(wheel.get("given"), "kg·m²").text
     if wheel.get("for_target_delta") is not None:
@@ -106,7 +109,8 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     peak = data["peaks"][key]
     unit = peak_unit(key.removesuffix(CONSTANT))
     value, error = show.measured(float(peak["value"]), float(peak["error"]), unit, most=6)
-    return [Cell(value, True), Cell(error, True), show.angle(float(peak["angle"]))]
+    at = show.angle(float(peak["angle"])) if float(peak["value"]) else Cell(NONE, True)
+    return [Cell(value, True), Cell(error, True), at]
 
 
 def peak_name(name: str) -> str:

@@ -51,7 +51,7 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     """Problem and remedy."""
     what, last = kind_of(given), str(path[-1]) if path else ""
     if kind == "scene":
-        return context["problem"], _other_law(path, context["problem"]) or context["remedy"]
+        return context["problem"], context["remedy"] + _other_law(path, context["problem"])
     if kind == "extra_forbidden":
         keys = known_keys(table, path[:-1])
         remedy = nearest(MEANT[last] if MEANT.get(last) in keys else last, keys)
@@ -104,11 +104,11 @@ def _home(table: Any, path: Path) -> str:
 
 
 def _other_law(path: Path, problem: str) -> str:
-    """What to write where a drive's law has lengths, or its stroke angles."""
+    """What else to write where a drive's law has lengths, or its stroke angles."""
     if path[:2] == ("drive", "law") and problem.startswith("a length"):
-        return 'a block that slides along a guide has a stroke: write stroke = { start = "0 mm", stop = "120 mm" }'
+        return ', or, for a block that slides, stroke = { start = "0 mm", stop = "120 mm" }'
     if path[:2] == ("drive", "stroke") and problem.startswith("an angle"):
-        return 'a link that turns has a law: write law = { start = "20 deg", stop = "140 deg" }'
+        return ', or, for a link that turns, law = { start = "20 deg", stop = "140 deg" }'
     return ""
 
 

@@ -214,8 +214,8 @@ def test_a_geared_five_bar_over_both_turns_of_its_cycle(phase):
     links = {name: body(length) for name, length in (("crank", 0.05), ("wheel", 0.04), ("left", 0.1), ("right", 0.1))}
     groups = [
         Crank("crank", "A", "B"),
-        lj.Gear("wheel", "D", "crank", "A", teeth=(40, 20), end="C", phase=phase),
-        RRR("left", "right", "B", "C", "P"),
+        lj.Gear("wheel", "D", lj.Teeth((40, 20)), "crank", "A", "C", phase=phase),
+        RRR(("left", "right"), "B", "C", "P"),
     ]
     machine = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.18, 0.0)}, links, groups, flywheel=Flywheel(1.0))
 

@@ -338,6 +338,8 @@ def press(
      'write what is meant, e.g. length = "260 mm", or correct the places of the pins'),
     ({"coupler": 0.03}, "links.coupler.length: is 0.03 m from 'B' to 'C', but 'B' is 0.3 m from 'C' as that is "
      "sketched and 'crank' has it; write what is meant, "),
+    ({"crank": 0.02, "coupler": 0.02}, "links.coupler.length: is 0.02 m from 'B' to 'C', but 'B' is 0.3538 m from 'C' "
+     "as that is sketched and 'crank' has it; write what is meant, "),
     ({"crank": 100.0}, "links.crank.length: is 100 m, so that 'B' is 99.72 m from 'C' as that is sketched, where "
      """'coupler' has 0.3 m; write the unit that is meant, e.g. length = "100 mm\""""),
     ({"E": (2.0, -1.0)}, "links.rocker.points.E: puts it 2.016 m away from 'C' to 'E', but the sketch has 0.1217 m"),

@@ -99,6 +99,18 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
         "slides along itself",
         "name the link that the guide is on",
     ),
+    "a slot on itself, that drives": (
+        edit("scissor-lift", 'block = "rod"\nguide = { on = "barrel"', 'block = "rod"\nguide = { on = "rod"'),
+        "slots[0]",
+        "slides along itself",
+        "name the link that the guide is on",
+    ),
+    "lengths for a law": (
+        edit("scissor-lift", "stroke = {", "law = {"),
+        "drive.law.start",
+        "a length where an angle is needed",
+        "or, for a block that slides, stroke = {",
+    ),
     "a slot of an unknown block": (
         edit("elliptic-trammel", 'block = "shoe"', 'block = "shoo"'),
         "slots[1].block",
@@ -375,6 +387,7 @@ SLOW = {
     "a trammel with a slot along the other": ("elliptic-trammel", {"slots[1].guide.along": "0 deg"}, ""),
     "a lift beyond its bars": ("scissor-lift", {"drive.stroke.stop": "4 m"}, "cannot be assembled"),
     "a lift through the ground": ("scissor-lift", {"drive.stroke.start": "0.9 m"}, "cannot be assembled"),
+    "a stroke out of all reach": ("scissor-lift", {"drive.stroke": {"start": "6 m", "stop": "7 m"}}, "begins at 6 m"),
     "one ram of four out of reach": ("kozhevnikov-press", {"links.rod12.length": "1 mm"}, "cannot be assembled"),
 }
 

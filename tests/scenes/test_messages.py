@@ -26,6 +26,8 @@ LONG = "…"  # a table that says no more than its key: it is not shown
 # fmt: off
 CASES = {  # text, key, part of the value as shown, part of the problem, part of the remedy
     "unknown key": (edit('mass = "5 kg"', 'mas = "5 kg"'), "links.crank.mas", '"5 kg"', "not a known key", "'mass'"),
+    "the everyday word": (edit('mass = "5 kg"', 'weight = "5 kg"'), "links.crank.weight", '"5 kg"', "not a known key",
+        "'mass'"),
     "unknown table": (edit("[links.crank]", "[link.crank]"), "link", LONG, "not a known key", "'links'"),
     "unknown key of a place": (edit("turned =", "turnd ="), "links.rod.points.E.turnd", '"30 deg"', "not a known key",
         "did you mean 'turned'?"),
@@ -33,6 +35,10 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
         "did you mean 'along'?"),
     "key of another kind of group": (edit('end = "D"', 'end = "D"\nmeet = "X"'), "groups[1].meet", '"X"',
         "not a known key", "known here: block, branch, end, from, guide"),
+    "a link with the name of a side, twice": (
+        edit("[links.link4]", "[links.left]", '"link4", "rocker"', '"left", "left"'), "groups[2].links",
+        '["left", "left"]', "link 'left' belongs to a group already", "use each link once",
+    ),
     "missing key": (edit('speed = "700 rpm"', ""), "speed", "", "missing", 'add speed = "700 rpm"'),
     "missing key of a group": (edit('pivot = "A"', ""), "groups[0].pivot", "", "missing", 'add pivot = "A"'),
     "missing key of a load": (edit('link = "rocker"', ""), "loads[0].link", "", "missing", 'add link = "slider"'),

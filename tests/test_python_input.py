@@ -1,0 +1,52 @@
+"""What is wrong with a machine written in Python is told in one line. In a process of its own: the tests' type checks
+would be first."""
+
+import subprocess
+import sys
+
+PROGRAM = """
+import linkjax as lj
+from linkjax import Force, Link, OpposingForce, Scene, Torque, Vec, Window
+lj.enable_x64()
+mechanism, at = lj.load("four-bar").mechanism, ("work", "rocker", "C")
+for wrong in (
+    lambda: Link(length="300 mm"),
+    lambda: Window("10 deg", 1.0),
+    lambda: Force(*at, force=(0.0, 1.0)),
+    lambda: Force(*at, force=Vec(0.0, float("nan"))),
+    lambda: Torque("work", "rocker", torque=float("nan")),
+    lambda: OpposingForce(*at, magnitude=-1.0),
+    lambda: OpposingForce(*at, magnitude=Vec(1.0, 0.0)),
+    lambda: Scene(mechanism, Torque("work", "rocker", torque=1.0)),
+    lambda: Scene(mechanism, (Torque("work", "rocker", torque=1.0, window=Window(1.0, 1.0)),)),
+    lambda: Scene("four-bar"),
+    lambda: lj.analyse(mechanism),
+    lambda: lj.optimise(mechanism, {}, "delta"),
+):
+    try:
+        wrong()
+    except (TypeError, ValueError) as error:
+        print(f"{type(error).__name__}: {error}")
+"""
+TOLD = """
+TypeError: '300 mm' where a number is needed; write it in SI units, e.g. 0.3 for 300 mm
+TypeError: '10 deg' where a number is needed; write it in SI units, e.g. 0.3 for 300 mm
+TypeError: force of load 'work' must be a Vec, but is (0.0, 1.0); write Vec(x, y), in N
+ValueError: force.y of load 'work' is nan; write a finite number
+ValueError: torque of load 'work' is nan; write a finite number
+ValueError: magnitude of load 'work' must not be negative, but is -1.0; write its size; a load that drives is no \
+opposing one
+TypeError: Vec(x=f64[], y=f64[]) where a number is needed; write it in SI units, e.g. 0.3 for 300 mm
+StructureError: loads: are Torque; write a tuple of loads, (load,) for a single one
+StructureError: loads[0] (work): the ends of the window are one place of the cycle; leave the window out for a load \
+that always acts, and the load for one that never does
+StructureError: mechanism: is str; write a Mechanism, e.g. of lj.library
+TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)
+TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)
+"""
+
+
+def test_every_mistake_is_one_clear_line():
+    done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == TOLD.strip().splitlines()
