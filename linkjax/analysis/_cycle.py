@@ -140,9 +140,10 @@ def explain(cycle: Cycle) -> None:
         raise MachineError(f"{title}{MESSAGES[code]}", code)
     if code is Result.NO_INERTIA:
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_inertia))
+        place = f"at {degrees:.2f} degrees of crank angle, " if jnp.any(cycle.reduced.inertia > 0) else "anywhere, "
         remedy = "Give the crank or the flywheel an inertia." if shaft else "Give what the drive moves an inertia."
-        what = "where the crank speed has no bound" if shaft else "where the speed has no bound"
-        raise MachineError(f"{title}no reduced inertia at {degrees:.2f} degrees of crank angle, {what}. {remedy}", code)
+        what = "so that the crank speed has no bound" if shaft else "so that the speed has no bound"
+        raise MachineError(f"{title}no reduced inertia {place}{what}. {remedy}", code)
     if code is Result.NO_PERIODIC_REGIME:
         lowest = float(cycle.steady.lowest_mean_speed)
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_work))

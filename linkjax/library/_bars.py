@@ -47,11 +47,11 @@ def six_bar(
     "watt-1" coupler and rocker, "watt-2" rocker and frame, "stephenson-1" crank and rocker, "stephenson-3" coupler and
     frame. G is to the left of the line from E to F, or to its right with `second_side=-1`. Else as for `four_bar`.
 
-    "stephenson-2" is not among them: driven from a crank on the frame it is of class III, which
+    "stephenson-2" is not among them: driven from a crank on the frame it is of class III or IV, which
     `linkjax.groups.General` takes. Raises `ValueError` as `four_bar` does, and for kinds that it does not know.
     """
     if kind not in CARRIERS:
-        other = "driven from the frame it is of class III; build it of a Crank and linkjax.groups.General"
+        other = "driven from the frame it is of class III or IV; build it of a Crank and linkjax.groups.General"
         remedy = other if kind == "stephenson-2" else f"write one of {', '.join(CARRIERS)}"
         raise ValueError(f"kind of a six_bar is {kind!r}; {remedy}")
     check_positive("six_bar", crank=crank, coupler=coupler, rocker=rocker, frame=frame, rod=rod, lever=lever)
