@@ -71,7 +71,9 @@ class Grid(eqx.Module):
 
     def in_order(self, scene: Scene) -> Scene:
         """The scene with windows told by the numbers of panels, spread evenly over the cycle; `orders` is the side. It
-        has each load on in its own panels without width, so that an integral has the slope of every single switch."""
+        has each load on in its own panels without width, so that an integral has the slope of every single switch.
+        Only the reduced torque may be asked for there: that side is no crank angle to take a direction of motion from.
+        """
         ends = iter(self.switches.astype(float) * (scene.cycle / self.half.size))
         loads = tuple(
             load if load.window is None else dataclasses.replace(load, window=Window(next(ends), next(ends)))

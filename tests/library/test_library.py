@@ -148,7 +148,7 @@ NONE = (0.0, 0.0)
         (lambda: lj.scotch_yoke(0.0), "crank of a scotch_yoke must be above zero, but is 0;"),
         (lambda: lj.quick_return(0.1, 0.1, 0.3, 0.2, 0.1), "crank and distance of a quick_return are both 0.1, so th"),
         (lambda: lj.toggle_press(0.1, 0.2, 0.3, 0.3, (2.0, 0.0)), "pivot of a toggle_press is 2, but all others toge"),
-        (lambda: lj.six_bar("stephenson-2", 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, NONE, NONE), "it is of class III or IV; build it"),
+        (lambda: lj.six_bar("stephenson-2", 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, NONE, NONE), "of class III or IV; build it"),
         (lambda: lj.six_bar("watt", 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, NONE, NONE), "six_bar is 'watt'; write one of watt-"),
         (lambda: lj.scissor_lift(2.0, 1.2, 0.2, 0.7), "eye of a scissor_lift is 1.2, but half a bar is 1; give its d"),
         (lambda: lj.scissor_lift(2.0, 0.5, 0.7, 0.2), "low and high of a scissor_lift are 0.7 and 0.2 rad; write ang"),
