@@ -20,7 +20,11 @@ from tests.helpers import PACKAGE, ROOT
 
 RANKS = {
     **dict.fromkeys(
-        ("_types", "_units", "_results", "_numerics", "_vec", "_compile", "_config", "_population", "_display"), 0
+        (
+            *("_types", "_units", "_results", "_numerics", "_lapack", "_vec", "_compile", "_config", "_population"),
+            "_display",
+        ),
+        0,
     ),
     **{
         "groups": 1,
@@ -249,6 +253,13 @@ def test_public_name(name):
     value = getattr(linkjax, name)
     assert name in dir(linkjax)
     assert isinstance(value, str) or value.__doc__
+
+
+def test_linear_algebra_cannot_block():
+    """Batches that jaxlib hands to other threads may wait for ever: see `_lapack`."""
+    allowed = {"_lapack.py", "_compile.py"}  # the second only loads the routines
+    files = [file for file in PACKAGE.rglob("*.py") if file.name not in allowed]
+    assert not [file.name for file in files if re.search(r"\b(jnp|lax|scipy)\.linalg\b", file.read_text("utf-8"))]
 
 
 def test_unknown_names_are_refused():

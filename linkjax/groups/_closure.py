@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._lapack import svd
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec, unit
 
@@ -216,7 +216,7 @@ def least_singular(matrix: Array, first: Array, second: Array) -> tuple[Array, A
 
     Source: perturbation of a simple singular value, e.g. Stewart and Sun, Matrix Perturbation Theory, 1990.
     """
-    left, sizes, right = jnp.linalg.svd(jax.lax.stop_gradient(matrix))
+    left, sizes, right = svd(matrix)
     u, v = left[:, -1], right[-1]
     p = left.T @ first @ right.T
     a, b, s = p[:-1, -1], p[-1, :-1], sizes[:-1]

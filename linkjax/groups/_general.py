@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._lapack import inverted, pinv, sign_of_determinant, solve
 from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
@@ -180,7 +181,7 @@ class General(AbstractChain):
         whole = jnp.where(tied, jnp.round(left / (2 * jnp.pi * c.size)), 0.0)
         if free.size:
             left = left - 2 * jnp.pi * c.size * whole
-            true = angle.at[free].add(-jnp.linalg.pinv(c.geared.angles[:, free]) @ left)
+            true = angle.at[free].add(-pinv(c.geared.angles[:, free]) @ left)
             first = {link: self._seen(link, pins, places)[0] for link, pins in self.members}
             arm = array([places[link][point] for link, point in first.items()])
             at, angle = at + turned(along(angle), arm) - turned(along(true), arm), true
@@ -201,7 +202,7 @@ class General(AbstractChain):
             z, damping = carry
             here = placed(z)
             gap, jacobian = web.opened(here, c), web.jacobian(here, c)
-            move = jnp.linalg.solve(jacobian.T @ jacobian + damping * jnp.eye(gap.size), -(jacobian.T @ gap))
+            move = solve(jacobian.T @ jacobian + damping * jnp.eye(gap.size), -(jacobian.T @ gap))
             most = jnp.maximum(jnp.max(jnp.abs(move)), jnp.finfo(move.dtype).tiny)
             there = here.moved(move * jnp.minimum(1.0, 0.5 * c.size / most), c.size)
             left = jnp.sum(web.opened(there, c) ** 2)
@@ -211,7 +212,7 @@ class General(AbstractChain):
 
         first = jnp.minimum(jnp.sum(web.opened(placed(start), c) ** 2) / c.size**2, 0.1)
         z = placed(jax.lax.fori_loop(0, steps, step, (placed(start).flat(), first))[0])
-        sense = jnp.linalg.slogdet(web.jacobian(z, c))[0]
+        sense = sign_of_determinant(web.jacobian(z, c))
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
 
     def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array, Array | None]:
@@ -244,7 +245,7 @@ class General(AbstractChain):
         web, (places, c) = self._web(), self._at(links, states, points, phi)
         here, sound = self._polished(web, placed(jax.lax.stop_gradient(z)), c)
         matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))
-        inverse = jnp.linalg.inv(matrix)
+        inverse = inverted(matrix)
 
         def rate(push):
             x = -inverse @ push
@@ -265,7 +266,7 @@ class General(AbstractChain):
         Steps with one and the same inverse, which has no derivatives: each makes those of one more order right.
         """
         first = web.opened(here, c)
-        inverse = jax.lax.stop_gradient(jnp.linalg.inv(web.jacobian(here, c)))
+        inverse = jax.lax.stop_gradient(inverted(web.jacobian(here, c)))
         near = jnp.max(jnp.abs(inverse @ jax.lax.stop_gradient(first))) < SWING * jax.lax.stop_gradient(c.size)
         inverse, there = jnp.where(near, inverse, 0.0), here  # false where it is not finite
         for _ in range(LAST):
@@ -354,7 +355,7 @@ class General(AbstractChain):
         c = self._closure(places, self._known(states, points), none if turns is None else turns.angle(states))
         on = [(loads[link].force, loads[link].moment / c.size) for link in names]
         load = jnp.concatenate([jnp.stack([force.x, force.y, moment]) for force, moment in on])
-        x = jnp.linalg.solve(self._web().jacobian(here, c).T, -load)  # multipliers: what the joints exert
+        x = solve(self._web().jacobian(here, c).T, -load)  # multipliers: what the joints exert
         pairs = self._pairs()
         pins = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(len(pairs))]
         slots = []

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from linkjax._lapack import svd
 from linkjax._types import Scalar
 from linkjax._vec import Vec
 from linkjax.groups import General, closed_to
@@ -80,7 +81,7 @@ def _assemblies(group: General, links, states, points, phi) -> Assemblies:
     def close(start):
         z, _, gap = group.closed(links, states, points, phi, start)
         slopes = group.opened(links, states, points, phi, z, jnp.zeros(3 * len(group.members)))[1]
-        least = jnp.linalg.svd(slopes, compute_uv=False)[-1]
+        least = svd(slopes)[1][-1]
         return z, gap, group.reversed(links, states, points, phi, z), least
 
     kept: list[np.ndarray] = []

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._lapack import solve, svd
 from linkjax.groups import General, closed_to
 from linkjax.kinematics._pose import before_group
 from linkjax.mechanism import Mechanism
@@ -47,7 +48,7 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
         return group.opened(links, *before_group(mechanism, number, phi), phi, start, move * size)
 
     still = jnp.zeros(free)
-    along = jnp.linalg.svd(opened(still, inside)[1])[2][-1]
+    along = svd(opened(still, inside)[1])[2][-1]
 
     def system(x):
         gap, matrix = opened(x[:free], x[-1])
@@ -55,7 +56,7 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
         return jnp.concatenate([gap / size, matrix @ v, (along @ v - 1.0)[None]])
 
     def step(_, x):
-        return x - jnp.linalg.solve(jax.jacfwd(system)(x), system(x))
+        return x - solve(jax.jacfwd(system)(x), system(x))
 
     x = jax.lax.fori_loop(0, STEPS, step, jnp.concatenate([still, along, end[None]]))
     moved = jnp.abs(x[:free].reshape((-1, 3))).at[loose, 2].set(0.0)
