@@ -428,9 +428,13 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
         if isinstance(old, General):
             slots = tuple(dataclasses.replace(slot, guide=group(slot.guide)) for slot in old.slots)
             gears = tuple(group(gear) for gear in old.gears)
-            return dataclasses.replace(
-                old, sketch={p: at * lengths for p, at in old.sketch.items()}, slots=slots, gears=gears
-            )
+            drive = old.drive
+            if drive is not None and old.driven_slot() is not None:
+                assert isinstance(drive.law, lj.Harmonic)
+                law = lj.Harmonic(drive.law.start * lengths, drive.law.stop * lengths)
+                drive = dataclasses.replace(drive, phase=drive.phase * lengths, law=law)
+            sketch = {p: at * lengths for p, at in old.sketch.items()}
+            return dataclasses.replace(old, sketch=sketch, slots=slots, gears=gears, drive=drive)
         if isinstance(old, RPR | RPP | Guide):
             return dataclasses.replace(old, offset=old.offset * lengths)
         return old

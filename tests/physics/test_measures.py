@@ -60,6 +60,7 @@ CHANGED = {  # the larger of two tied values has no slope
         "loads[2].window": ["98 deg", "281 deg"],
         "loads[3].window": ["277 deg", "84 deg"],
     },
+    "scissor-lift": {"loads[0].force": [0, "-3000 N"]},  # both bars are loaded alike otherwise
     "two-slider-press": {"groups[1].guide.offset": "3 mm", "links.crank.centre": "20 mm"},
 }
 H = 3e-4  # step of the differences
@@ -189,7 +190,8 @@ def test_unchanged_by_units(name, units):
     before, names = all_values(name), names_of(name)
     after = np.asarray(values(resized(swept(name), *units), names=names, nodes=FEW))
     back = [np.prod([u**-p for u, p in zip(units, POWERS[MEASURES[n].unit], strict=True)]) for n in names]
-    np.testing.assert_allclose(after * back, before, rtol=1e-9, atol=1e-12)
+    even = np.asarray([n in EVEN.get(name, ()) for n in names])  # zeros, but for rounding beside kilonewtons
+    assert np.all(np.abs(after * back - before) <= 1e-9 * np.abs(before) + np.where(even, 1e-10, 1e-12))
 
 
 @pytest.mark.slow
