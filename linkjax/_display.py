@@ -43,9 +43,10 @@ class Numbers(NamedTuple):
         factor, label = prefixed(abs(float(value)), unit, self.units)
         return _joined(short(factor * float(value)), label)
 
-    def place(self, at: tuple[SupportsFloat, SupportsFloat], unit: str = "m") -> str:
-        """Two numbers that were put in and belong together, "(0.3, −0.1) m"."""
-        x, y = (float(value) for value in at)
+    def place(self, at: tuple[SupportsFloat, SupportsFloat], unit: str = "m", beside: float = 0.0) -> str:
+        """Two numbers that belong together, "(0.3, −0.1) m", each zero where it is the rounding of what stands beside
+        it."""
+        x, y = (0.0 if abs(float(value)) < ROUNDING * beside else float(value) for value in at)
         factor, label = prefixed(max((abs(v) for v in (x, y) if math.isfinite(v)), default=0.0), unit, self.units)
         return _joined(f"({short(factor * x)}, {short(factor * y)})", label)
 

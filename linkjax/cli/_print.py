@@ -79,7 +79,8 @@ def print_assemblies(found: dict[str, Assemblies], show: Numbers) -> None:
         console.print(f"\n{name} can be assembled in {several} at 0° ({ways}){listed}",
                       highlight=False, markup=False)  # fmt: skip
         for sketch in ways.sketches:
-            places = ", ".join(f"{point} {show.place((at.x, at.y))}" for point, at in sketch.items())
+            size = max((abs(float(value)) for at in sketch.values() for value in (at.x, at.y)), default=0.0)
+            places = ", ".join(f"{point} {show.place((at.x, at.y), beside=size)}" for point, at in sketch.items())
             console.print(f"  {places}", highlight=False, markup=False)
 
 

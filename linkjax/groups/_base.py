@@ -14,9 +14,10 @@ import equinox as eqx
 from jaxtyping import Array
 
 from linkjax._vec import Vec
+from linkjax.groups._class import classified
 from linkjax.groups._guide import Guide
 from linkjax.groups._law import AbstractLaw
-from linkjax.groups._pairs import FRAME, Pair, classified
+from linkjax.groups._pairs import FRAME, Pair
 from linkjax.groups._state import LinkState, PointState
 
 BEYOND = 1e-6  # what a margin falls short by where a group closes, but in another place than where it began

@@ -8,9 +8,10 @@ from jaxtyping import Array
 
 from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Joint
+from linkjax.groups._class import classified
 from linkjax.groups._drawn import Drive, Slot, check_drawn, check_drive, check_gears, driven_slot, mesh_names, undrawn
 from linkjax.groups._gear import Gear
-from linkjax.groups._pairs import FRAME, classified
+from linkjax.groups._pairs import FRAME
 from linkjax.groups._rack import Rack
 
 

@@ -2,35 +2,66 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from linkjax._numerics import safe_sqrt, sincos
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups import Drive, General, Guide, Harmonic, Slot
-from linkjax.library._parts import Links, check_positive, numbers, origin, parts
-from linkjax.mechanism import Mechanism
+from linkjax.groups import AbstractLaw, Drive, General, Guide, Harmonic, Slot
+from linkjax.library._parts import Links, Place, check_positive, numbers, origin, parts, vec
+from linkjax.mechanism import Link, Mechanism
+
+
+class ByBar(AbstractLaw):
+    """Length (m) of a scissor lift's cylinder while the angle of its bars follows `angle`; the other numbers as for
+    `scissor_lift`."""
+
+    angle: Harmonic
+    bar: Array = eqx.field(converter=as_float)
+    eye: Array = eqx.field(converter=as_float)
+    base: Vec
+
+    def at(self, phi):
+        def length(angle):
+            return _length(self.bar, self.eye, self.base, angle)
+
+        turned = self.angle.at(phi)
+        slope, bend = jax.grad(length)(turned.value), jax.grad(jax.grad(length))(turned.value)
+        second = bend * turned.d * turned.d + slope * turned.dd
+        return turned._replace(value=length(turned.value), d=slope * turned.d, dd=second)
 
 
 def scissor_lift(
-    bar: ArrayLike, eye: ArrayLike, low: ArrayLike, high: ArrayLike, *, links: Links = None
+    bar: ArrayLike, eye: ArrayLike, low: ArrayLike, high: ArrayLike, *,
+    base: Place | None = None, pairs: int = 1, by_bar: bool = False, links: Links = None,
 ) -> Mechanism:  # fmt: skip
     """A scissor lift of two equal bars (m), which a cylinder raises and lowers between the bar angles `low` and `high`
     (rad, to the ground) in one cycle.
 
     The links are `bar` O–T and `other` R–U, hinged to each other at their middles C, a `roller` at R on the ground, and
-    the cylinder: a `barrel` on the fixed foot O, its `rod` on the eye E of the other bar, `eye` (m) above C. O is the
-    origin, R is on the x axis, T and U carry the platform. H is the end of the barrel, at half the cylinder's least
-    length. The cylinder's length, pin to pin, goes to and fro between its ends as a cosine (a `Harmonic` law), so the
-    drive torque is its force by dlength/dφ. `links` says what else there is to a link, without length.
+    the cylinder: a `barrel` on the fixed foot O, or on a point A of the frame at `base` (m), its `rod` on the eye E of
+    the other bar, `eye` (m) above C. O is the origin, R is on the x axis, T and U carry the platform. H is the end of
+    the barrel, at half the cylinder's least length. The cylinder's length, pin to pin, goes to and fro between its ends
+    as a cosine, or with `by_bar` the bars' angle does; the cylinder drives either way, and the drive torque is its
+    force by dlength/dφ. `links` says what else there is to a link, without length.
 
-    Raises `ValueError` for lengths that are none, an eye beyond the end of the bar, and angles that do not rise
-    between 0 and 90 degrees.
+    Lifts have one pair of bars, or two of them side by side on one cylinder. In the plane these are one: with `pairs=2`
+    the masses given of bars and roller are those of one pair and count twice, loads are those of the whole platform,
+    and a joint's reaction is that of all its pins together.
+
+    Raises `ValueError` for lengths that are none, an eye beyond the end of the bar, angles that do not rise
+    between 0 and 90 degrees, a cylinder that does not grow between them, and pairs that are none.
     """
     check_positive("scissor_lift", bar=bar, eye=eye)
+    if pairs not in (1, 2):
+        raise ValueError(f"pairs of a scissor_lift must be 1 or 2, but is {pairs!r}; draw others by linkage")
     values = numbers(bar, eye, low, high)
     if values and values[1] > values[0] / 2:
         raise ValueError(
@@ -42,27 +73,56 @@ def scissor_lift(
             f"low and high of a scissor_lift are {values[2]:g} and {values[3]:g} rad; write angles to the ground that "
             "rise between 0 and pi / 2"
         )
+    foot, at = ("O", origin()) if base is None else ("A", vec(base))
     bar, eye = as_float(bar), as_float(eye)
-    at = {"low": _eye(bar, eye, low), "high": _eye(bar, eye, high)}
-    short, long = (safe_sqrt(at[end].squared()) for end in ("low", "high"))
-    middle = Vec(bar / 2, jnp.zeros_like(bar))
+    short, long = (_length(bar, eye, at, as_float(angle)) for angle in (low, high))
+    spans = numbers(short, long)
+    if spans and not 0 < spans[0] < spans[1]:
+        raise ValueError(
+            f"the cylinder of a scissor_lift is {spans[0]:g} m at low and {spans[1]:g} m at high, but must grow; bring "
+            "base nearer to the ground or to the fixed foot"
+        )
+    law = ByBar(Harmonic(low, high), bar, eye, at) if by_bar else Harmonic(short, long)
+    middle, axis = Vec(bar / 2, jnp.zeros_like(bar)), _eye(bar, eye, as_float(low)) - at
     lengths = {"bar": bar, "other": bar, "roller": 0.0, "barrel": short / 2, "rod": 0.0}
     marks = {"bar": {"C": middle}, "other": {"C": middle, "E": Vec(bar / 2 + eye, jnp.zeros_like(bar))}}
     sine, cosine = sincos(as_float(low))
     sketch = {
         "T": Vec(bar * cosine, bar * sine), "R": Vec(bar * cosine, jnp.zeros_like(bar)),
-        "C": Vec(bar * cosine, bar * sine) * 0.5, "E": at["low"], "H": at["low"] * 0.5,
+        "C": Vec(bar * cosine, bar * sine) * 0.5, "E": at + axis, "H": at + axis * 0.5,
     }  # fmt: skip
     members = (
-        ("bar", ("O", "T", "C")), ("other", ("R", "U", "C", "E")), ("roller", ("R",)), ("barrel", ("O", "H")),
+        ("bar", ("O", "T", "C")), ("other", ("R", "U", "C", "E")), ("roller", ("R",)), ("barrel", (foot, "H")),
         ("rod", ("E",)),
     )  # fmt: skip
-    slots = (Slot("rod", Guide("O", on="barrel")), Slot("roller", Guide("O")))
-    group = General(members, ("O",), sketch, slots, Drive("rod", "barrel", law=Harmonic(short, long)))
-    return Mechanism({"O": origin()}, parts("scissor_lift", lengths, links, marks), [group])
+    fixed = {"O": origin(), foot: at}
+    slots = (Slot("rod", Guide(foot, on="barrel")), Slot("roller", Guide("O")))
+    group = General(members, tuple(fixed), sketch, slots, Drive("rod", "barrel", law=law))
+    made = parts("scissor_lift", lengths, links, marks)
+    for name in ("bar", "other", "roller"):
+        made[name] = _times(made[name], pairs)
+    return Mechanism(fixed, made, [group])
 
 
 def _eye(bar, eye, angle) -> Vec:
     """Where the eye is at a bar angle."""
-    sine, cosine = sincos(as_float(angle))
+    sine, cosine = sincos(angle)
     return Vec((bar / 2 - eye) * cosine, (bar / 2 + eye) * sine)
+
+
+def _length(bar, eye, base: Vec, angle) -> Array:
+    """Length of the cylinder at a bar angle."""
+    return safe_sqrt((_eye(bar, eye, angle) - base).squared())
+
+
+def _times(link: Link, count: int) -> Link:
+    """So many links side by side as one; a counterweight that is a disc becomes as much thicker."""
+
+    def more(given, names):
+        return {name: count * getattr(given, name) for name in names if getattr(given, name) is not None}
+
+    pieces = {
+        name: dataclasses.replace(piece, **more(piece, ("mass", "inertia", "thickness")))
+        for name, piece in link.counterweights.items()
+    }
+    return dataclasses.replace(link, **more(link, ("mass", "inertia", "area")), counterweights=pieces)

@@ -68,7 +68,8 @@ class Drawing:
                     where, f"link {slot.guide.on!r} is not defined", nearest(slot.guide.on, self.links)
                 )
             if [other.block for other in self.slots].count(slot.block) > 1:
-                problem, remedy = "is in two slots", "name a second block, pinned to the first"
+                problem = "is in two slots: three slides in a row hold its direction twice, and make no Assur group"
+                remedy = "name a second block, pinned to the first"
                 raise StructureError(where, problem, remedy)
             if slot.guide.on == slot.block:
                 raise StructureError(where, "slides along itself", "name the link that the guide is on")
@@ -99,13 +100,14 @@ class Drawing:
             grown, reached = not new <= reached, reached | new
         apart = [name for name in self.links if name not in reached]
         if apart:
-            problem = f"not joined to the frame: {', '.join(apart)}"
+            pins = dict.fromkeys(point for name in apart for point in self.links[name].pins)
+            problem = f"not joined to the frame: {', '.join(apart)} (pins {', '.join(pins)})"
             raise StructureError(f"links.{apart[0]}", problem, "let it share a pin, or put a pin of it under `fixed`")
 
     def passive(self, drive: Drive, found: Sequence[Pair], driven: Pair) -> list[str]:
         """Links that hold what is held already, where the chain moves though its joints are too many by count."""
         degrees, redundant, *_ = freedom(list(self.links), found, driven)
-        if degrees == 1 and not redundant:
+        if degrees > 1 or (degrees == 1 and not redundant):
             return []
         drawn = self.measured(drive)
         return [] if drawn is None else passive_links(drawn, found, driven)

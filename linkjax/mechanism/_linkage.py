@@ -12,10 +12,10 @@ from linkjax.mechanism._drawing import Drawing, Place, complex_of
 from linkjax.mechanism._freedom import blocks, counted, freedom
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._mechanism import Mechanism, StructureError
-from linkjax.mechanism._passive import misfit, passive_group
+from linkjax.mechanism._passive import dispensable, misfit, passive_group
 from linkjax.mechanism._sketched import check_reach, check_sketch
 
-MOST_TOLD = 6  # pins in a message
+MOST_TOLD = 6  # joints in a message
 
 
 def linkage(
@@ -112,19 +112,46 @@ def _check_freedom(drawing: Drawing, drive: Drive, found: Sequence[Pair], driven
             )
             remedy = "give it dimensions with which it fits all the way, or leave it out"
             raise StructureError(f"links.{name}", f"{problem} m apart", remedy)
-        raise StructureError("links", f"nothing can move ({count})", "leave out a link that joins two others, "
-                             "or give it dimensions with which it fits all the way")  # fmt: skip
+        _check_fast(drawing, drive, found, driven, count)
     alone = _alone(drawing, [name for name in links if name in (*loose, drive.link)])
     if not moved:
         problem = f"it moves nothing: {' and '.join(driven.ends)} cannot move against each other ({count}){alone}"
-        raise StructureError("drive", problem, "name a link that can move")
+        free = ", ".join(freedom(links, found).loose)
+        raise StructureError("drive", problem, f"name two links that can, of: {free}")
+    others = [name for name in links if name != drive.link]
+    if others and not any(drive.link in pair.ends for pair in found if pair != driven):
+        problem = f"it moves {drive.link!r} alone, to which nothing is joined but {drive.on!r} ({count}){alone}"
+        pins = ", ".join(
+            point for point in drawing.links[drive.link].pins if point not in (*drawing.fixed, driven.name)
+        )
+        raise StructureError("drive", problem, f"let another link share a pin of it ({pins}), or drive another link")
     if degrees > 1:
-        problem = f"{', '.join(loose)} can still move when the drive is held: {degrees} degrees of freedom ({count})"
-        raise StructureError("links", f"{problem}{alone}", "join them to something, or leave them out")
+        pins = dict.fromkeys(pair.name for pair in found if set(pair.ends) & set(loose))
+        what = f"{', '.join(loose)} can still move at {_few(pins)}"
+        remedy = "a link from pin to pin takes one away, a pin or a slot where none is takes two; or leave them out"
+        problem = f"{what} when the drive is held: {degrees} degrees of freedom ({count}){alone}"
+        raise StructureError("links", problem, remedy)
+
+
+def _check_fast(drawing: Drawing, drive: Drive, found: Sequence[Pair], driven: Pair, count: str) -> None:
+    """Raise `StructureError` for a chain in which nothing can move: what holds the drive fast, what may be spared."""
+    held = next(part for part in blocks(list(drawing.links), found) if drive.link in part)
+    at = dict.fromkeys(pair.name for pair in found if set(pair.ends) & set(held))
+    problem = f"nothing can move ({count}): {', '.join(held)} hold each other fast at {_few(at)}"
+    spare = dispensable(drawing, found, driven)
+    of = " one of:" if len(spare) > 1 else ""
+    remedy = f"leave out{of} {', '.join(spare) or 'a link that joins two others'}"
+    raise StructureError("links", problem, f"{remedy}, or give it dimensions with which it fits all the way")
 
 
 def _alone(drawing: Drawing, links: Sequence[str]) -> str:
     """Pins of links that nothing else names, where one may be missing."""
     ends = drawing.pins()
     told = [f"{point!r} of {name!r}" for name in links for point in drawing.links[name].pins if ends[point] == [name]]
-    return f"; nothing else names {', '.join(told[:MOST_TOLD])}" if told else ""
+    return f"; nothing else names {_few(told)}" if told else ""
+
+
+def _few(names: Iterable[str]) -> str:
+    """The first of these, as a list in a message."""
+    first = list(names)
+    return ", ".join(first[:MOST_TOLD]) + ", …" * (len(first) > MOST_TOLD)

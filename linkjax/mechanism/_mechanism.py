@@ -12,6 +12,7 @@ from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, Crank, without_path
 from linkjax.mechanism._link import Flywheel, Link
+from linkjax.mechanism._structure import Structure, structure_of
 
 
 class StructureError(ValueError):
@@ -99,8 +100,13 @@ class Mechanism(eqx.Module):
         return links
 
     def formula(self) -> str:
-        """Structural formula, e.g. `I1(crank) → II2(rod, slider) → II1(link4, rocker)`."""
-        return " → ".join(f"{g.classified()[0]}({', '.join(g.link_names())})" for g in self.groups)
+        """Structural formula, e.g. `I1(crank) → II2(rod, slider) → II1(link4, rocker)`; see `Structure.formula`."""
+        return structure(self).formula()
+
+
+def structure(mechanism: Mechanism) -> Structure:
+    """Links, pairs, mobility and groups of a mechanism."""
+    return structure_of(mechanism.link_names, mechanism.groups, mechanism.owners())
 
 
 def _named(link: Link, name: str) -> Link:
@@ -155,6 +161,19 @@ def check_structure(mechanism: Mechanism) -> None:
     idle = [name for name in mechanism.links if name not in placed]
     if idle:
         raise StructureError(f"links.{idle[0]}", "belongs to no group", "add a group that uses it, or delete it")
+    _check_driven(mechanism)
+
+
+def _check_driven(mechanism: Mechanism) -> None:
+    """A driver of one link moves a group, where there are any."""
+    (driver, *rest), crank = structure(mechanism).parts, mechanism.crank
+    if rest and driver.links == (crank,) and not any(crank in pair.ends for part in rest for pair in part.outer):
+        problem = (
+            f"the driver moves {crank!r} alone, while {', '.join(rest[0].links)} hang on the frame and stand still"
+        )
+        pins = ", ".join(pin for pin in mechanism.driver.pins()[crank] if pin and pin not in mechanism.fixed)
+        remedy = f"attach it to a point of {crank!r}" + (f", such as {pins}" if pins else "")
+        raise StructureError(f"groups[1] ({mechanism.groups[1].kind})", problem, remedy)
 
 
 def _apart(link: Link, origin: str, far: str) -> np.ndarray | None:

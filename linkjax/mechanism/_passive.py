@@ -49,6 +49,11 @@ def misfit(drawing, found: Sequence[Pair], driven: Pair) -> tuple[str, float, fl
     return None
 
 
+def dispensable(drawing, found: Sequence[Pair], driven: Pair) -> list[str]:
+    """Links without each of which the chain has the one degree of freedom that the drive takes."""
+    return [link for (link,) in _dispensable(drawing, found, driven, 1)]
+
+
 def _dispensable(drawing, found: Sequence[Pair], driven: Pair, most: int) -> Iterator[tuple[str, ...]]:
     """Links, so many at most, without which the chain has the one degree of freedom that the drive takes."""
     spare = [link for link in reversed(drawing.links) if link not in driven.ends and _bridges(link, found)]

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from linkjax.groups import FRAME, Pair
+from linkjax.groups import FRAME, AbstractGroup, Pair
 from linkjax.mechanism._freedom import counted, mobility
-from linkjax.mechanism._mechanism import Mechanism
 
 
 class Part(NamedTuple):
     """The driver or an Assur group: its links, its class and kind (II1), its pairs as letters (RRR), the pairs by which
-    it is attached and those inside it."""
+    it is attached and those inside it, and the number of the last part that moves it (None for one that does not)."""
 
     links: tuple[str, ...]
     kind: str
     letters: str
     outer: tuple[Pair, ...]
     inner: tuple[Pair, ...]
+    moved_by: int | None
 
 
 class Structure(NamedTuple):
@@ -34,26 +35,40 @@ class Structure(NamedTuple):
 
     def formula(self, letters: bool = False, numbers: bool = False) -> str:
         """Structural formula, e.g. `I1(crank) → II2(rod, slider)`; with letters `R(crank) → RRP(rod, slider)`; with
-        numbers of links, the frame's zero among them, `I1(0,1) → II2(2,3)`."""
+        numbers of links, the frame's zero among them, `I1(0,1) → II2(2,3)`.
+
+        An arrow leads to a part from the last one that moves it; where it leads to several, these stand in braces:
+        `I1(0,1) → {II2(2,4); II2(3,5)}`. What stands still follows behind a semicolon.
+        """
         shown = {name: str(i) if numbers else name for i, name in enumerate(self.links, 1)}
-        parts = []
-        for part in self.parts:
+
+        def told(number: int) -> str:
+            part = self.parts[number]
             names = [shown[name] for name in part.links]
-            if numbers and part is self.parts[0]:
+            if numbers and number == 0:
                 names = ["0"] * any(FRAME in pair.ends for pair in part.outer) + names
-            parts.append(f"{part.letters if letters else part.kind}({(',' if numbers else ', ').join(names)})")
-        return " → ".join(parts)
+            here = f"{part.letters if letters else part.kind}({(',' if numbers else ', ').join(names)})"
+            next_ones = [told(i) for i, other in enumerate(self.parts) if other.moved_by == number]
+            behind = "; ".join(next_ones) if len(next_ones) < 2 else f"{{{'; '.join(next_ones)}}}"
+            return f"{here} → {behind}" if behind else here
+
+        return "; ".join(told(i) for i, part in enumerate(self.parts) if part.moved_by is None)
 
 
-def structure(mechanism: Mechanism) -> Structure:
-    """Links, pairs, mobility and groups of a mechanism."""
-    owners, parts = mechanism.owners(), []
-    for group in mechanism.groups:
+def structure_of(links: Sequence[str], groups: Sequence[AbstractGroup], owners: Mapping[str, str]) -> Structure:
+    """Links, pairs, mobility and parts of groups in their order, with the link that each point belongs to."""
+    parts: list[Part] = []
+    moving: dict[str, int] = {}  # in which part each link that moves comes in
+    for number, group in enumerate(groups):
         kind, letters = group.classified()
         pairs = [Pair(j.letter, j.name, j.link, j.by or owners[j.point])
                  for j in group.joints() if not j.name.endswith(".drive")]  # fmt: skip
         inner = [pair for pair in pairs if set(pair.ends) <= set(group.link_names())]
         outer = [pair for pair in pairs if pair not in inner]
-        parts.append(Part(group.link_names(), kind, letters, tuple(outer), tuple(inner)))
+        by = [moving[end] for pair in outer for end in pair.ends if end in moving]
+        if by or number == 0:
+            moving |= dict.fromkeys(group.link_names(), number)
+        last = max(by, default=None)
+        parts.append(Part(group.link_names(), kind, letters, tuple(outer), tuple(inner), last))
     every = tuple(pair for part in parts for pair in (*part.outer, *part.inner))
-    return Structure(mechanism.link_names, every, mobility(len(mechanism.links), every), tuple(parts))
+    return Structure(tuple(links), every, mobility(len(links), every), tuple(parts))

@@ -47,7 +47,9 @@ def test_a_third_and_a_fourth_parallel_crank():
     for more in ({"F": 0.2}, {"F": 0.2, "G": 0.1}):
         mechanism = parallel(more)
         names = [f"crank{name}" for name in more]
-        assert mechanism.formula() == "I1(crank) → II1(coupler, rocker)" + "".join(f" → passive({n})" for n in names)
+        told = "; ".join(f"passive({name})" for name in names)
+        told = told if len(names) == 1 else f"{{{told}}}"
+        assert mechanism.formula() == f"I1(crank) → II1(coupler, rocker) → {told}"
         found, count = structure(mechanism), len(more)
         assert found.mobility == 1 - count
         assert found.mobility_told() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"

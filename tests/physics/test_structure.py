@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.analysis import analyse
-from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Drive, General, Guide, Pair, Slot, classified
+from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Crank, Drive, General, Guide, Pair, Slot, classified
 from linkjax.kinematics import assemblies, pose, prepared
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage, structure
 from linkjax.mechanism._freedom import blocks, freedom, rates
@@ -359,14 +359,18 @@ def test_what_does_not_hang_together_is_told():
     tie = {"tie": Link(length=0.2, pins=("K", "L"))}
     held = {**BARS, "coupler": Link(length=0.3, pins=("B", "C", "K"), points={"K": lj.Vec(0.1, 0.1)}),
             "rocker": Link(length=0.25, pins=("D", "C", "L"), points={"L": lj.Vec(0.1, 0.1)})}  # fmt: skip
-    wrong(r"links: nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\)", links=held | tie, sketch={})
+    wrong(r"links: nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\): crank, coupler, rocker, tie hold each "
+          "other fast at A, B, C, K, D, L; leave out tie, or", links=held | tie, sketch={})  # fmt: skip
     arm = {"arm": Link(length=0.2, pins=("C", "K"))}
-    wrong("arm can still move when the drive is held: 2 degrees of freedom", links=BARS | arm)
-    wrong("links.far: not joined to the frame: far", links=BARS | {"far": Link(length=0.1, pins=("X", "Y"))})
+    wrong("arm can still move at C when the drive is held: 2 degrees .*; nothing else names 'K' of 'arm'; a link "
+          "from pin to pin takes one away", links=BARS | arm)  # fmt: skip
+    far = {"far": Link(length=0.1, pins=("X", "Y"))}
+    wrong(r"links.far: not joined to the frame: far \(pins X, Y\); let it share a pin", links=BARS | far)
     wrong("drive: 'crank' and 'rocker' share no joint", drive=Drive("crank", "rocker"))
     wrong("drive: link 'crnk' is not defined; did you mean 'crank'", drive=Drive("crnk"))
     fast = {"one": Link(length=0.2, pins=("A", "B")), "two": Link(length=0.2, pins=("D", "B"))}
-    wrong("links: nothing can move", links=fast, drive=Drive("one"), sketch={})
+    wrong("nothing can move .*: one, two hold each other fast at .*; leave out two, or", links=fast,
+          drive=Drive("one"), sketch={})  # fmt: skip
     wrong("links.crank: has no pins", links=BARS | {"crank": Link(length=0.1)})
     wrong("links.coupler: nothing says where its pin 'C' is; add it to the sketch", sketch={})
     wrong("sketch.Q: is no point of a link", sketch={"Q": (0, 0)})
@@ -379,6 +383,71 @@ def test_what_does_not_hang_together_is_told():
         "lever": Link(length=0.2, pins=("D", "C")),
     }
     wrong("cannot do for ever; give it a law", links=ram, slots=[Slot("crank", Guide("A"))])
+
+
+@pytest.mark.parametrize("length", [0.0, 0.2])
+@pytest.mark.parametrize(
+    ("chains", "told"),
+    [
+        ({"a": "BE", "b": "EC", "rocker": "DC"}, "a, b, rocker can still move at B, E, C, D .* 2 degrees"),
+        ({"coupler": "BC", "rocker": "DC", "a": "CE", "b": "EF", "c": "MF"},
+         "a, b, c can still move at C, E, F, M .* 2 degrees"),
+        ({"a": "BE", "b": "EF", "c": "FC", "rocker": "DC"}, "rocker can still .* 3 degrees"),
+    ],
+)  # fmt: skip
+def test_chains_with_too_many_links_are_told_as_such(length, chains, told):
+    """They are not taken for passive, however many of them make a chain of one degree of freedom when left out."""
+    links = {"crank": Link(length=0.1, pins=("A", "B"))}
+    links |= {name: Link(length=length, pins=tuple(pins)) for name, pins in chains.items()}
+    sketch = {"C": (0.3, 0.25), "E": (0.1, 0.25), "F": (0.5, 0.3)}
+    used = {p: at for p, at in sketch.items() if any(p in pins for pins in chains.values())}
+    wrong(told, {"M": (0.7, 0.0), **GROUND}, links, sketch=used)
+
+
+def test_a_drive_that_drives_nothing():
+    motor = {"motor": Link(length=0.05, pins=("K", "L"))}
+    loose = r"it moves 'motor' alone, to which nothing is joined but 'frame' .*; nothing else names 'L' of 'motor'; "
+    wrong(
+        loose + "let another link share a pin of it \\(L\\), or drive another",
+        GROUND | {"K": (0.0, -0.1)},
+        BARS | motor,
+        Drive("motor"),
+    )
+    frame = GROUND | {"F": (0.5, 0.0)}
+    truss = BARS | {"coupler": Link(length=0.3, pins=("D", "C")), "rocker": Link(length=0.25, pins=("F", "C"))}
+    wrong("it moves 'crank' alone", frame, truss, sketch={"C": (0.4, 0.2)})
+    still = [Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "D", "F", "C")]
+    bars = {name: dataclasses.replace(link, pins=()) for name, link in BARS.items()}
+    with pytest.raises(
+        StructureError,
+        match=r"groups\[1\] \(RRR\): the driver moves 'crank' alone, while coupler, rocker "
+        "hang on the frame and stand still; attach it to a point of 'crank', such as B",
+    ):
+        Mechanism({p: lj.Vec(*at) for p, at in frame.items()}, bars, still)
+
+
+def test_three_slides_in_a_row_have_no_class():
+    links = {"crank": BARS["crank"], "one": Link(pins=("X",)), "two": Link(pins=("Z",))}
+    slots = [Slot("one", Guide("B", 0.3, on="crank")), Slot("two", Guide("X", 0.9, on="one")), Slot("two", Guide("D"))]
+    wrong("slot of two: is in two slots: three slides .* make no Assur group; name a second block", links=links,
+          slots=slots, sketch={"X": (0.3, 0.1), "Z": (0.3, 0.3)})  # fmt: skip
+
+
+def test_links_that_hold_each_other_fast_count_as_one():
+    """A cylinder between coupler and rocker makes one body of all three while it is held; a triangle of bars is one."""
+    coupler = Link(length=0.3, pins=("B", "C", "E"), points={"E": lj.Vec(0.1, 0.15)})
+    rocker = Link(length=0.25, pins=("D", "C", "F"), points={"F": lj.Vec(0.1, -0.1)})
+    links = {**BARS, "coupler": coupler, "rocker": rocker, "barrel": Link(length=0.1, pins=("E", "H")),
+             "rod": Link(pins=("F",))}  # fmt: skip
+    sketch = {"B": (0.0707, 0.0707), "C": (0.3114, 0.2497), "E": (0.0614, 0.2508), "F": (0.4045, 0.0953),
+              "H": (0.1525, 0.2095)}  # fmt: skip
+    drive = Drive("rod", "barrel", law=lj.Harmonic(0.3766, 0.3806))
+    made = linkage(GROUND, links, drive, [Slot("rod", Guide("E", on="barrel"))], sketch)
+    assert made.formula() == "I1+II1(crank, coupler, rocker, barrel, rod)"
+    bars = [Pair("R", p, one, other) for p, one, other in (
+        ("B", "a", "crank"), ("P", "a", "b"), ("Q", "a", "c"), ("S", "b", "c"), ("C", "c", "d"), ("D", "d", FRAME))
+    ]  # fmt: skip
+    assert classified("abcd", bars) == ("II1", "RRR")
 
 
 @pytest.mark.slow

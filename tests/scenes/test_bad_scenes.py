@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import linkjax as lj
+from linkjax import cli
 from linkjax._results import MachineError
+from linkjax.analysis import measured
 from linkjax.scenes import (
     Document,
     SceneError,
@@ -39,8 +41,8 @@ def text_of(name: str) -> str:
     return (PACKAGE / f"scenes/{folder}/{name}.toml").read_text(encoding="utf-8")
 
 
-def check_message(error: SceneError, what: str) -> None:
-    """One line that names file, key (or line), problem and remedy, in the words of scene files."""
+def check_message(error: SceneError, what: str, given: object) -> None:
+    """One line that names file, key (or line), problem and remedy, in the words of scene files, and of this one."""
     message = str(error)
     assert message.startswith("bad.toml: ") and message.endswith(f"{error.problem}; {error.remedy}"), what
     assert "\n" not in message and len(message) < 450 and error.problem and error.remedy, what
@@ -49,6 +51,7 @@ def check_message(error: SceneError, what: str) -> None:
     top = re.split(r"[.\[ ]", error.key)[0]
     known = top in KEYS or top == "line" or "empty" in error.problem or "not readable" in error.problem
     assert known or error.problem.endswith("not a known key"), (what, message)
+    assert "[" not in error.key or top in str(given), (what, message)
 
 
 def refused(name: str, count: int, seed: int) -> int:
@@ -62,7 +65,7 @@ def refused(name: str, count: int, seed: int) -> int:
             document = read_document(bad, "bad.toml") if isinstance(bad, str) else Document("bad.toml", bad)
             made = build_rolling(document) if document.rolling else build_task(document)[0]
         except SceneError as error:
-            check_message(error, f"{name}: {what}")
+            check_message(error, f"{name}: {what}", bad)
             found += 1
         else:
             assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(made)), f"{name}: {what}"
@@ -144,8 +147,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a missing slot": (
         edit("elliptic-trammel", '[[slots]]\nblock = "shoe"\nguide = { through = "O", along = "90 deg" }\n', ""),
         "links",
-        "can still move when the drive is held",
-        "join them to something",
+        "stone, bar, shoe can still move at X, Y, stone.guide when the drive is held: 3 degrees of freedom",
+        "a pin or a slot where none is takes two",
     ),
     "two blocks for one": (
         edit(
@@ -160,14 +163,46 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a link too many": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["C", "G"]\nlength = "300 mm"\n\n[flywheel]'),
         "links",
-        "nothing can move",
-        "leave out a link",
+        "hold each other fast at A, B, C, E, D, G, …",
+        "leave out one of: tie, lever, rocker, or give it",
     ),
     "a link that hangs loose": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["C", "Z"]\nlength = "300 mm"\n\n[flywheel]'),
         "links",
         "tie can still move",
-        "join them",
+        "leave them out",
+    ),
+    "a link too many in a row": (
+        edit(
+            "stephenson-3",
+            'pins = ["E", "G"]',
+            'pins = ["E", "K"]',
+            "[flywheel]",
+            '[links.more]\npins = ["K", "G"]\nlength = "300 mm"\n\n[flywheel]',
+            "[sketch]",
+            '[sketch]\nK = ["250 mm", "300 mm"]',
+        ),
+        "links",
+        "can still move at E, K, F, G when the drive is held: 2 degrees of freedom",
+        "a link from pin to pin takes one away",
+    ),
+    "a motor beside the machine": (
+        edit(
+            "stephenson-3",
+            "[fixed]",
+            '[fixed]\nK = [0, "-100 mm"]',
+            '[drive]\nlink = "crank"',
+            '[drive]\nlink = "motor"\n\n[links.motor]\npins = ["K", "L"]\nlength = "50 mm"',
+        ),
+        "drive.link",
+        "it moves 'motor' alone, to which nothing is joined but 'frame'",
+        "let another link share a pin of it (L)",
+    ),
+    "a crank beside what stands still": (
+        edit("four-bar", 'from = "B"', 'from = "K"', "[fixed]", '[fixed]\nK = ["50 mm", "20 mm"]'),
+        "groups[1]",
+        "the driver moves 'crank' alone, while coupler, rocker hang on the frame and stand still",
+        "attach it to a point of 'crank', such as B",
     ),
     "a link apart": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["Y", "Z"]\nlength = "300 mm"\n\n[flywheel]'),
@@ -288,8 +323,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a drive against what stands still": (
         edit("elliptic-trammel", 'pins = ["Y"]', 'pins = ["X"]'),
         "drive",
-        "moves 'bar' against 'stone', but stone, shoe cannot move",
-        "drive against the frame",
+        "it moves 'bar' alone, to which nothing is joined but 'stone'",
+        "let another link share a pin of it (Y)",
     ),
     "coinciding pins": (
         edit(
@@ -345,7 +380,7 @@ def test_a_machine_that_is_drawn_wrong(name):
     text, key, problem, remedy = DRAWN[name]
     with pytest.raises(SceneError) as caught:
         loads_text(text, "bad.toml")
-    check_message(caught.value, name)
+    check_message(caught.value, name, text)
     assert caught.value.key.startswith(key) and problem in caught.value.problem and remedy in caught.value.remedy
 
 
@@ -354,7 +389,7 @@ def test_rolling_bodies_that_cannot_be(name):
     text, key, problem, remedy = ROLLING[name]
     with pytest.raises(SceneError) as caught:
         build_rolling(read_document(text, "bad.toml"))
-    check_message(caught.value, name)
+    check_message(caught.value, name, text)
     assert caught.value.key == key and problem in caught.value.problem and remedy in caught.value.remedy
 
 
@@ -401,6 +436,36 @@ def test_impossible_machines(name):
     message = str(caught.value)
     assert part in message and not NOISE.search(message), message
     assert message.startswith(("Scene ", f"{scene}.toml"))
+
+
+@pytest.mark.parametrize("name", [*DRAWN, *ROLLING])
+def test_the_exit_code_of_what_is_refused(name, tmp_path: Path, monkeypatch, capsys):
+    """Two, and one line."""
+    (tmp_path / "bad.toml").write_text({**DRAWN, **ROLLING}[name][0], encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["linkjax", "show", "bad.toml"])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    out, err = capsys.readouterr()
+    assert stopped.value.code == 2 and not out and len(err.splitlines()) == 1 and err.startswith("bad.toml: ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", scene_names())
+def test_what_is_not_refused_is_analysed(name):
+    """Of bad versions of a scene those that make a machine: its figures are finite, or one line says why there are
+    none."""
+    table, rng, analysed = tomllib.loads(text_of(name)), np.random.default_rng([2, NAMES.index(name)]), 0
+    while analysed < 5:
+        what, bad = mutation(table, rng)
+        try:
+            scene = build_task(Document("bad.toml", bad))[0]
+            analysed += 1
+            found = measured(lj.analyse(scene, angles=4, nodes=48))
+        except (SceneError, MachineError) as error:
+            assert not NOISE.search(str(error).replace("not a finite number", "")), (what, str(error))
+        else:
+            assert np.all(np.isfinite(list(found.values()))), what
 
 
 COMMANDS = {  # text of the file, exit code, part of what is said

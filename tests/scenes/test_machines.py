@@ -16,17 +16,17 @@ from linkjax.kinematics import pose, prepared
 FORMULAS = {
     "scissor-lift": ("I1+III3(0,1,2,3,4,5)", 5),  # with the cylinder held: the brace with three others on the frame
     "stephenson-3": ("I1(0,1) → II1(2,3) → II1(4,5)", 5),
-    "andrews-squeezer": ("I1(0,1) → II1(2,3) → II1(4,5) → II1(6,7)", 7),
+    "andrews-squeezer": ("I1(0,1) → II1(2,3) → {II1(4,5); II1(6,7)}", 7),
     "geared-press": ("I1(0,1) → G(2) → II1(3,4) → II2(5,6)", 6),
     "toggle-press": ("I1(0,1) → II1(2,3) → II2(4,5)", 5),
-    "two-cylinder": ("I1(0,1) → II2(2,3) → II2(4,5)", 5),
+    "two-cylinder": ("I1(0,1) → {II2(2,3); II2(4,5)}", 5),
     "oscillating-cylinder": ("I1(0,1) → II3(2,3)", 3),
     "elliptic-trammel": ("I1+II4(0,1,2,3)", 3),  # with the motor held: stone and bar as one on a guide, the shoe
-    "two-slider-press": ("I1(0,1) → II2(2,3) → II2(4,5)", 5),
+    "two-slider-press": ("I1(0,1) → {II2(2,4); II2(3,5)}", 5),
     "combine-cutter": ("I1(0,1) → II1(2,3) → II3(4,5)", 5),
     "combine-shoe": ("I1(0,1) → II1(2,3) → II1(4,5)", 5),
     "kozhevnikov-press": (
-        "I1(0,1) → " + " → ".join(f"II1({n},{n + 1}) → II2({n + 2},{n + 3})" for n in (2, 6, 10, 14)),
+        f"I1(0,1) → {{{'; '.join(f'II1({n},{n + 1}) → II2({n + 2},{n + 3})' for n in (2, 6, 10, 14))}}}",
         17,
     ),
 }
