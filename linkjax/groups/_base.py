@@ -109,6 +109,11 @@ class AbstractGroup(eqx.Module):
     def pins(self) -> Mapping[str, tuple[str, str | None]]:
         """For each link brought in: the point at its origin, and the point at its far end (None where it has none)."""
 
+    def holds(self) -> Mapping[str, tuple[str, str | None]]:
+        """For each link brought in: the point at its origin, and the point to which its x axis runs as the group sees
+        it (None where that is the link's own)."""
+        return self.pins()
+
     def brings(self) -> tuple[str, ...]:
         """Pins that the group creates."""
         ends, needed = self.pins().values(), self.needs()

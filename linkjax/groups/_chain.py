@@ -76,6 +76,9 @@ class AbstractChain(AbstractGroup):
     def pins(self):
         return {link: (points[0], points[1] if len(points) > 1 else None) for link, points in self.members}
 
+    def holds(self):
+        return {link: (points[0], None) for link, points in self.members}
+
     def brings(self):
         ends = [p for pair in self.pins().values() for p in pair if p is not None]
         return tuple(dict.fromkeys(p for p in ends if p not in self.outer))

@@ -81,7 +81,7 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
         states, pins = group.solve(mechanism.held_by(group), links, points, phi)
         links |= states
         points |= pins
-        for name, (origin, far) in group.pins().items():
+        for name, (origin, far) in group.holds().items():
             link = mechanism.links[name]
             body, held = link.actual(), link.held(origin, far)
             if held is not None:

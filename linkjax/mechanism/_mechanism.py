@@ -93,7 +93,7 @@ class Mechanism(eqx.Module):
     def held_by(self, group: AbstractGroup) -> dict[str, Link]:
         """The links as a group sees them: with the distance of the two pins at which it holds them as their length."""
         links = self.links
-        for name, ends in group.pins().items():
+        for name, ends in group.holds().items():
             held = links[name].held(*ends)
             if held is not None:
                 links = {**links, name: dataclasses.replace(links[name], length=held.length)}

@@ -11,6 +11,8 @@ import functools
 import itertools
 from collections.abc import Iterable, Sequence
 
+from linkjax.groups import FRAME, Pair
+
 Edge = tuple[int, int]
 Chain = tuple[Edge, ...]
 
@@ -86,3 +88,26 @@ def grounded(count: int) -> int:
     """Number of chains with a ground."""
     return len({(chain, canonical(count, chain, [int(v == ground) for v in range(count)]))
                 for chain in chains(count) for ground in range(count)})  # fmt: skip
+
+
+@functools.cache
+def sliding(count: int) -> list[tuple]:
+    """Every chain of so many links with its ground, its driving joint at ground, and a joint that is a slider."""
+    return [(*one, other) for one in driven_chains(count, at_ground=True) for other in one[0] if other != one[2]]
+
+
+def named(chain, ground, letters=None) -> list[Pair]:
+    """The pairs of a chain; links are called by their numbers, the ground is the frame."""
+    names = [FRAME if v == ground else f"k{v}" for v in range(1 + max(itertools.chain(*chain)))]
+    letters = letters or {}
+    pairs = []
+    for a, b in chain:
+        a, b = (b, a) if a == ground else (a, b)
+        pairs.append(
+            Pair(letters.get((a, b), letters.get((b, a), "R")), f"j{min(a, b)}{max(a, b)}", names[a], names[b])
+        )
+    return pairs
+
+
+def links_of(chain, ground) -> list[str]:
+    return [f"k{v}" for v in range(1 + max(itertools.chain(*chain))) if v != ground]

@@ -106,19 +106,21 @@ def test_sides_are_those_of_the_true_places():
 )
 @pytest.mark.parametrize("far", [lj.Vec(0.3, 0.0), lj.Vec(0.28, 0.1)])
 def test_a_second_pin_that_is_a_marked_point(drive, far):
-    """It is where the mark is, whatever the length: the machine whose coupler has that distance as its length."""
+    """It is where the mark is, whatever the length: the machine whose coupler has that distance as its length. Its mass
+    centre lies in the axes of the link, not of the line between the pins."""
     reach = math.hypot(float(far.x), float(far.y))
     lean = math.atan2(float(far.y), float(far.x))
-    plain = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=reach),
-             "rocker": Link(pins=("D", "C"), length=0.25)}  # fmt: skip
+    plain = {"crank": Link(pins=("A", "B"), length=0.1), "rocker": Link(pins=("D", "C"), length=0.25),
+             "coupler": Link(pins=("B", "C"), length=reach, centre=Vec(0.13, 0.05))}  # fmt: skip
+    centre = Vec(0.13, 0.05).turned(Vec(math.cos(lean), math.sin(lean)))
     for length in (0.0, 0.35):
-        marked = plain | {"coupler": Link(pins=("B", "C"), length=length, points={"C": far})}
+        marked = plain | {"coupler": Link(pins=("B", "C"), length=length, points={"C": far}, centre=centre)}
         turned = dataclasses.replace(drive, phase=drive.phase - (lean if drive.link == "coupler" else 0.0))
         one, two = (
             linkage({"A": (0, 0), "D": (0.38, 0)}, links, how, sketch={"B": (0.1, 0.0), "C": (0.3, 0.25)})
             for links, how in ((plain, drive), (marked, turned))
         )
-        assert places(two, "BC") == pytest.approx(places(one, "BC"), abs=1e-12)
+        assert places(two, ("B", "C", "S3")) == pytest.approx(places(one, ("B", "C", "S3")), abs=1e-12)
 
 
 def test_a_crank_held_anywhere_is_a_crank():
