@@ -7,6 +7,7 @@ import gc
 import os
 import sys
 import zlib
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 CACHE = Path(__file__).parents[1] / ".cache"
@@ -18,6 +19,8 @@ gc.set_threshold(100_000, 20, 20)  # tracing makes millions of objects that live
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
+
+TOLD = pytest.StashKey[list[str]]()
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -33,8 +36,28 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: longest.index(item.path.name) if item.path.name in longest else len(longest))
 
 
+@pytest.fixture(scope="session")
+def tell(pytestconfig: pytest.Config) -> Callable[..., None]:
+    """Takes lines that are to be read at the end of the run, whichever process finds them."""
+    return lambda *lines: pytestconfig.stash.setdefault(TOLD, []).extend(lines)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """What was told travels with the next report."""
+    report = yield
+    told = item.config.stash.get(TOLD, [])
+    report.user_properties += [("told", line) for line in told]
+    told.clear()
+    return report
+
+
 def pytest_terminal_summary(terminalreporter) -> None:
-    """One line when the tests of the page had no browser."""
+    """What was told; one line when the tests of the page had no browser."""
+    reports = [report for each in terminalreporter.stats.values() for report in each]
+    for what, line in (pair for report in reports for pair in getattr(report, "user_properties", ())):
+        if what == "told":
+            terminalreporter.write_line(line)
     skipped = [report for report in terminalreporter.stats.get("skipped", []) if "no browser" in str(report.longrepr)]
     if skipped:
         reason = str(skipped[0].longrepr[2]).removeprefix("Skipped: ")

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._lapack import svd
+from linkjax._lapack import inverted, sign_of_determinant, svd
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec, unit
+
+NEAR = 2  # steps of Newton's method from the reference path
 
 
 class Known(NamedTuple):
@@ -156,6 +159,41 @@ class Web(NamedTuple):
             parts.append((jnp.asarray(sign) * jnp.sum(wanted * driven)).reshape((1, -1)))
         return jnp.concatenate(parts)
 
+    def near(self, z: Placed, c: Closure, sense: Array) -> Placed:
+        """The configuration that closes the joints, from one nearby, to rounding or nearly so; without derivatives."""
+        for _ in range(NEAR):
+            z = self._nearer(z, c, sense)
+        return z
+
+    def _nearer(self, z: Placed, c: Closure, sense: Array) -> Placed:
+        """A step of Newton's method that knows of folds, to where the Jacobian's determinant has this sense.
+
+        Where two assemblies meet, the closure is quadratic along the direction that it hardly resists, and Newton's
+        method loses half of its digits. So that direction is split off (with w the vector for which wᵀ J is least, J v
+        = w / |J⁻¹ w|, whatever the accuracy of w), and of the two roots along it the one of this sense is taken.
+        Source: D. W. Decker, C. T. Kelley, Newton's method at singular points, SIAM J. Numer. Anal. 17 (1980).
+        """
+        gap, jacobian = self.opened(z, c), self.jacobian(z, c)
+        inverse = inverted(jacobian)
+        v = _normed(inverse @ jnp.cos(1.0 + 1.7 * np.arange(gap.size)))
+        w = _normed(inverse.T @ _normed(inverse @ _normed(inverse.T @ v)))
+        v, rest = _normed(inverse @ w), -inverse @ (gap - w * (w @ gap))
+
+        def left(t):
+            return w @ self.opened(z.moved(rest + t * v, c.size), c)
+
+        none, one = jnp.zeros_like(c.size), jnp.ones_like(c.size)
+        value, slope = jax.jvp(left, (none,), (one,))
+        bend = jax.jvp(lambda t: jax.jvp(left, (t,), (one,))[1], (none,), (one,))[1]
+        wanted = sense * sign_of_determinant(jacobian)  # sign of the slope at the root: it is positive here
+        root = wanted * safe_sqrt(slope * slope - 2 * bend * value)
+        here = slope * wanted > 0
+        t = safe_divide(jnp.where(here, -2 * value, root - slope), jnp.where(here, slope + root, bend))
+        move = rest + t * v
+        move = jnp.where(jnp.all(jnp.isfinite(move)), move, 0.0)
+        most = jnp.maximum(jnp.max(jnp.abs(move)), jnp.finfo(move.dtype).tiny)
+        return z.moved(move * jnp.minimum(1.0, 0.5 * c.size / most), c.size)
+
     def reversed(self, z: Placed, c: Closure) -> Array:
         """Whether a block, or the link that the drive turns, lies half a turn from where it should: the equations know
         no difference."""
@@ -180,6 +218,11 @@ class Web(NamedTuple):
         link, on = self.turns
         wanted = array([unit(c.drive)])
         return wanted if on is None else turned(z.u[on : on + 1], wanted), z.u[link : link + 1]
+
+
+def _normed(x: Array) -> Array:
+    """A vector of length one."""
+    return x / jnp.sqrt(jnp.sum(x * x))
 
 
 def array(vectors: Sequence[Vec]) -> Array:

@@ -27,11 +27,11 @@ from linkjax.groups._drawn import from_sketch
 from linkjax.groups._gear import Gear
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, PointState, carried
-from linkjax.groups._track import Track, closed_to
+from linkjax.groups._track import Track, closed_to, met
 from linkjax.groups._winding import counted
 
 FAR = 60  # damped steps from a sketch
-NEAR, LAST = 2, 3  # steps from the reference path: damped ones, and those with one inverse that carry derivatives
+LAST = 3  # steps with one inverse that carry derivatives, after those of `Web.near`
 SWING = 0.2  # of the size: what they may move links
 
 
@@ -241,9 +241,10 @@ class General(AbstractChain):
 
     def solve(self, links, states, points, phi):
         assert self.path is not None  # see `kinematics.prepared`
-        z = self.closed(links, states, points, phi, self.path.at(phi, self.turns), NEAR)[0]
         web, (places, c) = self._web(), self._at(links, states, points, phi)
-        here, sound = self._polished(web, placed(jax.lax.stop_gradient(z)), c)
+        still, path, at = jax.lax.stop_gradient((c, self.path, phi))
+        here = web.near(placed(path.at(at, self.turns)), still, path.sense[path.place(at, self.turns)[0]])
+        here, sound = self._polished(web, here, c)
         matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))
         inverse = inverted(matrix)
 
@@ -318,11 +319,9 @@ class General(AbstractChain):
         second = jax.jvp(lambda t: jax.jvp(jacobian, (t,), (one,))[1], (none,), (one,))[1]
         value, d, dd = least_singular(matrix, *jax.lax.stop_gradient((first, second)))
         gap = safe_sqrt(jnp.sum(web.opened(here, c) ** 2)) / c.size
-        lost, astern, beyond = (
-            gap > closed_to(gap.dtype),
-            web.reversed(here, c),
-            jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns),
-        )
+        lost, astern = gap > closed_to(gap.dtype), web.reversed(here, c)
+        beyond = jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns)
+        value = jnp.where(value < met(value.dtype), value - met(value.dtype), value)
         value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
         found = {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
         if "apart" in self.dead_positions():

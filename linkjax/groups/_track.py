@@ -16,6 +16,11 @@ def closed_to(dtype: Any) -> float:
     return float(jnp.finfo(dtype).eps) ** 0.6
 
 
+def met(dtype: Any) -> float:
+    """A least singular value below this is none: it is the root of what rounding leaves open where assemblies meet."""
+    return 2 * float(jnp.finfo(dtype).eps) ** 0.5
+
+
 class Track(NamedTuple):
     """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
     leave open, of the size of the group; how the links turn round that its wheels are in gear with; and the first of

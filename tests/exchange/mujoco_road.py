@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 import linkjax as lj
+from linkjax import MachineError
 from linkjax._compile import compiled_soon
 from linkjax.exchange import to_mjcf
 from linkjax.forces import kinetostatics
@@ -29,8 +30,11 @@ STEPS = 96  # a turn, of the walk from one crank angle to the next
 SHUT = 1e-13  # of the size of the machine: what closures may leave open
 START = 0.3  # rad, where the models stand
 TURN = START + np.linspace(0.15, 2 * math.pi, 8)
+AWAY = [
+    side * 0.1 * 0.3**k for k in range(12) for side in (1, -1)
+]  # rad, from where a model stands to where it is asked
 GAIN = 0.4  # crank acceleration, by the square of the crank speed
-APART = 1e-3  # rad, between crank angles that give the second kinematic coefficients
+APART = 1e-3  # rad or m, of a joint, between places that say how the closures bend
 
 
 class Found(NamedTuple):
@@ -49,8 +53,9 @@ class Road:
         self.model = mujoco.MjModel.from_xml_string(self.text)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data = mujoco.MjData(self.model)
-        self.drive = self.model.jnt_dofadr[self.model.actuator("drive").trnid[0]]
-        self.size = max(float(link.length) for link in scene.mechanism.links.values())
+        longest = max(float(link.length) for link in scene.mechanism.links.values())
+        mujoco.mj_kinematics(self.model, self.data)
+        self.size = longest or float(np.max(np.abs(self.data.site_xpos)))  # nothing but blocks has no length
         self.move(phi)
 
     def coordinate(self, phi: float) -> float:
@@ -61,25 +66,28 @@ class Road:
             return driver.turns * (phi - self.start)
         return float(oracle.prescribed(self.law, phi) - oracle.prescribed(self.law, self.start))
 
-    def rate(self, phi: float) -> float:
-        """By how much the drive moves on with the crank angle."""
+    def rates(self, phi: float) -> tuple[float, float]:
+        """By how much the drive moves on with the crank angle, and how this changes."""
         driver = self.scene.mechanism.driver
         if self.law is not None:
-            return float(oracle.swinging(self.law, phi)[0])
+            first, second = oracle.swinging(self.law, phi)
+            return float(first), float(second)
         assert isinstance(driver, Crank)
-        return driver.turns
+        return driver.turns, 0.0
 
     def closures(self) -> tuple[np.ndarray, np.ndarray]:
         """What the constraints leave open, and their Jacobian with a last row for the drive."""
-        mujoco.mj_fwdPosition(self.model, self.data)
-        jacobian = self.data.efc_J.reshape(self.data.nefc, self.model.nv)
-        return self.data.efc_pos.copy(), np.vstack([jacobian, np.eye(self.model.nv)[self.drive]])
+        model, data = self.model, self.data
+        mujoco.mj_fwdPosition(model, data)
+        jacobian, drive = data.efc_J.reshape(data.nefc, model.nv), np.zeros((1, model.nv))
+        mujoco.mju_sparse2dense(drive, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
+        return data.efc_pos.copy(), np.vstack([jacobian, drive])
 
     def move(self, phi: float) -> None:
         """Close the loops at a crank angle, by Newton's method from where the machine stands."""
         for _ in range(20):
             gap, jacobian = self.closures()
-            wanted = self.coordinate(phi) - self.data.qpos[self.drive]
+            wanted = self.coordinate(phi) - self.data.actuator_length[0]
             step = np.linalg.lstsq(jacobian, np.append(-gap, wanted), rcond=None)[0]
             self.data.qpos += step
             if np.max(np.abs(step)) < 1e-8:  # of second order: what is left is below the last digit
@@ -98,27 +106,32 @@ class Road:
     def first(self) -> np.ndarray:
         """First kinematic coefficients of the joint coordinates."""
         gap, jacobian = self.closures()
-        found, _, rank, _ = np.linalg.lstsq(jacobian, np.append(0 * gap, self.rate(self.phi)), rcond=1e-9)
+        return self.solved(jacobian, np.append(0 * gap, self.rates(self.phi)[0]))
+
+    def second(self, first: np.ndarray) -> np.ndarray:
+        """Second ones, from how the closures bend along the first: differences of fourth order of their Jacobian, which
+        is smooth wherever the machine stands."""
+        here, h = self.data.qpos.copy(), APART / np.max(np.abs(first))
+        rates = {}
+        for k in (-2, -1, 1, 2):
+            self.data.qpos = here + first * (k * h)
+            rates[k] = self.closures()[1] @ first
+        self.data.qpos = here
+        bent = (8 * (rates[1] - rates[-1]) - (rates[2] - rates[-2])) / (12 * h)
+        bent[-1] -= self.rates(self.phi)[1]
+        return self.solved(self.closures()[1], -bent)
+
+    def solved(self, jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
+        found, _, rank, _ = np.linalg.lstsq(jacobian, right, rcond=1e-9)
         assert rank == self.model.nv, "the closures do not say how the machine moves"
         return found
-
-    def second(self) -> np.ndarray:
-        """Second ones, from differences of the first, of fourth order."""
-        phi, here = self.phi, self.data.qpos.copy()
-        tangent, rates = self.first(), {}
-        for k in (-2, -1, 1, 2):
-            self.data.qpos = here + tangent * (k * APART)
-            self.move(phi + k * APART)
-            rates[k] = self.first()
-        self.data.qpos = here
-        self.move(phi)
-        return (8 * (rates[1] - rates[-1]) - (rates[2] - rates[-2])) / (12 * APART)
 
     def at(self, phi: float, speed: float, acceleration: float, names: list[str]) -> Found:
         """What MuJoCo finds at a crank angle, crank speed and acceleration: the torque is the generalised force that
         its inverse dynamics asks for without constraints, projected on how the machine moves."""
         self.walk(phi)
-        q1, q2, data, model = self.first(), self.second(), self.data, self.model
+        data, model, q1 = self.data, self.model, self.first()
+        q2 = self.second(q1)
         data.qvel, data.qacc = q1 * speed, q2 * speed**2 + q1 * acceleration
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         mujoco.mj_inverse(model, data)
@@ -169,19 +182,30 @@ def ours(scene: lj.Scene, phi):
     return jax.vmap(at)(phi)
 
 
-def compared(scene: lj.Scene) -> Apart:
-    """MuJoCo's figures against ours, at crank angles all round the turn."""
-    points, torque = jax.device_get(ours(ready(scene), jnp.asarray(TURN)))
-    road, speed = Road(scene, START), float(scene.speed)
-    found = [road.at(phi, speed, GAIN * speed**2, list(points)) for phi in TURN]
+def beside(scene: lj.Scene, phi: float) -> Road:
+    """A model that stands near this crank angle, as far away as the machine can be assembled there."""
+    for away in AWAY:
+        try:
+            return Road(scene, phi + away)
+        except MachineError:  # a dead position lies between
+            continue
+    raise AssertionError("it can be assembled nowhere beside this crank angle")
+
+
+def compared(scene: lj.Scene, only: float | None = None) -> Apart:
+    """MuJoCo's figures against ours, at crank angles all round the turn, or at this one."""
+    angles = TURN if only is None else np.array([only])
+    points, torque = jax.device_get(ours(ready(scene), jnp.asarray(angles)))
+    road, speed = Road(scene, START) if only is None else beside(scene, only), float(scene.speed)
+    found = [road.at(phi, speed, GAIN * speed**2, list(points)) for phi in angles]
     wanted = np.stack(list(points.values()), axis=1)
     position = np.max(np.abs(np.stack([f.points for f in found]) - wanted)) / road.size
     apart = np.max(np.abs(np.array([f.torque for f in found]) - torque))
     return Apart(float(position), float(apart / np.max(np.abs(torque))))
 
 
-def check(scene: lj.Scene, name: str, figures: dict[str, Apart]) -> None:
+def check(scene: lj.Scene, name: str, figures: dict[str, Apart], only: float | None = None) -> None:
     """Both roads must agree; how far they are apart is noted."""
-    figures[name] = apart = compared(scene)
+    figures[name] = apart = compared(scene, only)
     assert apart.position <= NEAR, name
     assert apart.torque <= CLOSE, name

@@ -4,8 +4,19 @@
 what the problem's own condition allows.
 
 The condition number of a result is the largest change of it, of its size, for a relative change of the numbers of the
-machine, found by changing all of them in the NumPy oracle. Sizes are the largest of a kind in a machine: of all points,
-of all links, of all joints. A result may be off by 1e-14 times its condition number, and 1e-12, of its size.
+machine and its state, found by changing all of them in the NumPy oracle. Every number is changed in proportion to
+itself: an angle or an offset that happens to be small is held to be known that much better, and a zero is exact, which
+is the strictest choice there is. Sizes are the largest of a kind in a machine: of all points, of all links, of all
+joints. A result may be off by 1e-14 times its condition number, and 1e-12, of its size.
+
+Gradients are those of two weighted sums of results, each kind by its size: without the reactions and with them. The
+size of a gradient is its norm with every number's slope times the number. As its condition number counts the largest of
+the kinds in the sum, which is no more than its own: that of d^-p is p / d, that of its slope (p + 1) / d. The truth is
+a difference along one random direction, with 80 digits.
+
+In mpmath the positions are closed by angles, coefficients are differences, the drive torque is that of virtual power,
+and reactions solve the equations of Newton and Euler of all links at once: all kinds of groups, general ones too, all
+drivers, teeth, belts and racks.
 """
 
 from __future__ import annotations
@@ -23,21 +34,22 @@ from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, Pinion, Rack, Slide, with_path
 from linkjax.kinematics import pose, prepared
-from linkjax.loads import Force, OpposingForce, Torque
 from tests.physics import newton_euler, oracle
 from tests.physics.random_machines import Batch
 
 PLACES = ("position", "direction", "velocity", "acceleration", "turn", "turning")
-KINDS = (*PLACES, "drive", "force", "moment")
+REACTIONS = ("force", "moment")
+KINDS = (*PLACES, "drive", *REACTIONS)
+SUMMED = {"gradient": (*PLACES, "drive"), "gradient with reactions": KINDS}
+CLOSURE = ("closure", "links and guides")
 PER_CONDITION, BESIDES = 1e-14, 1e-12
 CHANGE, CHANGES = 1e-9, 12
 
 
 class Verdict(NamedTuple):
-    """Errors over what is allowed, by the name of the comparison, for every machine of a batch; and the condition
-    numbers."""
+    """Errors over what is allowed, by kind and road, for every machine of a batch; condition numbers, by kind."""
 
-    over: dict[str, np.ndarray]
+    over: dict[tuple[str, str], np.ndarray]
     condition: dict[str, np.ndarray]
 
 
@@ -107,8 +119,7 @@ def computed(scene, paths, phi, speed, acceleration, tangent, scales, keys):
         def scalars(mechanism):
             found = results(scene.with_mechanism(with_paths(mechanism, paths)), phi, speed, acceleration, keys)
             sums = {kind: found[kind] @ jnp.asarray(weights(found[kind].size)) / scales[kind] for kind in KINDS}
-            most = sum(sums[kind] for kind in KINDS if kind not in ("force", "moment"))
-            return jnp.stack([most, most + sums["force"] + sums["moment"]]), found
+            return jnp.stack([sum(sums[kind] for kind in summed) for summed in SUMMED.values()]), found
 
         ahead = jax.jvp(scalars, (scene.mechanism,), (tangent,), has_aux=True)[1]
         _, pull, found = jax.vjp(scalars, scene.mechanism, has_aux=True)
@@ -159,69 +170,46 @@ def by_numpy(scene, phi, speed, acceleration) -> tuple[dict[str, np.ndarray], tu
     links = [here.links[name] for name in sorted(here.links)]
     keys = tuple(sorted(forces.reactions))
     found = {
-        "position": _parts([p.r for p in points]),
-        "direction": _parts([link.r for link in links]),
-        "velocity": _parts([p.v for p in points]),
-        "acceleration": _parts([p.a for p in points]),
+        "position": np.stack(oracle.parts([p.r for p in points]), -1),
+        "direction": np.stack(oracle.parts([link.r for link in links]), -1),
+        "velocity": np.stack(oracle.parts([p.v for p in points]), -1),
+        "acceleration": np.stack(oracle.parts([p.a for p in points]), -1),
         "turn": np.stack([link.v for link in links], -1),
         "turning": np.stack([link.a for link in links], -1),
         "drive": forces.drive[..., None],
-        "force": _parts([forces.reactions[key][0] for key in keys]),
+        "force": np.stack(oracle.parts([forces.reactions[key][0] for key in keys]), -1),
         "moment": np.stack([forces.reactions[key][1] for key in keys], -1),
     }
     return found, keys
 
 
-def _parts(values) -> np.ndarray:
-    return np.stack([part for z in values for part in (z.real, z.imag)], -1)
-
-
-def by_mpmath(scene, phi: float, speed: float, acceleration: float, digits: int = 50, step: str = "1e-13"):
-    """One design with 50 digits: places and coefficients, and the drive torque by virtual power."""
+def by_mpmath(scene, phi: float, speed: Any, acceleration: Any, digits: int = 50, step: str = "1e-13"):
+    """One design with 50 digits: places and coefficients, the drive torque by virtual power, and the reactions by the
+    equations of Newton and Euler."""
     mechanism = scene.mechanism
     here = oracle.exact(mechanism, phi, digits, step)
     points = [here.points[p] for p in moving(mechanism)]
     links = [here.links[name] for name in sorted(here.links)]
     with mpmath.workdps(digits):
+        power = oracle.reduction(scene, phi, mpmath, here)
+        speed, acceleration = mpmath.mpf(speed), mpmath.mpf(acceleration)
+        reactions = newton_euler.solve(scene, phi, speed, acceleration, mpmath, here).reactions
+        sides = [reactions[key] for key in sorted(reactions)]
         return {
-            "position": _split([p.r for p in points]),
-            "direction": _split([link.r for link in links]),
-            "velocity": _split([p.v for p in points]),
-            "acceleration": _split([p.a for p in points]),
+            "position": oracle.parts([p.r for p in points]),
+            "direction": oracle.parts([link.r for link in links]),
+            "velocity": oracle.parts([p.v for p in points]),
+            "acceleration": oracle.parts([p.a for p in points]),
             "turn": [link.v.real for link in links],
             "turning": [link.a.real for link in links],
-            "drive": [_virtual_power(scene, here, mpmath.mpf(speed), mpmath.mpf(acceleration))],
+            "drive": [power.inertia * acceleration + power.slope * speed**2 / 2 - power.torque],
+            "force": oracle.parts([force for force, _ in sides]),
+            "moment": [moment for _, moment in sides],
         }
 
 
-def _split(values) -> list:
-    return [part for z in values for part in (z.real, z.imag)]
-
-
-def _virtual_power(scene, here: oracle.Rates, speed, acceleration):
-    """What the drive must give for the change of kinetic energy, less what weights and loads give."""
-    n, mechanism = oracle.reader(mpmath), scene.mechanism
-    shaft, wheel = here.links[mechanism.crank], n(mechanism.flywheel.inertia)
-    inertia, half_slope, given = wheel * shaft.v**2, wheel * shaft.v * shaft.a, mpmath.mpf(0)
-    gravity = n(scene.gravity.x) + 1j * n(scene.gravity.y)
-    for name, b in oracle.numbers(mechanism, mpmath).bodies.items():
-        s, turn = here.points[next(iter(b.places))], here.links[name]
-        inertia += b.mass * abs(s.v) ** 2 + b.inertia * turn.v**2
-        half_slope += b.mass * (s.v.conjugate() * s.a).real + b.inertia * turn.v * turn.a
-        given += b.mass * (gravity.conjugate() * s.v).real
-    for load in scene.loads:
-        if isinstance(load, Torque):
-            given += n(load.torque) * here.links[load.link].v
-        elif isinstance(load, Force):
-            given += ((n(load.force.x) - 1j * n(load.force.y)) * here.points[load.point].v).real
-        else:
-            assert isinstance(load, OpposingForce)
-            given -= n(load.magnitude) * abs(here.points[load.point].v)
-    return (inertia * acceleration + half_slope * speed**2 - given).real
-
-
-def _slope_by_mpmath(batch: Batch, i: int, tangent, scales) -> float:
-    """Derivative of the weighted sum, without reactions, along the tangent: a difference of values with 80 digits."""
+def _slopes_by_mpmath(batch: Batch, i: int, tangent, scales) -> list[float]:
+    """Derivatives of both weighted sums along the tangent: differences of values with 80 digits."""
     scene, at = batch.one(i), (float(x[i]) for x in (batch.phi, batch.speed, batch.acceleration))
     phi, speed, acceleration = at
     along, values = jax.tree.map(lambda leaf: float(leaf[i]), tangent), []
@@ -229,19 +217,12 @@ def _slope_by_mpmath(batch: Batch, i: int, tangent, scales) -> float:
         h = mpmath.mpf("1e-10")
         for sign in (1, -1):
             there = jax.tree.map(lambda d, t, s=sign: mpmath.mpf(float(d)) + s * h * t, scene.mechanism, along)
-            there = _with(scene, there)
+            there = oracle.with_numbers(scene, there)
             found = by_mpmath(there, phi, speed, acceleration, 80, "1e-18")
-            sums = [sum(w * x for w, x in zip(weights(len(v)), v, strict=True)) / float(scales[kind][i])
-                    for kind, v in found.items()]  # fmt: skip
-            values.append(sum(sums))
-        return float((values[0] - values[1]) / (2 * h))
-
-
-def _with(scene, mechanism):
-    """The scene with another mechanism, whose numbers are no arrays."""
-    leaves, tree = jax.tree.flatten(scene)
-    inside = len(jax.tree.leaves(scene.mechanism))
-    return jax.tree.unflatten(tree, [*jax.tree.leaves(mechanism), *leaves[inside:]])
+            sums = {kind: sum(w * x for w, x in zip(weights(len(v)), v, strict=True)) / float(scales[kind][i])
+                    for kind, v in found.items()}  # fmt: skip
+            values.append([sum(sums[kind] for kind in summed) for summed in SUMMED.values()])
+        return [float((ahead - behind) / (2 * h)) for ahead, behind in zip(*values, strict=True)]
 
 
 # ---- comparisons
@@ -263,10 +244,8 @@ def conditions(batch: Batch, truth: dict[str, np.ndarray], rng) -> dict[str, np.
     def many(x):
         return np.repeat(np.asarray(x, dtype=float)[None], CHANGES, 0).reshape(-1)
 
-    def changed(x):
-        x = np.asarray(x, dtype=float)
-        reach = np.maximum(np.abs(x), np.sqrt(np.mean(x**2)))
-        return many(x) + CHANGE * many(reach) * rng.choice((-1.0, 1.0), CHANGES * count)
+    def changed(x):  # a zero is exact
+        return many(x) * (1 + CHANGE * rng.choice((-1.0, 1.0), CHANGES * count))
 
     scene = jax.tree.map(changed, batch.scene)
     with np.errstate(invalid="ignore"):
@@ -300,32 +279,28 @@ def judged(
             found, nested, slope = jax.device_get(program(batch.scene, paths, *state, tangent, scales, keys=keys))
         else:
             (found, nested), slope = jax.device_get(values_at_once(batch.scene, paths, *state, keys=keys)), ()
-    over = {"closure": closure(batch, found)}
+    over = {CLOSURE: closure(batch, found)}
 
-    def compare(name: str, kind: str, value, known, only: slice = slice(None)):
-        off = np.max(np.abs(value[only] - known), -1) / scales[kind][only]
-        over[name] = off / (PER_CONDITION * condition[kind][only] + BESIDES)
+    def compare(kind: str, road: str, known):
+        off = np.max(np.abs(found[kind][: len(known)] - known), -1) / scales[kind][: len(known)]
+        over[kind, road] = off / (PER_CONDITION * condition[kind][: len(known)] + BESIDES)
 
-    for kind in nested:
-        compare(f"{kind} by nested jvp", kind, found[kind], nested[kind])
+    for road, others in (("NumPy", truth), ("nested jvp", nested)):
+        for kind, known in others.items():
+            compare(kind, road, known)
+    known = [by_mpmath(batch.one(i), *(float(x[i]) for x in state)) for i in range(len(batch.phi))[:exact]]
     for kind in KINDS:
-        compare(f"{kind} by NumPy", kind, found[kind], truth[kind])
-    some = slice(0, exact)
-    known = [by_mpmath(batch.one(i), *(float(x[i]) for x in state)) for i in range(len(batch.phi))[some]]
-    for kind in known[0] if known else ():
-        name = "drive by virtual power" if kind == "drive" else f"{kind} by mpmath"
-        compare(name, kind, found[kind], np.asarray([[float(x) for x in each[kind]] for each in known]), some)
-    worst = np.max([condition[kind] for kind in KINDS], axis=0)
-    allowed = PER_CONDITION * worst + BESIDES
+        compare(kind, "mpmath", np.asarray([[float(x) for x in each[kind]] for each in known]))
     if not slopes:
-        return Verdict(over, condition | {"gradient": worst})
-    ahead, back, size = (np.asarray(x).T for x in slope)
-    for name, row in (("gradient", 0), ("gradient with reactions", 1)):
-        over[f"{name}: forward and reverse"] = np.abs(ahead - back)[row] / (size[row] * allowed)
+        return Verdict(over, condition)
     some = range(len(batch.phi))[:slopes]
-    known = np.asarray([_slope_by_mpmath(batch, i, tangent, scales) for i in some])
-    over["gradient by mpmath"] = np.abs(back[0, : len(some)] - known) / (size[0] * allowed)[: len(some)]
-    return Verdict(over, condition | {"gradient": worst})
+    known = np.asarray([_slopes_by_mpmath(batch, i, tangent, scales) for i in some]).T
+    for name, true, ahead, back, size in zip(SUMMED, known, *(np.asarray(x).T for x in slope), strict=True):
+        condition[name] = np.max([condition[kind] for kind in SUMMED[name]], axis=0)
+        allowed = size * (PER_CONDITION * condition[name] + BESIDES)
+        over[name, "forward and reverse"] = np.abs(ahead - back) / allowed
+        over[name, "mpmath"] = np.abs(back[: len(some)] - true) / allowed[: len(some)]
+    return Verdict(over, condition)
 
 
 def closure(batch: Batch, found: dict[str, np.ndarray]) -> np.ndarray:
@@ -406,19 +381,34 @@ def in_gear(g, batch: Batch, points, u) -> list[np.ndarray]:
     return [u[g.link] - np.exp(1j * counted[g.link])]
 
 
-def histogram(verdicts: list[Verdict]) -> str:
-    """Machines by decades of error over what is allowed, a line for each comparison; and of the condition numbers."""
-    edges = np.asarray([-np.inf, -5, -4, -3, -2, -1, 0, np.inf])
-    lines = ["error over what is allowed, decades".ljust(44) + "".join(
-        f"{text:>7}" for text in ("<1e-5", "1e-4", "1e-3", "1e-2", "1e-1", "1", ">1", "worst"))]  # fmt: skip
-    for name in {name: None for v in verdicts for name in v.over}:
-        every = np.concatenate([v.over[name] for v in verdicts if name in v.over])
+def histogram(verdicts: list[Verdict]) -> list[str]:
+    """Machines by decades of error over what is allowed, a line for each kind: the worst of all roads, then the worst
+    by each; and the largest condition number."""
+    edges = np.asarray([-np.inf, -4, -3, -2, -1, 0, np.inf])
+    count, exact = (sum(len(v.over[road]) for v in verdicts) for road in (CLOSURE, ("position", "mpmath")))
+    heads = "".join(f"{text:>7}" for text in ("<1e-4", "<1e-3", "<0.01", "<0.1", "<1", ">1", "cond."))
+    lines = [
+        f"{count} machines, {exact} of them with 50 digits, by decades of the error over what is allowed:",
+        "".ljust(23) + heads + "  the worst",
+    ]
+    for kind in dict.fromkeys(kind for v in verdicts for kind, _ in v.over):
+        roads: dict[str, list[np.ndarray]] = {}
+        for road, each in ((road, each) for v in verdicts for (k, road), each in v.over.items() if k == kind):
+            roads.setdefault(road, []).append(each)
+        machines = [_most([each for (k, _), each in v.over.items() if k == kind]) for v in verdicts]
         with np.errstate(divide="ignore"):
-            counts = np.histogram(np.log10(every), edges)[0]
-        lines.append(name.ljust(44) + "".join(f"{c:>7}" for c in counts) + f" {np.max(every):.1e}")
-    lines.append("condition numbers, decades".ljust(44) + "".join(f"{f'1e{k}':>7}" for k in range(1, 9)) + "  worst")
-    for kind in verdicts[0].condition:
-        every: Any = np.concatenate([v.condition[kind] for v in verdicts])
-        counts = np.histogram(np.log10(np.maximum(every, 1)), [0, 1, 2, 3, 4, 5, 6, 7, 99])[0]
-        lines.append(kind.ljust(44) + "".join(f"{c:>7}" for c in counts) + f" {np.max(every):.1e}")
-    return "\n".join(lines)
+            counts = np.histogram(np.log10(np.concatenate(machines)), edges)[0]
+        condition = np.concatenate([v.condition.get(kind, np.zeros(0)) for v in verdicts])
+        most = f"{np.max(condition):.0e}" if condition.size else ""
+        worst = sorted(((np.max(np.concatenate(each)), road) for road, each in roads.items()), reverse=True)
+        lines.append(kind.ljust(23) + "".join(f"{c:>7}" for c in (*counts, most)) + "  "
+                     + ", ".join(f"{ratio:.1e} {road}" for ratio, road in worst))  # fmt: skip
+    return lines
+
+
+def _most(roads: list[np.ndarray]) -> np.ndarray:
+    """Of every machine the worst of all roads, some of which were taken for the first machines only."""
+    found = np.zeros(max((len(each) for each in roads), default=0))
+    for each in roads:
+        found[: len(each)] = np.maximum(found[: len(each)], each)
+    return found

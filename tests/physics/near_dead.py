@@ -8,7 +8,7 @@ unit roundoff times that.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,10 +19,13 @@ import linkjax as lj
 from linkjax import PRP, RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.kinematics import pose
+from linkjax.groups import AbstractGroup
+from linkjax.kinematics import pose, prepared
 from tests.physics import newton_euler, oracle
+from tests.physics.twins import all_loosely
 
 CASES = ("stretched", "folded", "left", "pivot", "pivot, offset", "parallel")
+PASSING = ("passing stretched", "passing folded")
 PHI = 0.83
 HALF = np.finfo(float).eps / 2  # what a rounding may do
 DIGITS, STEP = 160, "1e-45"
@@ -30,18 +33,26 @@ PARTS = ("position", "coefficients", "reactions")
 
 
 def near(case: str, distance: float) -> lj.Scene:
-    """A machine whose group is this far from its dead position (of the lengths its margin is measured by) at `PHI`."""
+    """A machine whose group is this far from its dead position (of the lengths its margin is measured by) at `PHI`.
+
+    Where it is passing the position, the crank comes nearest to it there, and goes on round. (A PRP or an RPP has none
+    with two ways that meet: where their guides are parallel they cross at infinity. Of an RPP slot and guide are on one
+    link, so that its angle is one and the same for ever, and a dead position a matter of the design alone.)"""
 
     def body(length: float, mass: float) -> Link:
         return Link(length=length, mass=mass, inertia=0.02 * mass, centre=Vec(0.4 * length + 0.01, 0.02))
 
-    pin = 0.13 * complex(math.cos(PHI), math.sin(PHI))
+    pin, phase = 0.13 * complex(math.cos(PHI), math.sin(PHI)), 0.0
     fixed, links = {"A": Vec(0.0, 0.0)}, {"crank": body(0.13, 1.0)}
-    if case in ("stretched", "folded"):  # (l1 + l2 - r) / (l1 + l2) or (r - l1 + l2) / (l1 + l2) is the distance
-        far = complex(0.41, -0.07)
-        r = abs(far - pin)
-        one = 0.4 * r if case == "stretched" else 1.7 * r
-        two = r / (1 - distance) - one if case == "stretched" else (one * (1 + distance) - r) / (1 - distance)
+    if case.endswith(("stretched", "folded")):  # (l1 + l2 - r) / (l1 + l2) or (r - l1 + l2) / (l1 + l2) is the distance
+        far, long = complex(0.41, -0.07), case.endswith("stretched")
+        if case in PASSING:
+            phase = math.atan2(far.imag, far.real) + (math.pi if long else 0.0) - PHI
+            r = abs(far) + (0.13 if long else -0.13)
+        else:
+            r = abs(far - pin)
+        one = 0.4 * r if long else 1.7 * r
+        two = r / (1 - distance) - one if long else (one * (1 + distance) - r) / (1 - distance)
         fixed["F"] = Vec(far.real, far.imag)
         links |= {"one": body(one, 1.3), "two": body(two, 0.8)}
         group: Any = RRR(("one", "two"), "B", "F", "G", 1)
@@ -60,13 +71,13 @@ def near(case: str, distance: float) -> lj.Scene:
         fixed["P"] = Vec(0.1, 0.25)
         links |= {"one": body(0.0, 1.3), "two": body(0.0, 0.8)}
         group = PRP(("one", "two"), "M", (Guide("P", 0.4, 0.02), Guide("B", 0.4 - PHI + distance, -0.01, "crank")))
-    mechanism = Mechanism(fixed, links, [Crank("crank", "A", "B"), group], Flywheel(0.1))
+    mechanism = Mechanism(fixed, links, [Crank("crank", "A", "B", phase=phase), group], Flywheel(0.1))
     return lj.Scene(mechanism, gravity=Vec(0.5, -9.81))
 
 
-def figures(scene: lj.Scene, phi: jax.Array) -> dict[str, jax.Array]:
-    """What the group's equations give: places, first and second coefficients, reactions at 1 rad/s."""
-    here, group = pose(scene.mechanism, phi), scene.mechanism.groups[-1]
+def figures(scene: lj.Scene, group: AbstractGroup, phi: jax.Array) -> dict[str, jax.Array]:
+    """What the equations of a group give: places, first and second coefficients, reactions at 1 rad/s."""
+    here = pose(scene.mechanism, phi)
     forces = kinetostatics(scene, phi, jnp.ones(()), jnp.zeros(()))
     pins, links = [here.points[p] for p in group.brings()], [here.links[name] for name in group.link_names()]
     sides = [forces.reactions[j.name][j.link] for j in group.joints()]
@@ -82,54 +93,15 @@ def figures(scene: lj.Scene, phi: jax.Array) -> dict[str, jax.Array]:
 def exact(scene: lj.Scene, leaves: list, phi) -> dict[str, list]:
     """The same from numbers of any precision, by other equations: angles, differences, Newton and Euler's."""
     mechanism = jax.tree.unflatten(jax.tree.structure(scene.mechanism), leaves)
-    group, h = mechanism.groups[-1], mpmath.mpf(STEP)
-    before, here, after = (oracle.assemble(mechanism, phi + k * h, mpmath) for k in (-1, 0, 1))
-
-    def rates(name: str) -> tuple[Any, Any]:
-        ahead, behind = after[0][name] - here[0][name], here[0][name] - before[0][name]
-        return (ahead + behind) / (2 * h), (ahead - behind) / h**2
-
-    def turning(name: str) -> tuple[Any, Any]:
-        ahead, behind = mpmath.arg(after[1][name] / here[1][name]), mpmath.arg(here[1][name] / before[1][name])
-        return (ahead + behind) / (2 * h), (ahead - behind) / h**2
-
-    names, pins = group.link_names(), group.brings()
-    places = [here[0][p] for p in pins] + [here[1][name] for name in names]
-    moves = [v for p in pins for v in rates(p)]
+    group, here = mechanism.groups[-1], oracle.exact(mechanism, phi, DIGITS, STEP)
+    forces = newton_euler.solve(oracle.with_numbers(scene, mechanism), phi, 1, 0, mpmath, here).reactions
+    pins, links = [here.points[p] for p in group.brings()], [here.links[name] for name in group.link_names()]
+    sides = [forces[j.name, j.link] for j in group.joints()]
     return {
-        "position": [x for z in places for x in (z.real, z.imag)],
-        "coefficients": [x for z in moves for x in (z.real, z.imag)] + [x for name in names for x in turning(name)],
-        "reactions": _reactions(mechanism, complex(scene.gravity.x, scene.gravity.y), here, rates, turning),
+        "position": oracle.parts([each.r for each in (*pins, *links)]),
+        "coefficients": oracle.parts([v for p in pins for v in (p.v, p.a)]) + [x for u in links for x in (u.v, u.a)],
+        "reactions": [x for force, couple in sides for x in (force.real, force.imag, couple)],
     }
-
-
-def _reactions(mechanism, gravity, here, rates, turning) -> list:
-    """Joint forces of the last group: the six equations of its two links."""
-    names, (points, directions) = mechanism.groups[-1].link_names(), here
-    every = [j for j in newton_euler.joints(mechanism) if j.link in names or j.by in names]
-    bodies = oracle.numbers(mechanism, mpmath).bodies
-    matrix, right = mpmath.zeros(6, 6), mpmath.zeros(6, 1)
-    centre = {name: next(iter(bodies[name].places)) for name in names}
-    units = [((1j * directions[j.link], 0), (0j, 1)) if j.guide else ((1 + 0j, 0), (1j, 0)) for j in every]
-    for column, (force, couple, j) in enumerate((*one, j) for j, two in zip(every, units, strict=True) for one in two):
-        for name, sign in ((j.link, 1), (j.by, -1)):
-            if name in names:
-                row, arm = 3 * names.index(name), points[j.point] - points[centre[name]]
-                f = sign * mpmath.mpc(cast(Any, force))
-                for k, part in enumerate((f.real, f.imag, (mpmath.conj(arm) * f).imag + sign * couple)):
-                    matrix[row + k, column] += part
-    for i, name in enumerate(names):
-        force = bodies[name].mass * (rates(centre[name])[1] - gravity)
-        for k, part in enumerate((force.real, force.imag, bodies[name].inertia * turning(name)[1])):
-            right[3 * i + k] = part
-    x = mpmath.lu_solve(matrix, right)
-    found = {}
-    for k, (j, two) in enumerate(zip(every, units, strict=True)):
-        force = x[2 * k] * two[0][0] + x[2 * k + 1] * two[1][0]
-        for name, sign in ((j.link, 1), (j.by, -1)):
-            found[j.name, name] = sign * force, sign * (x[2 * k + 1] if j.guide else mpmath.mpf(0))
-    rows = [found[j.name, j.link] for j in mechanism.groups[-1].joints()]
-    return [x for force, couple in rows for x in (mpmath.mpc(force).real, mpmath.mpc(force).imag, couple)]
 
 
 def vectors(scene: lj.Scene) -> dict[str, list[int]]:
@@ -173,14 +145,19 @@ def scale(leaf) -> Any:
     return leaf if leaf else mpmath.mpf("0.125")
 
 
-@compiled_soon
-def computed(scene: lj.Scene, phi: jax.Array) -> tuple[dict[str, jax.Array], dict[str, jax.Array], jax.Array]:
-    """The figures, their derivatives along `direction`, and one of them in reverse mode."""
+@compiled_soon(static=("loose",))
+def computed(
+    scene: lj.Scene, phi: jax.Array, loose: bool = False
+) -> tuple[dict[str, jax.Array], dict[str, jax.Array], jax.Array]:
+    """The figures, their derivatives along `direction`, and one of them in reverse mode; with the group in closed form
+    or, as links and joints, by Newton's method."""
     leaves, tree = jax.tree.flatten(scene.mechanism)
     moves = [jnp.where(leaf == 0, 0.125, leaf) * c for leaf, c in zip(leaves, direction(leaves), strict=True)]
 
     def of(leaves):
-        return figures(scene.with_mechanism(jax.tree.unflatten(tree, leaves)), phi)
+        made = jax.tree.unflatten(tree, leaves)
+        there = scene.with_mechanism(prepared(all_loosely(made)) if loose else made)
+        return figures(there, made.groups[-1], phi)
 
     values, slopes = jax.jvp(of, (leaves,), (moves,))
     back = jax.grad(lambda leaves: of(leaves)["position"][0])(leaves)
@@ -188,13 +165,14 @@ def computed(scene: lj.Scene, phi: jax.Array) -> tuple[dict[str, jax.Array], dic
 
 
 def judged(case: str, distance: float) -> dict[str, Judged]:
-    """Position, coefficients, reactions and gradients of all three this near to a dead position."""
-    return judge(near(case, distance), distance)
+    """Position, coefficients, reactions and gradients of all three this near to a dead position; where it is passed, by
+    Newton's method, which must be led past it."""
+    return judge(near(case, distance), distance, case in PASSING)
 
 
-def judge(scene: lj.Scene, distance: float = 1.0) -> dict[str, Judged]:
+def judge(scene: lj.Scene, distance: float = 1.0, loose: bool = False) -> dict[str, Judged]:
     """The same of a scene whose numbers must change by the `distance`, relatively, to make another of it."""
-    values, slopes, back = jax.device_get(computed(scene, jnp.asarray(PHI)))
+    values, slopes, back = jax.device_get(computed(scene, jnp.asarray(PHI), loose=loose))
     got = {**values, "gradients": np.concatenate([*(slopes[part] for part in PARTS), back[None]])}
     with mpmath.workdps(DIGITS):
         leaves = [mpmath.mpf(float(leaf)) for leaf in jax.tree.leaves(scene.mechanism)]

@@ -1,12 +1,14 @@
 """All forces of a machine at once: the Newton-Euler equations of every link as one linear system.
 
 Unknown are the two components of the force at every pin, normal force and couple of every guide, and the drive torque.
+In NumPy for arrays of states, or for one state with as many digits as its rates have, in mpmath.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import mpmath
 import numpy as np
 
 from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, Pinion, Rack, Slide
@@ -103,24 +105,27 @@ def joints(mechanism) -> list[Joint]:
 class Solution(NamedTuple):
     """Force (complex) and moment on each link at each joint, drive torque along the rotation, and m a of each link."""
 
-    reactions: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
-    drive: np.ndarray
-    momentum_rate: dict[str, np.ndarray]
-    spin_rate: dict[str, np.ndarray]
+    reactions: dict[tuple[str, str], tuple[Any, Any]]
+    drive: Any
+    momentum_rate: dict[str, Any]
+    spin_rate: dict[str, Any]
 
 
-def solve(scene, phi, speed, acceleration) -> Solution:
-    """Forces at arrays of crank angle, crank speed and acceleration."""
-    phi, speed, acceleration = (np.asarray(x, dtype=float) for x in (phi, speed, acceleration))
+def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = None) -> Solution:
+    """Forces at arrays of crank angle, crank speed and acceleration; in mpmath at one, with the rates there."""
+    n = oracle.reader(m)
+    phi, speed, acceleration = (n(x) for x in (phi, speed, acceleration))
     mechanism = scene.mechanism
-    here, every = oracle.rates(mechanism, phi), [j for j in joints(mechanism) if not (j.drive or j.mesh)]
-    bodies = oracle.numbers(mechanism).bodies
+    here = oracle.rates(mechanism, phi) if here is None else here
+    every = [j for j in joints(mechanism) if not (j.drive or j.mesh)]
+    bodies = oracle.numbers(mechanism, m).bodies
     row = {name: 3 * i for i, name in enumerate(bodies)}
     size = 3 * len(bodies)
     at, headings = ({name: jet.r for name, jet in jets.items()} for jets in here)
-    contacts = [wheels.contact(wheel, at, headings) for g in mechanism.groups for wheel in g.wheels()]
+    contacts = [wheels.contact(wheel, at, headings, m, n) for g in mechanism.groups for wheel in g.wheels()]
     assert size == 2 * len(every) + len(contacts) + 1, "as many equations as unknowns"
-    matrix, right = np.zeros((*phi.shape, size, size)), np.zeros((*phi.shape, size))
+    shape, dtype = np.shape(phi), object if m is mpmath else float
+    matrix, right = np.zeros((*shape, size, size), dtype), np.zeros((*shape, size), dtype)
     centre = {name: here.points[next(iter(b.places))] for name, b in bodies.items()}
     normal = {j.link: 1j * here.links[j.link].r for j in every if j.guide}
 
@@ -133,21 +138,21 @@ def solve(scene, phi, speed, acceleration) -> Solution:
         matrix[..., row[link] + 1, column] += force.imag
         matrix[..., row[link] + 2, column] += (arm.conjugate() * force).imag + couple
 
-    none = np.zeros_like(phi) + 0j
+    none = 0j * phi
     for k, j in enumerate(every):
         units = ((normal[j.link], 0.0), (none, 1.0)) if j.guide else ((none + 1, 0.0), (none + 1j, 0.0))
         for c, (force, couple) in enumerate(units):
             act(j.link, j.point, 2 * k + c, force, couple)
             act(j.by, j.point, 2 * k + c, -force, -couple)
     crank = mechanism.groups[0]
-    pace = np.ones_like(phi)  # the driver's own first coefficient
+    pace = 1 + 0 * phi  # the driver's own first coefficient
     inside = crank.drive if isinstance(crank, General) else None
     if isinstance(crank, General) and inside is not None:  # between two links, or one and the frame
         point = dict(crank.members)[inside.link][0]
         along, couple = (none, 1.0) if crank.driven_slot() is None else (here.links[inside.link].r, 0.0)
         act(inside.link, point, size - 1, along, couple)
         act(inside.on, point, size - 1, -along, -couple)
-        pace = oracle.drive_rates(inside, phi)[0]
+        pace = oracle.drive_rates(inside, phi, m)[0]
     elif isinstance(crank, Slide):
         act(crank.link, crank.end, size - 1, here.links[crank.link].r)
         pace = (here.points[crank.end].v / here.links[crank.link].r).real
@@ -157,19 +162,19 @@ def solve(scene, phi, speed, acceleration) -> Solution:
         pace = here.links[crank.link].v if crank.law is not None else pace
     rate, spin = {}, {}
     for name, b in bodies.items():
-        inertia = b.inertia + (np.asarray(mechanism.flywheel.inertia) if name == mechanism.crank else 0.0)
+        inertia = b.inertia + (n(mechanism.flywheel.inertia) if name == mechanism.crank else 0.0)
         rate[name] = b.mass * (centre[name].a * speed**2 + centre[name].v * acceleration)
         spin[name] = inertia * (here.links[name].a * speed**2 + here.links[name].v * acceleration)
         right[..., row[name] : row[name] + 3] = np.stack([rate[name].real, rate[name].imag, spin[name]], -1)
-    for link, point, force, couple in oracle.applied(scene, phi, here).values():
+    for link, point, force, couple in oracle.applied(scene, phi, here, m).values():
         arm = here.points[point].r - centre[link].r if point else none
         right[..., row[link]] -= force.real
         right[..., row[link] + 1] -= force.imag
         right[..., row[link] + 2] -= (arm.conjugate() * force).imag + couple
     x, meshes = _carried_by(contacts, matrix, right, 2 * len(every), row, centre)
-    reactions: dict[tuple[str, str], tuple[np.ndarray, np.ndarray]] = {}
+    reactions: dict[tuple[str, str], tuple[Any, Any]] = {}
     for k, j in enumerate(every):
-        one, two = x[..., 2 * k], x[..., 2 * k + 1]
+        one, two = x[2 * k : 2 * k + 2]
         force, couple = (one * normal[j.link], two) if j.guide else (one + 1j * two, 0 * one)
         for link, sign in ((j.link, 1), (j.by, -1)):
             if link != "frame":
@@ -180,7 +185,7 @@ def solve(scene, phi, speed, acceleration) -> Solution:
         for link, sign in ((c.link, 1), (c.by, -1)):
             if link != "frame":
                 reactions[c.name, link] = sign * force, sign * (moment - shift)
-    push = x[..., -1]
+    push = x[-1]
     if isinstance(crank, General) and inside is not None:
         turns, at = crank.driven_slot() is None, here.links[inside.link].r
         for link, sign in ((inside.link, 1), (inside.on, -1)):
@@ -200,9 +205,9 @@ def _carried_by(contacts, matrix, right, first, row, centre):
     way = np.zeros((len(contacts), *right.shape[:-1]), dtype=int)
 
     def chosen(k, parts):
-        return np.where(way[k] == 0, *parts)
+        return parts[0] * (1 - way[k]) + parts[1] * way[k]
 
-    x, wrong = np.zeros_like(right), np.zeros(1, dtype=bool)
+    x, wrong = [], np.zeros(1, dtype=bool)
     for _ in range(2 ** len(contacts)):
         a, b = matrix.copy(), right.copy()
         for k, c in enumerate(contacts):
@@ -217,8 +222,8 @@ def _carried_by(contacts, matrix, right, first, row, centre):
                 b[..., i] -= sign * besides.real
                 b[..., i + 1] -= sign * besides.imag
                 b[..., i + 2] -= sign * ((beside - g).conjugate() * besides).imag
-        x = np.linalg.solve(a, b[..., None])[..., 0]
-        wrong = np.array([x[..., first + k] < c.sides[0].least - 1e-9 for k, c in enumerate(contacts)])
+        x = _solved(a, b)
+        wrong = np.array([x[first + k] < c.sides[0].least - 1e-9 for k, c in enumerate(contacts)])
         if not wrong.any():
             break
         way = np.where(wrong, 1 - way, way)
@@ -226,7 +231,14 @@ def _carried_by(contacts, matrix, right, first, row, centre):
     found = []
     for k, c in enumerate(contacts):
         at, along, beside, besides = (chosen(k, [side[i] for side in c.sides]) for i in range(4))
-        force = x[..., first + k] * along + besides
-        moment = (at.conjugate() * along).imag * x[..., first + k] + (beside.conjugate() * besides).imag
+        force = x[first + k] * along + besides
+        moment = (at.conjugate() * along).imag * x[first + k] + (beside.conjugate() * besides).imag
         found.append((force, moment))
     return x, found
+
+
+def _solved(matrix, right) -> list:
+    """The unknowns of linear systems: arrays, or of mpmath's numbers one by one."""
+    if matrix.dtype == object:
+        return list(mpmath.lu_solve(mpmath.matrix(matrix.tolist()), mpmath.matrix(right.tolist())))
+    return list(np.moveaxis(np.linalg.solve(matrix, right[..., None])[..., 0], -1, 0))

@@ -10,8 +10,10 @@ from differences of 50-digit positions), forces from the Newton-Euler equations 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import jax
 import mpmath
 import numpy as np
 from scipy.optimize import brentq
@@ -30,7 +32,7 @@ class Body(NamedTuple):
     places: dict[str, Any]
 
 
-def reader(m):
+def reader(m) -> Callable[[Any], Any]:
     """How a number of a design is read: as mpmath's exact number, or as a NumPy array."""
     if m is mpmath:
         return lambda x: x if isinstance(x, mpmath.mpf) else mpmath.mpf(float(x))
@@ -103,10 +105,10 @@ def prescribed(law, phi, m=np):
     return (start + stop) / 2 + (start - stop) / 2 * m.cos(phi)
 
 
-def swinging(law, phi):
+def swinging(law, phi, m=np):
     """First and second derivatives of where it puts it."""
-    half = 0.5 * (np.asarray(law.stop) - np.asarray(law.start))
-    return half * np.sin(phi), half * np.cos(phi)
+    half = (reader(m)(law.stop) - reader(m)(law.start)) / 2
+    return half * m.sin(phi), half * m.cos(phi)
 
 
 class Path(NamedTuple):
@@ -165,9 +167,9 @@ def stands(drive, phi, m=np):
     return drive.turns * phi if drive.law is None else prescribed(drive.law, phi, m)
 
 
-def drive_rates(drive, phi):
+def drive_rates(drive, phi, m=np):
     """First and second derivatives of that."""
-    return (drive.turns + 0 * phi, 0 * phi) if drive.law is None else swinging(drive.law, phi)
+    return (drive.turns + 0 * phi, 0 * phi) if drive.law is None else swinging(drive.law, phi, m)
 
 
 def in_axes(g: General, mechanism: Mechanism, m=np) -> dict[str, dict[str, Any]]:
@@ -368,10 +370,10 @@ class Rates(NamedTuple):
     links: dict[str, Jet]
 
 
-def exact(mechanism: Mechanism, phi: float, digits: int = 50, step: str = "1e-13") -> Rates:
+def exact(mechanism: Mechanism, phi: Any, digits: int = 50, step: str = "1e-13") -> Rates:
     """Positions with 50 digits, and their differences: rates right to about 1e-22."""
     with mpmath.workdps(digits):
-        h, at = mpmath.mpf(step), mpmath.mpf(float(phi))
+        h, at = mpmath.mpf(step), reader(mpmath)(phi)
         before, here, after = (assemble(mechanism, at + k * h, mpmath) for k in (-1, 0, 1))
         points, links = {}, {}
         for name, p in here[0].items():
@@ -381,6 +383,18 @@ def exact(mechanism: Mechanism, phi: float, digits: int = 50, step: str = "1e-13
             ahead, behind = mpmath.arg(after[1][name] / u), mpmath.arg(u / before[1][name])
             links[name] = Jet(u, (ahead + behind) / (2 * h), (ahead - behind) / h**2)
     return Rates(points, links)
+
+
+def with_numbers(scene, mechanism: Mechanism):
+    """The scene with another mechanism, whose numbers are mpmath's."""
+    leaves, tree = jax.tree.flatten(scene)
+    inside = len(jax.tree.leaves(scene.mechanism))
+    return jax.tree.unflatten(tree, [*jax.tree.leaves(mechanism), *leaves[inside:]])
+
+
+def parts(values) -> list:
+    """Both parts of complex numbers, one after the other."""
+    return [part for z in values for part in (z.real, z.imag)]
 
 
 def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
@@ -570,33 +584,35 @@ def _solve(a, b, right):
     return found[..., 0], found[..., 1]
 
 
-def active(load, phi, cycle) -> np.ndarray:
+def active(load, phi, cycle) -> Any:
     """One where a load is on: half-open window, modulo the cycle."""
     if load.window is None:
-        return np.ones_like(phi)
+        return 1.0 + 0.0 * phi
     on, off = float(load.window.on), float(load.window.off)
-    return np.where((phi - on) % cycle < (off - on) % cycle, 1.0, 0.0)
+    return 1.0 * ((phi - on) % cycle < (off - on) % cycle)
 
 
-def applied(scene, phi, here: Rates) -> dict[str, tuple[str, str, Any, Any]]:
+def applied(scene, phi, here: Rates, m=np) -> dict[str, tuple[str, str, Any, Any]]:
     """Weights and loads by name: link, point, force (complex) and couple."""
-    gravity = np.asarray(scene.gravity.x) + 1j * np.asarray(scene.gravity.y)
+    n = reader(m)
+    gravity = n(scene.gravity.x) + 1j * n(scene.gravity.y)
     found = {}
-    for name, b in numbers(scene.mechanism).bodies.items():
+    for name, b in numbers(scene.mechanism, m).bodies.items():
         found[f"weight of {name}"] = (name, next(iter(b.places)), b.mass * gravity + 0 * phi, 0 * phi)
     for load in scene.loads:
         on = active(load, phi, scene.cycle)
         force, couple = 0j * phi, 0.0 * phi
         if isinstance(load, Force):
-            force = (np.asarray(load.force.x) + 1j * np.asarray(load.force.y)) * on
+            force = (n(load.force.x) + 1j * n(load.force.y)) * on
         elif isinstance(load, OpposingForce):
             v = here.points[load.point].v
-            force = -np.asarray(load.magnitude) * on * v / np.where(v == 0, 1.0, np.abs(v))
+            force = -n(load.magnitude) * on * v / (abs(v) + (v == 0))
         elif isinstance(load, Torque):
-            couple = np.asarray(load.torque) * on
+            couple = n(load.torque) * on
         else:
             assert isinstance(load, OpposingTorque)
-            couple = -np.asarray(load.magnitude) * on * np.sign(here.links[load.link].v)
+            w = here.links[load.link].v
+            couple = -n(load.magnitude) * on * w / (abs(w) + (w == 0))
         found[load.name] = (load.link, load.point, force, couple)
     return found
 
@@ -604,31 +620,31 @@ def applied(scene, phi, here: Rates) -> dict[str, tuple[str, str, Any, Any]]:
 class Reduction(NamedTuple):
     """Reduced inertia with its slope, and reduced torque with the share of each load."""
 
-    inertia: np.ndarray
-    slope: np.ndarray
-    torque: np.ndarray
-    shares: dict[str, np.ndarray]
+    inertia: Any
+    slope: Any
+    torque: Any
+    shares: dict[str, Any]
 
 
-def reduction(scene, phi) -> Reduction:
-    """Kinetic energy and power at unit crank speed."""
-    phi = np.asarray(phi, dtype=float)
-    here = rates(scene.mechanism, phi)
+def reduction(scene, phi, m=np, here: Rates | None = None) -> Reduction:
+    """Kinetic energy and power at unit crank speed; with the rates there, where they are not NumPy's."""
+    phi = reader(m)(phi)
+    here = rates(scene.mechanism, phi) if here is None else here
     shaft = here.links[scene.mechanism.crank]
-    wheel = np.asarray(scene.mechanism.flywheel.inertia)
+    wheel = reader(m)(scene.mechanism.flywheel.inertia)
     inertia = wheel * shaft.v**2
     slope = 2 * wheel * shaft.v * shaft.a
-    for name, b in numbers(scene.mechanism).bodies.items():
+    for name, b in numbers(scene.mechanism, m).bodies.items():
         s, turn = here.points[next(iter(b.places))], here.links[name]
         inertia = inertia + b.mass * abs(s.v) ** 2 + b.inertia * turn.v**2
         slope = slope + 2 * b.mass * (s.v.conjugate() * s.a).real + 2 * b.inertia * turn.v * turn.a
     shares = {}
-    for name, (link, point, force, couple) in applied(scene, phi, here).items():
+    for name, (link, point, force, couple) in applied(scene, phi, here, m).items():
         velocity = here.points[point].v if point else 0j
         share = (force.conjugate() * velocity).real + couple * here.links[link].v
         name = "gravity" if name.startswith("weight of ") else name
         shares[name] = shares.get(name, 0.0) + share
-    return Reduction(inertia, slope, sum(shares.values(), np.zeros_like(phi)), shares)
+    return Reduction(inertia, slope, sum(shares.values(), 0 * phi), shares)
 
 
 def jumps(scene) -> np.ndarray:

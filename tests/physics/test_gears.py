@@ -354,7 +354,7 @@ def test_a_rack_that_drives():
             {"gears": [GearPair("wheel", "ram", Teeth((30, 30)))]},
             "'wheel' and 'ram' are in gear, but nothing carries",
         ),
-        ({"gears": []}, "can still move when the drive is held"),
+        ({"gears": []}, "can still move at .* when the drive is held"),
         ({"racks": [RackPair("rod", "sector", 0.04)]}, "'rod' is a rack, but no slot's block"),
         ({"racks": [RackPair("ram", "rod", 0.04)]}, "its wheel 'rod' is not pinned to 'frame'"),
     ],

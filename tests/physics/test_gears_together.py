@@ -141,7 +141,7 @@ def test_a_drive_on_the_arm_starts_where_it_is_drawn():
     lean = math.atan2(0.001, 0.1)
     made = linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm"), (), {"B": (0.1, 0.001), "Q": (0.15, 0.001)},
                    gears=[GearPair("planet", "frame", Teeth((20, 40)), -2 * lean)])  # fmt: skip
-    here = at(made)
+    here = at(prepared(made, 2))
     np.testing.assert_allclose(here.links["arm"].angle, lean + ANGLES / 2, atol=1e-13)
     np.testing.assert_allclose(here.links["planet"].angle, lean + 3 * ANGLES / 2, atol=1e-13)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.physics.near_dead import CASES, judged
+from tests.physics.near_dead import CASES, PASSING, judged
 
 DISTANCES = (1e-2, 1e-8, 1e-14)
 QUICK = ("stretched", "parallel")
@@ -32,3 +32,13 @@ def test_at_every_power_of_ten(case):
     growth = [math.log10(b / a) / 4 for a, b in zip(conditions[5], conditions[9], strict=True)]
     powers = {"pivot": (1.0, 3.0, 4.0), "parallel": (2.0, 4.0, 5.0)}
     assert growth == pytest.approx(powers.get(case, (0.5, 2.5, 3.0)), abs=0.02)
+
+
+@pytest.mark.parametrize("case", PASSING)
+@pytest.mark.parametrize(
+    "exponent", [e if e in (4, 10) else pytest.param(e, marks=pytest.mark.slow) for e in range(2, 15)]
+)
+def test_general_groups_pass_a_dead_position(case, exponent):
+    """The same of a dyad that is closed by Newton's method, while the crank leads it past the position."""
+    for part, found in judged(case, 10.0**-exponent).items():
+        assert found.excess() <= 10, part

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import zlib
+from collections import defaultdict
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import pytest
 
 from linkjax import RRR
-from tests.physics.judged import Verdict, histogram, judged
+from tests.physics.judged import CLOSURE, SUMMED, Verdict, histogram, judged
 from tests.physics.random_general import DRIVERS, LOOPS
 from tests.physics.random_machines import KINDS, composed, drawn
 
@@ -63,12 +65,12 @@ QUICK = [TOGETHER[0]]
 
 
 @pytest.fixture(scope="module")
-def verdicts():
-    """Collects the verdicts, and prints how near to what is allowed they come (seen with `pytest -s`)."""
-    found: list[Verdict] = []
+def verdicts(tell):
+    """Collects the verdicts under what they are about, and tells how near to what is allowed they come."""
+    found: defaultdict[str, list[Verdict]] = defaultdict(list)
     yield found
-    if found:
-        print(f"\n{sum(len(v.over['closure']) for v in found)} machines\n{histogram(found)}")
+    for about, each in found.items():
+        tell(f"{about}: {(lines := histogram(each))[0]}", *lines[1:])
 
 
 def check(case: Case, designs: int, verdicts: list[Verdict], **options):
@@ -76,31 +78,32 @@ def check(case: Case, designs: int, verdicts: list[Verdict], **options):
     batch = case.batch(designs)
     verdict = judged(batch, rng, **options)
     verdicts.append(verdict)
-    for name, over in verdict.over.items():
+    for (kind, road), over in verdict.over.items():
         assert np.all(over <= 1.0), (
-            f"{batch.name}: {name} of design {np.argmax(over)} is off by {np.max(over):.2g} times"
+            f"{batch.name}: {kind} of design {np.argmax(over)}, by {road}, is off by {np.max(over):.2g} times"
         )
 
 
 @pytest.mark.parametrize("case", QUICK, ids=str)
 def test_some(case, verdicts):
-    check(case, FEW, verdicts, exact=4, slopes=2)
+    check(case, FEW, verdicts["some random machines"], exact=4, slopes=2)
 
 
 def test_some_in_a_loop(verdicts):
-    check(IN_LOOPS[LOOPS.index("dyad with a slot")], 4, verdicts, compiled=True, exact=2, slopes=0)
+    case = IN_LOOPS[LOOPS.index("dyad with a slot")]
+    check(case, 4, verdicts["some random machines"], compiled=True, exact=2, slopes=0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [*ALONE, *TOGETHER, *IN_GEAR, *IN_LOOPS], ids=str)
 def test_all(case, verdicts):
-    check(case, DESIGNS, verdicts)
+    check(case, DESIGNS, verdicts["random machines"])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", [*ALONE[::3], TOGETHER[0], *IN_LOOPS[:2]], ids=str)
 def test_compiled(case, verdicts):
-    check(case, DESIGNS, verdicts, compiled=True, exact=4, slopes=4)
+    check(case, DESIGNS, verdicts["some of them, compiled"], compiled=True, exact=4, slopes=4)
 
 
 @pytest.mark.slow
@@ -113,8 +116,24 @@ def test_what_is_wrong_is_seen(monkeypatch):
 
     monkeypatch.setattr(RRR, "solve", solve)
     over = judged(ALONE[0].batch(FEW), np.random.default_rng(0), exact=3, slopes=2).over
-    assert all(np.max(over[f"{kind} by mpmath"]) > 1.0 for kind in ("position", "velocity", "acceleration", "turning"))
-    assert np.max(over["closure"]) > 1.0 and np.max(over["force by NumPy"]) > 1.0
+    seen = ("position", "velocity", "acceleration", "turning", "drive", "force", "gradient", "gradient with reactions")
+    assert all(np.max(over[kind, "mpmath"]) > 1.0 for kind in seen)
+    assert np.max(over[CLOSURE]) > 1.0 and np.max(over["force", "NumPy"]) > 1.0
+
+
+@pytest.mark.slow
+def test_a_wrong_slope_of_a_reaction_is_seen(monkeypatch):
+    """Forces of the group that are right, with slopes that are not: forward and reverse mode agree on them."""
+
+    def react(self, loads, states, points, true=RRR.react):
+        x = points[self.meet].r.x
+        forces, extra = true(self, loads, states, points)
+        return jax.tree.map(lambda part: part * (1.0 + 1e-10 * (x - jax.lax.stop_gradient(x))), forces), extra
+
+    monkeypatch.setattr(RRR, "react", react)
+    over = judged(ALONE[0].batch(FEW), np.random.default_rng(0), exact=3, slopes=2).over
+    wrong = {key for key, each in over.items() if np.any(each > 1.0)}
+    assert ("gradient with reactions", "mpmath") in wrong and wrong <= {(kind, "mpmath") for kind in SUMMED}
 
 
 def test_there_are_as_many_as_promised():

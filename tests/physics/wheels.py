@@ -72,11 +72,11 @@ class Contact(NamedTuple):
     sides: tuple[Side, Side]
 
 
-def contact(g, points, directions) -> Contact:
-    """The contact of a group; points and directions are complex arrays."""
+def contact(g, points, directions, m, n) -> Contact:
+    """The contact of a group; points and directions are complex arrays, or mpmath's numbers (`m`), read by `n`."""
     name = f"{g.link}.mesh"
     if isinstance(g, Gear) and not isinstance(g.mesh, Teeth):
-        return Contact(name, g.link, g.to, g.pivot, _strands(g, points))
+        return Contact(name, g.link, g.to, g.pivot, _strands(g, points, m, n))
     if isinstance(g, Gear):
         mine, other = g.mesh.teeth
         span = points[g.centre] - points[g.pivot]
@@ -90,29 +90,29 @@ def contact(g, points, directions) -> Contact:
         else:
             place = points[g.pivot] + span * mine / (mine - other)
             normal = towards
-        lean, about = np.asarray(g.mesh.pressure_angle), g.pivot
+        lean, about = n(g.mesh.pressure_angle), g.pivot
     elif isinstance(g, Rack):
         normal = -1j * g.side * directions[g.link]
-        place = points[g.centre] + normal * np.asarray(g.radius)
-        lean, about = np.asarray(g.pressure_angle), g.end
+        place = points[g.centre] + normal * n(g.radius)
+        lean, about = n(g.pressure_angle), g.end
     else:
         normal = 1j * g.side * directions[g.to]
-        place = points[g.pivot] - normal * np.asarray(g.radius)
-        lean, about = np.asarray(g.pressure_angle), g.pivot
-    flanks = [normal * 1j * sign * np.exp(-1j * sign * lean) for sign in (1, -1)]  # towards the inside of the link
+        place = points[g.pivot] - normal * n(g.radius)
+        lean, about = n(g.pressure_angle), g.pivot
+    flanks = [normal * 1j * sign * m.exp(-1j * sign * lean) for sign in (1, -1)]  # towards the inside of the link
     none = 0 * place
     one, two = (Side(place, flank, place, none, 0.0) for flank in flanks)
     return Contact(name, g.link, g.to, about, (one, two))
 
 
-def _strands(g: Gear, points) -> tuple[Side, Side]:
+def _strands(g: Gear, points, m, n) -> tuple[Side, Side]:
     """The two straight strands of a belt, either of which may be the tight one."""
-    mine, other, slack = np.asarray(g.mesh.radius), np.asarray(g.mesh.other), np.asarray(g.mesh.tension)
+    mine, other, slack = n(g.mesh.radius), n(g.mesh.other), n(g.mesh.tension)
     span = points[g.centre] - points[g.pivot]
     strands = []
     for sign in (1, -1):  # the tangent that touches the wheel on its left, seen along the line of centres; and right
         end = -other if g.mesh.crossed else other
-        out = span / abs(span) * np.exp(1j * sign * np.arccos((mine - end) / abs(span)))  # from centre to tangent point
+        out = span / abs(span) * m.exp(1j * sign * m.acos((mine - end) / abs(span)))  # from centre to tangent point
         here, there = points[g.pivot] + mine * out, points[g.centre] + end * out
         strands.append((here, (there - here) / abs(there - here)))
     (a, u), (b, v) = strands
