@@ -1,54 +1,134 @@
-"""What a cycle costs: floating-point operations and bytes of every built-in scene, and of its gradient.
+"""What an analysis costs: floating-point operations, bytes and loops of every built-in scene, and of its gradient.
 
 Run: python -m benchmarks.cost [--compiled] [--write] [SCENE ...]      (default: every scene)
 
-A cycle is what `benchmarks.throughput` times: kinematics, reduction, steady motion, δ and peak shaking force at 64
-nodes. XLA counts the program as it is handed to the compiler (`lowered`, seconds a scene), or with --compiled as it
-leaves it (a minute a scene); loops count once. --write renews `benchmarks/cost.json`, which the tests compare with.
+Programs, at 64 nodes: `cycle`, what `benchmarks.throughput` times (kinematics, reduction, steady motion, δ, peak
+shaking force); `gradient`, of δ and of the peaks of shaking force and joint reactions, by every number of the scene;
+`analysis`, all that `linkjax.analyse` computes, at 36 angles. Of rolling bodies `gradient` is that of how the chain
+closes, by the design. XLA counts a program as it is handed to the compiler (`lowered`, seconds a scene), with
+--compiled also as the compiler leaves it for one use (half a minute a scene). XLA counts the body of a loop once; so
+`loops` says how often it is run: trips of every loop, those around it first, and how many such loops there are, `?`
+where the data decide. Those are the steps along the path of a general group, which `steps` counts while one is prepared
+(times the trips within). --write renews `benchmarks/cost.json`, which the tests compare with.
 """
 
 from __future__ import annotations
 
 import argparse
+import collections
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import jax
+import jax.numpy as jnp
 
 import linkjax as lj
-from linkjax.measures import delta, evaluate, peak_shaking_force_constant_speed
+from linkjax._compile import SOONER
+from linkjax.groups import General
+from linkjax.kinematics import prepared
+from linkjax.measures import delta, evaluate, peak_reaction, peak_shaking_force_constant_speed
+from linkjax.rolling import RollingMachine, chain, clearances, closing_clearance, closure_gap, margins
+from linkjax.scenes import load_rolling, rolling_names
 
 FILE = Path(__file__).with_name("cost.json")
-NODES = 64
-Cost = dict[str, float]
+NODES, ANGLES = 64, 36
+Machine = lj.Scene | RollingMachine
 
 
-def cycle(scene: lj.Scene) -> dict[str, jax.Array]:
+def cycle(scene: lj.Scene) -> Any:
     """δ and peak shaking force."""
     return evaluate(scene, [delta, peak_shaking_force_constant_speed], NODES)
 
 
 def slope(scene: lj.Scene) -> Any:
-    """Gradient of both by every number of the scene."""
+    """δ and peaks with the gradient of their sum."""
 
     def scalar(scene):
-        found = cycle(scene)
-        return found["delta"] + 1e-4 * found["peak_shaking_force_constant_speed"]
+        found = evaluate(scene, [delta, peak_shaking_force_constant_speed, peak_reaction], NODES)
+        return sum(found.values(), jnp.zeros(()))
 
-    return jax.grad(scalar)(scene)
-
-
-PROGRAMS: dict[str, Callable] = {"cycle": cycle, "gradient": slope}
+    return jax.value_and_grad(scalar)(scene)
 
 
-def cost(name: str, program: str, compiled: bool = False) -> Cost:
-    """Operations and bytes of a program for a built-in scene."""
-    lowered = jax.jit(PROGRAMS[program]).lower(lj.load(name))
-    found = lowered.compile().cost_analysis() if compiled else lowered.cost_analysis()
+def analysis(scene: lj.Scene) -> Any:
+    """Everything."""
+    return lj.analyse(scene, angles=ANGLES, nodes=NODES, throw=False)
+
+
+def rolled(machine: RollingMachine) -> Any:
+    """The chain and how it is judged, speeds, and the places of all bodies over a cycle."""
+    design = machine.design
+    along = jnp.linspace(0.0, machine.cycle, ANGLES, endpoint=False)
+    return chain(design), clearances(design), margins(design), machine.speeds(), jax.vmap(machine.at)(along)
+
+
+def rolled_slope(machine: RollingMachine) -> Any:
+    """By how much the chain does not close, by every number of the design."""
+    return jax.jacrev(lambda design: (closure_gap(design), closing_clearance(design)))(machine.design)
+
+
+OF_SCENES: dict[str, Callable] = {"cycle": cycle, "gradient": slope, "analysis": analysis}
+OF_ROLLING: dict[str, Callable] = {"gradient": rolled_slope, "analysis": rolled}
+NAMES = [*lj.scene_names(), *rolling_names()]
+
+
+def programs(name: str) -> dict[str, Callable]:
+    """The programs of a built-in scene."""
+    return OF_SCENES if name in lj.scene_names() else OF_ROLLING
+
+
+def machine(name: str) -> Machine:
+    """A built-in scene, or rolling bodies."""
+    return lj.load(name) if name in lj.scene_names() else load_rolling(name)
+
+
+def cost(name: str, program: str, compiled: bool = False) -> dict[str, dict[str, Any]]:
+    """Operations, bytes and loops of a program for a built-in scene, lowered, and compiled if asked."""
+    traced = jax.jit(programs(name)[program]).trace(machine(name))
+    lowered = traced.lower()
+    found = {"lowered": _counts(lowered) | {"loops": dict(sorted(loops(traced.jaxpr).items()))}}
+    return found | {"compiled": _counts(lowered.compile(compiler_options=SOONER))} if compiled else found
+
+
+def _counts(program: Any) -> dict[str, Any]:
+    found = program.cost_analysis()
     assert found is not None, "this XLA does not count"
     return {"flops": float(found["flops"]), "bytes": float(found["bytes accessed"])}
+
+
+def loops(jaxpr: Any, around: tuple[str, ...] = ()) -> collections.Counter[str]:
+    """How many loops there are of each number of trips, with those around them."""
+    found: collections.Counter[str] = collections.Counter()
+    for equation in jaxpr.eqns:
+        trips = {"scan": str(equation.params.get("length")), "while": "?"}.get(equation.primitive.name)
+        here = around if trips is None else (*around, trips)
+        if trips is not None:
+            found[" ".join(here)] += 1
+        inside = jax.tree.leaves(list(equation.params.values()), is_leaf=lambda x: hasattr(x, "eqns"))
+        for inner in (x for x in inside if hasattr(x, "eqns")):
+            found += loops(inner, here)
+    return found
+
+
+def steps(name: str) -> int | None:
+    """Closings of general groups while the path of a scene is prepared, none for rolling bodies."""
+    scene, count, closed = machine(name), collections.Counter[str](), General.closed
+    if not isinstance(scene, lj.Scene) or not any(isinstance(group, General) for group in scene.mechanism.groups):
+        return None
+
+    def counted(*given, **named):
+        jax.debug.callback(lambda: count.update(["closed"]))
+        return closed(*given, **named)
+
+    jax.clear_caches()  # of what was traced without counting; below, with it
+    with mock.patch.object(General, "closed", counted):
+        jax.block_until_ready(jax.tree.leaves(jax.jit(lambda m: prepared(m, scene.cycle_turns))(scene.mechanism)))
+        jax.effects_barrier()
+    jax.clear_caches()
+    return count["closed"]
 
 
 def kept() -> dict[str, Any]:
@@ -63,19 +143,24 @@ def main() -> None:
     words.add_argument("--compiled", action="store_true", help="as it leaves the compiler")
     words.add_argument("--write", action="store_true", help=f"renew {FILE.name}")
     asked = words.parse_args()
-    stage, before = "compiled" if asked.compiled else "lowered", kept()
-    if asked.write and before.get("jax") != jax.__version__:
+    before = kept()
+    if before.get("jax") != jax.__version__:
         before = {}  # counts of different versions do not compare
-    found = dict(before.get(stage, {}))
-    print(f"{'scene':20}{'cycle kflop':>13}{'kB':>9}{'gradient kflop':>16}{'kB':>9}{'times':>7}   {stage}")
-    for name in asked.scenes or lj.scene_names():
+    content = {"jax": jax.__version__, "nodes": NODES, "angles": ANGLES} | {
+        part: dict(before.get(part, {})) for part in ("steps", "lowered", "compiled")
+    }
+    print(f"{'':20}" + "".join(f"{program + ' kflop':>17}{'kB':>9}" for program in OF_SCENES))
+    for name in asked.scenes or NAMES:
         jax.clear_caches()  # one process has room for so many programs only
-        found[name] = {program: cost(name, program, asked.compiled) for program in PROGRAMS}
-        one, two = found[name]["cycle"], found[name]["gradient"]
-        print(f"{name:20}{one['flops'] / 1e3:13.1f}{one['bytes'] / 1e3:9.0f}{two['flops'] / 1e3:16.1f}"
-              f"{two['bytes'] / 1e3:9.0f}{two['flops'] / one['flops']:7.2f}", flush=True)  # fmt: skip
+        found = {program: cost(name, program, asked.compiled) for program in programs(name)}
+        for stage in ("lowered", "compiled")[: 1 + asked.compiled]:
+            content[stage][name] = counts = {program: both[stage] for program, both in found.items()}
+            cells = ((counts[p]["flops"] / 1e3, counts[p]["bytes"] / 1e3) for p in OF_SCENES if p in counts)
+            print(f"{name:20}" + "".join(f"{flops:17.1f}{size:9.0f}" for flops, size in cells), stage, flush=True)
+        if (path := steps(name)) is not None:
+            content["steps"][name] = path
         if asked.write:
-            content = {**before, "jax": jax.__version__, "nodes": NODES, stage: dict(sorted(found.items()))}
+            content |= {part: dict(sorted(content[part].items())) for part in ("steps", "lowered", "compiled")}
             FILE.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 

@@ -4,9 +4,10 @@ Run: python -m benchmarks.groups [--plot FILE] [ROW ...]     rows: growth numba 
 
 `growth`: four-bar on four-bar, 1 to 16 dyads, time a position with the straight line through them. `numba`: four-bar,
 quick-return and Stephenson III, positions with first and second coefficients of all pins, the same numbers written to
-memory; medians of paired ratios, above one where linkjax is the faster. numba writes into the same memory again and
-again; linkjax, as any JAX program, into new arrays, for which freed memory is kept at hand. On a machine that others
-use too the best turns say more than the medians: threads that wait for each other suffer most.
+memory (it stops where they differ by more than 1e-12); medians of paired ratios, above one where linkjax is the faster.
+numba writes into the same memory again and again; linkjax, as any JAX program, into new arrays, for which freed memory
+is kept at hand. On a machine that others use too the best turns say more than the medians: threads that wait for each
+other suffer most.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from linkjax.kinematics import pose
 NODES, DESIGNS, BLOCK = 64, 4000, 50
 COUNTS = (1, 2, 3, 4, 6, 8, 10, 12, 14, 16)
 SPREAD = 1e-3  # of every number, between designs
+AGREE = 1e-12  # of the largest: both must write the same numbers
 
 
 def chain(count: int) -> lj.Mechanism:
@@ -149,6 +151,8 @@ def numba() -> None:
         sweep(designs, NODES, out)
         apart = [np.max(np.abs(np.asarray(x) - out[:, :, i])) / np.max(np.abs(out[:, :, i - i % 2]))
                  for i, x in enumerate(ours(mine)) if np.any(out[:, :, i])]  # fmt: skip
+        if not max(apart) <= AGREE:
+            raise SystemExit(f"numba.{name}: linkjax and the loop differ by {max(apart):.1e}, so times do not compare")
         a, b = by_turns(lambda ours=ours, mine=mine: ours(mine), lambda s=sweep, d=designs, o=out: s(d, NODES, o))
         rate = DESIGNS * NODES / 1e6
         for who, taken in (("linkjax", a), ("numba", b)):

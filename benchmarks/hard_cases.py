@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import jax
@@ -18,14 +18,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import linkjax as lj
+from benchmarks import float32
 from linkjax._config import use_compilation_cache
-from linkjax.analysis import float32_digits
 from linkjax.kinematics import crank_limits, margins, pose, prepared
 from tests.physics import near_dead, test_change_points, test_degenerate, test_hard_cases, test_scales
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 PARTS = ("position", "coefficients", "reactions", "gradients")
-DIGITS = ("position", "coefficients", "drive_torque", "delta")
 COLOURS = dict(zip(PARTS, ("#0072B2", "#009E73", "#E69F00", "#D55E00"), strict=True))
 
 
@@ -107,15 +106,16 @@ def crank_ranges() -> Figure:
     return figure
 
 
-def bars(scenes: dict[str, lj.Scene]) -> Figure:
-    """Largest error over what the condition of the problem allows, by scene and part."""
+def bars(scenes: dict[str, Iterable[dict[str, near_dead.Judged]]]) -> Figure:
+    """Largest error over what the condition of the problem allows, by scene and part, of all that was judged."""
     figure = Figure(figsize=(8.0, 0.45 * len(scenes) + 1.0), layout="constrained")
     ax = figure.subplots()
-    for k, (name, scene) in enumerate(scenes.items()):
-        found = near_dead.judge(scene)
-        print(f"{name:36s} " + "  ".join(f"{part} {found[part].excess():.2f}" for part in PARTS))
+    for k, (name, judged) in enumerate(scenes.items()):
+        found = [{part: each.excess() for part, each in one.items()} for one in judged]
+        worst = {part: max(one[part] for one in found) for part in PARTS}
+        print(f"{name:36s} " + "  ".join(f"{part} {worst[part]:.2f}" for part in PARTS), flush=True)
         for i, part in enumerate(PARTS):
-            ax.barh(k + 0.2 * (i - 1.5), found[part].excess(), 0.18, color=COLOURS[part], label=None if k else part)
+            ax.barh(k + 0.2 * (i - 1.5), worst[part], 0.18, color=COLOURS[part], label=None if k else part)
     ax.axvline(10.0, color="0.3", linestyle="--", linewidth=1)
     ax.set(xscale="log", xlim=(1e-3, 30.0), xlabel="error over what half a rounding in every number does (limit 10)")
     ax.set_yticks(range(len(scenes)), list(scenes))
@@ -124,29 +124,42 @@ def bars(scenes: dict[str, lj.Scene]) -> Figure:
     return figure
 
 
+def scales() -> Figure:
+    """Machines with sizes far apart, or far away, at three crank angles each."""
+
+    def judged(scene: lj.Scene) -> Iterator[dict[str, near_dead.Judged]]:
+        return (near_dead.judge(test_scales.turned(scene, angle)) for angle in test_scales.LATER)
+
+    return bars({name: judged(scene) for name, scene in test_scales.HARD.items()})
+
+
+def degenerate() -> Figure:
+    """Machines with zeros in them."""
+    return bars({name: [test_degenerate.judged(name)] for name in test_degenerate.DEGENERATE})
+
+
 def single_precision() -> Figure:
-    """Digits that float32 leaves of each built-in scene; nothing where a law leaves no speed to fluctuate."""
-    figure = Figure(figsize=(8.0, 7.5), layout="constrained")
-    ax, colours, scenes = figure.subplots(), ("#0072B2", "#009E73", "#E69F00", "#D55E00"), lj.scene_names()
-    for k, scene in enumerate(scenes):
-        found = {what: x for what, x in float32_digits(lj.load(scene)).items() if x < 15.0}
-        cells = (f"{found[what]:.1f}" if what in found else "-" for what in DIGITS)
-        print(f"| {scene} | " + " | ".join(cells) + " |", flush=True)
-        for i, what in enumerate(DIGITS):
+    """Digits that float32 leaves of each built-in scene; nothing where there is nothing to compare."""
+    figure = Figure(figsize=(8.0, 8.5), layout="constrained")
+    ax, colours = figure.subplots(), ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#D55E00")
+    for k, scene in enumerate(float32.NAMES):
+        found = float32.digits(scene)
+        print(float32.row(scene, found), flush=True)
+        for i, what in enumerate(float32.PARTS):
             label = None if k else what.replace("_", " ")
-            ax.barh(k + 0.2 * (i - 1.5), found.get(what, 0.0), 0.18, color=colours[i], label=label)
+            ax.barh(k + 0.16 * (i - 2), found.get(what, 0.0), 0.15, color=colours[i], label=label)
     ax.axvline(4.0, color="0.3", linestyle="--", linewidth=1)
-    ax.set_yticks(range(len(scenes)), scenes, fontsize="small")
-    ax.set(xlabel="digits in float32", xlim=(0.0, 8.0), ylim=(len(scenes) - 0.4, -0.6))
-    figure.legend(frameon=False, fontsize="small", ncols=4, loc="outside upper center")
+    ax.set_yticks(range(len(float32.NAMES)), float32.NAMES, fontsize="small")
+    ax.set(xlabel="digits in float32", xlim=(0.0, 8.0), ylim=(len(float32.NAMES) - 0.4, -0.6))
+    figure.legend(frameon=False, fontsize="small", ncols=5, loc="outside upper center")
     return figure
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
     "crank-ranges": crank_ranges,
     "change-points": change_points,
-    "scales": lambda: bars(test_scales.HARD),
-    "degenerate": lambda: bars(test_degenerate.DEGENERATE),
+    "scales": scales,
+    "degenerate": degenerate,
     "dead-positions": dead_positions,
     "float32": single_precision,
 }

@@ -1,45 +1,67 @@
-"""What a cycle costs, against the counts that are kept: plain scenes must not become dearer unnoticed.
+"""What an analysis costs, against the counts that are kept: plain scenes must not become dearer unnoticed.
 
-Where a count is off and ought to be, renew the file: `python -m benchmarks.cost --write`, for the second test with
-`--compiled`, and say in the commit what made it dearer.
+Where a count is off and ought to be, renew the file, `python -m benchmarks.cost --compiled --write`, and say in the
+commit what made it dearer.
 """
 
 from __future__ import annotations
 
 import jax
+import jax.numpy as jnp
 import pytest
 
-from benchmarks.cost import PROGRAMS, cost, kept
-from linkjax.scenes import scene_names
+from benchmarks.cost import NAMES, OF_SCENES, cost, kept, loops, programs, steps
 
 WITHIN = 0.03
 ANOTHER = 0.25  # with another version of jax than the one that was counted with, which may lower a little differently
-QUICK = [("slider-crank", "cycle")]
-EVERY = [(scene, program) for scene in scene_names() for program in PROGRAMS]
+PLAIN = "slider-crank"
+EVERY = [(scene, program) for scene in NAMES for program in programs(scene)]
 
 
-def compare(scene: str, program: str, stage: str):
+def compare(scene: str, program: str, compiled: bool):
     file = kept()
-    within = WITHIN if file["jax"] == jax.__version__ else ANOTHER
-    known, found = file[stage][scene][program], cost(scene, program, stage == "compiled")
-    for what, count in found.items():
-        change = count / known[what] - 1
-        assert abs(change) <= within, f"{scene}, {program}: {100 * change:+.1f} % {what} ({stage})"
+    same = file["jax"] == jax.__version__
+    for stage, found in cost(scene, program, compiled).items():
+        known = file[stage][scene][program]
+        for what in ("flops", "bytes"):
+            change = found[what] / known[what] - 1
+            assert abs(change) <= (WITHIN if same else ANOTHER), f"{100 * change:+.1f} % {what} ({stage})"
+        assert not same or found.get("loops") == known.get("loops"), "loops run otherwise"
 
 
-@pytest.mark.parametrize(
-    ("scene", "program"), [*QUICK, *(pytest.param(*c, marks=pytest.mark.slow) for c in EVERY if c not in QUICK)]
-)
-def test_handed_to_the_compiler(scene, program):
-    compare(scene, program, "lowered")
+@pytest.mark.parametrize("program", OF_SCENES)
+def test_a_plain_scene_as_handed_to_the_compiler(program):
+    compare(PLAIN, program, compiled=False)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("program", PROGRAMS)
-@pytest.mark.parametrize("scene", scene_names())
-def test_compiled(scene, program):
-    compare(scene, program, "compiled")
+@pytest.mark.parametrize(("scene", "program"), EVERY)
+def test_every_scene_as_it_leaves_the_compiler(scene, program):
+    compare(scene, program, compiled=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", kept().get("steps", {}))
+def test_the_steps_along_a_path(scene):
+    """Their number follows the motion of the links, to a step or two where roundings decide."""
+    assert steps(scene) == pytest.approx(kept()["steps"][scene], rel=WITHIN)
+
+
+def test_trips_are_counted():
+    """Three by two trips, one of them in a loop that the data end."""
+
+    def ends(x):
+        return jax.lax.while_loop(lambda x: x < 9.0, lambda x: 2 * x, x)
+
+    def program(x):
+        return jax.lax.scan(lambda x, _: (jax.lax.fori_loop(0, 2, lambda _, x: ends(x), x), None), x, length=3)[0]
+
+    assert loops(jax.make_jaxpr(program)(jnp.asarray(1.0))) == {"3": 1, "3 2": 1, "3 2 ?": 1}
 
 
 def test_every_scene_is_counted():
-    assert set(kept()["lowered"]) == set(kept()["compiled"]) == set(scene_names())
+    file = kept()
+    for stage in ("lowered", "compiled"):
+        assert {name: set(counts) for name, counts in file[stage].items()} == {
+            name: set(programs(name)) for name in NAMES
+        }

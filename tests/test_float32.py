@@ -6,7 +6,9 @@ import sys
 import pytest
 
 import linkjax as lj
+from benchmarks.float32 import NAMES, PARTS, digits
 from linkjax.analysis import float32_digits
+from tests.helpers import ROOT
 
 DELTA = "import linkjax as lj; from linkjax.motion import steady; print(float(steady(lj.load('slider-crank')).delta))"
 NEARLY = """
@@ -17,6 +19,30 @@ groups = [Crank("crank", "A", "B"), RRR(("one", "two"), "B", "D", "C", 1)]
 machine = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, links, groups, Flywheel(1.0))
 lj.analyse(Scene(machine, (OpposingTorque("brake", "two", magnitude=3.0),), speed=10.0), angles=36, throw=False)
 """
+
+
+QUICK = "rolling-eccentric"
+
+
+def table() -> dict[str, dict[str, float]]:
+    """What docs/hard-cases.md tells of every scene, by part."""
+    text = (ROOT / "docs/hard-cases.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+    return {
+        name: {part: float(cell) for part, cell in zip(PARTS, cells, strict=True) if cell != "–"}
+        for name, *cells in rows
+        if name in NAMES
+    }
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != QUICK)) for n in NAMES])
+def test_the_digits_that_are_told(name):
+    """Within half a digit, for roundings differ between processors. δ is one number, not the worst of many: more than
+    six digits of it are chance."""
+    found, told = (
+        {part: min(x, 6.0) if part == "delta" else x for part, x in of.items()} for of in (digits(name), table()[name])
+    )
+    assert found == pytest.approx(told, abs=0.5)
 
 
 @pytest.mark.slow

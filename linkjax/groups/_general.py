@@ -243,7 +243,7 @@ class General(AbstractChain):
         assert self.path is not None  # see `kinematics.prepared`
         web, (places, c) = self._web(), self._at(links, states, points, phi)
         still, path, at = jax.lax.stop_gradient((c, self.path, phi))
-        here = web.near(placed(path.at(at, self.turns)), still, path.sense[path.place(at, self.turns)[0]])
+        here = web.near(placed(path.at(at, self.turns)), still, path.sense_at(at, self.turns))
         here, sound = self._polished(web, here, c)
         matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))
         inverse = inverted(matrix)

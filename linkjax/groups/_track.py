@@ -43,15 +43,24 @@ class Track(NamedTuple):
         whole = jnp.clip(jnp.floor(place), 0, count - 1)
         return whole.astype(int), place - whole
 
-    def at(self, phi: Array, turns: int) -> Array:
-        """The configuration at a crank angle, roughly: a cubic through four places of the path, on one side of where
-        the group does not close."""
+    def nearby(self, phi: Array, turns: int) -> tuple[Array, Array]:
+        """Four places of the path near a crank angle, on one side of where the group does not close, and how far the
+        angle is from the first of them, in steps."""
         i, rest = self.place(phi, turns)
         assert self.first is not None
         first = self.first[(rest > 0.5).astype(int), i].astype(int)
-        x = rest + (i - first).astype(rest.dtype)  # from the first of the four
         last, four = self.sense.size - 1, first + jnp.arange(4)
-        a, b, c, d = self.z[jnp.where(four < 0, four + last, jnp.where(four > last, four - last, four))]
+        four = jnp.where(four < 0, four + last, jnp.where(four > last, four - last, four))
+        return four, rest + (i - first).astype(rest.dtype)
+
+    def sense_at(self, phi: Array, turns: int) -> Array:
+        """The sense of the Jacobian's determinant at a crank angle."""
+        return self.sense[self.nearby(phi, turns)[0][1]]
+
+    def at(self, phi: Array, turns: int) -> Array:
+        """The configuration at a crank angle, roughly: a cubic through four places of the path."""
+        four, x = self.nearby(phi, turns)
+        a, b, c, d = self.z[four]
         left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6
         if self.z.shape[2] == 3:  # angles go on from turn to turn
             span = 2 * jnp.pi * turns

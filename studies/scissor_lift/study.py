@@ -5,6 +5,7 @@ Run: python -m studies.scissor_lift.study [OUT]       tables on the screen, two 
 
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from scipy.optimize import minimize
 import linkjax as lj
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import prepared
+from linkjax.measures import Parts
+from linkjax.motion import Peak, peaks
 
 HERE = Path(__file__).parent
 HALF, EYE, LOAD, PAIRS = 1.47, 0.5, 3125.0, 2
@@ -26,50 +29,90 @@ RATIO = 1.8  # of the cylinder's greatest to its least length
 ALPHA = np.radians([11.2, 15, 20, 25, 30, 35, 40, 45])
 PRINTED_BETA = (21.907, 28.554, 36.472, 43.442, 49.541, 54.885, 59.595, 63.785)
 PRINTED_FORCE = {11.2: 66530.0, 45.0: 27448.0}  # two pairs
+PRINTED_FRAME = {11.2: 66630.71, 45.0: 27459.84}  # the same by a bar model in three dimensions
+PRINTED_JOINTS = (3125.0, 3125.0, 0.0, -2209.12, 2210.87)  # R, T, Q, X, Y of one pair, at both of these angles
 AS_DRAWN = np.array([EYE, 0.0, 0.0])
 BLUE, VERMILION, GREY = "#0072B2", "#D55E00", "#8a8a8a"
 
 
 class Driven(NamedTuple):
-    """The lift as its cylinder drives it, one pair of bars: angles (rad), cylinder length (m), force, reactions (N)."""
+    """The lift as its cylinder drives it: angles (rad), cylinder length (m) and force, the joints of one pair (N)."""
 
-    alpha: np.ndarray
-    beta: np.ndarray
-    length: np.ndarray
-    force: np.ndarray
-    feet: np.ndarray  # at the fixed foot with the cylinder's bearing: along and across; at the roller: across
-    hinge: np.ndarray  # on the brace, along and across
+    alpha: jax.Array
+    beta: jax.Array
+    length: jax.Array
+    force: jax.Array  # both pairs
+    feet: jax.Array  # R, across at the roller; T and Q, across and along at the fixed foot with the cylinder's bearing
+    hinge: jax.Array  # X and Y, on the brace, along and across
+    torque: jax.Array  # drive torque (N m), both pairs
 
 
-def by_cylinder(alpha: np.ndarray) -> Driven:
-    """Forces of the built-in scene, whose drive is the cylinder, where the bars stand at these angles."""
-    scene = lj.load("scissor-lift")
-    ends = cylinder(LOW), cylinder(HIGH)
-    swing = np.clip(1 - 2 * (cylinder(alpha) - ends[0]) / (ends[1] - ends[0]), -1, 1)
-    mechanism = prepared(scene.mechanism)
+def lift(anchors) -> lj.Scene:
+    """Both pairs, whose bars follow a cosine from lowest to highest and back while the cylinder drives.
+
+    `anchors`: the eye's distance above the centre hinge on the brace, and the base's place on the frame.
+    """
+    eye, x, y = anchors
+    mechanism = lj.scissor_lift(2 * HALF, eye, LOW, HIGH, base=lj.Vec(x, y), pairs=PAIRS, by_bar=True)
+    down = lj.Vec(0.0, -PAIRS * LOAD)
+    loads = tuple(lj.Force(link, link, end, force=down) for link, end in (("bar", "T"), ("other", "U")))
+    return lj.Scene(mechanism, loads, speed=0.1)
+
+
+@jax.jit
+def at_phases(scene: lj.Scene, phi) -> Driven:
+    """Where the cosine stands at these phases (rad)."""
+    scene = scene.with_mechanism(prepared(scene.mechanism))
 
     def at(phi):
-        return lj.pose(mechanism, phi), kinetostatics(scene.with_mechanism(mechanism), phi, scene.speed, 0 * phi)
+        return lj.pose(scene.mechanism, phi), kinetostatics(scene, phi, scene.speed, 0 * phi)
 
-    here, forces = jax.jit(jax.vmap(at))(jnp.asarray(np.arccos(swing)))
-    push, foot, barrel = (
-        forces.reactions[joint][link] for joint, link in (("rod.drive", "rod"), ("O", "bar"), ("O", "barrel"))
+    here, forces = jax.vmap(at)(phi)
+    push, foot, bearing, roller, hinge = (
+        forces.reactions[joint][link]
+        for joint, link in (
+            ("rod.drive", "rod"),
+            ("O", "bar"),
+            ("A", "barrel"),
+            ("roller.guide", "roller"),
+            ("C", "other"),
+        )
     )
-    roller, hinge = forces.reactions["roller.guide"]["roller"], forces.reactions["C"]["brace"]
-    bar, axis, eye = here.links["bar"].u, here.links["barrel"].u, here.points["E"].r
+    bar, axis = here.links["bar"].u, here.links["barrel"].u
+    feet = jnp.stack([roller.fy, foot.fy + bearing.fy, foot.fx + bearing.fx])
     return Driven(
-        np.arctan2(bar.y, bar.x), np.arctan2(axis.y, axis.x), np.hypot(eye.x, eye.y), np.hypot(push.fx, push.fy),
-        np.array([foot.fx + barrel.fx, foot.fy + barrel.fy, roller.fy]), np.array([hinge.fx, hinge.fy]),
+        jnp.arctan2(bar.y, bar.x), jnp.arctan2(axis.y, axis.x),
+        jnp.sqrt((here.points["E"].r - here.points["A"].r).squared()), jnp.hypot(push.fx, push.fy),
+        feet / PAIRS, jnp.stack([hinge.fx, hinge.fy]) / PAIRS, forces.drive_torque,
     )  # fmt: skip
 
 
-def cylinder(alpha):
-    """Length of the cylinder as drawn, pin to pin."""
-    return np.hypot((HALF - EYE) * np.cos(alpha), (HALF + EYE) * np.sin(alpha))
+def driven(alpha: np.ndarray, anchors: Sequence[float] | np.ndarray = AS_DRAWN) -> Driven:
+    """Forces where the bars stand at these angles."""
+    swing = np.arccos(np.clip(1 - 2 * (alpha - LOW) / (HIGH - LOW), -1, 1))
+    return jax.device_get(at_phases(lift(anchors), jnp.asarray(swing)))
+
+
+def work(anchors) -> float:
+    """What the cylinder does (J) while it raises the lift: a sum of 40 nodes, exact to rounding."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    torque = at_phases(lift(anchors), jnp.asarray(0.5 * math.pi * (1 + nodes))).torque
+    return 0.5 * math.pi * float(np.sum(weights * np.asarray(torque)))
+
+
+@jax.jit
+def peak(anchors) -> Peak:
+    """Largest force of the cylinder over the continuous stroke, both pairs, with the phase and a bound of the error."""
+
+    def push(regime, place):
+        force = kinetostatics(regime.scene, place.phi, *regime.crank(place)).reactions["rod.drive"]["rod"]
+        return jnp.stack([force.fx, force.fy])[None]
+
+    return jax.tree.map(lambda x: x[0], peaks(Parts(lift(anchors)).constant_speed, push))
 
 
 def by_bar(eye) -> lj.Scene:
-    """The same lift turned by its bar: the crank angle is the bar's, and the cylinder's eye a point of the brace."""
+    """One pair turned by its bar: the crank angle is the bar's, and the cylinder's eye a point of the brace."""
     links = {
         "bar": lj.Link(length=2 * HALF, points={"C": lj.Vec(HALF, 0.0)}),
         "brace": lj.Link(length=HALF, points={"E": lj.Vec(-eye, 0.0), "U": lj.Vec(-HALF, 0.0)}),
@@ -81,10 +124,7 @@ def by_bar(eye) -> lj.Scene:
 
 
 def lengths(anchors, alpha):
-    """Cylinder length (m), its slope over the bar's angle, and the torque that holds the bar (N m), one pair.
-
-    `anchors`: the eye's distance above the centre hinge on the brace, and the base's place on the frame.
-    """
+    """Cylinder length (m), its slope over the bar's angle, and the torque that holds the bar (N m), one pair."""
     eye, x, y = anchors
     scene = by_bar(eye)
     at = lj.pose(scene.mechanism, alpha).points["E"]
@@ -126,15 +166,15 @@ def best(points: int = 60) -> np.ndarray:
 def draw_forces(path: Path) -> None:
     """Cylinder force, feet and hinge over the stroke, two pairs on the cylinder."""
     alpha = np.linspace(LOW, HIGH, 61)
-    lift = by_cylinder(alpha)
+    lift = driven(alpha)
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8), layout="constrained")
-    left.plot(np.degrees(alpha), PAIRS * lift.force / 1e3, color=BLUE, label="cylinder, both pairs")
+    left.plot(np.degrees(alpha), lift.force / 1e3, color=BLUE, label="cylinder, both pairs")
     for degrees, printed in PRINTED_FORCE.items():
         left.plot(degrees, printed / 1e3, "o", color=VERMILION, label="printed" if degrees == 45 else None)
     left.set(xlabel="bar angle [°]", ylabel="[kN]", ylim=(0, None), title="Cylinder force")
     right.plot(np.degrees(alpha), lift.hinge[0] / 1e3, color=BLUE, label="hinge, along")
     right.plot(np.degrees(alpha), lift.hinge[1] / 1e3, color=BLUE, linestyle="--", label="hinge, across")
-    right.plot(np.degrees(alpha), lift.feet[1] / 1e3, color=GREY, label="each foot, across")
+    right.plot(np.degrees(alpha), lift.feet[0] / 1e3, color=GREY, label="each foot, across")
     right.set(xlabel="bar angle [°]", ylabel="[kN]", title="Forces of one pair")
     for axes in (left, right):
         axes.legend(frameon=False)
@@ -159,27 +199,35 @@ def draw_anchors(after: np.ndarray, path: Path) -> None:
     figure.savefig(path, dpi=120)
 
 
+def print_table() -> None:
+    """Ours beside what is printed, of two pairs where it says 2P, else of one."""
+    found = driven(ALPHA)
+    print("".join(f"{head:>11s}" for head in ("angle [deg]", "beta [deg]", "printed", "2P [N]", "printed", "FE")))
+    for i, degrees in enumerate(np.round(np.degrees(ALPHA), 1)):
+        printed = (f"{table.get(degrees, ''):>11}" for table in (PRINTED_FORCE, PRINTED_FRAME))
+        told = f"{degrees:11.1f}{np.degrees(found.beta[i]):11.4f}{PRINTED_BETA[i]:11.3f}{found.force[i]:11.2f}"
+        print(told + "".join(printed))
+    print("\n" + "".join(f"{head:>11s}" for head in ("angle [deg]", "R [N]", "T [N]", "Q [N]", "X [N]", "Y [N]")))
+    for i, degrees in enumerate(np.round(np.degrees(ALPHA), 1)):
+        row = (*found.feet[:, i], *found.hinge[:, i])
+        print(f"{degrees:11.1f}" + "".join(f"{force + 0.0:11.2f}" for force in np.round(row, 6)))
+    print(f"{'printed':>11s}" + "".join(f"{force:11.2f}" for force in PRINTED_JOINTS))
+    near = PAIRS * float(course(AS_DRAWN, jnp.radians(jnp.array([11.1])))[1][0])
+    print(f"2P at 11.1 degrees instead of 11.2 [N]: {near:.1f}")
+
+
 def main(out: Path = HERE) -> None:
     """Print the tables, draw the figures."""
     lj.enable_x64()
-    lift = by_cylinder(ALPHA)
-    heads = ("angle [deg]", 12), ("beta [deg]", 12), ("printed", 10), ("2P [N]", 12), ("printed", 10)
-    print("".join(f"{head:>{width}s}" for head, width in (*heads, ("hinge X", 12), ("hinge Y", 12))))
-    for i, degrees in enumerate(np.degrees(ALPHA)):
-        printed = PRINTED_FORCE.get(round(float(degrees), 1))
-        told = f"{np.degrees(lift.beta[i]):12.4f}{PRINTED_BETA[i]:10.3f}{PAIRS * lift.force[i]:12.2f}"
-        print(f"{degrees:12.1f}{told}{printed or '':>10}{lift.hinge[0, i]:12.2f}{lift.hinge[1, i]:12.2f}")
-    print(f"feet [N]: along {lift.feet[0, -1]:.1e}, across {lift.feet[1, -1]:.3f} and {lift.feet[2, -1]:.3f}")
-    near = PAIRS * float(course(AS_DRAWN, jnp.radians(jnp.array([11.1])))[1][0])
-    print(f"2P at 11.1 degrees instead of 11.2 [N]: {near:.1f}")
-    after, alpha = best(), jnp.linspace(LOW, HIGH, 2001)
+    print_table()
+    after = best()
     heads = ("eye [m]", 20), ("base [m]", 18), ("length [m]", 18), ("ratio", 8), ("peak 2P [N]", 14), ("work [J]", 12)
     print("\n" + "".join(f"{head:>{width}s}" for head, width in heads))
     for label, anchors in (("as drawn", AS_DRAWN), ("chosen", after)):
-        length, force = course(anchors, alpha)
-        spans = f"{anchors[0]:10.4f}{anchors[1]:10.4f}{anchors[2]:8.4f}{float(length[0]):10.4f}{float(length[-1]):8.4f}"
-        ends = f"{float(length[-1] / length[0]):8.4f}{PAIRS * float(force.max()):14.2f}"
-        print(f"{label:10s}{spans}{ends}{PAIRS * float(jnp.trapezoid(force, length)):12.2f}")
+        (short, long), top = driven(np.array([LOW, HIGH]), anchors).length, peak(anchors)
+        spans = f"{anchors[0]:10.4f}{anchors[1]:10.4f}{anchors[2]:8.4f}{short:10.4f}{long:8.4f}"
+        print(f"{label:10s}{spans}{long / short:8.4f}{top.value:14.2f}{work(anchors):12.2f}")
+        print(f"{'':10s}the peak is at phase {top.angle:.2g} of the continuous stroke, to {top.error:.0e} N")
     print(f"what the loads gain [J]: {2 * PAIRS * LOAD * 2 * HALF * (math.sin(HIGH) - math.sin(LOW)):.2f}")
     out.mkdir(parents=True, exist_ok=True)
     draw_forces(out / "forces.png")

@@ -66,7 +66,8 @@ def machine_of(chain: Chain, ground: int, edge: Edge, other: Edge | None, rng: n
             spots[own[1]] = complex(*rng.uniform(-1, 1, 2))
         links[name] = Link(**body, pins=tuple(own))
     ways = {name: spots[link.pins[1]] - spots[link.pins[0]] for name, link in links.items() if name != block}
-    slots, moved = [], drive.one if drive.other == FRAME else drive.other
+    slots, along = [], 0j
+    moved = drive.one if drive.other == FRAME else drive.other
     if slider is not None:
         through = min(fixed) if on == FRAME else links[on].pins[0]
         from_there = (spots | fixed)[through]
@@ -127,7 +128,7 @@ def out_of_balance(scene: lj.Scene, here, forces) -> float:
         rows += [(float(f.fx), float(f.fy), float(f.moment), at[joint])
                  for joint, sides in forces.reactions.items() for on, f in sides.items() if on == name]  # fmt: skip
         if name == mechanism.crank and not any(joint.endswith(".drive") for joint in forces.reactions):
-            rows.append((0.0, 0.0, float(forces.drive_torque) * mechanism.driver.turns, centre.r))
+            rows.append((0.0, 0.0, float(forces.drive_torque), centre.r))  # cranks turn counter-clockwise
         sums = np.array([(x, y, m + float(r.x) * y - float(r.y) * x) for x, y, m, r in rows])
         left.append(np.abs(sums.sum(axis=0)).max())
         size = max(size, np.abs(sums).max())

@@ -142,6 +142,26 @@ def test_a_parallelogram_at_work():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("machine", "places"),
+    [
+        pytest.param(four_bar(0.1, 0.4, 0.1, 0.4, -1, "fixed"), (0, 180), id="antiparallelogram"),
+        pytest.param(four_bar(0.3, 0.3, 0.3, 0.3, 1, "fixed"), (0, 180), id="rhombus"),
+        pytest.param(slider("fixed"), (90, 270), id="slider-crank"),
+    ],
+)
+def test_a_fixed_side_at_a_bifurcation(machine, places):
+    """Where all links lie in line, or rod and crank across the guide, both assemblies meet: it says so and where."""
+    scene = lj.Scene(machine, (Torque("brake", "crank", torque=-1.0),), Vec(0.0, -9.81), speed=10.0)
+    with pytest.raises(lj.MachineError, match=r"has a change point at .* which it takes is chance") as told:
+        lj.analyse(scene, angles=36)
+    assert told.value.result is lj.Result.CANNOT_BE_ASSEMBLED
+    at = float(str(told.value).split("change point at ")[1].split()[0])
+    assert min(abs(math.remainder(at - place, 360)) for place in places) < 0.01
+    assert abs(float(least_margin(machine))) < 1e-9
+
+
+@pytest.mark.slow
 def test_a_slider_at_work():
     """Drive torque at constant speed: the brake's and what the ram takes, m x′ x″ ω²."""
     scene = lj.Scene(slider(), (Torque("brake", "crank", torque=-1.0),), speed=10.0)

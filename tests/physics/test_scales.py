@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax import RPP, RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
+from linkjax import PRP, RPP, RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
+from linkjax.groups import Gear, Teeth
 from tests.physics.machines import moved, resized
 from tests.physics.near_dead import HALF, PHI, computed, judge
 
@@ -29,24 +30,41 @@ def chain(crank: float, one: float, two: float, far: complex, masses: tuple[floa
     return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.1)), gravity=Vec(0.5, -9.81))
 
 
-def sliding(kind: str) -> lj.Scene:
-    """A crank with a slider, or a slotted lever, or a slide with a slot."""
+def sliding(kind: str, crank: float = 0.13, rod: float = 0.4, far: complex = 0.05 - 0.3j) -> lj.Scene:
+    """A crank with a slider, a slotted lever, a slide with a slot, or blocks in a slot of the frame and in its own."""
     links = {
-        "crank": body(0.13, 1.0),
-        "one": body(0.4, 1.3),
+        "crank": body(crank, 1.0),
+        "one": Link(mass=1.3, inertia=0.01, centre=Vec(0.03, 0.02)) if kind == "PRP" else body(rod, 1.3),
         "two": Link(mass=0.8, inertia=0.01, centre=Vec(0.02, 0.01)),
     }
     group = {
         "RRP": RRP("one", "two", "B", "D", Guide("A", 0.3, 0.05)),
         "RPR": RPR("one", "two", "B", "P", "E", offset=0.02),
         "RPP": RPP("one", "two", "B", "Q", Guide("P", 0.3, 0.02), 1.9, -0.01),
+        "PRP": PRP(("one", "two"), "M", (Guide("P", 0.3, 0.02), Guide("B", 0.27, -0.01, "crank"))),
     }[kind]  # fmt: skip
-    fixed = {"A": Vec(0.0, 0.0), "P": Vec(0.05, -0.3)}
+    fixed = {"A": Vec(0.0, 0.0), "P": Vec(far.real, far.imag)}
     return lj.Scene(Mechanism(fixed, links, [Crank("crank", "A", "B"), group], Flywheel(0.1)), gravity=Vec(0.5, -9.81))
+
+
+def geared() -> lj.Scene:
+    """A dyad on a wheel."""
+    links = {"crank": body(0.13, 1.0), "wheel": body(0.1, 1.0), "one": body(0.4, 1.3), "two": body(0.3, 0.8)}
+    gear = Gear("wheel", "W", Teeth((20, 40)), "crank", "A", "C", 0.4)
+    groups = [Crank("crank", "A", "B"), gear, RRR(("one", "two"), "C", "F", "G", 1)]
+    fixed = {"A": Vec(0.0, 0.0), "W": Vec(0.3, 0.05), "F": Vec(0.7, -0.1)}
+    return lj.Scene(Mechanism(fixed, links, groups, Flywheel(0.1)), gravity=Vec(0.5, -9.81))
 
 
 def away(scene: lj.Scene, x: float, y: float) -> lj.Scene:
     return dataclasses.replace(scene, mechanism=moved(scene.mechanism, x, y))
+
+
+def turned(scene: lj.Scene, angle: float) -> lj.Scene:
+    """The machine as it stands so much later in its cycle."""
+    crank, *others = scene.mechanism.groups
+    groups = [dataclasses.replace(crank, phase=angle), *others]
+    return dataclasses.replace(scene, mechanism=dataclasses.replace(scene.mechanism, groups=tuple(groups)))
 
 
 PLAIN = chain(0.13, 0.4, 0.3, 0.45 - 0.07j)
@@ -58,26 +76,59 @@ HARD = {
     "second mass a milliardth": chain(0.13, 0.4, 0.3, 0.45 - 0.07j, (1.0, 1e-9)),
     "a million lengths away": away(PLAIN, 4e5, -2e5),
     "millimetres": resized(PLAIN, 1e3),
+    "RRP, crank a million times shorter": sliding("RRP", crank=4e-7),
+    "RPR, crank a million times shorter": sliding("RPR", crank=4e-7),
+    "RPP, guide a million lengths away": sliding("RPP", far=2e5 - 0.3j),
+    "RPR, a million lengths away": away(sliding("RPR"), 4e5, -2e5),
+    "wheels, a million lengths away": away(geared(), 4e5, -2e5),
 }
+LATER = (0.0, 1.9, 3.7)  # rad, after the crank angle at which errors are judged
 
 
-@pytest.mark.parametrize("name", HARD)
-def test_errors_are_those_of_the_problem(name):
+@pytest.mark.parametrize(
+    ("name", "angle"),
+    [pytest.param(n, a, marks=[pytest.mark.slow] * (a > 0 or n[:2] in ("RP", "wh"))) for n in HARD for a in LATER],
+)
+def test_errors_are_those_of_the_problem(name, angle):
     """Ten times what half a unit of rounding in every number does; for places that is the largest coordinate's."""
-    scene, found = HARD[name], judge(HARD[name])
+    scene = turned(HARD[name], angle)
+    found = judge(scene)
     assert {part: each.excess() for part, each in found.items() if each.excess() > 10} == {}
     largest = max(float(jnp.abs(leaf)) for leaf in jax.tree.leaves((scene.mechanism.fixed, scene.mechanism.links)))
     assert np.max(found["position"].error) <= 20 * EPS * max(1.0, largest)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["RRP", "RPR", "RPP"])
-def test_other_groups_a_million_lengths_away(kind):
+@pytest.mark.parametrize("angle", LATER)
+@pytest.mark.parametrize("kind", ["RRP", "RPR", "RPP", "PRP"])
+def test_other_groups_a_million_lengths_away(kind, angle):
     """Places lose what the largest coordinate's rounding is, all else that over the shortest length."""
-    found, lost = judge(away(sliding(kind), 4e5, -2e5)), EPS * 4e5
+    found, lost = judge(turned(away(sliding(kind), 4e5, -2e5), angle)), EPS * 4e5
     assert np.max(found["position"].error) <= 10 * lost
     for part in ("coefficients", "reactions"):
         assert np.max(found[part].error) <= 10 * lost / 0.13 * np.max(found[part].size)
+
+
+LONG = {
+    "RRP, rod": sliding("RRP", rod=2e5),
+    "RPR, lever": sliding("RPR", rod=2e5, far=2e5 - 0.3j),
+    "PRP, guide": sliding("PRP", far=2e5 - 0.3j),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", LATER)
+@pytest.mark.parametrize("name", LONG)
+def test_sliders_with_a_part_a_million_times_longer(name, angle):
+    """Errors of places, coefficients and forces are those of the problem; a couple is a force times the difference of
+    two places, and so as exact as the largest of them is rounded."""
+    found = judge(turned(LONG[name], angle))
+    assert {part: found[part].excess() for part in ("position", "coefficients") if found[part].excess() > 10} == {}
+    error, condition, size = (part.reshape((-1, 3)) for part in found["reactions"])
+    allowed = HALF * (condition + size)
+    places = np.max(found["position"].size)
+    allowed[:, 2] += HALF * places * np.max(size[:, :2])
+    assert np.all(error <= 10 * allowed)
 
 
 @pytest.mark.parametrize("factor", [2.0**-10, 2.0**20])

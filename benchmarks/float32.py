@@ -1,0 +1,93 @@
+"""Digits that single precision leaves of every built-in scene: the table of docs/hard-cases.md.
+
+Run: python -m benchmarks.float32 [SCENE ...]      (default: every scene; half a minute each)
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import linkjax as lj
+from linkjax._types import as_float
+from linkjax.analysis import float32_digits
+from linkjax.forces import kinetostatics
+from linkjax.kinematics import scan_angles
+from linkjax.machine import ready
+from linkjax.measures import reaction_names
+from linkjax.rolling import RollingMachine
+from linkjax.scenes import load_rolling, rolling_names
+
+PARTS = ("position", "coefficients", "reactions", "drive_torque", "delta")
+NAMES = [*lj.scene_names(), *rolling_names()]
+STEPS = 90  # a turn, as `float32_digits` compares
+HARDLY = 1e-6  # of the largest: what is below has no digits to lose
+ALL = 15.0  # digits: nothing to compare, as δ where a law leaves no speed to fluctuate
+
+
+def digits(name: str) -> dict[str, float]:
+    """Digits that float32 leaves of what a scene has, by part; of rolling bodies places and ratios of speeds."""
+    if name in rolling_names():
+        machine = load_rolling(name)
+        found = {"position": shared(bodies, machine), "coefficients": shared(ratios, machine)}
+    else:
+        scene = lj.load(name)
+        found = {**float32_digits(scene), "reactions": shared(reactions, scene)}
+    return {part: found[part] for part in PARTS if found.get(part, ALL) < ALL}
+
+
+def row(name: str, found: dict[str, float]) -> str:
+    """A line of the table."""
+    cells = (f"{found[part]:.1f}" if part in found else "–" for part in PARTS)
+    return f"| {name} | {' | '.join(cells)} |"
+
+
+def reactions(scene: lj.Scene) -> Any:
+    """Forces at all joints at constant nominal speed, one row a joint."""
+    scene = ready(jax.tree.map(as_float, scene))
+
+    def at(phi):
+        found = kinetostatics(scene, phi, scene.speed, jnp.zeros_like(phi)).reactions
+        return jnp.stack([jnp.stack(found[joint][link][:2]) for joint, link in reaction_names(scene)])
+
+    phi = scan_angles(scene.cycle_turns, STEPS)
+    return jnp.moveaxis(jax.vmap(at)(phi), 0, -1).reshape((-1, 2 * phi.size))
+
+
+def bodies(machine: RollingMachine) -> Any:
+    """Places of all bodies while the driven member turns, one row a coordinate."""
+    centres = jax.vmap(machine.at)(jnp.linspace(0.0, machine.cycle, STEPS, endpoint=False)).centres
+    return jnp.concatenate([centres.x, centres.y], axis=1).T
+
+
+def ratios(machine: RollingMachine) -> Any:
+    """Speeds of all members, of that of the driven one."""
+    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(machine.turned(1.0))])[:, None]
+
+
+def shared(function: Callable[[Any], Any], given: Any) -> float:
+    """Digits that results in float32 and in float64 share, relative to the largest of each row; the fewest of all."""
+    found = []
+    for kind in (jnp.float64, jnp.float32):
+        with jax.enable_x64(kind is jnp.float64), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Explicitly requested dtype float64")  # of constants of the first pass
+            here = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), given)
+            found.append(np.asarray(jax.jit(function)(here), dtype=float))
+    exact, rough = found
+    size = np.max(np.abs(exact), axis=1)
+    there = size > HARDLY * np.max(size)
+    wrong = np.max(np.abs(exact - rough), axis=1)[there] / size[there]
+    return float(np.min(-np.log10(np.maximum(wrong, np.finfo(float).eps))))
+
+
+if __name__ == "__main__":
+    print("| scene | position | coefficients | reactions | drive torque | δ |\n|---|---|---|---|---|---|")
+    for name in sys.argv[1:] or NAMES:
+        jax.clear_caches()
+        print(row(name, digits(name)), flush=True)
