@@ -124,7 +124,8 @@ def _check_freedom(drawing: Drawing, drive: Drive, found: Sequence[Pair], driven
         pins = ", ".join(
             point for point in drawing.links[drive.link].pins if point not in (*drawing.fixed, driven.name)
         )
-        raise StructureError("drive", problem, f"let another link share a pin of it ({pins}), or drive another link")
+        at = f" ({pins})" if pins else ""
+        raise StructureError("drive", problem, f"let another link share a pin of it{at}, or drive another link")
     if degrees > 1:
         pins = dict.fromkeys(pair.name for pair in found if set(pair.ends) & set(loose))
         what = f"{', '.join(loose)} can still move at {_few(pins)}"
