@@ -460,10 +460,13 @@ def test_what_is_not_refused_is_analysed(name):
         what, bad = mutation(table, rng)
         try:
             scene = build_task(Document("bad.toml", bad))[0]
-            analysed += 1
+        except SceneError:
+            continue  # what it says: `test_many_mutations`
+        analysed += 1
+        try:
             found = measured(lj.analyse(scene, angles=4, nodes=48))
-        except (SceneError, MachineError) as error:
-            assert not NOISE.search(str(error).replace("not a finite number", "")), (what, str(error))
+        except MachineError as error:
+            assert not NOISE.search(str(error)), (what, str(error))
         else:
             assert np.all(np.isfinite(list(found.values()))), what
 
