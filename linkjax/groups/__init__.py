@@ -56,6 +56,7 @@ from linkjax.groups._state import at_rest as at_rest
 from linkjax.groups._state import carried as carried
 from linkjax.groups._track import Track as Track
 from linkjax.groups._track import closed_to as closed_to
+from linkjax.groups._track import slow as slow
 from linkjax.groups._winding import Winding as Winding
 from linkjax.groups._winding import unwound as unwound
 

@@ -14,7 +14,7 @@ from linkjax._lapack import inverted, sign_of_determinant, svd
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec, unit
 
-NEAR = 2  # steps of Newton's method from the reference path
+NEAR = 3  # steps of Newton's method from the reference path
 
 
 class Known(NamedTuple):
@@ -193,6 +193,27 @@ class Web(NamedTuple):
         move = jnp.where(jnp.all(jnp.isfinite(move)), move, 0.0)
         most = jnp.maximum(jnp.max(jnp.abs(move)), jnp.finfo(move.dtype).tiny)
         return z.moved(move * jnp.minimum(1.0, 0.5 * c.size / most), c.size)
+
+    def implicit(self, z: Placed, c: Closure, sound: Array) -> Placed:
+        """A configuration that closes the joints, with the derivatives of a root, of any order; with none where it is
+        not `sound`."""
+
+        @jax.custom_jvp
+        def root(z, c, sound):
+            return z
+
+        @root.defjvp
+        def _rule(given, moving):
+            here, c, sound = root(*given), *given[1:]
+            push = jax.jvp(lambda c: self.opened(here, c), (c,), (moving[1],))[1]
+            matrix = self.jacobian(here, c)
+            inverse = inverted(jnp.where(sound, matrix, jnp.eye(push.size)))
+            x = -inverse @ push
+            x = jnp.where(sound, x - inverse @ (matrix @ x + push), 0.0).reshape((-1, 3))
+            turn = x[:, 2:] / c.size
+            return here, Placed(x[:, :2], perp(here.u) * turn, None if here.angle is None else turn[:, 0])
+
+        return root(z, c, sound)
 
     def reversed(self, z: Placed, c: Closure) -> Array:
         """Whether a block, or the link that the drive turns, lies half a turn from where it should: the equations know

@@ -31,7 +31,7 @@ from linkjax.groups._track import Track, closed_to, met
 from linkjax.groups._winding import counted
 
 FAR = 60  # damped steps from a sketch
-LAST = 3  # steps with one inverse that carry derivatives, after those of `Web.near`
+LAST = 2  # steps with one inverse, after those of `Web.near`
 SWING = 0.2  # of the size: what they may move links
 
 
@@ -107,7 +107,7 @@ class General(AbstractChain):
         """The numbers of the closure equations."""
         pairs, none, names = self._pairs(), Vec(jnp.zeros(()), jnp.zeros(())), self.link_names()
         through = [places[s.guide.on][s.guide.through] if s.guide.on in names else none for s in self.slots]
-        size = self._size(places)
+        size = self._size(places, known.points)
         return Closure(
             array([places[link][p] for p, link, _ in pairs]),
             array([places[to][p] if to else none for p, _, to in pairs]),
@@ -116,13 +116,15 @@ class General(AbstractChain):
             *self._outside(known), size, drive, self._geared(known, size),
         )  # fmt: skip
 
-    def size(self, links) -> Array:
-        """A length to measure by (m): the largest arm of a pin."""
-        return self._size(self.places(links))
+    def size(self, links, points) -> Array:
+        """A length to measure by (m): the largest arm of a pin; of blocks alone how far apart what they hang on is."""
+        return self._size(self.places(links), {name: at.r for name, at in points.items()})
 
-    def _size(self, places) -> Array:
-        inner = {p for _, points in self.members for p in points}
-        arms = [at.squared() for each in places.values() for p, at in each.items() if p in inner]
+    def _size(self, places, outside) -> Array:
+        arms = [places[link][point].squared() for link, points in self.members for point in points]
+        if all(len(points) == 1 for _, points in self.members):
+            spots = [outside[name] for name in self.needs()]
+            arms += [(at - spots[0]).squared() for at in spots] + [slot.guide.offset**2 for slot in self.slots]
         return safe_sqrt(largest(jnp.stack(arms)), 1.0)
 
     def _known(self, states, points, phi: Array | None = None, t: Array | float = 0.0) -> Known:
@@ -244,7 +246,8 @@ class General(AbstractChain):
         web, (places, c) = self._web(), self._at(links, states, points, phi)
         still, path, at = jax.lax.stop_gradient((c, self.path, phi))
         here = web.near(placed(path.at(at, self.turns)), still, path.sense_at(at, self.turns))
-        here, sound = self._polished(web, here, c)
+        here, sound = self._polished(web, here, still)
+        here = web.implicit(here, c, sound)
         matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))
         inverse = inverted(matrix)
 
@@ -261,18 +264,14 @@ class General(AbstractChain):
         return self._states(here, v, rate(bend), places, c.size)
 
     def _polished(self, web: Web, here: Placed, c: Closure) -> tuple[Placed, Array]:
-        """The root near a configuration, with derivatives up to the third order, and whether there is one; else the
-        configuration itself.
-
-        Steps with one and the same inverse, which has no derivatives: each makes those of one more order right.
-        """
-        first = web.opened(here, c)
-        inverse = jax.lax.stop_gradient(inverted(web.jacobian(here, c)))
-        near = jnp.max(jnp.abs(inverse @ jax.lax.stop_gradient(first))) < SWING * jax.lax.stop_gradient(c.size)
-        inverse, there = jnp.where(near, inverse, 0.0), here  # false where it is not finite
+        """The root near a configuration, and whether there is one; else the configuration itself. Without derivatives:
+        steps with one and the same inverse."""
+        first, inverse, there = web.opened(here, c), inverted(web.jacobian(here, c)), here
+        near = jnp.max(jnp.abs(inverse @ first)) < SWING * c.size  # false where it is not finite
+        inverse = jnp.where(near, inverse, 0.0)
         for _ in range(LAST):
             there = there.moved(-inverse @ web.opened(there, c), c.size)
-        left, before = (jnp.max(jnp.abs(jax.lax.stop_gradient(gap))) for gap in (web.opened(there, c), first))
+        left, before = (jnp.max(jnp.abs(gap)) for gap in (web.opened(there, c), first))
         good = (left < before) | (left < closed_to(left.dtype) * c.size)
         return jax.tree.map(lambda a, b: jnp.where(good, a, b), there, here), near
 

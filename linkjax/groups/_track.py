@@ -16,6 +16,11 @@ def closed_to(dtype: Any) -> float:
     return float(jnp.finfo(dtype).eps) ** 0.6
 
 
+def slow(dtype: Any) -> float:
+    """What it may leave open where steps are slow: at a change point."""
+    return float(jnp.finfo(dtype).eps) ** 0.4
+
+
 def met(dtype: Any) -> float:
     """A least singular value below this is none: it is the root of what rounding leaves open where assemblies meet."""
     return 2 * float(jnp.finfo(dtype).eps) ** 0.5
@@ -44,39 +49,43 @@ class Track(NamedTuple):
         return whole.astype(int), place - whole
 
     def nearby(self, phi: Array, turns: int) -> tuple[Array, Array]:
-        """Four places of the path near a crank angle, on one side of where the group does not close, and how far the
-        angle is from the first of them, in steps."""
+        """Four places of the path near a crank angle, on one side of where the group does not close (below zero, or
+        beyond the last, they go on at the other end), and how far the angle is from the first of them, in steps."""
         i, rest = self.place(phi, turns)
         assert self.first is not None
         first = self.first[(rest > 0.5).astype(int), i].astype(int)
-        last, four = self.sense.size - 1, first + jnp.arange(4)
-        four = jnp.where(four < 0, four + last, jnp.where(four > last, four - last, four))
-        return four, rest + (i - first).astype(rest.dtype)
+        return first + jnp.arange(4), rest + (i - first).astype(rest.dtype)
+
+    def _round(self, four: Array) -> tuple[Array, Array]:
+        """Places of the path, which begins again where it ends, and how often they have come round."""
+        last = self.sense.size - 1
+        rounds = (four > last).astype(int) - (four < 0).astype(int)
+        return four - rounds * last, rounds
 
     def sense_at(self, phi: Array, turns: int) -> Array:
         """The sense of the Jacobian's determinant at a crank angle."""
-        return self.sense[self.nearby(phi, turns)[0][1]]
+        return self.sense[self._round(self.nearby(phi, turns)[0])[0][1]]
 
     def at(self, phi: Array, turns: int) -> Array:
         """The configuration at a crank angle, roughly: a cubic through four places of the path."""
         four, x = self.nearby(phi, turns)
+        four, ahead = self._round(four)
         a, b, c, d = self.z[four]
         left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6
         if self.z.shape[2] == 3:  # angles go on from turn to turn
             span = 2 * jnp.pi * turns
-            rounds = jnp.round((phi - wrapped(phi, span)) / span)
-            more = rounds * (self.z[-1, :, 2] - self.z[0, :, 2])
-            a, b, c, d = (part.at[:, 2].add(more) for part in (a, b, c, d))
+            rounds = jnp.round((phi - wrapped(phi, span)) / span) + ahead.astype(phi.dtype)
+            more = jnp.outer(rounds, self.z[-1, :, 2] - self.z[0, :, 2])
+            a, b, c, d = (part.at[:, 2].add(of) for part, of in zip((a, b, c, d), more, strict=True))
         return a * left + b * (x * (x - 2) * (x - 3) / 2) - c * (x * (x - 1) * (x - 3) / 2) + d * right
 
     def elsewhere(self, phi: Array, turns: int) -> Array:
         """Whether the group is in another assembly than it began with."""
-        i, _ = self.place(phi, turns)
-        return (self.sense[i] * self.sense[0] < 0) & (self.sense[i + 1] * self.sense[0] < 0)
+        return self.sense_at(phi, turns) * self.sense[0] < 0
 
     def closes(self) -> Array:
         """Whether it closes all the way."""
-        return jnp.all(self.gap < jnp.finfo(self.gap.dtype).eps ** 0.4)  # at a change point the last digits are slow
+        return jnp.all(self.gap < slow(self.gap.dtype))
 
     def astray(self) -> Array:
         """Whether it does not come back to where it began."""

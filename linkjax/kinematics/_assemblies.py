@@ -72,7 +72,7 @@ def _assemblies(group: General, links, states, points, phi) -> Assemblies:
     starts = _of_triad(group, places, outer)
     exact = starts is not None
     if starts is None:
-        rng, size = np.random.default_rng(0), float(group.size(links))
+        rng, size = np.random.default_rng(0), float(group.size(links, points))
         middle = np.mean([outer[p] for p in group.outer] or [0j])
         shape = (STARTS * at_most, len(group.members))
         at = middle + size * (rng.normal(size=shape) + 1j * rng.normal(size=shape))

@@ -38,7 +38,7 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
     group = mechanism.groups[number]
     assert isinstance(group, General) and group.path is not None
     links = mechanism.held_by(group)
-    size, free = group.size(links), 3 * len(group.members)
+    size, free = group.size(links, before_group(mechanism, number, inside)[1]), 3 * len(group.members)
     loose = np.asarray([name in group.spinning() for name in group.link_names()])
     start, *_ = group.closed(
         links, *before_group(mechanism, number, inside), inside, group.path.at(inside, group.turns), STEPS

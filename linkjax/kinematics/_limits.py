@@ -18,7 +18,7 @@ from linkjax.mechanism import Mechanism
 
 SCAN = 360  # crank angles a turn at which the margins are first looked at
 HALVINGS = 50  # of a scan step: down to rounding
-CLOSE = 0.01  # rad: how far inside a range a general group is taken to find its fold from
+CLOSE = 1e-4  # rad: how far inside a range a general group is taken to find its fold from
 BATCH = 16  # ends that are sharpened together
 
 
