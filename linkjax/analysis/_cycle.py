@@ -113,7 +113,8 @@ def explain_start(scene: Scene) -> None:
         if not isinstance(group, General) or group.path is None or not float(group.path.gap[0]) > OPEN:
             continue
         title = f"Scene {scene.title!r}: " if scene.title else ""
-        left = float(group.path.gap[0] * group.size(scene.mechanism.held_by(group)))
+        assert group.path.size is not None
+        left = float(group.path.gap[0] * group.path.size)
         joints = ", ".join(sorted({joint.name for joint in group.joints()}))
         law = group.follows()
         remedy = "Change lengths, or sketch its pins where they are at crank angle zero."

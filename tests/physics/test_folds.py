@@ -3,7 +3,9 @@ form."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 
 import equinox as eqx
 import jax
@@ -11,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from linkjax import PRP, RRR, Crank, Gear, Guide, Link, Mechanism, Teeth, Vec
+import linkjax as lj
+from linkjax import PRP, RRR, Crank, Flywheel, Gear, Guide, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General, Slot
 from linkjax.kinematics import crank_limits, margins, pose, prepared
@@ -74,7 +77,9 @@ def test_a_fold_anywhere_in_a_step(rng):
 
     def one(numbers, end, side):
         sketch = pose(four_bar(numbers, False), jnp.zeros(())).points["C"].r
-        path = prepared(four_bar(numbers, True, sketch=sketch)).groups[1].path
+        group = prepared(four_bar(numbers, True, sketch=sketch)).groups[1]
+        assert isinstance(group, General)
+        path = group.path
 
         def closed(x):
             return figures(four_bar(x[:5], False), x[5])
@@ -187,6 +192,17 @@ def turned(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
         return jnp.stack([wheel, here["rocker"].u.y, least(mechanism, phi)])
 
     return jax.vmap(at)(angles)
+
+
+def test_a_group_too_short_at_crank_angle_zero():
+    """Stretched out between B and D, which are 0.9 m apart, links of 0.3 m in all leave 0.2 m open at each of three
+    pins: no less is told, and not much more, though the last of the way there is slow."""
+    machine = four_bar((0.1, 0.2, 0.1, 1.0, 0.0), True, sketch=Vec(0.6, 0.1))
+    machine = dataclasses.replace(machine, flywheel=Flywheel(1.0))
+    with pytest.raises(lj.MachineError, match=r"'coupler-rocker' .* crank angle zero.* joints \(B, C, D\)") as told:
+        lj.analyse(lj.Scene(machine, speed=3.0), angles=8, nodes=32)
+    left = re.search(r"come, (\S+) m are left open", str(told.value))
+    assert left is not None and 0.2 <= float(left[1]) < 0.25
 
 
 @pytest.mark.slow
