@@ -90,10 +90,22 @@ def inverted(a: Array) -> Array:
 
 def sign_of_determinant(a: Array) -> Array:
     """Sign of the determinant, shape (); without derivatives."""
-    factors, pivots = _factored(jax.lax.stop_gradient(a))
-    swaps = jnp.sum(pivots != jnp.arange(pivots.size, dtype=pivots.dtype))
-    sign = jnp.prod(jnp.sign(jnp.diagonal(factors)))
-    return jnp.where(swaps % 2 == 1, -sign, sign)
+    return _pivots(a)[0]
+
+
+def mean_of_determinant(a: Array) -> Array:
+    """The determinant's sign times the geometric mean of the pivots, shape (): its root, so that it does not overflow;
+    without derivatives."""
+    sign, pivots = _pivots(a)
+    return sign * jnp.exp(jnp.mean(jnp.log(jnp.abs(pivots))))
+
+
+def _pivots(a: Array) -> tuple[Array, Array]:
+    """Sign of the determinant, and the pivots, whose product it is but for the sign."""
+    factors, order = _factored(jax.lax.stop_gradient(a))
+    swaps, pivots = jnp.sum(order != jnp.arange(order.size, dtype=order.dtype)), jnp.diagonal(factors)
+    sign = jnp.prod(jnp.sign(pivots))
+    return jnp.where(swaps % 2 == 1, -sign, sign), pivots
 
 
 def svd(a: Array) -> tuple[Array, Array, Array]:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track
+from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track, slow
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -18,7 +18,6 @@ from linkjax.reduction import Reduced
 
 CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
 INSIDE = 0.1  # of a range of crank angles: how far inside it the law that is proposed stays
-OPEN = 1e-2  # of the size of a group: what its joints leave open where it is far from closing
 NEARLY = 1e-6  # or within this, where Newton's method closes the loops: at a change point it is slow
 
 Margins = dict[str, dict[str, Least]]
@@ -107,17 +106,19 @@ class Cycle(eqx.Module):
 
 
 def explain_start(scene: Scene) -> None:
-    """Raise `MachineError` where a general group of a prepared scene is far from closing at crank angle zero: what is
-    not to be had from its sketch needs no analysis to tell."""
+    """Raise `MachineError` where a general group of a prepared scene does not close at crank angle zero: what is not to
+    be had from its sketch needs no analysis to tell."""
     for name, group in named_groups(scene.mechanism).items():
-        if not isinstance(group, General) or group.path is None or not float(group.path.gap[0]) > OPEN:
+        if not isinstance(group, General) or group.path is None:
+            continue
+        if not float(group.path.gap[0]) > slow(group.path.gap.dtype):
             continue
         title = f"Scene {scene.title!r}: " if scene.title else ""
         assert group.path.size is not None
         left = float(group.path.gap[0] * group.path.size)
         joints = ", ".join(sorted({joint.name for joint in group.joints()}))
         law = group.follows()
-        remedy = "Change lengths, or sketch its pins where they are at crank angle zero."
+        remedy = "Change lengths, or the phase of the crank, or sketch its pins where they are at crank angle zero."
         if law is not None:
             slides = group.driven_slot() is not None
             begins = float(law.at(jnp.zeros(()))[0])
@@ -180,7 +181,7 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
         return what, "Write more turns, or choose another ratio." if side == "turns" else ""
     if side == "loops" and trouble == "change point":
         return f"passes on to another assembly near {place}: it has a change point or a dead position there", ""
-    if short > (NEARLY if side == "loops" else CHANGE_POINT):
+    if short > (NEARLY if side == "loops" else CHANGE_POINT) or trouble == "ends":
         what = f"cannot be assembled at {place}: {shortfall(cycle.scene.mechanism, group, side, at.angle)}"
         return what, _where_it_can(cycle) + LENGTHS
     return f"has a change point at {place}: its two assemblies meet there, and which it takes is chance", ""

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._lapack import inverted, pinv, sign_of_determinant, solve
+from linkjax._lapack import inverted, mean_of_determinant, pinv, solve
 from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
@@ -195,7 +195,7 @@ class General(AbstractChain):
         return dataclasses.replace(self, path=(self.path or Track(none, none, none))._replace(whole=whole))
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:
-        """The configuration near `start` that closes the joints, by damped least squares, the sense of its Jacobian's
+        """The configuration near `start` that closes the joints, by damped least squares, the mean of its Jacobian's
         determinant, and what it leaves open, of the size of the group; without derivatives."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)
         c, start = jax.lax.stop_gradient((c, start))
@@ -214,7 +214,7 @@ class General(AbstractChain):
 
         first = jnp.minimum(jnp.sum(web.opened(placed(start), c) ** 2) / c.size**2, 0.1)
         z = placed(jax.lax.fori_loop(0, steps, step, (placed(start).flat(), first))[0])
-        sense = sign_of_determinant(web.jacobian(z, c))
+        sense = mean_of_determinant(web.jacobian(z, c))
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
 
     def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array, Array | None]:
@@ -334,7 +334,7 @@ class General(AbstractChain):
         if self.path is None:
             return None
         fast = jnp.asarray(False) if self.path.wound is None else self.path.wound.too_fast(self.turns)
-        return ~(self.path.closes() & (self.path.astray() | fast))
+        return ~(self.path.ends() | self.path.astray() | fast)
 
     def transmission(self, states, points):
         return None

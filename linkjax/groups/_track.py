@@ -27,11 +27,12 @@ def met(dtype: Any) -> float:
 
 
 class Track(NamedTuple):
-    """Configurations of a group at equal steps of the crank, the sense of their Jacobian's determinant, and what they
-    leave open, of the size of the group; how the links turn round that its wheels are in gear with; and the first of
-    the four places that say where the group is in the lower and the upper half of every step (as floating numbers, as
-    all leaves of a mechanism are; below zero, or beyond the last, they go on at the other end); the size of the group
-    (m); and by how many whole turns its gears are off."""
+    """Configurations of a group at equal steps of the crank, the mean of their Jacobian's determinant, whose sign tells
+    assemblies apart, and what they leave open, of the size of the group; how the links turn round that its wheels are
+    in gear with; and the first of the four places that say where the group is in the lower and the upper half of every
+    step (as floating numbers, as all leaves of a mechanism are; below zero, or beyond the last, they go on at the other
+    end); the size of the group (m); by how many whole turns its gears are off; and the crank angles (rad) between which
+    it could not be followed, the first behind the second where it was followed all the way."""
 
     z: Array
     sense: Array
@@ -40,6 +41,7 @@ class Track(NamedTuple):
     first: Array | None = None
     size: Array | None = None
     whole: Array | None = None
+    lost: Array | None = None
 
     def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
         """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
@@ -53,7 +55,10 @@ class Track(NamedTuple):
         beyond the last, they go on at the other end), and how far the angle is from the first of them, in steps."""
         i, rest = self.place(phi, turns)
         assert self.first is not None
-        first = self.first[(rest > 0.5).astype(int), i].astype(int)
+        span = 2 * jnp.pi * turns
+        beyond = wrapped(phi, span) - self.middle()
+        within = self.ends() & (jnp.abs(beyond) < span / (self.sense.size - 1))
+        first = self.first[jnp.where(within, beyond > 0, rest > 0.5).astype(int), i].astype(int)
         return first + jnp.arange(4), rest + (i - first).astype(rest.dtype)
 
     def _round(self, four: Array) -> tuple[Array, Array]:
@@ -64,7 +69,7 @@ class Track(NamedTuple):
 
     def sense_at(self, phi: Array, turns: int) -> Array:
         """The sense of the Jacobian's determinant at a crank angle."""
-        return self.sense[self._round(self.nearby(phi, turns)[0])[0][1]]
+        return jnp.sign(self.sense[self._round(self.nearby(phi, turns)[0])[0][1]])
 
     def at(self, phi: Array, turns: int) -> Array:
         """The configuration at a crank angle, roughly: a cubic through four places of the path."""
@@ -80,12 +85,21 @@ class Track(NamedTuple):
         return a * left + b * (x * (x - 2) * (x - 3) / 2) - c * (x * (x - 1) * (x - 3) / 2) + d * right
 
     def elsewhere(self, phi: Array, turns: int) -> Array:
-        """Whether the group is in another assembly than it began with."""
-        return self.sense_at(phi, turns) * self.sense[0] < 0
+        """Whether the group is where it was not followed to, or in another assembly than it began with."""
+        assert self.lost is not None
+        here = wrapped(phi, 2 * jnp.pi * turns)
+        unknown = (here > self.lost[0]) & (here < self.lost[1])
+        return unknown | (self.sense_at(phi, turns) * self.sense[0] < 0)
 
-    def closes(self) -> Array:
-        """Whether it closes all the way."""
-        return jnp.all(self.gap < slow(self.gap.dtype))
+    def ends(self) -> Array:
+        """Whether it cannot be followed all the way."""
+        assert self.lost is not None
+        return self.lost[0] < self.lost[1]
+
+    def middle(self) -> Array:
+        """Crank angle (rad) in the middle of where it was not followed."""
+        assert self.lost is not None
+        return 0.5 * (self.lost[0] + self.lost[1])
 
     def astray(self) -> Array:
         """Whether it does not come back to where it began."""
@@ -96,9 +110,9 @@ class Track(NamedTuple):
         return apart > jnp.finfo(apart.dtype).eps ** 0.4
 
     def trouble(self) -> str:
-        """What is wrong with it though it closes: "astray" where it does not come back, "change point" where it goes
-        on in another assembly; "" for neither."""
-        if not bool(self.closes()):
-            return ""
-        flips = bool(jnp.any(self.sense != self.sense[0]))
+        """What is wrong with it: "ends" where it cannot be followed all the way, "change point" where it goes on in
+        another assembly, "astray" where it does not come back; "" for nothing."""
+        if bool(self.ends()):
+            return "ends"
+        flips = bool(jnp.any(jnp.sign(self.sense) != jnp.sign(self.sense[0])))
         return "change point" if flips else "astray" if bool(self.astray()) else ""

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import largest, nearest_turn, repeat, safe_divide, safe_sqrt, smallest, wrapped
-from linkjax.groups import BEYOND, Crank, Margin
+from linkjax.groups import BEYOND, Crank, Margin, Track
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
@@ -227,6 +227,11 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     fixed = jax.lax.stop_gradient(mechanism)
     scanned = jax.vmap(lambda phi: stacked(fixed, phi))(scan)  # leaves (scan, margins)
     start = jax.vmap(lambda m: _lowest(m, scan), in_axes=1)(scanned)
+    for i, (group, side) in enumerate(names):
+        path = getattr(named_groups(mechanism)[group], "path", None)
+        if isinstance(path, Track) and side == "loops":  # what it is not followed through may lie between scan points
+            unseen = path.ends() & (jnp.min(scanned.value[:, i]) > 0)
+            start = start.at[i].set(jnp.where(unseen, path.middle(), start[i]))
 
     loops = jnp.asarray([side == "loops" for _, side in names])  # singular values, which have no sign
 

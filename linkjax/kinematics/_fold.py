@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,20 +16,21 @@ from linkjax.kinematics._pose import before_group
 from linkjax.mechanism import Mechanism
 
 STEPS = 20  # Newton steps: five where two assemblies meet, more where they only cross
-FAR = 0.06  # rad: a fold is no further from where the reference path stops, in steps of 0.017
+BEYOND = 1e-5  # rad: a fold is no further than where the group could be followed to
 NEAR = 1.0  # rad, or of the size: nor do links move further to it; else it is one of other assemblies
 
 
-def folded(mechanism: Mechanism, number: int, inside: float, end: float) -> float:
+def folded(mechanism: Mechanism, number: int, inside: float, end: float, far: float) -> float:
     """The crank angle (rad) at which the general group of this number folds, from a rough `end` and an angle `inside`
-    at which it closes near there; the rough one where there is no fold within a step of the reference path.
+    at which it closes near there; the rough one where there is no fold so `far` inside (rad), or a very little beyond.
 
     Newton's method on closure, a null vector of its Jacobian and that vector's length, together: regular where the
     closure is not.
     Source: Moore and Spence, The calculation of turning points of nonlinear equations, SIAM J. Numer. Anal. 17, 1980.
     """
     angle, left, moved = _fold(mechanism, number, jnp.asarray(inside), jnp.asarray(end))
-    good = (left < closed_to(left.dtype)) & (jnp.abs(angle - end) < FAR) & (moved < NEAR)
+    beyond = (angle - end) * math.copysign(1.0, end - inside)
+    good = (left < closed_to(left.dtype)) & (beyond < BEYOND) & (beyond > -far) & (moved < NEAR)
     return float(angle) if bool(good) else end
 
 

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from linkjax.groups import Crank, General
+from linkjax.groups import Crank, General, Track
 from linkjax.kinematics._cycle import scan_angles, stacked
 from linkjax.kinematics._fold import folded
 from linkjax.kinematics._pose import named_groups, prepared
@@ -19,6 +19,9 @@ from linkjax.mechanism import Mechanism
 SCAN = 360  # crank angles a turn at which the margins are first looked at
 HALVINGS = 50  # of a scan step: down to rounding
 CLOSE = 1e-4  # rad: how far inside a range a general group is taken to find its fold from
+STEP = 0.02  # rad: how far inside its range a fold may be found
+LONGEST = 8  # turns that a range may take
+LEFT_OUT = 0.06  # rad: more than a reference path leaves out of a range that is longer
 BATCH = 16  # ends that are sharpened together
 
 
@@ -41,11 +44,11 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
     driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
-    points. Those of a general group are folds of its closure, to rounding too where two assemblies meet there (else up
-    to 0.05 rad short), and only as far as its reference path, which goes up and down from crank angle zero, comes
-    without a gap. Whether all is after a turn where it began is another question.
-    Ranges narrower than a thousandth of a turn may be overlooked. Not for use under jax transformations: plain numbers
-    come out.
+    points. Of a general group there is one range, in which it can be followed up and down from crank angle zero,
+    through up to eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else
+    up to 1e-5 rad off). Gaps narrower than 1e-3 rad may be passed by it, and ranges of other groups narrower than a
+    thousandth of a turn may be overlooked. Whether all is after a turn where it began is another question. Not for use
+    under jax transformations: plain numbers come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
     crank = mechanism.groups[0]
@@ -57,13 +60,32 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
         law = mechanism.driver.follows()
         assert law is not None
         turns = max(turns, round(law.period() / (2 * math.pi)))
+    found = first = _ranges(mechanism, turns)
+    while turns <= LONGEST // 2 and found and _goes_on(mechanism, turns, found[0]):
+        turns *= 2
+        found = _ranges(mechanism, turns)
+    return found if found and found[0].at_start else first
+
+
+def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
+    """Whether a range may be longer than these turns."""
+    troubles = [path.trouble() for path in _followed(prepared(mechanism, turns))]
+    if found.at_start:
+        return "ends" in troubles and found.stop - found.start > 2 * math.pi * turns - LEFT_OUT
+    return "astray" in troubles
+
+
+def _ranges(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
+    """The same of a mechanism whose crank has no law, or whose turns its law takes."""
     whole = 2 * math.pi * turns
     owners = [number for number, g in enumerate(mechanism.groups) for _ in g.dead_positions()]
     names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions()]
     if not names:
         return (CrankRange(0.0, whole, "", ""),)
     mechanism = prepared(mechanism, turns)
-    found = sorted(_crossings(mechanism, np.asarray(scan_angles(turns, SCAN)), whole))
+    gaps = [float(path.middle()) for path in _followed(mechanism) if bool(path.ends())]
+    scan = np.unique(np.concatenate([np.asarray(scan_angles(turns, SCAN)), np.mod(gaps, whole)]))
+    found = sorted(_crossings(mechanism, scan, whole))
     if not found:
         return (CrankRange(0.0, whole, "", ""),) if bool(_sound(mechanism, np.zeros(1))[0]) else ()
     ends = np.asarray([angle for angle, _ in found])
@@ -78,19 +100,26 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
             while sound[(last + 1) % count]:
                 last += 1
             start, stop = ends[first], after[last % count] + whole * (last // count)
-            start, stop = (start, stop) if stop <= whole or stop - whole <= 0 else (start - whole, stop - whole)
             lower, upper = found[first][1], found[(last + 1) % count][1]
-            near = min(CLOSE, 0.5 * (stop - start))
-            start = _sharpened(mechanism, owners[lower], start + near, start)
-            stop = _sharpened(mechanism, owners[upper], stop - near, stop)
+            half = 0.5 * (stop - start)
+            start = _sharpened(mechanism, owners[lower], start, half)
+            stop = _sharpened(mechanism, owners[upper], stop, -half)
+            start, stop = (start, stop) if stop <= whole or stop - whole <= 0 else (start - whole, stop - whole)
             ranges.append(CrankRange(start, stop, names[lower], names[upper]))
     return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.start)))
 
 
-def _sharpened(mechanism: Mechanism, owner: int, inside: float, end: float) -> float:
-    """An end of a range sharpened where a general group makes it; `inside` is in the range."""
-    general = isinstance(mechanism.groups[owner], General)
-    return folded(mechanism, owner, float(inside), float(end)) if general else float(end)
+def _followed(mechanism: Mechanism) -> list[Track]:
+    """The paths of general groups."""
+    return [g.path for g in mechanism.groups if isinstance(g, General) and g.path is not None]
+
+
+def _sharpened(mechanism: Mechanism, owner: int, end: float, inwards: float) -> float:
+    """An end of a range sharpened where a general group makes it; the middle of the range lies so far `inwards`."""
+    if not isinstance(mechanism.groups[owner], General):
+        return float(end)
+    inside = float(end) + math.copysign(min(CLOSE, abs(inwards)), inwards)
+    return folded(mechanism, owner, inside, float(end), min(STEP, abs(inwards)))
 
 
 @eqx.filter_jit
@@ -118,20 +147,20 @@ def _sound(mechanism: Mechanism, phi: np.ndarray) -> np.ndarray:
 def _crossings(mechanism: Mechanism, scan: np.ndarray, whole: float) -> list[tuple[float, int]]:
     """Angles at which a margin changes its sign, with the number of the margin."""
     value, slope = (np.asarray(part) for part in _margins(mechanism, scan))
-    step, rows, cells = scan[1], [], []
+    upto, rows, cells = np.append(scan[1:], scan[0] + whole), [], []
     above, after = value > 0, np.roll(value, -1, axis=0) > 0
     turn = slope * np.roll(slope, -1, axis=0) < 0
     for i, k in np.argwhere(turn & (above == after) & (above == (slope < 0))):  # it may dip to the other side
-        rows.append((scan[i], k))
+        rows.append((scan[i], upto[i], k))
     if rows:
-        at, columns = np.asarray([a for a, _ in rows]), np.asarray([k for _, k in rows])
-        bottom = _halved(mechanism, at, at + step, columns, 1)
+        at, to, columns = (np.asarray(part) for part in zip(*rows, strict=True))
+        bottom = _halved(mechanism, at, to, columns, 1)
         beyond = (_at(mechanism, bottom)[0][np.arange(len(at)), columns] > 0) != (
             _at(mechanism, at)[0][np.arange(len(at)), columns] > 0
         )
-        for a, b, k in zip(at[beyond], bottom[beyond], columns[beyond], strict=True):
-            cells += [(a, b, k), (b, a + step, k)]
-    cells += [(scan[i], scan[i] + step, k) for i, k in np.argwhere(above != after)]
+        for a, b, c, k in zip(at[beyond], bottom[beyond], to[beyond], columns[beyond], strict=True):
+            cells += [(a, b, k), (b, c, k)]
+    cells += [(scan[i], upto[i], k) for i, k in np.argwhere(above != after)]
     if not cells:
         return []
     low, high, columns = (np.asarray(part) for part in zip(*cells, strict=True))

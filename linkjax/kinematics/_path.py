@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,12 +11,16 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._lapack import pinv
-from linkjax.groups import Gear, General, Track, closed_to, slow
+from linkjax._numerics import safe_divide
+from linkjax.groups import Gear, General, Track, closed_to
 
 ALONG = 5  # damped Newton steps in a step along the path
+AGAIN = 5  # times as many more where the smallest step does not close at once
 SWING = 0.2  # rad, or of the size: what links may move in one step
-LOST = 1e-4  # of the size: what is left open where the group is beyond its range
-SMALLEST = 128  # parts of a step that a smaller one may be
+SMALLEST = 4096  # parts of a step that a smaller one may be
+FIRST = 8  # parts of the first step that it is made in: nothing was seen before
+DIP = 0.25  # of the larger at either end, below which the determinant's square may come down to nothing in between
+FEW = 4  # places, at which the path may be interpolated
 
 
 def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: Array) -> Track:
@@ -27,49 +31,73 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     """
     states, points = before(angles[0])
     z, sense, gap, whole = group.assembled(links, states, points, angles[0])
+    shut = closed_to(angles.dtype)
     first, group = Track(z, sense, gap, size=group.size(links, points)), group if whole is None else group.off_by(whole)
 
-    def along(done: Array, way: Array) -> tuple[Array, Track]:
-        def step(last: Track, ends: tuple[Array, Array]):
-            now = _follow(group, links, before, last, jnp.where(done, ends[1], ends[0]), ends[1], way)
-            return now, now
+    def along(done: Array, way: Array) -> tuple[Array, tuple[Track, Array]]:
+        def step(last: tuple[Track, Seen], ends: tuple[Array, Array]):
+            now, far, seen = _follow(group, links, before, *last, jnp.where(done, ends[1], ends[0]), ends[1], way)
+            return (now, seen), (now, far)
 
-        _, rest = jax.lax.scan(step, first, (angles[:-1], angles[1:]))
+        _, (rest, far) = jax.lax.scan(step, (first, Seen(angles[0], sense)), (angles[:-1], angles[1:]))
         whole = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
-        return jnp.all(whole.gap < closed_to(whole.gap.dtype)), whole
+        return jnp.all(whole.gap < shut), (whole, jnp.append(far, far[-1]))
 
-    both = jax.lax.scan(along, jnp.asarray(False), jnp.asarray([1.0, -1.0], dtype=angles.dtype))[1]
+    both, far = jax.lax.scan(along, jnp.asarray(False), jnp.asarray([1.0, -1.0], dtype=angles.dtype))[1]
     up, down = (jax.tree.map(lambda part, k=k: part[k], both) for k in (0, 1))
     if group.gears:
         down = down._replace(z=down.z.at[:, :, 2].add(_gained(group)))
-    reached = [jnp.cumprod(way.gap < closed_to(up.z.dtype)) > 0 for way in (up, down)]
-    other = ~reached[0] & reached[1][::-1]
-    path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a), up, down)
-    firsts = _firsts(reached[0] | other, other).astype(path.gap.dtype)
-    return path._replace(first=firsts, size=first.size, whole=whole)
+    return _joined(up, down, far, angles)._replace(size=first.size, whole=whole)
+
+
+def _joined(up: Track, down: Track, far: Array, angles: Array) -> Track:
+    """One path of the ways up and down, which got so `far` in each of their steps (rad, (ways, places)). Where they
+    overlap, a range is longer than the path: a step is left out there, for they may be anywhere to each other."""
+    count, step, span = angles.size, angles[1], angles[-1]
+    reached = [jnp.cumprod(way.gap < closed_to(angles.dtype)) > 0 for way in (up, down)]
+    ahead, back = (jnp.sum(way) for way in reached)
+    until, since = (jnp.where(n > 0, far[k, n - 1], -1.0) for k, n in enumerate((ahead, back)))
+    until, since = until + 2 * step / SMALLEST, span - since - 2 * step / SMALLEST
+    since, ends = jnp.where(until < since, since, until + step), ahead < count
+    other = ends & (angles > 0.5 * (until + since))  # nearer to the way down
+    sound = reached[0] & ~other, reached[1][::-1] & other & (angles > since)
+    begin, place = count - jnp.sum(sound[1]), jnp.arange(count)
+    few = jnp.where(ahead + jnp.sum(sound[1]) <= FEW, FEW, 0)  # they are held on to beyond
+    above, below = (place >= ahead) & (place < ahead + few), (place < begin) & (place >= begin - few)
+    source = jnp.where(above, ahead - 1, jnp.where(below, begin, place))
+    path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a)[source], up, down)
+    lost = jnp.where(ends, jnp.stack([until, since]), jnp.stack([span, -span]))
+    firsts = _firsts(sound[0] | sound[1] | above | below, other)
+    return path._replace(first=firsts.astype(path.gap.dtype), lost=lost)
 
 
 def _gained(group: General) -> Array:
     """By how much the links of a group with wheels in gear turn (rad, (links,)) where the crank comes round and the
-    group does not: wheels pinned once as those they are in gear with, others by whole turns or not at all."""
-    names, free = group.link_names(), [name in group.spinning() for name in group.link_names()]
+    group does not: wheels pinned once as those they are in gear with, and others by whole turns, one for each pair in
+    gear, wheels first; the rest not at all."""
+    names, free = group.link_names(), group.spinning()
     wound = group.path.wound if group.path is not None else None
     covered = {} if wound is None else dict(zip(group.mates(), wound.covered(), strict=True))
-    held = [gear.coupling().angles for gear in group.gears if isinstance(gear, Gear)]
+    gears = [gear for gear in group.gears if isinstance(gear, Gear)]
     turned = jnp.zeros(len(names))
-    if not held:
+    if not gears:
         return turned
+    held = [gear.coupling().angles for gear in gears]
     matrix = jnp.stack([jnp.stack([each.get(name, turned[0]) for name in names]) for each in held])
     push = -jnp.stack(
         [sum((each[name] * covered[name] for name in each if name in covered), turned[0]) for each in held]
     )
-    loose = np.asarray([any(name in group.spinning() for name in each) for each in held])
-    for rows, columns, whole in ((~loose, ~np.asarray(free), True), (loose, np.asarray(free), False)):
-        if rows.any() and columns.any():
-            left = (push - matrix @ turned)[rows]
-            found = pinv(matrix[rows][:, columns]) @ left
+    tied: list[str] = []
+    for gear in gears:
+        those = [name for name in (gear.link, gear.to, gear.carrier) if name in names and name not in (*free, *tied)]
+        tied += those[:1] if not free.intersection((gear.link, gear.to)) else []
+    loose = np.asarray([bool(free.intersection((gear.link, gear.to))) for gear in gears])
+    for rows, columns, whole in ((~loose, tied, True), (loose, [name for name in names if name in free], False)):
+        if rows.any() and columns:
+            at = np.asarray([names.index(name) for name in columns])
+            found = pinv(matrix[rows][:, at]) @ (push - matrix @ turned)[rows]
             found = 2 * jnp.pi * jnp.round(found / (2 * jnp.pi)) if whole else found
-            turned = turned.at[np.flatnonzero(columns)].set(found)
+            turned = turned.at[at].set(found)
     return turned
 
 
@@ -95,34 +123,87 @@ def _firsts(sound: Array, other: Array) -> Array:
     return jnp.stack(found)
 
 
+class Seen(NamedTuple):
+    """Where it was before on a way: the crank angle (rad), and the Jacobian's determinant there."""
+
+    at: Array
+    sense: Array
+
+    def clear(self, here: Seen, there: Seen, order: int) -> Array:
+        """Whether there is no fold, or nearly one, between `here` and `there`: beside it the square of the determinant
+        is a parabola, which this place and those two tell."""
+        h0, h1 = here.at - self.at, there.at - here.at
+        r, q = (jnp.abs(safe_divide(side.sense, here.sense, 1.0)) ** (2 * order) for side in (self, there))
+        bend = safe_divide(safe_divide(q - 1, h1) - safe_divide(1 - r, h0), h0 + h1)
+        slope = safe_divide(q - 1, h1) - bend * h1
+        lowest = safe_divide(-slope, 2 * bend)
+        dips = (bend > 0) & (lowest > -0.1 * h1) & (lowest < 1.1 * h1)
+        return ~dips | (1 + 0.5 * slope * lowest > DIP * jnp.maximum(1.0, q))
+
+
+class _Going(NamedTuple):
+    """On the way from place to place: where it was last followed to, and to which crank angle (rad), and where it was
+    before; where Newton's method begins, how wide the step is and may least be (rad), and how often it went on there;
+    where it got to (rad), be it lost or not, and the most that was open."""
+
+    here: Track
+    seen: Seen
+    far: Array
+    start: Array
+    width: Array
+    least: Array
+    tries: Array
+    at: Array
+    most: Array
+
+
 def _follow(
-    group: General, links: Mapping[str, Any], before: Callable, last: Track, phi: Array, to: Array, way: Array
-) -> Track:
-    """From a configuration on to the next crank angle, in as many steps as it takes; both angles are those on the
-    `way`, one up or minus one down. A step is made smaller while it does not close, moves links far, or turns the sense
-    of the Jacobian; the smallest is taken as it is. Where it was lost before, one step will do. What is open on the way
-    is told of the end, too: beyond a narrow gap it may close in another assembly."""
-    shut = closed_to(last.z.dtype)
-    least = jnp.where(last.gap > LOST, to - phi, (to - phi) / SMALLEST)
+    group: General,
+    links: Mapping[str, Any],
+    before: Callable,
+    last: Track,
+    seen: Seen,
+    phi: Array,
+    to: Array,
+    way: Array,
+) -> tuple[Track, Array, Seen]:
+    """From a configuration on to the next crank angle, in as many steps as it takes; how far it was followed, and where
+    it was before. The angles are those on the `way`, one up or minus one down. A step is made smaller while it does not
+    close, moves links far, turns the sense of the Jacobian, or may have gone over a fold. Where the smallest does not
+    close, or moves links far, the group is lost: one more step leads to the end, where it may close in another
+    assembly, and is told as open."""
+    dtype, smallest, shut = last.z.dtype, (to - phi) / SMALLEST, closed_to(last.z.dtype)
     assert last.size is not None
     measure = jnp.ones_like(last.z).at[:, :2].set(last.size)
     free = np.asarray([name in group.spinning() for name in group.link_names()])
     if last.z.shape[1] == 3:  # wheels may turn as fast as they like: there is only one way
         measure = measure.at[free, 2].set(jnp.inf)
 
-    def goes_on(carry):
-        return carry[1] < to - 0.5 * least
-
-    def step(carry):
-        here, at, width, most = carry
-        new = jnp.minimum(at + width, to)
+    def step(going: _Going) -> _Going:
+        new, gone = jnp.minimum(going.at + going.width, to), going.most >= shut
         states, points = before(way * new)
-        there = Track(*group.closed(links, states, points, way * new, here.z, ALONG), size=here.size)
-        calm = jnp.max(jnp.abs(there.z - here.z) / measure) < SWING
-        good = (there.gap < shut) & calm & (there.sense == here.sense) | (width <= least)
-        most = jnp.where(good, jnp.maximum(most, there.gap), most)
-        kept = jax.tree.map(lambda a, b: jnp.where(good, a, b), (there, new), (here, at))
-        return *kept, jnp.maximum(jnp.where(good, 2 * width, 0.5 * width), least), most
+        there = Track(*group.closed(links, states, points, way * new, going.start, ALONG), size=last.size)
+        there = there._replace(gap=jnp.where(jnp.isfinite(there.gap), there.gap, 1.0))
+        calm, closes = jnp.max(jnp.abs(there.z - going.here.z) / measure) < SWING, there.gap < shut
+        again = ~closes & (going.tries < AGAIN)
+        clear = going.seen.clear(Seen(going.at, going.here.sense), Seen(new, there.sense), 3 * len(last.z))
+        clear = jnp.where(going.at > going.seen.at, clear, going.width <= (to - phi) / FIRST)
+        small, good = going.width <= going.least, closes & calm & clear & (there.sense * going.here.sense > 0)
+        taken = gone | good | small & ~again
+        most = jnp.where(taken & ~gone, jnp.maximum(going.most, jnp.where(closes & ~calm, 1.0, there.gap)), going.most)
+        followed = taken & (most < shut)
+        z = jnp.where(taken | small, there.z, going.here.z)
+        width = jnp.where(most >= shut, to - phi, jnp.where(taken, 2.0, jnp.where(small, 1.0, 0.5)) * going.width)
+        here = jax.tree.map(lambda a, b: jnp.where(taken, a, b), there, going.here)
+        at, far = jnp.where(taken, new, going.at), jnp.where(followed, new, going.far)
+        tries = jnp.where(taken, 0.0, going.tries + small.astype(dtype))
+        least = jnp.where(taken & ~good, 2.0, 1.0) * going.least  # so that they do not become many
+        seen = jax.tree.map(lambda a, b: jnp.where(taken, a, b), Seen(going.at, going.here.sense), going.seen)
+        return _Going(here, seen, far, z, width, least, tries, at, most)
 
-    found, _, _, most = jax.lax.while_loop(goes_on, step, (last, phi, to - phi, jnp.zeros_like(last.gap)))
-    return found._replace(gap=jnp.where(most < slow(most.dtype), found.gap, most))
+    none = jnp.zeros_like(last.gap)
+    open_before = jnp.where(last.gap < shut, none, last.gap)
+    begun = _Going(last, seen, phi, last.z, to - phi, smallest, none, phi, open_before)
+    found = jax.lax.while_loop(lambda going: going.at < to - 0.5 * smallest, step, begun)
+    gap = jnp.maximum(found.here.gap, jnp.where(found.most < shut, 0.0, shut))
+    return found.here._replace(gap=gap), found.far, found.seen
