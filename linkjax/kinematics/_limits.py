@@ -46,9 +46,9 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
     points. Of a general group there is one range, in which it can be followed up and down from crank angle zero,
     through up to eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else
-    up to 1e-5 rad off). Gaps narrower than 1e-3 rad may be passed by it, and ranges of other groups narrower than a
-    thousandth of a turn may be overlooked. Whether all is after a turn where it began is another question. Not for use
-    under jax transformations: plain numbers come out.
+    up to 1e-5 rad off). A gap in which less than 4e-10 of its size stays open, some 1e-4 rad wide, is none. Ranges of
+    other groups narrower than a thousandth of a turn may be overlooked. Whether all is after a turn where it began is
+    another question. Not for use under jax transformations: plain numbers come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
     crank = mechanism.groups[0]
