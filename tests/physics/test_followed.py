@@ -117,12 +117,12 @@ def followed(made: Made, way: float) -> tuple[float, dict[float, np.ndarray]]:
 
 def drawn(rng: np.random.Generator, wheel: bool) -> Made:
     if wheel:
-        lengths = tuple(10 ** rng.uniform(-0.7, 0, 3))
-        return planet(
-            lengths, complex(*rng.uniform(-1, 1, 2)), int(rng.choice([20, 40, 60])), tuple(rng.uniform(-3, 3, 3))
-        )
-    corners = tuple(complex(*rng.uniform(-1, 1, 2)) for _ in range(5))
-    return triad(10 ** rng.uniform(-1, -0.2), rng.uniform(-3, 3), corners[:2], corners[2:])
+        crank, coupler, third = 10 ** rng.uniform(-0.7, 0, 3)
+        pivot, teeth = complex(*rng.uniform(-1, 1, 2)), int(rng.choice([20, 40, 60]))
+        first, second, last = rng.uniform(-3, 3, 3)
+        return planet((crank, coupler, third), pivot, teeth, (first, second, last))
+    d, e, *corners = [complex(*rng.uniform(-1, 1, 2)) for _ in range(5)]
+    return triad(10 ** rng.uniform(-1, -0.2), rng.uniform(-3, 3), (d, e), tuple(corners))
 
 
 # its Jacobian's least singular value comes down to 3e-3 of its usual size, and no further; its range is longer than a
