@@ -194,9 +194,12 @@ class General(AbstractChain):
         none = jnp.zeros(0)
         return dataclasses.replace(self, path=(self.path or Track(none, none, none))._replace(whole=whole))
 
-    def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR) -> tuple[Array, Array, Array]:
+    def closed(
+        self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0
+    ) -> tuple[Array, Array, Array]:
         """The configuration near `start` that closes the joints, by damped least squares, the mean of its Jacobian's
-        determinant, and what it leaves open, of the size of the group; without derivatives."""
+        determinant, and what it leaves open, of the size of the group; without derivatives. What is open may `grow` so
+        many times in a step: it does near a fold in Newton's."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)
         c, start = jax.lax.stop_gradient((c, start))
 
@@ -208,7 +211,7 @@ class General(AbstractChain):
             most = jnp.maximum(jnp.max(jnp.abs(move)), jnp.finfo(move.dtype).tiny)
             there = here.moved(move * jnp.minimum(1.0, 0.5 * c.size / most), c.size)
             left = jnp.sum(web.opened(there, c) ** 2)
-            better = left <= jnp.sum(gap * gap)
+            better = left <= grow * grow * jnp.sum(gap * gap)
             now = jnp.minimum(left / c.size**2, 0.1)  # of second order, so that the last steps are Newton's
             return jnp.where(better, there.flat(), z), jnp.where(better, now, jnp.maximum(10 * damping, 1e-6))
 

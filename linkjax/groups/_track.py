@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
 from linkjax.groups._winding import Winding
+
+SAME = 1e-9  # steps of a path: what lies nearer to a place is that place
 
 
 def closed_to(dtype: Any) -> float:
@@ -31,8 +34,9 @@ class Track(NamedTuple):
     assemblies apart, and what they leave open, of the size of the group; how the links turn round that its wheels are
     in gear with; and the first of the four places that say where the group is in the lower and the upper half of every
     step (as floating numbers, as all leaves of a mechanism are; below zero, or beyond the last, they go on at the other
-    end); the size of the group (m); by how many whole turns its gears are off; and the crank angles (rad) between which
-    it could not be followed, the first behind the second where it was followed all the way."""
+    end); the size of the group (m); by how many whole turns its gears are off; the crank angles (rad) between which it
+    could not be followed, the first behind the second where it was followed all the way; and the last configurations
+    that were followed up and down from zero, with their crank angles."""
 
     z: Array
     sense: Array
@@ -42,6 +46,8 @@ class Track(NamedTuple):
     size: Array | None = None
     whole: Array | None = None
     lost: Array | None = None
+    tips: Array | None = None
+    tips_at: Array | None = None
 
     def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
         """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
@@ -72,17 +78,41 @@ class Track(NamedTuple):
         return jnp.sign(self.sense[self._round(self.nearby(phi, turns)[0])[0][1]])
 
     def at(self, phi: Array, turns: int) -> Array:
-        """The configuration at a crank angle, roughly: a cubic through four places of the path."""
+        """The configuration at a crank angle, roughly: a cubic through four places of the path, or through those of
+        them that were reached and where it ends nearby."""
         four, x = self.nearby(phi, turns)
-        four, ahead = self._round(four)
-        a, b, c, d = self.z[four]
-        left, right = -(x - 1) * (x - 2) * (x - 3) / 6, x * (x - 1) * (x - 2) / 6
+        rows, ahead = self._round(four)
+        assert self.tips is not None
+        span = 2 * jnp.pi * turns
+        place = four.astype(phi.dtype)
+        z, down = jnp.concatenate([self.z[rows], self.tips]), self._before_zero(place, span)
         if self.z.shape[2] == 3:  # angles go on from turn to turn
-            span = 2 * jnp.pi * turns
-            rounds = jnp.round((phi - wrapped(phi, span)) / span) + ahead.astype(phi.dtype)
-            more = jnp.outer(rounds, self.z[-1, :, 2] - self.z[0, :, 2])
-            a, b, c, d = (part.at[:, 2].add(of) for part, of in zip((a, b, c, d), more, strict=True))
-        return a * left + b * (x * (x - 2) * (x - 3) / 2) - c * (x * (x - 1) * (x - 3) / 2) + d * right
+            ahead = jnp.concatenate([ahead, jnp.asarray([0, -1]) + down.astype(int)]).astype(phi.dtype)
+            rounds = jnp.round((phi - wrapped(phi, span)) / span) + ahead
+            z = z.at[:, :, 2].add(jnp.outer(rounds, self.z[-1, :, 2] - self.z[0, :, 2]))
+        return jnp.tensordot(self._weights(place, rows, x, span), z, 1)
+
+    def _before_zero(self, place: Array, span: float) -> Array:
+        """Whether these four places of the path were reached on the way down."""
+        return self.ends() & ((place[0] + 1.5) * (span / (self.sense.size - 1)) > self.middle())
+
+    def _weights(self, place: Array, rows: Array, x: Array, span: float) -> Array:
+        """What four places of the path, and its ends, count for at a place so many steps from the first of them.
+
+        Near its ends in an angle that is there like the root of the distance: so a group moves where two of its
+        assemblies meet.
+        """
+        assert self.lost is not None and self.tips_at is not None
+        step = span / (self.sense.size - 1)
+        at = place * step - jnp.where(self._before_zero(place, span), span, 0.0)
+        sound = ~self.ends() | (self.gap[rows] < closed_to(self.gap.dtype))
+        apart = jnp.abs(self.tips_at[:, None] - at[None]) * (1 / step)
+        beside = self.ends() & jnp.any(sound[None] & (apart < 1), axis=1) & jnp.all(apart > SAME, axis=1)
+        there = jnp.concatenate([sound | ~jnp.any(sound), beside])
+        low, high = self.lost[1] - span, self.lost[0]
+        at = jnp.concatenate([at, self.tips_at, (at[0] + x * step)[None]])
+        eased = jnp.arccos(jnp.clip((low + high - 2 * at) / (high - low), -1.0, 1.0))
+        return _lagrange(jnp.where(self.ends(), eased, at), there)
 
     def elsewhere(self, phi: Array, turns: int) -> Array:
         """Whether the group is where it was not followed to, or in another assembly than it began with."""
@@ -116,3 +146,11 @@ class Track(NamedTuple):
             return "ends"
         flips = bool(jnp.any(jnp.sign(self.sense) != jnp.sign(self.sense[0])))
         return "change point" if flips else "astray" if bool(self.astray()) else ""
+
+
+def _lagrange(nodes: Array, there: Array) -> Array:
+    """What values at all nodes but the last count for there, where a polynomial goes through those that are there."""
+    nodes, x = nodes[:-1], nodes[-1]
+    pairs = there[None] & ~np.eye(nodes.size, dtype=bool)
+    parts = (x - nodes)[None] / jnp.where(pairs, nodes[:, None] - nodes[None], 1.0)
+    return jnp.where(there, jnp.prod(jnp.where(pairs, parts, 1.0), axis=1), 0.0)

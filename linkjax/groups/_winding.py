@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -31,7 +32,9 @@ class Winding(NamedTuple):
         start = jnp.clip(jnp.floor(place), 0, count - 1)
         row, rate, t, h, whole = self.at[number], self.w[number], place - start, span / count, start.astype(int)
         rise = row[whole + 1] - row[whole]
-        first, last = h * rate[whole] - rise, rise - h * rate[whole + 1]
+        first, last = (
+            jnp.clip(bend, -FASTEST, FASTEST) for bend in (h * rate[whole] - rise, rise - h * rate[whole + 1])
+        )
         rough = row[whole] + t * (rise + (1 - t) * ((1 - t) * first + t * last))  # Hermite's cubic
         rough = rough + jnp.round((phi - here) / span) * (row[-1] - row[0])
         return rough + nearest_turn(jnp.atan2(u.y, u.x) - rough, 2 * jnp.pi)
@@ -51,17 +54,27 @@ class Winding(NamedTuple):
         return self.at[:, -1] - self.at[:, 0]
 
 
-def unwound(states: Sequence[LinkState], step: Array) -> Winding:
-    """Angles of links along the crank, from their states at equal steps (leaves of that shape): the first within half a
-    turn of zero where they are not counted already; from step to step by their rates, and to the last digit."""
+def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
+    """Angles of links along the crank, from their states at equal steps (leaves of that shape) and whether they can be
+    assembled there: the first within half a turn of zero where they are not counted already; from step to step by
+    their rates, and to the last digit. Over steps where these are none, or grow beyond all bounds, as near a dead
+    position, they turn the shorter way."""
     rows, rates = [], []
+    closes = closes | ~closes[0]
+    last = jax.lax.cummax(jnp.where(closes, jnp.arange(closes.size), 0))
     for state in states:
         w, e = state.w, state.e
-        angle = jnp.atan2(state.u.y, state.u.x) if state.angle is None else state.angle
-        moved = step * (w[1:] + w[:-1]) / 2 - step**2 * (e[1:] - e[:-1]) / 12
+        if state.angle is not None:
+            rows.append(state.angle)
+            rates.append(jnp.zeros_like(w))  # of what is counted already none is needed
+            continue
+        angle = jnp.atan2(state.u.y, state.u.x)[last]
+        known = closes & (jnp.abs(w) * step < FASTEST)
+        moved = step * (w[1:] + w[:-1]) / 2 - jnp.clip(step**2 * (e[1:] - e[:-1]) / 12, -1.0, 1.0)
+        moved = jnp.where(known[1:] & known[:-1], moved, 0.0)
         steps = moved + nearest_turn(jnp.diff(angle) - moved, 2 * jnp.pi)
-        rows.append(jnp.concatenate([angle[:1], angle[0] + jnp.cumsum(steps)]) if state.angle is None else angle)
-        rates.append(w if state.angle is None else jnp.zeros_like(w))  # of what is counted already none is needed
+        rows.append(jnp.concatenate([angle[:1], angle[0] + jnp.cumsum(steps)]))
+        rates.append(jnp.where(closes, w, 0.0))
     return Winding(jnp.stack(rows), jnp.stack(rates))
 
 

@@ -68,11 +68,14 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
 
 
 def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
-    """Whether a range may be longer than these turns."""
-    troubles = [path.trouble() for path in _followed(prepared(mechanism, turns))]
-    if found.at_start:
-        return "ends" in troubles and found.stop - found.start > 2 * math.pi * turns - LEFT_OUT
-    return "astray" in troubles
+    """Whether a range may be longer than these turns, or that of one of its groups, which then is elsewhere in it."""
+    whole, paths = 2 * math.pi * turns, _followed(prepared(mechanism, turns))
+    if any(path.trouble() == "astray" for path in paths):
+        return True
+    seams = [float(path.middle()) for path in paths if bool(path.ends())]  # what is left out of longer ones is one
+    return any(
+        math.remainder(end - at, whole) ** 2 < LEFT_OUT**2 for at in seams for end in found[:2] if found.at_start
+    )
 
 
 def _ranges(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:

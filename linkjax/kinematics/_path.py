@@ -15,6 +15,7 @@ from linkjax._numerics import safe_divide
 from linkjax.groups import Gear, General, Track, closed_to
 
 ALONG = 5  # damped Newton steps in a step along the path
+GROW = 10.0  # times that what is open may grow in one of them
 AGAIN = 5  # times as many more where the smallest step does not close at once
 SWING = 0.2  # rad, or of the size: what links may move in one step
 SMALLEST = 4096  # parts of a step that a smaller one may be
@@ -26,49 +27,61 @@ FEW = 4  # places, at which the path may be interpolated
 def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: Array) -> Track:
     """The configurations of a group at these crank angles, which go over whole turns from zero.
 
-    `before` gives states of links and points that were there before the group at a crank angle. Angles that are not
-    reached on the way up, because the group does not close before them, are reached on the way down where they can be.
+    `before` gives states of links and points that were there before the group at a crank angle, and whether those can
+    be assembled there: where they cannot the group is open, too. Angles that are not reached on the way up, because the
+    group does not close before them, are reached on the way down where they can be.
     """
-    states, points = before(angles[0])
+    states, points, began = before(angles[0])
+
+    def known(phi: Array):
+        states, points, closes = before(phi)
+        return states, points, closes | ~began
+
     z, sense, gap, whole = group.assembled(links, states, points, angles[0])
     shut = closed_to(angles.dtype)
     first, group = Track(z, sense, gap, size=group.size(links, points)), group if whole is None else group.off_by(whole)
 
-    def along(done: Array, way: Array) -> tuple[Array, tuple[Track, Array]]:
+    def along(done: Array, way: Array) -> tuple[Array, tuple[Track, Tip]]:
         def step(last: tuple[Track, Seen], ends: tuple[Array, Array]):
-            now, far, seen = _follow(group, links, before, *last, jnp.where(done, ends[1], ends[0]), ends[1], way)
-            return (now, seen), (now, far)
+            now, tip, seen = _follow(group, links, known, *last, jnp.where(done, ends[1], ends[0]), ends[1], way)
+            return (now, seen), (now, tip)
 
-        _, (rest, far) = jax.lax.scan(step, (first, Seen(angles[0], sense)), (angles[:-1], angles[1:]))
+        _, (rest, tips) = jax.lax.scan(step, (first, Seen(angles[0], sense)), (angles[:-1], angles[1:]))
         whole = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
-        return jnp.all(whole.gap < shut), (whole, jnp.append(far, far[-1]))
+        lost = jnp.minimum(jnp.sum(jnp.cumprod(whole.gap < shut)), angles.size - 1) - 1
+        return jnp.all(whole.gap < shut), (whole, jax.tree.map(lambda part: part[lost], tips))
 
-    both, far = jax.lax.scan(along, jnp.asarray(False), jnp.asarray([1.0, -1.0], dtype=angles.dtype))[1]
-    up, down = (jax.tree.map(lambda part, k=k: part[k], both) for k in (0, 1))
+    ways = jax.lax.scan(along, jnp.asarray(False), jnp.asarray([1.0, -1.0], dtype=angles.dtype))[1]
+    (up, tip), (down, end) = (jax.tree.map(lambda part, k=k: part[k], ways) for k in (0, 1))
     if group.gears:
-        down = down._replace(z=down.z.at[:, :, 2].add(_gained(group)))
-    return _joined(up, down, far, angles)._replace(size=first.size, whole=whole)
+        down, end = (part._replace(z=part.z.at[..., 2].add(_gained(group))) for part in (down, end))
+    return _joined(up, down, tip, end, angles)._replace(size=first.size, whole=whole)
 
 
-def _joined(up: Track, down: Track, far: Array, angles: Array) -> Track:
-    """One path of the ways up and down, which got so `far` in each of their steps (rad, (ways, places)). Where they
-    overlap, a range is longer than the path: a step is left out there, for they may be anywhere to each other."""
+def _joined(up: Track, down: Track, tip: Tip, end: Tip, angles: Array) -> Track:
+    """One path of the ways up and down, and of where they end. Where they overlap, a range is longer than the path: a
+    step is left out there, for they may be anywhere to each other."""
     count, step, span = angles.size, angles[1], angles[-1]
     reached = [jnp.cumprod(way.gap < closed_to(angles.dtype)) > 0 for way in (up, down)]
     ahead, back = (jnp.sum(way) for way in reached)
-    until, since = (jnp.where(n > 0, far[k, n - 1], -1.0) for k, n in enumerate((ahead, back)))
-    until, since = until + 2 * step / SMALLEST, span - since - 2 * step / SMALLEST
+    until, since = jnp.where(ahead > 0, tip.beyond, -1.0), span - jnp.where(back > 0, end.beyond, -1.0)
     since, ends = jnp.where(until < since, since, until + step), ahead < count
     other = ends & (angles > 0.5 * (until + since))  # nearer to the way down
     sound = reached[0] & ~other, reached[1][::-1] & other & (angles > since)
     begin, place = count - jnp.sum(sound[1]), jnp.arange(count)
-    few = jnp.where(ahead + jnp.sum(sound[1]) <= FEW, FEW, 0)  # they are held on to beyond
+    few = jnp.where(ahead + jnp.sum(sound[1]) <= FEW, FEW, 0)  # they are held on to beyond, but count for nothing
     above, below = (place >= ahead) & (place < ahead + few), (place < begin) & (place >= begin - few)
     source = jnp.where(above, ahead - 1, jnp.where(below, begin, place))
     path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a)[source], up, down)
     lost = jnp.where(ends, jnp.stack([until, since]), jnp.stack([span, -span]))
     firsts = _firsts(sound[0] | sound[1] | above | below, other)
-    return path._replace(first=firsts.astype(path.gap.dtype), lost=lost)
+    return path._replace(
+        gap=jnp.where(above | below, 1.0, path.gap),
+        first=firsts.astype(path.gap.dtype),
+        lost=lost,
+        tips=jnp.stack([tip.z, end.z]),
+        tips_at=jnp.stack([tip.at, -end.at]),
+    )
 
 
 def _gained(group: General) -> Array:
@@ -141,13 +154,23 @@ class Seen(NamedTuple):
         return ~dips | (1 + 0.5 * slope * lowest > DIP * jnp.maximum(1.0, q))
 
 
+class Tip(NamedTuple):
+    """Where a way ends: the last configuration that was followed, at which crank angle (rad), counted along the way,
+    and an angle that lies beyond the end."""
+
+    z: Array
+    at: Array
+    beyond: Array
+
+
 class _Going(NamedTuple):
-    """On the way from place to place: where it was last followed to, and to which crank angle (rad), and where it was
-    before; where Newton's method begins, how wide the step is and may least be (rad), and how often it went on there;
-    where it got to (rad), be it lost or not, and the most that was open."""
+    """On the way from place to place: where it is, and where it was before; the last that was followed, and to which
+    crank angle (rad); where Newton's method begins, how wide the step is and may least be (rad), and how often it went
+    on there; where it got to (rad), be it lost or not, and the most that was open."""
 
     here: Track
     seen: Seen
+    tip: Array
     far: Array
     start: Array
     width: Array
@@ -166,11 +189,11 @@ def _follow(
     phi: Array,
     to: Array,
     way: Array,
-) -> tuple[Track, Array, Seen]:
-    """From a configuration on to the next crank angle, in as many steps as it takes; how far it was followed, and where
-    it was before. The angles are those on the `way`, one up or minus one down. A step is made smaller while it does not
-    close, moves links far, turns the sense of the Jacobian, or may have gone over a fold. Where the smallest does not
-    close, or moves links far, the group is lost: one more step leads to the end, where it may close in another
+) -> tuple[Track, Tip, Seen]:
+    """From a configuration on to the next crank angle, in as many steps as it takes; where it was followed to, and
+    where it was before. The angles are those on the `way`, one up or minus one down. A step is made smaller while it
+    does not close, moves links far, turns the sense of the Jacobian, or may have gone over a fold. Where the smallest
+    does not close, or moves links far, the group is lost: one more step leads to the end, where it may close in another
     assembly, and is told as open."""
     dtype, smallest, shut = last.z.dtype, (to - phi) / SMALLEST, closed_to(last.z.dtype)
     assert last.size is not None
@@ -181,9 +204,9 @@ def _follow(
 
     def step(going: _Going) -> _Going:
         new, gone = jnp.minimum(going.at + going.width, to), going.most >= shut
-        states, points = before(way * new)
-        there = Track(*group.closed(links, states, points, way * new, going.start, ALONG), size=last.size)
-        there = there._replace(gap=jnp.where(jnp.isfinite(there.gap), there.gap, 1.0))
+        states, points, whole = before(way * new)
+        there = Track(*group.closed(links, states, points, way * new, going.start, ALONG, GROW), size=last.size)
+        there = there._replace(gap=jnp.where(whole & jnp.isfinite(there.gap), there.gap, 1.0))
         calm, closes = jnp.max(jnp.abs(there.z - going.here.z) / measure) < SWING, there.gap < shut
         again = ~closes & (going.tries < AGAIN)
         clear = going.seen.clear(Seen(going.at, going.here.sense), Seen(new, there.sense), 3 * len(last.z))
@@ -199,11 +222,12 @@ def _follow(
         tries = jnp.where(taken, 0.0, going.tries + small.astype(dtype))
         least = jnp.where(taken & ~good, 2.0, 1.0) * going.least  # so that they do not become many
         seen = jax.tree.map(lambda a, b: jnp.where(taken, a, b), Seen(going.at, going.here.sense), going.seen)
-        return _Going(here, seen, far, z, width, least, tries, at, most)
+        tip = jnp.where(followed, there.z, going.tip)
+        return _Going(here, seen, tip, far, z, width, least, tries, at, most)
 
     none = jnp.zeros_like(last.gap)
     open_before = jnp.where(last.gap < shut, none, last.gap)
-    begun = _Going(last, seen, phi, last.z, to - phi, smallest, none, phi, open_before)
+    begun = _Going(last, seen, last.z, phi, last.z, to - phi, smallest, none, phi, open_before)
     found = jax.lax.while_loop(lambda going: going.at < to - 0.5 * smallest, step, begun)
     gap = jnp.maximum(found.here.gap, jnp.where(found.most < shut, 0.0, shut))
-    return found.here._replace(gap=gap), found.far, found.seen
+    return found.here._replace(gap=gap), Tip(found.tip, found.far, found.far + 2 * found.least), found.seen

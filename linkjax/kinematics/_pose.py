@@ -31,6 +31,7 @@ from linkjax.groups import (
     Winding,
     at_rest,
     carried,
+    closed_to,
     course_of,
     followed,
     unwound,
@@ -132,7 +133,7 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
 
             def before(phi, so_far=tuple(groups)):
                 here = _of_groups(fixed, so_far, phi)
-                return here.links, here.points
+                return here.links, here.points, _closes(fixed, so_far, here, phi)
 
             if isinstance(group, General):
                 wound = _winding(group, before, counting) if group.mates() else None
@@ -150,6 +151,13 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
     return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would drop the paths
 
 
+def _closes(mechanism: Mechanism, groups: Sequence[AbstractGroup], here: Pose, phi: Array) -> Array:
+    """Whether the first groups of a mechanism can be assembled, or nearly so, as at a change point."""
+    found = [group.margins(mechanism.held_by(group), here.links, here.points, phi) for group in groups]
+    every = [side.value > -closed_to(phi.dtype) for sides in found for side in sides.values()]
+    return jnp.all(jnp.stack(every)) if every else jnp.asarray(True)
+
+
 def before_group(mechanism: Mechanism, number: int, phi: Scalar) -> tuple[dict[str, LinkState], dict[str, PointState]]:
     """States of the links and points that are there before the group of this number is attached."""
     here = jax.jit(lambda m, phi: _of_groups(m, m.groups[:number], phi)[:2])(mechanism, phi)
@@ -162,22 +170,20 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
     held = fixed.held_by(group)
 
     def coordinates(phi, sense):
-        states, points = before(phi)
-        return group.coordinates(held, states, points, sense)
+        return group.coordinates(held, *before(phi)[:2], sense)
 
-    return course_of(lambda phi: group.gaps(held, *before(phi)), coordinates, SCANNED, turns)
+    return course_of(lambda phi: group.gaps(held, *before(phi)[:2]), coordinates, SCANNED, turns)
 
 
 def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:
     """How the links turn round that wheels or racks follow."""
 
     def mates(phi):
-        states, _ = before(phi)
-        none = jnp.zeros_like(phi)
+        (states, _, closes), none = before(phi), jnp.zeros_like(phi)
         still = LinkState(Vec(jnp.ones_like(phi), none), none, none, none)
-        return tuple(states.get(name, still) for name in group.mates())
+        return tuple(states.get(name, still) for name in group.mates()), closes
 
-    return unwound(jax.vmap(mates)(angles), angles[1] - angles[0])
+    return unwound(*jax.vmap(mates)(angles), angles[1] - angles[0])
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
