@@ -52,15 +52,20 @@ def triad(crank: float, phase: float, pivots: tuple[complex, complex], corners: 
     fixed = {"A": Vec(0.0, 0.0), "D": point(pivots[0]), "E": point(pivots[1])}
 
     def closure(x, phi):
-        turn, hinges = cmath.exp(1j * x[2]), (crank * cmath.exp(1j * (phase + phi)), *pivots)
-        rods = [x[0] + 1j * x[1] + at * turn - hinge for at, hinge in zip(inside, hinges, strict=True)]
-        gap = [abs(rod) ** 2 - leg**2 for rod, leg in zip(rods, legs, strict=True)]
-        moves = [(1.0, 1j, 1j * at * turn) for at in inside]
-        rows = [[2 * (rod.conjugate() * d).real for d in each] for rod, each in zip(rods, moves, strict=True)]
+        gap, rows = on_legs(x, (crank * cmath.exp(1j * (phase + phi)), *pivots), inside, legs)
         return np.asarray(gap), np.asarray(rows)
 
     start = np.asarray([corners[0].real, corners[0].imag, cmath.phase(axis)])
     return Made(Mechanism(fixed, links, [Crank("crank", "A", "B", phase=phase), group]), closure, start, "plate")
+
+
+def on_legs(x, hinges, inside, legs) -> tuple[list[float], list[list[float]]]:
+    """What a plate whose first corner is at x[0], x[1], turned by x[2], leaves open of its legs, and derivatives."""
+    turn = cmath.exp(1j * x[2])
+    rods = [x[0] + 1j * x[1] + at * turn - hinge for at, hinge in zip(inside, hinges, strict=True)]
+    gap = [abs(rod) ** 2 - leg**2 for rod, leg in zip(rods, legs, strict=True)]
+    moves = [(1.0, 1j, 1j * at * turn) for at in inside]
+    return gap, [[2 * (rod.conjugate() * d).real for d in each] for rod, each in zip(rods, moves, strict=True)]
 
 
 def planet(lengths: tuple[float, float, float], pivot: complex, teeth: int, angles: tuple[float, float, float]) -> Made:
@@ -112,7 +117,7 @@ def followed(made: Made, way: float) -> tuple[float, dict[float, np.ndarray]]:
                 seen[phi] = x
         else:
             step /= 2
-    return phi, seen
+    return phi, {**seen, phi: x}
 
 
 def drawn(rng: np.random.Generator, wheel: bool) -> Made:
