@@ -156,7 +156,7 @@ class Seen(NamedTuple):
 
 class Tip(NamedTuple):
     """Where a way ends: the last configuration that was followed, at which crank angle (rad), counted along the way,
-    and an angle that lies beyond the end."""
+    and an angle right beyond the end."""
 
     z: Array
     at: Array
@@ -166,7 +166,8 @@ class Tip(NamedTuple):
 class _Going(NamedTuple):
     """On the way from place to place: where it is, and where it was before; the last that was followed, and to which
     crank angle (rad); where Newton's method begins, how wide the step is and may least be (rad), and how often it went
-    on there; where it got to (rad), be it lost or not, and the most that was open."""
+    on there; where it got to (rad), be it lost or not, an angle right beyond where it was lost, and the most that was
+    open."""
 
     here: Track
     seen: Seen
@@ -177,6 +178,7 @@ class _Going(NamedTuple):
     least: Array
     tries: Array
     at: Array
+    beyond: Array
     most: Array
 
 
@@ -223,11 +225,12 @@ def _follow(
         least = jnp.where(taken & ~good, 2.0, 1.0) * going.least  # so that they do not become many
         seen = jax.tree.map(lambda a, b: jnp.where(taken, a, b), Seen(going.at, going.here.sense), going.seen)
         tip = jnp.where(followed, there.z, going.tip)
-        return _Going(here, seen, tip, far, z, width, least, tries, at, most)
+        beyond = jnp.where((most >= shut) & ~gone, new + smallest, going.beyond)  # it may not close right beside a fold
+        return _Going(here, seen, tip, far, z, width, least, tries, at, beyond, most)
 
     none = jnp.zeros_like(last.gap)
     open_before = jnp.where(last.gap < shut, none, last.gap)
-    begun = _Going(last, seen, last.z, phi, last.z, to - phi, smallest, none, phi, open_before)
+    begun = _Going(last, seen, last.z, phi, last.z, to - phi, smallest, none, phi, phi, open_before)
     found = jax.lax.while_loop(lambda going: going.at < to - 0.5 * smallest, step, begun)
     gap = jnp.maximum(found.here.gap, jnp.where(found.most < shut, 0.0, shut))
-    return found.here._replace(gap=gap), Tip(found.tip, found.far, found.far + 2 * found.least), found.seen
+    return found.here._replace(gap=gap), Tip(found.tip, found.far, found.beyond), found.seen
