@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from linkjax.groups import Crank, General, Track
@@ -37,34 +38,34 @@ class CrankRange(NamedTuple):
 
 def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]:
     """The ranges of crank angle in which a mechanism can be assembled, from the one that holds crank angle zero, or
-    comes next, on; one from 0 to 2π `turns` for a crank that comes round, none for a linkage that closes nowhere.
-    `turns` of the crank are looked at: as many as the machine's cycle has (more than one where gears turn other links
-    less often), for what lies beyond is taken to repeat them.
+    where a law begins, or comes next, on; one from 0 to 2π `turns` for a crank that comes round, none for a linkage
+    that closes nowhere. `turns` of the crank are looked at: as many as the machine's cycle has (more than one where
+    gears turn other links less often), for what lies beyond is taken to repeat them.
 
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
     driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
-    points. Of a general group there is one range, in which it can be followed up and down from crank angle zero,
-    through up to eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else
-    up to 1e-5 rad off). A gap in which less than 4e-10 of its size stays open, some 1e-4 rad wide, is none. Ranges of
-    other groups narrower than a thousandth of a turn may be overlooked. Whether all is after a turn where it began is
-    another question. Not for use under jax transformations: plain numbers come out.
+    points. Of a general group there is one range, in which it can be followed up and down from there, through up to
+    eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else up to 1e-5 rad
+    off). A gap in which less than 4e-10 of its size stays open, some 1e-4 rad wide, is none. Ranges of other groups
+    narrower than a thousandth of a turn may be overlooked. Whether all is after a turn where it began is another
+    question. Not for use under jax transformations: plain numbers come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
-    crank = mechanism.groups[0]
-    if isinstance(crank, Crank):
-        mechanism = dataclasses.replace(
-            mechanism, groups=(dataclasses.replace(crank, law=None, turns=crank.turns), *mechanism.groups[1:])
-        )
-    elif mechanism.prescribed:
-        law = mechanism.driver.follows()
-        assert law is not None
+    crank, begin = mechanism.groups[0], 0.0
+    law = mechanism.driver.follows()
+    if isinstance(crank, Crank) and law is not None:
+        begin = float(law.at(jnp.zeros(()))[0])  # sketches are drawn there
+        crank = dataclasses.replace(crank, law=None, phase=crank.phase + begin)
+    elif law is not None:
         turns = max(turns, round(law.period() / (2 * math.pi)))
+    mechanism = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:]))  # anew, without paths
     found = first = _ranges(mechanism, turns)
     while turns <= LONGEST // 2 and found and _goes_on(mechanism, turns, found[0]):
         turns *= 2
         found = _ranges(mechanism, turns)
-    return found if found and found[0].at_start else first
+    found = found if found and found[0].at_start else first
+    return tuple(r._replace(start=r.start + begin, stop=r.stop + begin) if r.at_start else r for r in found)
 
 
 def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:

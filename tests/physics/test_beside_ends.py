@@ -13,7 +13,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from linkjax import RRR, Crank, Gear, Link, Mechanism, Teeth, Vec
+from linkjax import RRR, Crank, Gear, Harmonic, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General
 from linkjax.kinematics import crank_limits, pose, prepared
@@ -284,3 +284,37 @@ def _rocker(lengths: tuple[float, float, float], base: float, crank: float) -> f
     along = (r * r + b * b - c * c) / (2 * r)
     elbow = hinge + (base - hinge) / r * (along + 1j * math.sqrt(max(b * b - along * along, 0.0)))
     return cmath.phase(elbow - base)
+
+
+# at crank angle zero what is drawn where a law begins leads to another of its assemblies
+SWUNG = triad(
+    0.6235812433172111,
+    1.2757053680593842,
+    ((-0.7215504143063136 + 0.61068745951669j), (-0.41475731707720875 - 0.05351188054862965j)),
+    (
+        (0.5908964636530711 - 0.25728056544535827j),
+        (0.7707897422226384 + 0.02107756643203551j),
+        (0.8865770534526232 + 0.5429163554359593j),
+    ),
+)
+
+
+def test_ranges_of_a_crank_that_follows_a_law(rng):
+    """They are those of the crank without the law, wherever that begins, and in the assembly that is drawn there."""
+    made = [SWUNG, *(drawn(rng, False) for _ in range(6))]
+    for k, each in enumerate(made):
+        crank, group = each.mechanism.groups
+        (low, below), (high, above) = (followed(each, way) for way in (-1.0, 1.0))
+        if not math.isfinite(low + high):
+            continue
+        seen = list((above if k % 2 else below).items())
+        begin, x = seen[max(len(seen) - 3, 0)]
+        turn = cmath.exp(1j * (x[2] - each.start[2]))
+        corners = [group.sketch[name] for name in "PQR"]
+        first = complex(corners[0].x, corners[0].y)
+        moved = [x[0] + 1j * x[1] + (complex(at.x, at.y) - first) * turn for at in corners]
+        driven = dataclasses.replace(crank, law=Harmonic(begin, begin + 0.02))
+        drawn_there = dataclasses.replace(group, sketch=dict(zip("PQR", map(point, moved), strict=True)))
+        machine = Mechanism(each.mechanism.fixed, each.mechanism.links, [driven, drawn_there])
+        found = crank_limits(machine)[0]
+        np.testing.assert_allclose((found.start, found.stop), (low, high), atol=1e-6)
