@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 
 from linkjax._types import Scalar
-from linkjax.groups import RPR, RRP, RRR
+from linkjax.groups import RPR, RRP, RRR, General
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
@@ -14,7 +14,7 @@ OPEN = 1e-6  # what a margin falls short by where nothing closes; nearer to zero
 
 def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -> str:
     """In words: how far apart the pins of this group are at the crank angle `phi`, and how far its links reach; its
-    margin where it is no RRR, RRP or RPR. Not for use under jax transformations."""
+    margin where it is of another kind. Not for use under jax transformations."""
     mechanism = prepared(mechanism)
     group, here = named_groups(mechanism)[name], pose(mechanism, jnp.asarray(phi))
     links, points = mechanism.held_by(group), here.points
@@ -34,6 +34,8 @@ def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -
         away = float(jnp.sqrt((points[group.from_].r - points[group.about].r).squared()))
         offset = f"less than its offset of {abs(float(group.offset)):.4g} m"
         return f"its pins {group.about!r} and {group.from_!r} are {away:.4g} m apart, {offset}"
+    if isinstance(group, General) and group.path is not None and bool(group.path.ends()):
+        return "its loops do not close there, or only as another assembly"
     return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import cmath
 import dataclasses
 import math
+import re
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from linkjax import RRR, Crank, Gear, Harmonic, Link, Mechanism, Teeth, Vec
+import linkjax as lj
+from linkjax import RRR, Crank, Flywheel, Gear, Harmonic, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General
 from linkjax.kinematics import crank_limits, pose, prepared
@@ -318,3 +320,30 @@ def test_ranges_of_a_crank_that_follows_a_law(rng):
         machine = Mechanism(each.mechanism.fixed, each.mechanism.links, [driven, drawn_there])
         found = crank_limits(machine)[0]
         np.testing.assert_allclose((found.start, found.stop), (low, high), atol=1e-6)
+
+
+# swinging inside its range from one end to the other it would begin where what is drawn leads to another assembly
+FAR_AROUND = triad(
+    0.30584897572866454,
+    2.8233525787957428,
+    ((-0.6394249183138097 + 0.49372077129967584j), (0.5044468367385548 + 0.1339557489058245j)),
+    (
+        (0.8421593545658599 - 0.5884499035419624j),
+        (0.7018022491833029 - 0.6620253773458276j),
+        (0.9287154417885592 + 0.24738545621230346j),
+    ),
+)
+
+
+@pytest.mark.slow
+def test_the_law_that_is_proposed_can_be_driven():
+    """What the message of a crank that does not come round tells is true: its range, and a law inside."""
+    machine = dataclasses.replace(FAR_AROUND.mechanism, flywheel=Flywheel(1.0))
+    low, high = (math.degrees(followed(FAR_AROUND, way)[0]) for way in (-1.0, 1.0))
+    with pytest.raises(lj.MachineError, match=f"only as another .* from {low:.4f} to {high:.4f} degrees") as told:
+        lj.analyse(lj.Scene(machine, speed=3.0), angles=8, nodes=32)
+    start, stop = re.findall(r'(?:start|stop) = "([-0-9.]+) deg"', str(told.value))
+    law = Harmonic(math.radians(float(start)), math.radians(float(stop)))
+    crank, group = machine.groups
+    driven = dataclasses.replace(machine, groups=(dataclasses.replace(crank, law=law), group))
+    lj.analyse(lj.Scene(driven, speed=3.0), angles=8, nodes=32)
