@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
@@ -105,14 +104,15 @@ class Track(NamedTuple):
         assert self.lost is not None and self.tips_at is not None
         step = span / (self.sense.size - 1)
         at = place * step - jnp.where(self._before_zero(place, span), span, 0.0)
-        sound = ~self.ends() | (self.gap[rows] < closed_to(self.gap.dtype))
+        sound = self.gap[rows] < closed_to(self.gap.dtype)
+        eases = self.ends() & jnp.any(sound)  # else it is right between its ends
         apart = jnp.abs(self.tips_at[:, None] - at[None]) * (1 / step)
-        beside = self.ends() & jnp.any(sound[None] & (apart < 1), axis=1) & jnp.all(apart > SAME, axis=1)
-        there = jnp.concatenate([sound | ~jnp.any(sound), beside])
+        beside = eases & jnp.any(sound[None] & (apart < 1), axis=1) & jnp.all(apart > SAME, axis=1)
+        there = jnp.concatenate([sound | ~eases, beside])
         low, high = self.lost[1] - span, self.lost[0]
         at = jnp.concatenate([at, self.tips_at, (at[0] + x * step)[None]])
         eased = jnp.arccos(jnp.clip((low + high - 2 * at) / (high - low), -1.0, 1.0))
-        return _lagrange(jnp.where(self.ends(), eased, at), there)
+        return _lagrange(jnp.where(eases, eased, at), there)
 
     def elsewhere(self, phi: Array, turns: int) -> Array:
         """Whether the group is where it was not followed to, or in another assembly than it began with."""
@@ -151,6 +151,7 @@ class Track(NamedTuple):
 def _lagrange(nodes: Array, there: Array) -> Array:
     """What values at all nodes but the last count for there, where a polynomial goes through those that are there."""
     nodes, x = nodes[:-1], nodes[-1]
-    pairs = there[None] & ~np.eye(nodes.size, dtype=bool)
-    parts = (x - nodes)[None] / jnp.where(pairs, nodes[:, None] - nodes[None], 1.0)
-    return jnp.where(there, jnp.prod(jnp.where(pairs, parts, 1.0), axis=1), 0.0)
+    apart = nodes[:, None] - nodes[None]
+    pairs = there[None] & (apart != 0)
+    parts = jnp.where(pairs, (x - nodes)[None] / jnp.where(pairs, apart, 1.0), 1.0)
+    return jnp.where(there, jnp.prod(parts, axis=1), 0.0)

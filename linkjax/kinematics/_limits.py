@@ -19,7 +19,7 @@ from linkjax.mechanism import Mechanism
 
 SCAN = 360  # crank angles a turn at which the margins are first looked at
 HALVINGS = 50  # of a scan step: down to rounding
-CLOSE = 1e-4  # rad: how far inside a range a general group is taken to find its fold from
+CLOSE = 1e-5  # rad: how far inside a range a general group is taken to find its fold from
 STEP = 0.02  # rad: how far inside its range a fold may be found
 LONGEST = 8  # turns that a range may take
 LEFT_OUT = 0.06  # rad: more than a reference path leaves out of a range that is longer

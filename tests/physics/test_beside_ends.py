@@ -97,7 +97,7 @@ BENT = [
 def test_random_triads_beside_their_ends(rng):
     """Ends to 1e-12 rad. Places from 1e-2 to 1e-10 rad before them are told as sound, on the side of crank angle zero,
     and within 1e-14 times the condition and 1e-12; those from 1e-4 to 1e-8 rad beyond are
-    told as open."""
+    told as open, and nothing is no number anywhere."""
     ended, worst = 0, 0.0
     for made in [*(drawn(rng, False) for _ in range(40)), *BENT]:
         found = crank_limits(made.mechanism)[0]
@@ -105,6 +105,8 @@ def test_random_triads_beside_their_ends(rng):
             continue
         ended += 1
         ready = prepared(made.mechanism)
+        everywhere, _ = plates(ready, jnp.linspace(-7.0, 7.0, 99))
+        assert np.all(np.isfinite(everywhere))
         sense = np.sign(np.linalg.det(made.closure(made.start, 0.0)[1]))
         for end, way in ((found.start, 1.0), (found.stop, -1.0)):
             far = np.minimum(NEAR, 0.5 * (found.stop - found.start))
