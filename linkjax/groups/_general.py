@@ -173,21 +173,35 @@ class General(AbstractChain):
         """A configuration from origins (links, 2) and angles (links,), which are counted from within half a turn of
         zero; those of loose wheels as the others say, about the first point that is seen of them. And by how many whole
         turns the gears of tied wheels are off, which makes no difference to what they are tied to."""
-        (places, c), names = self._at(links, states, points, phi), self.link_names()
+        places, c = self._at(links, states, points, phi)
         assert c.geared is not None
-        free = np.asarray([i for i, name in enumerate(names) if name in self.spinning()], dtype=int)
-        row = 2 * (len(self._pairs()) + len(self.slots))
-        angle = nearest_turn(angle, 2 * jnp.pi).at[free].set(angle[free])
-        left = self._web().opened(Placed(at, along(angle), angle), c)[row : row + len(self.gears)]
+        angle = jnp.where(self._loose(), angle, nearest_turn(angle, 2 * jnp.pi))
         tied = np.asarray([self.in_whole_turns(gear) for gear in self.gears])
-        whole = jnp.where(tied, jnp.round(left / (2 * jnp.pi * c.size)), 0.0)
-        if free.size:
-            left = left - 2 * jnp.pi * c.size * whole
-            true = angle.at[free].add(-pinv(c.geared.angles[:, free]) @ left)
-            first = {link: self._seen(link, pins, places)[0] for link, pins in self.members}
-            arm = array([places[link][point] for link, point in first.items()])
-            at, angle = at + turned(along(angle), arm) - turned(along(true), arm), true
-        return jnp.concatenate([at, angle[:, None]], axis=1), whole
+        whole = jnp.where(tied, jnp.round(self._gears_open(at, angle, c) / (2 * jnp.pi * c.size)), 0.0)
+        c = c._replace(geared=c.geared._replace(wanted=c.geared.wanted + 2 * jnp.pi * c.size * whole))
+        return self._following(jnp.concatenate([at, angle[:, None]], axis=1), places, c), whole
+
+    def _loose(self) -> np.ndarray:
+        """Which links are wheels that are pinned once and not driven."""
+        return np.asarray([name in self.spinning() for name in self.link_names()])
+
+    def _gears_open(self, at: Array, angle: Array, c: Closure) -> Array:
+        """What is open at every gear (m)."""
+        row = 2 * (len(self._pairs()) + len(self.slots))
+        return self._web().opened(Placed(at, along(angle), angle), c)[row : row + len(self.gears)]
+
+    def _following(self, z: Array, places, c: Closure) -> Array:
+        """A configuration in which loose wheels stand as the others say, about the first point that is seen of them."""
+        free = np.flatnonzero(self._loose()) if self.gears else np.zeros(0, dtype=int)
+        if not free.size:
+            return z
+        assert c.geared is not None
+        at, angle = z[:, :2], z[:, 2]
+        true = angle.at[free].add(-pinv(c.geared.angles[:, free]) @ self._gears_open(at, angle, c))
+        first = {link: self._seen(link, pins, places)[0] for link, pins in self.members}
+        arm = array([places[link][point] for link, point in first.items()])
+        at = at + turned(along(angle), arm) - turned(along(true), arm)
+        return jnp.concatenate([at, true[:, None]], axis=1)
 
     def off_by(self, whole: Array) -> General:
         """The group with its gears off by so many whole turns each."""
@@ -248,7 +262,8 @@ class General(AbstractChain):
         assert self.path is not None  # see `kinematics.prepared`
         web, (places, c) = self._web(), self._at(links, states, points, phi)
         still, path, at = jax.lax.stop_gradient((c, self.path, phi))
-        here = web.near(placed(path.at(at, self.turns)), still, path.sense_at(at, self.turns))
+        start = self._following(path.at(at, self.turns), jax.lax.stop_gradient(places), still)
+        here = web.near(placed(start), still, path.sense_at(at, self.turns))
         here, sound = self._polished(web, here, still)
         here = web.implicit(here, c, sound)
         matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))

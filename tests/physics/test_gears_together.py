@@ -11,6 +11,7 @@ import math
 import re
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -320,3 +321,30 @@ def test_what_comes_out_together_is_found_apart():
     one, two = at(scene.mechanism), at(again)
     for name in "BEFTUVW":
         np.testing.assert_allclose(xy(two.points[name].ddr), xy(one.points[name].ddr), atol=1e-14)
+
+
+@pytest.mark.parametrize("crank", [1.007, 0.997])
+def test_a_wheel_of_a_general_group_on_a_fast_link(crank):
+    """Ten times as fast as the second link of a drag link near its change point, more than three turns between two
+    places of the path: it turns as that link does, unwound in small steps, and as it does by itself."""
+    links = {name: Link(length=length) for name, length in (("crank", crank), ("coupler", 2.0), ("second", 2.0))}
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(1.0, 0.0), "E": Vec(9.6, 0.0)}
+    groups = [Crank("crank", "A", "B", phase=0.4), RRR(("coupler", "second"), "B", "D", "C", 1)]
+    gear = Gear("wheel", "E", Belt(0.02, 0.2), "second", "D")
+    general = General((("wheel", ("E",)),), ("E",), {}, gears=(gear,))
+    fine = np.concatenate([[0.0], 2 * np.pi - 0.4 + np.linspace(-0.3, 0.3, 60001)])
+    b = crank * np.exp(1j * (fine + 0.4)) - 1.0
+    r = abs(b)
+    second = np.unwrap(np.angle(b * (0.5 + 1j * np.sqrt(np.maximum(4 - r * r / 4, 0.0)) / r * -1)))
+    steps = np.arange(1, 60001, 97)
+    turned = []
+    for last in (gear, general):
+        ready = prepared(Mechanism(fixed, {**links, "wheel": Link()}, [*groups, last]))
+        here = jax.vmap(lambda phi, m=ready: (pose(m, phi).links["wheel"].angle, margins(m, phi)["wheel"]))(
+            jnp.asarray(fine[steps])
+        )
+        assert min(float(jnp.min(side.value)) for side in here[1].values()) > 0.9
+        turned.append(np.asarray(here[0]))
+        known = 10 * (second[steps] - second[steps[0]])
+        np.testing.assert_allclose(turned[-1] - turned[-1][0], known, atol=1e-8)
+    np.testing.assert_allclose(turned[1], turned[0], atol=1e-9)
