@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._lapack import inverted, sign_of_determinant, svd
+from linkjax._lapack import inverted, pinv, sign_of_determinant, svd
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec, unit
 
@@ -214,6 +214,20 @@ class Web(NamedTuple):
             return here, Placed(x[:, :2], perp(here.u) * turn, None if here.angle is None else turn[:, 0])
 
         return root(z, c, sound)
+
+    def gears_open(self, at: Array, angle: Array, c: Closure) -> Array:
+        """What is open at every gear (m)."""
+        assert c.geared is not None
+        row = 2 * (len(self.one) + len(self.block))
+        return self.opened(Placed(at, along(angle), angle), c)[row : row + c.geared.wanted.size]
+
+    def following(self, z: Array, c: Closure, loose: np.ndarray, arm: Array) -> Array:
+        """A configuration in which loose wheels stand as the others say, about a point of theirs, an `arm` off."""
+        assert c.geared is not None
+        at, angle = z[:, :2], z[:, 2]
+        true = angle.at[loose].add(-pinv(c.geared.angles[:, loose]) @ self.gears_open(at, angle, c))
+        at = at + turned(along(angle), arm) - turned(along(true), arm)
+        return jnp.concatenate([at, true[:, None]], axis=1)
 
     def reversed(self, z: Placed, c: Closure) -> Array:
         """Whether a block, or the link that the drive turns, lies half a turn from where it should: the equations know

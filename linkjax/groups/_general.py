@@ -17,12 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._lapack import inverted, mean_of_determinant, pinv, solve
+from linkjax._lapack import inverted, mean_of_determinant, solve
 from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
 from linkjax.groups._chain import AbstractChain
-from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, along, array, least_singular, placed, turned
+from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, array, least_singular, placed
 from linkjax.groups._drawn import from_sketch
 from linkjax.groups._gear import Gear
 from linkjax.groups._pairs import FRAME
@@ -177,7 +177,7 @@ class General(AbstractChain):
         assert c.geared is not None
         angle = jnp.where(self._loose(), angle, nearest_turn(angle, 2 * jnp.pi))
         tied = np.asarray([self.in_whole_turns(gear) for gear in self.gears])
-        whole = jnp.where(tied, jnp.round(self._gears_open(at, angle, c) / (2 * jnp.pi * c.size)), 0.0)
+        whole = jnp.where(tied, jnp.round(self._web().gears_open(at, angle, c) / (2 * jnp.pi * c.size)), 0.0)
         c = c._replace(geared=c.geared._replace(wanted=c.geared.wanted + 2 * jnp.pi * c.size * whole))
         return self._following(jnp.concatenate([at, angle[:, None]], axis=1), places, c), whole
 
@@ -185,35 +185,20 @@ class General(AbstractChain):
         """Which links are wheels that are pinned once and not driven."""
         return np.asarray([name in self.spinning() for name in self.link_names()])
 
-    def _gears_open(self, at: Array, angle: Array, c: Closure) -> Array:
-        """What is open at every gear (m)."""
-        row = 2 * (len(self._pairs()) + len(self.slots))
-        return self._web().opened(Placed(at, along(angle), angle), c)[row : row + len(self.gears)]
-
     def _following(self, z: Array, places, c: Closure) -> Array:
         """A configuration in which loose wheels stand as the others say, about the first point that is seen of them."""
-        free = np.flatnonzero(self._loose()) if self.gears else np.zeros(0, dtype=int)
-        if not free.size:
+        if not (self.gears and self._loose().any()):
             return z
-        assert c.geared is not None
-        at, angle = z[:, :2], z[:, 2]
-        true = angle.at[free].add(-pinv(c.geared.angles[:, free]) @ self._gears_open(at, angle, c))
-        first = {link: self._seen(link, pins, places)[0] for link, pins in self.members}
-        arm = array([places[link][point] for link, point in first.items()])
-        at = at + turned(along(angle), arm) - turned(along(true), arm)
-        return jnp.concatenate([at, true[:, None]], axis=1)
+        seen = [places[name][self._seen(name, pins, places)[0]] for name, pins in self.members]
+        return self._web().following(z, c, np.flatnonzero(self._loose()), array(seen))
 
     def off_by(self, whole: Array) -> General:
         """The group with its gears off by so many whole turns each."""
-        none = jnp.zeros(0)
-        return dataclasses.replace(self, path=(self.path or Track(none, none, none))._replace(whole=whole))
+        return dataclasses.replace(self, path=(self.path or Track(*[jnp.zeros(0)] * 3))._replace(whole=whole))
 
-    def closed(
-        self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0
-    ) -> tuple[Array, Array, Array]:
-        """The configuration near `start` that closes the joints, by damped least squares, the mean of its Jacobian's
-        determinant, and what it leaves open, of the size of the group; without derivatives. What is open may `grow` so
-        many times in a step: it does near a fold in Newton's."""
+    def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0):
+        """The configuration near `start` that closes the joints, by damped least squares (what is open may `grow` so
+        many times), the mean of its Jacobian's determinant, and what it leaves open, of its size; without derivatives."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)
         c, start = jax.lax.stop_gradient((c, start))
 

@@ -170,7 +170,8 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
     held = fixed.held_by(group)
 
     def coordinates(phi, sense):
-        return group.coordinates(held, *before(phi)[:2], sense)
+        states, points, _ = before(phi)
+        return group.coordinates(held, states, points, sense)
 
     return course_of(lambda phi: group.gaps(held, *before(phi)[:2]), coordinates, SCANNED, turns)
 

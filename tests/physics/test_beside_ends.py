@@ -1,3 +1,4 @@
+# pyright: reportAttributeAccessIssue=false, reportOptionalIterable=false, reportOperatorIssue=false
 """General groups beside the ends of their ranges, and behind groups whose ranges end: against mpmath, and against the
 fine continuation in NumPy of `test_followed`."""
 
@@ -247,7 +248,7 @@ def test_behind_another_group(make):
 
 
 @compiled_soon()
-def wheels(mechanism: Mechanism, at: jax.Array) -> tuple[jax.Array, jax.Array]:
+def wheels(mechanism: Mechanism, at: jax.Array) -> tuple[jax.Array | None, jax.Array]:
     """Angle of the wheel, and the least margin."""
     return jax.vmap(lambda phi: (pose(mechanism, phi).links["wheel"].angle, least(mechanism, phi)))(at)
 
