@@ -198,7 +198,7 @@ class General(AbstractChain):
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0):
         """The configuration near `start` that closes the joints, by damped least squares (what is open may `grow` so
-        many times), the mean of its Jacobian's determinant, and what it leaves open, of its size; without derivatives."""
+        many times), the mean of its Jacobian's determinant, and what it leaves open, of its size; not derived."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)
         c, start = jax.lax.stop_gradient((c, start))
 
