@@ -16,6 +16,8 @@ from linkjax._vec import Vec, unit
 
 NEAR = 3  # steps of Newton's method from the reference path
 
+Found = tuple[Array, Array, Array]  # a configuration, the mean of its Jacobian's determinant, and what it leaves open
+
 
 class Known(NamedTuple):
     """Places of points and directions of links that were there before the group, and angles of those among them that

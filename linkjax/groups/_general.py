@@ -22,7 +22,7 @@ from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
 from linkjax.groups._chain import AbstractChain
-from linkjax.groups._closure import Closure, Geared, Known, Placed, Web, array, least_singular, placed
+from linkjax.groups._closure import Closure, Found, Geared, Known, Placed, Web, array, least_singular, placed
 from linkjax.groups._drawn import from_sketch
 from linkjax.groups._gear import Gear
 from linkjax.groups._pairs import FRAME
@@ -196,7 +196,7 @@ class General(AbstractChain):
         """The group with its gears off by so many whole turns each."""
         return dataclasses.replace(self, path=(self.path or Track(*[jnp.zeros(0)] * 3))._replace(whole=whole))
 
-    def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0):
+    def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0) -> Found:
         """The configuration near `start` that closes the joints, by damped least squares (what is open may `grow` so
         many times), the mean of its Jacobian's determinant, and what it leaves open, of its size; not derived."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)

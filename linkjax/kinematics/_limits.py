@@ -74,9 +74,8 @@ def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
     if any(path.trouble() == "astray" for path in paths):
         return True
     seams = [float(path.middle()) for path in paths if bool(path.ends())]  # what is left out of longer ones is one
-    return any(
-        math.remainder(end - at, whole) ** 2 < LEFT_OUT**2 for at in seams for end in found[:2] if found.at_start
-    )
+    ends = found[:2] if found.at_start else ()
+    return any(abs(math.remainder(end - at, whole)) < LEFT_OUT for at in seams for end in ends)
 
 
 def _ranges(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
