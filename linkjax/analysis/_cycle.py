@@ -188,8 +188,8 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
 
 
 def _where_it_can(cycle: Cycle) -> str:
-    """The ranges of crank angle in which it can be assembled, and a law that stays inside the first, and begins where a
-    machine with general groups is drawn; nothing for a crank that comes round."""
+    """The ranges of crank angle in which it can be assembled, and a law that stays inside the first, and begins where
+    general groups are drawn if it can; nothing for a crank that comes round."""
     mechanism = cycle.scene.mechanism
     crank = mechanism.groups[0]
     if not isinstance(crank, Crank):
@@ -200,17 +200,23 @@ def _where_it_can(cycle: Cycle) -> str:
     if not ranges[0].at_start:
         return ""
     told = " and ".join(f"{math.degrees(r.start):.4f} to {math.degrees(r.stop):.4f} degrees" for r in ranges)
-    inset = INSIDE * (ranges[0].stop - ranges[0].start)
-    ends = ranges[0].start + inset, ranges[0].stop - inset
-    if any(isinstance(group, General) for group in mechanism.groups):
+    low, high = ranges[0].start, ranges[0].stop
+    inset = INSIDE * (high - low)
+    ends, drawn = (low + inset, high - inset), ""
+    if any(isinstance(group, General) and group.sketch for group in mechanism.groups):
         begin = 0.0 if crank.law is None else float(crank.law.at(jnp.zeros(()))[0])
-        ends = begin, max(ends, key=lambda end: abs(end - begin))
-    ends = [end * crank.turns for end in ends]
-    law = ", ".join(f'{key} = "{math.degrees(at):.4g} deg"' for key, at in zip(("start", "stop"), ends, strict=True))
+        if low < begin < high:
+            ends = begin, max(ends, key=lambda end: abs(end - begin))
+        else:
+            drawn = ", and draw it where that begins"
+    law = ", ".join(
+        f'{key} = "{math.degrees(end * crank.turns) + 0.0:.4f} deg"'
+        for key, end in zip(("start", "stop"), ends, strict=True)
+    )
     has = "its law goes beyond that" if crank.law is not None else "its crank does not come round"
     return (
         f"It can be assembled from {told} of crank angle, and {has}: let it swing inside, e.g. law = {{ {law} }} on "
-        "the crank, or change lengths. "
+        f"the crank{drawn}, or change lengths. "
     )
 
 

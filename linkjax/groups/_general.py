@@ -175,22 +175,22 @@ class General(AbstractChain):
         turns the gears of tied wheels are off, which makes no difference to what they are tied to."""
         places, c = self._at(links, states, points, phi)
         assert c.geared is not None
-        angle = jnp.where(self._loose(), angle, nearest_turn(angle, 2 * jnp.pi))
+        angle = jnp.where(self.loose(), angle, nearest_turn(angle, 2 * jnp.pi))
         tied = np.asarray([self.in_whole_turns(gear) for gear in self.gears])
         whole = jnp.where(tied, jnp.round(self._web().gears_open(at, angle, c) / (2 * jnp.pi * c.size)), 0.0)
         c = c._replace(geared=c.geared._replace(wanted=c.geared.wanted + 2 * jnp.pi * c.size * whole))
         return self._following(jnp.concatenate([at, angle[:, None]], axis=1), places, c), whole
 
-    def _loose(self) -> np.ndarray:
+    def loose(self) -> np.ndarray:
         """Which links are wheels that are pinned once and not driven."""
         return np.asarray([name in self.spinning() for name in self.link_names()])
 
     def _following(self, z: Array, places, c: Closure) -> Array:
         """A configuration in which loose wheels stand as the others say, about the first point that is seen of them."""
-        if not (self.gears and self._loose().any()):
+        if not (self.gears and self.loose().any()):
             return z
         seen = [places[name][self._seen(name, pins, places)[0]] for name, pins in self.members]
-        return self._web().following(z, c, np.flatnonzero(self._loose()), array(seen))
+        return self._web().following(z, c, np.flatnonzero(self.loose()), array(seen))
 
     def off_by(self, whole: Array) -> General:
         """The group with its gears off by so many whole turns each."""

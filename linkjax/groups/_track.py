@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
 from linkjax.groups._winding import Winding
-
-SAME = 1e-9  # steps of a path: what lies nearer to a place is that place
 
 
 def closed_to(dtype: Any) -> float:
@@ -107,7 +106,11 @@ class Track(NamedTuple):
         sound = self.gap[rows] < closed_to(self.gap.dtype)
         eases = self.ends() & jnp.any(sound)  # else it is right between its ends
         apart = jnp.abs(self.tips_at[:, None] - at[None]) * (1 / step)
-        beside = eases & jnp.any(sound[None] & (apart < 1), axis=1) & jnp.all(apart > SAME, axis=1)
+        beside = (
+            eases
+            & jnp.any(sound[None] & (apart < 1), axis=1)
+            & jnp.all(apart > jnp.finfo(apart.dtype).eps ** 0.5, axis=1)
+        )
         there = jnp.concatenate([sound | ~eases, beside])
         low, high = self.lost[1] - span, self.lost[0]
         at = jnp.concatenate([at, self.tips_at, (at[0] + x * step)[None]])
@@ -131,12 +134,15 @@ class Track(NamedTuple):
         assert self.lost is not None
         return 0.5 * (self.lost[0] + self.lost[1])
 
-    def astray(self) -> Array:
-        """Whether it does not come back to where it began."""
-        moved, turned = jnp.split(self.z[-1] - self.z[0], [2], axis=1)
+    def astray(self, but: np.ndarray | None = None) -> Array:
+        """Whether it does not come back to where it began; some links may be left out."""
+        kept = self.z if but is None else self.z[:, ~but]
+        moved, turned = jnp.split(kept[-1] - kept[0], [2], axis=1)
         assert self.size is not None
         turned = nearest_turn(turned, 2 * jnp.pi) if self.z.shape[2] == 3 else turned
-        apart = jnp.maximum(jnp.max(jnp.abs(turned)), jnp.max(jnp.abs(moved)) / self.size)  # racks only slide on
+        apart = jnp.maximum(
+            jnp.max(jnp.abs(turned), initial=0.0), jnp.max(jnp.abs(moved), initial=0.0) / self.size
+        )  # racks only slide on
         return apart > jnp.finfo(apart.dtype).eps ** 0.4
 
     def trouble(self) -> str:

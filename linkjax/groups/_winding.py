@@ -60,8 +60,7 @@ def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
     their rates, and to the last digit. Over steps where these are none, or grow beyond all bounds, as near a dead
     position, they turn the shorter way."""
     rows, rates = [], []
-    closes = closes | ~closes[0]
-    last = jax.lax.cummax(jnp.where(closes, jnp.arange(closes.size), 0))
+    last = jnp.maximum(jax.lax.cummax(jnp.where(closes, jnp.arange(closes.size), 0)), jnp.argmax(closes))
     for state in states:
         w, e = state.w, state.e
         if state.angle is not None:

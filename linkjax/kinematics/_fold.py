@@ -7,7 +7,6 @@ import math
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from linkjax._lapack import solve, svd
@@ -42,7 +41,6 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
     assert isinstance(group, General) and group.path is not None
     links = mechanism.held_by(group)
     size, free = group.size(links, before_group(mechanism, number, inside)[1]), 3 * len(group.members)
-    loose = np.asarray([name in group.spinning() for name in group.link_names()])
     start, *_ = group.closed(
         links, *before_group(mechanism, number, inside), inside, group.path.at(inside, group.turns), STEPS
     )
@@ -62,5 +60,5 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
         return x - solve(jax.jacfwd(system)(x), system(x))
 
     x = jax.lax.fori_loop(0, STEPS, step, jnp.concatenate([still, along, end[None]]))
-    moved = jnp.abs(x[:free].reshape((-1, 3))).at[loose, 2].set(0.0)
+    moved = jnp.abs(x[:free].reshape((-1, 3))).at[group.loose(), 2].set(0.0)
     return x[-1], jnp.max(jnp.abs(system(x))), jnp.max(moved)

@@ -60,22 +60,28 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     elif law is not None:
         turns = max(turns, round(law.period() / (2 * math.pi)))
     mechanism = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:]))  # anew, without paths
+    asked = 2 * math.pi * turns
     found = first = _ranges(mechanism, turns)
     while turns <= LONGEST // 2 and found and _goes_on(mechanism, turns, found[0]):
         turns *= 2
         found = _ranges(mechanism, turns)
-    found = found if found and found[0].at_start else first
+    found = [each for each in found if each.start < asked] if found and found[0].at_start else first
     return tuple(r._replace(start=r.start + begin, stop=r.stop + begin) if r.at_start else r for r in found)
 
 
 def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
     """Whether a range may be longer than these turns, or that of one of its groups, which then is elsewhere in it."""
-    whole, paths = 2 * math.pi * turns, _followed(prepared(mechanism, turns))
-    if any(path.trouble() == "astray" for path in paths):
-        return True
-    seams = [float(path.middle()) for path in paths if bool(path.ends())]  # what is left out of longer ones is one
+    groups = [group for group in prepared(mechanism, turns).groups if isinstance(group, General)]
     ends = found[:2] if found.at_start else ()
-    return any(abs(math.remainder(end - at, whole)) < LEFT_OUT for at in seams for end in ends)
+    for group, path in ((group, group.path) for group in groups):
+        assert path is not None
+        if path.trouble() == "astray" and (not ends or bool(path.astray(group.loose()))):
+            return True
+        if bool(path.ends()):  # what is left out of a longer one is narrow
+            seam = float(path.middle())
+            if any(abs(math.remainder(end - seam, 2 * math.pi * turns)) < LEFT_OUT for end in ends):
+                return True
+    return False
 
 
 def _ranges(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:

@@ -76,7 +76,7 @@ def _joined(up: Track, down: Track, tip: Tip, end: Tip, angles: Array) -> Track:
     lost = jnp.where(ends, jnp.stack([until, since]), jnp.stack([span, -span]))
     firsts = _firsts(sound[0] | sound[1] | above | below, other)
     return path._replace(
-        gap=jnp.where(above | below, 1.0, path.gap),
+        gap=jnp.where(above | below, 1.0, path.gap).at[0].set(up.gap[0]),
         first=firsts.astype(path.gap.dtype),
         lost=lost,
         tips=jnp.stack([tip.z, end.z]),
@@ -200,9 +200,8 @@ def _follow(
     dtype, smallest, shut = last.z.dtype, (to - phi) / SMALLEST, closed_to(last.z.dtype)
     assert last.size is not None
     measure = jnp.ones_like(last.z).at[:, :2].set(last.size)
-    free = np.asarray([name in group.spinning() for name in group.link_names()])
     if last.z.shape[1] == 3:  # wheels may turn as fast as they like: there is only one way
-        measure = measure.at[free, 2].set(jnp.inf)
+        measure = measure.at[group.loose(), 2].set(jnp.inf)
 
     def step(going: _Going) -> _Going:
         new, gone = jnp.minimum(going.at + going.width, to), going.most >= shut

@@ -34,7 +34,7 @@ def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -
         away = float(jnp.sqrt((points[group.from_].r - points[group.about].r).squared()))
         offset = f"less than its offset of {abs(float(group.offset)):.4g} m"
         return f"its pins {group.about!r} and {group.from_!r} are {away:.4g} m apart, {offset}"
-    if isinstance(group, General) and group.path is not None and bool(group.path.ends()):
+    if side == "loops" and isinstance(group, General) and group.path is not None and bool(group.path.ends()):
         return "its loops do not close there, or only as another assembly"
     return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
 

@@ -137,7 +137,7 @@ def test_what_is_said_of_it():
     text = str(told.value)
     assert "'coupler-rocker' cannot be assembled at 180.00 degrees" in text
     assert f"from {-end:.4f} to {end:.4f} degrees of crank angle" in text
-    assert f'law = {{ start = "{-0.8 * end:.4g} deg", stop = "{0.8 * end:.4g} deg" }}' in text
+    assert f'law = {{ start = "{-0.8 * end:.4f} deg", stop = "{0.8 * end:.4f} deg" }}' in text
 
 
 @pytest.mark.slow

@@ -195,14 +195,14 @@ def turned(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
 
 
 def test_a_group_too_short_at_crank_angle_zero():
-    """Stretched out between B and D, which are 0.9 m apart, links of 0.3 m in all leave 0.2 m open at each of three
+    """Stretched out between B and D, which are 0.9 m apart, links of 0.45 m in all leave 0.15 m open at each of three
     pins: no less is told, and not much more, though the last of the way there is slow."""
-    machine = four_bar((0.1, 0.2, 0.1, 1.0, 0.0), True, sketch=Vec(0.6, 0.1))
+    machine = four_bar((0.1, 0.35, 0.1, 1.0, 0.0), True, sketch=Vec(0.6, 0.1))
     machine = dataclasses.replace(machine, flywheel=Flywheel(1.0))
     with pytest.raises(lj.MachineError, match=r"'coupler-rocker' .* crank angle zero.* joints \(B, C, D\)") as told:
         lj.analyse(lj.Scene(machine, speed=3.0), angles=8, nodes=32)
     left = re.search(r"come, (\S+) m are left open", str(told.value))
-    assert left is not None and 0.2 <= float(left[1]) < 0.25
+    assert left is not None and 0.15 <= float(left[1]) < 0.19
 
 
 @pytest.mark.slow

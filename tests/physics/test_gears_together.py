@@ -348,3 +348,15 @@ def test_a_wheel_of_a_general_group_on_a_fast_link(crank):
         known = 10 * (second[steps] - second[steps[0]])
         np.testing.assert_allclose(turned[-1] - turned[-1][0], known, atol=1e-8)
     np.testing.assert_allclose(turned[1], turned[0], atol=1e-9)
+
+
+def test_loose_wheels_do_not_make_ranges_longer():
+    """A wheel in gear with the crank is never after a turn where it began; the range is that of the other links."""
+    links = {name: Link(length=length) for name, length in (("crank", 0.3), ("coupler", 0.25), ("rocker", 0.2))}
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0), "E": Vec(-0.5, 0.0)}
+    crank, dyad = Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C")
+    wheel = General((("wheel", ("E",)),), ("E",), {}, gears=(Gear("wheel", "E", Teeth((20, 33)), "crank", "A"),))
+    alone = lj.crank_limits(Mechanism(fixed, links, [crank, dyad]))
+    found = lj.crank_limits(Mechanism(fixed, {**links, "wheel": Link()}, [crank, wheel, dyad]))
+    assert len(found) == len(alone) == 1
+    np.testing.assert_allclose(found[0][:2], alone[0][:2], atol=1e-12)
