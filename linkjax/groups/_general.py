@@ -194,7 +194,7 @@ class General(AbstractChain):
 
     def off_by(self, whole: Array) -> General:
         """The group with its gears off by so many whole turns each."""
-        return dataclasses.replace(self, path=(self.path or Track(*[jnp.zeros(0)] * 3))._replace(whole=whole))
+        return dataclasses.replace(self, path=(self.path or Track(z := jnp.zeros(0), z, z))._replace(whole=whole))
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0) -> Found:
         """The configuration near `start` that closes the joints, by damped least squares (what is open may `grow` so
