@@ -121,7 +121,7 @@ def explain_start(scene: Scene) -> None:
         remedy = "Change lengths, or the phase of the crank, or sketch its pins where they are at crank angle zero."
         if law is not None:
             slides = group.driven_slot() is not None
-            begins = float(law.at(jnp.zeros(()))[0])
+            begins = law.begins()
             told = f"stroke, which begins at {begins:.4g} m" if slides else f"law, which begins at {begins:.4g} rad"
             remedy = f"Change its {told}, or lengths, or sketch its pins where they are there."
         raise MachineError(
@@ -197,14 +197,14 @@ def _where_it_can(cycle: Cycle) -> str:
     ranges = crank_limits(mechanism, cycle.scene.cycle_turns)
     if not ranges:
         return "It can be assembled at no crank angle. "
-    if not ranges[0].at_start:
+    if not ranges[0].at_start and not ranges[0].at_stop:
         return ""
     told = " and ".join(f"{math.degrees(r.start):.4f} to {math.degrees(r.stop):.4f} degrees" for r in ranges)
     low, high = ranges[0].start, ranges[0].stop
     inset = INSIDE * (high - low)
     ends, drawn = (low + inset, high - inset), ""
     if any(isinstance(group, General) and group.sketch for group in mechanism.groups):
-        begin = 0.0 if crank.law is None else float(crank.law.at(jnp.zeros(()))[0])
+        begin = 0.0 if crank.law is None else crank.law.begins()
         if low < begin < high:
             ends = begin, max(ends, key=lambda end: abs(end - begin))
         else:

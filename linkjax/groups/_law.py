@@ -33,6 +33,10 @@ class AbstractLaw(eqx.Module):
     def at(self, phi: Array) -> Moved:
         """The coordinate at the crank angle `phi` (rad), with its derivatives."""
 
+    def begins(self) -> float:
+        """The coordinate at crank angle zero, where sketches are drawn."""
+        return float(self.at(jnp.zeros(()))[0])
+
     def period(self) -> float:
         """Crank angle (rad) after which it repeats."""
         return 2 * math.pi

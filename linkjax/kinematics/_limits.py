@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from linkjax.groups import Crank, General, Track
@@ -22,13 +21,17 @@ HALVINGS = 50  # of a scan step: down to rounding
 CLOSE = 1e-5  # rad: how far inside a range a general group is taken to find its fold from
 STEP = 0.02  # rad: how far inside its range a fold may be found
 LONGEST = 8  # turns that a range may take
+SLOW = 64  # the same of cranks that swing with wheels
+SAME = 1e-9  # margins, and their slopes, after turns that all repeats after
 LEFT_OUT = 0.06  # rad: more than a reference path leaves out of a range that is longer
+TOUCH = -4e-16  # a margin that comes down to this touches zero in a change point, and ends nothing
 BATCH = 16  # ends that are sharpened together
 
 
 class CrankRange(NamedTuple):
     """Crank angles (rad) from `start` to `stop`, growing, between which a mechanism can be assembled all the way; what
-    ends it there, e.g. "coupler-rocker, stretched", and "" where the crank comes round and nothing does."""
+    ends it there, e.g. "coupler-rocker, stretched", and "" where nothing does: the crank comes round, or swings, with
+    wheels that repeat nothing, and can go on for as many turns as were looked at."""
 
     start: float
     stop: float
@@ -47,31 +50,55 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
     points. Of a general group there is one range, in which it can be followed up and down from there, through up to
     eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else up to 1e-5 rad
-    off). A gap in which less than 4e-10 of its size stays open, some 1e-4 rad wide, is none. Ranges of other groups
-    narrower than a thousandth of a turn may be overlooked. Whether all is after a turn where it began is another
-    question. Not for use under jax transformations: plain numbers come out.
+    off). A crank with a law need not come round, so with wheels in gear it is looked at for as many turns either way as
+    its range takes, up to 32. A gap in which less than 4e-10 of its size stays open, some 1e-4 rad wide, is none.
+    Ranges of other groups narrower than a thousandth of a turn may be overlooked. Whether all is after a turn where it
+    began is another question. Not for use under jax transformations: plain numbers come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
-    crank, begin = mechanism.groups[0], 0.0
-    law = mechanism.driver.follows()
+    crank, law, begin = mechanism.groups[0], mechanism.driver.follows(), 0.0
+    asked, slow = turns, False
     if isinstance(crank, Crank) and law is not None:
-        begin = float(law.at(jnp.zeros(()))[0])  # sketches are drawn there
+        begin = law.begins()  # sketches are drawn there
         crank = dataclasses.replace(crank, law=None, phase=crank.phase + begin)
+        slow = any(group.wheels() for group in mechanism.groups)
+        turns = 2 * turns if slow else turns
     elif law is not None:
-        turns = max(turns, round(law.period() / (2 * math.pi)))
+        asked = turns = max(turns, round(law.period() / (2 * math.pi)))
     mechanism = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:]))  # anew, without paths
-    asked = 2 * math.pi * turns
-    found = first = _ranges(mechanism, turns)
-    while turns <= LONGEST // 2 and found and _goes_on(mechanism, turns, found[0]):
+    ready = prepared(mechanism, turns)
+    found = first = _ranges(ready, turns)
+    while found and (_goes_on(ready, turns, found[0]) or (slow and 2 * turns <= SLOW and _far(ready, turns, found[0]))):
         turns *= 2
-        found = _ranges(mechanism, turns)
-    found = [each for each in found if each.start < asked] if found and found[0].at_start else first
-    return tuple(r._replace(start=r.start + begin, stop=r.stop + begin) if r.at_start else r for r in found)
+        ready = prepared(mechanism, turns)
+        found = _ranges(ready, turns)
+    found = [each for each in found or first if each.start < 2 * math.pi * asked]
+    if found and slow and _far(ready, turns, found[0]):
+        found = [_cut(turns, found[0]), *found[1:]]
+    elif not found or not found[0].at_start:
+        return (CrankRange(0.0, 2 * math.pi * asked, "", ""),) if found else ()
+    return tuple(each._replace(start=each.start + begin, stop=each.stop + begin) for each in found)
+
+
+def _far(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
+    """Whether a range goes on beyond the turns that were looked at, half of them either way, and nothing repeats."""
+    if found.at_start:
+        return max(-found.start, found.stop) > math.pi * turns
+    sides = _at(mechanism, np.asarray([-math.pi * turns, math.pi * turns]))
+    return not all(np.allclose(*side, rtol=0.0, atol=SAME) for side in sides)
+
+
+def _cut(turns: int, found: CrankRange) -> CrankRange:
+    """The range as far as it was looked at: wheels need not repeat what is beyond."""
+    half = math.pi * turns
+    start, at_start = (found.start, found.at_start) if found.at_start and found.start >= -half else (-half, "")
+    stop, at_stop = (found.stop, found.at_stop) if found.at_stop and found.stop <= half else (half, "")
+    return CrankRange(start, stop, at_start, at_stop)
 
 
 def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
     """Whether a range may be longer than these turns, or that of one of its groups, which then is elsewhere in it."""
-    groups = [group for group in prepared(mechanism, turns).groups if isinstance(group, General)]
+    groups = [group for group in mechanism.groups if isinstance(group, General) and 2 * turns <= LONGEST]
     ends = found[:2] if found.at_start else ()
     for group, path in ((group, group.path) for group in groups):
         assert path is not None
@@ -85,15 +112,15 @@ def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
 
 
 def _ranges(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
-    """The same of a mechanism whose crank has no law, or whose turns its law takes."""
-    whole = 2 * math.pi * turns
+    """The same of a prepared mechanism whose crank has no law, or whose turns its law takes. It is looked at as far up
+    as down from zero: what repeats after these turns is the same there, and what does not is right where it is."""
+    half, whole = math.pi * turns, 2 * math.pi * turns
     owners = [number for number, g in enumerate(mechanism.groups) for _ in g.dead_positions()]
     names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions()]
     if not names:
         return (CrankRange(0.0, whole, "", ""),)
-    mechanism = prepared(mechanism, turns)
-    gaps = [float(path.middle()) for path in _followed(mechanism) if bool(path.ends())]
-    scan = np.unique(np.concatenate([np.asarray(scan_angles(turns, SCAN)), np.mod(gaps, whole)]))
+    gaps = np.asarray([float(path.middle()) for path in _followed(mechanism) if bool(path.ends())])
+    scan = np.unique(np.concatenate([np.asarray(scan_angles(turns, SCAN)), np.mod(gaps + half, whole)]) - half)
     found = sorted(_crossings(mechanism, scan, whole))
     if not found:
         return (CrankRange(0.0, whole, "", ""),) if bool(_sound(mechanism, np.zeros(1))[0]) else ()
@@ -110,10 +137,11 @@ def _ranges(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
                 last += 1
             start, stop = ends[first], after[last % count] + whole * (last // count)
             lower, upper = found[first][1], found[(last + 1) % count][1]
-            half = 0.5 * (stop - start)
-            start = _sharpened(mechanism, owners[lower], start, half)
-            stop = _sharpened(mechanism, owners[upper], stop, -half)
-            start, stop = (start, stop) if stop <= whole or stop - whole <= 0 else (start - whole, stop - whole)
+            inwards = 0.5 * (stop - start)
+            start = _sharpened(mechanism, owners[lower], start, inwards)
+            stop = _sharpened(mechanism, owners[upper], stop, -inwards)
+            shift = -whole if stop >= whole else whole if stop < 0 else 0.0
+            start, stop = start + shift, stop + shift
             ranges.append(CrankRange(start, stop, names[lower], names[upper]))
     return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.start)))
 
@@ -150,36 +178,37 @@ def _at(mechanism: Mechanism, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _sound(mechanism: Mechanism, phi: np.ndarray) -> np.ndarray:
     """Whether it can be assembled at these angles."""
-    return np.all(_at(mechanism, phi)[0] > 0, axis=1)
+    return np.all(_at(mechanism, phi)[0] > TOUCH, axis=1)
 
 
 def _crossings(mechanism: Mechanism, scan: np.ndarray, whole: float) -> list[tuple[float, int]]:
     """Angles at which a margin changes its sign, with the number of the margin."""
-    value, slope = (np.asarray(part) for part in _margins(mechanism, scan))
+    value, slope = (np.asarray(part) for part in _margins(mechanism, np.append(scan, scan[0] + whole)))
     upto, rows, cells = np.append(scan[1:], scan[0] + whole), [], []
-    above, after = value > 0, np.roll(value, -1, axis=0) > 0
-    turn = slope * np.roll(slope, -1, axis=0) < 0
-    for i, k in np.argwhere(turn & (above == after) & (above == (slope < 0))):  # it may dip to the other side
-        rows.append((scan[i], upto[i], k))
+    above, after = value[:-1] > TOUCH, value[1:] > TOUCH
+    down, dips = slope[:-1] < 0, slope[:-1] * slope[1:] < 0
+    for i, k in np.argwhere(dips & (above == after) & (above == down)):  # it may dip to the other side
+        rows.append((scan[i], upto[i], k, above[i, k]))
     if rows:
-        at, to, columns = (np.asarray(part) for part in zip(*rows, strict=True))
-        bottom = _halved(mechanism, at, to, columns, 1)
-        beyond = (_at(mechanism, bottom)[0][np.arange(len(at)), columns] > 0) != (
-            _at(mechanism, at)[0][np.arange(len(at)), columns] > 0
-        )
-        for a, b, c, k in zip(at[beyond], bottom[beyond], to[beyond], columns[beyond], strict=True):
-            cells += [(a, b, k), (b, c, k)]
-    cells += [(scan[i], upto[i], k) for i, k in np.argwhere(above != after)]
+        at, to, columns, kept = (np.asarray(part) for part in zip(*rows, strict=True))
+        bottom = _halved(mechanism, at, to, columns, 1, ~kept)
+        beyond = (_at(mechanism, bottom)[0][np.arange(len(at)), columns] > TOUCH) != kept
+        for a, b, c, k, one in zip(*(part[beyond] for part in (at, bottom, to, columns, kept)), strict=True):
+            cells += [(a, b, k, one), (b, c, k, ~one)]
+    cells += [(scan[i], upto[i], k, above[i, k]) for i, k in np.argwhere(above != after)]
     if not cells:
         return []
-    low, high, columns = (np.asarray(part) for part in zip(*cells, strict=True))
-    return [(float(a % whole), int(k)) for a, k in zip(_halved(mechanism, low, high, columns, 0), columns, strict=True)]
+    low, high, columns, begun = (np.asarray(part) for part in zip(*cells, strict=True))
+    ends = _halved(mechanism, low, high, columns, 0, begun)
+    return [(float(a), int(k)) for a, k in zip(ends, columns, strict=True)]
 
 
-def _halved(mechanism: Mechanism, low: np.ndarray, high: np.ndarray, columns: np.ndarray, which: int) -> np.ndarray:
-    """Where margins (`which` 0) or their slopes (1) change their sign between two angles, by halving."""
+def _halved(
+    mechanism: Mechanism, low: np.ndarray, high: np.ndarray, columns: np.ndarray, which: int, first: np.ndarray
+) -> np.ndarray:
+    """Where margins (`which` 0) or their slopes (1) change their sign between two angles, by halving; whether they are
+    positive at the `first` of them."""
     rows = np.arange(len(low))
-    first = _at(mechanism, low)[which][rows, columns] > 0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         same = (_at(mechanism, middle)[which][rows, columns] > 0) == first

@@ -229,3 +229,122 @@ def test_a_geared_five_bar_over_both_turns_of_its_cycle(phase):
     np.testing.assert_allclose(np.sort(np.ravel([r[:2] for r in found]) % (4 * np.pi)), ends, atol=1e-12)
     assert all(apart(0.5 * (r.start + r.stop)) < 0 for r in found)
     assert len(ends) > 2
+
+
+SLOW = {
+    "half": (lj.Teeth((40, 20)), -1 / 2),
+    "third": (lj.Teeth((60, 20)), -1 / 3),
+    "belt": (lj.Belt(0.0141, 0.01), 0.01 / 0.0141),
+}
+
+
+@pytest.mark.parametrize("phase", [1.0, 4.0])
+@pytest.mark.parametrize("ratio", SLOW)
+def test_a_crank_that_swings_in_gear_with_a_slow_wheel(ratio, phase):
+    """Nothing repeats after a turn, nor has it to: |D + c exp i(phase + k φ) - b exp iφ| = l + r, next to where the law
+    begins either way, which may be more than a turn away."""
+    wheels, k = SLOW[ratio]
+
+    def apart(phi):
+        return abs(0.18 + 0.04 * np.exp(1j * (phase + k * phi)) - 0.05 * np.exp(1j * phi)) - 0.2
+
+    for begin in (-0.5, 2.0):
+        if apart(begin) < 0:
+            exact = [next_root(apart, begin, way) for way in (-1, 1)]
+            found = crank_limits(geared(wheels, begin, phase))[0]
+            assert (found.start, found.stop) == pytest.approx(exact, abs=1e-12)
+
+
+def next_root(function, begin: float, way: int) -> float:
+    far = begin + way * np.linspace(0.0, 30.0, 30001)
+    i = int(np.argmax(function(far) > 0))
+    return float(brentq(function, far[i - 1], far[i], xtol=1e-15))  # pyright: ignore[reportArgumentType]
+
+
+def geared(wheels, begin: float, phase: float) -> Mechanism:
+    """A five-bar whose second crank is a wheel in gear with the first, which swings."""
+    links = {name: body(length) for name, length in (("crank", 0.05), ("wheel", 0.04), ("left", 0.1), ("right", 0.1))}
+    groups = [
+        Crank("crank", "A", "B", law=lj.Harmonic(begin, begin + 0.3)),
+        lj.Gear("wheel", "D", wheels, "crank", "A", "C", phase=phase),
+        RRR(("left", "right"), "B", "C", "P"),
+    ]
+    return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.18, 0.0)}, links, groups, flywheel=Flywheel(1.0))
+
+
+@pytest.mark.parametrize("teeth", [20, 500])
+def test_a_gearbox_before_a_double_rocker(teeth):
+    """The crank turns many times from end to end: the law of cosines for the wheel, by the ratio. Beyond 32 turns either
+    way it is told as far as it was looked at."""
+    links = {"crank": Link(length=0.01), "wheel": body(0.3), "coupler": body(0.25), "rocker": body(0.2)}
+    groups = [
+        Crank("crank", "M", "N", law=lj.Harmonic(0.3, 2.0)),
+        lj.Gear("wheel", "A", lj.Teeth((20 * teeth, 20)), "crank", "M", "B"),
+        RRR(("coupler", "rocker"), "B", "D", "C", 1),
+    ]
+    fixed = {"M": Vec(0.0, 1.0), "A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}
+    (found,) = crank_limits(Mechanism(fixed, links, groups))
+    end = stretched(0.3, 0.45, 0.4) * teeth
+    if teeth == 20:
+        assert (found.start, found.stop) == pytest.approx((-end, end), abs=1e-11)
+        assert found.at_start == found.at_stop == "coupler-rocker, stretched"
+    else:
+        assert found == (pytest.approx(0.3 - 64 * math.pi), pytest.approx(0.3 + 64 * math.pi), "", "")
+
+
+def test_a_pinion_that_swings_moves_a_rack():
+    """Several turns of a crank push a pin along a line, |start + r φ - D| <= l1 + l2: a rack never comes back."""
+    links = {"crank": Link(length=0.01), "rack": Link(), "coupler": body(0.25), "rocker": body(0.2)}
+    groups = [
+        Crank("crank", "A", "N", law=lj.Harmonic(1.0, 2.0)),
+        lj.Rack("rack", "R", Guide("A", offset=-0.02), "crank", "A", 0.02, start=0.1),
+        RRR(("coupler", "rocker"), "R", "D", "C", 1),
+    ]
+    machine = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.2, 0.3)}, links, groups)
+    rack = pose(machine, jnp.zeros(())).points["R"].r
+    across = math.sqrt(0.45**2 - (0.3 - float(rack.y)) ** 2)
+    found = crank_limits(machine)[0]
+    exact = [1.0 + (0.2 + side * across - float(rack.x)) / 0.02 for side in (-1, 1)]
+    assert abs(float(rack.x)) == pytest.approx(0.12, abs=1e-15) and exact[1] - exact[0] > 3 * 2 * math.pi
+    assert sorted((found.start, found.stop)) == pytest.approx(exact, abs=1e-11)
+
+
+@pytest.mark.slow
+def test_what_is_said_of_a_crank_in_gear_with_a_slow_wheel():
+    """The range is that about where its law begins, also where a general group closes the loop."""
+    machine = geared(SLOW["half"][0], -0.5, 4.0)
+    (low, high), *_ = (each[:2] for each in crank_limits(machine))
+    members, here = (("left", ("B", "P")), ("right", ("C", "P"))), pose(machine, jnp.zeros(()))
+    general = General(members, ("B", "C"), {"P": here.points["P"].r})
+    law = lj.Harmonic(-0.5, high + 0.2)
+    groups = (dataclasses.replace(machine.groups[0], law=law), machine.groups[1], general)
+    other = dataclasses.replace(machine, groups=groups)
+    found = crank_limits(other)[0]
+    assert (found.start, found.stop) == pytest.approx((low, high), abs=1e-12)
+    with pytest.raises(lj.MachineError) as told:
+        lj.analyse(lj.Scene(other, speed=3.0), angles=8, nodes=32)
+    text = str(told.value)
+    assert f"{math.degrees(low):.4f} to {math.degrees(high):.4f} degrees of crank angle" in text
+    assert f'law = {{ start = "{math.degrees(-0.5):.4f} deg", stop = ' in text
+
+
+@pytest.mark.slow
+def test_what_is_said_where_the_law_cannot_begin_where_it_is_drawn():
+    """A double rocker that does not close at crank angle zero, and beside it a general group drawn there."""
+    links = {"crank": body(0.3), "coupler": body(0.25), "rocker": body(0.2), "rod": body(0.9), "lever": body(0.8)}
+    fixed = {"A": Vec(0.0, 0.0), "D": Vec(-0.4, 0.0), "E": Vec(0.6, 0.0)}
+    r = 0.3  # from E to B at crank angle zero; the tip of the triangle on it
+    x = (0.9**2 + r**2 - 0.8**2) / (2 * r)
+    sketch = {"F": Vec(0.3 + x, math.sqrt(0.9**2 - x**2))}
+    groups = [
+        Crank("crank", "A", "B"),
+        RRR(("coupler", "rocker"), "B", "D", "C", 1),
+        General((("rod", ("B", "F")), ("lever", ("E", "F"))), ("B", "E"), sketch),
+    ]
+    scene = lj.Scene(Mechanism(fixed, links, groups, flywheel=Flywheel(1.0)), speed=3.0)
+    with pytest.raises(lj.MachineError) as told:
+        lj.analyse(scene, angles=8, nodes=32)
+    end = math.degrees(stretched(0.3, 0.45, 0.4))
+    text = str(told.value)
+    assert f"from {180 - end:.4f} to {180 + end:.4f} degrees of crank angle" in text
+    assert "on the crank, and draw it where that begins, or change lengths" in text
