@@ -274,8 +274,8 @@ def geared(wheels, begin: float, phase: float) -> Mechanism:
 
 @pytest.mark.parametrize("teeth", [20, 500])
 def test_a_gearbox_before_a_double_rocker(teeth):
-    """The crank turns many times from end to end: the law of cosines for the wheel, by the ratio. Beyond 32 turns either
-    way it is told as far as it was looked at."""
+    """The crank turns many times from end to end: the law of cosines for the wheel, by the ratio. Beyond 32 turns
+    either way it is told as far as it was looked at."""
     links = {"crank": Link(length=0.01), "wheel": body(0.3), "coupler": body(0.25), "rocker": body(0.2)}
     groups = [
         Crank("crank", "M", "N", law=lj.Harmonic(0.3, 2.0)),
