@@ -58,7 +58,8 @@ def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
     """Angles of links along the crank, from their states at equal steps (leaves of that shape) and whether they can be
     assembled there: the first within half a turn of zero where they are not counted already; from step to step by
     their rates, and to the last digit. Over steps where these are none, or grow beyond all bounds, as near a dead
-    position, they turn the shorter way."""
+    position, they turn the shorter way. Where that is as near as nothing to half round, as when a dyad's far pins
+    nearly meet, either could be it: the rate is told as too fast."""
     rows, rates = [], []
     last = jnp.maximum(jax.lax.cummax(jnp.where(closes, jnp.arange(closes.size), 0)), jnp.argmax(closes))
     for state in states:
@@ -71,8 +72,10 @@ def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
         known = closes & (jnp.abs(w) * step < FASTEST)
         moved = step * (w[1:] + w[:-1]) / 2 - jnp.clip(step**2 * (e[1:] - e[:-1]) / 12, -1.0, 1.0)
         moved = jnp.where(known[1:] & known[:-1], moved, 0.0)
-        steps = moved + nearest_turn(jnp.diff(angle) - moved, 2 * jnp.pi)
-        rows.append(jnp.concatenate([angle[:1], angle[0] + jnp.cumsum(steps)]))
+        other = nearest_turn(jnp.diff(angle) - moved, 2 * jnp.pi)
+        rows.append(jnp.concatenate([angle[:1], angle[0] + jnp.cumsum(moved + other)]))
+        unseen = closes[1:] & closes[:-1] & (jnp.abs(other) > FASTEST)
+        w = jnp.where(jnp.append(unseen, False), jnp.maximum(jnp.abs(w), 2 * FASTEST / step), w)
         rates.append(jnp.where(closes, w, 0.0))
     return Winding(jnp.stack(rows), jnp.stack(rates))
 

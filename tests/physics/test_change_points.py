@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax import RRP, RRR, Crank, Flywheel, Link, Mechanism, OpposingTorque, Torque, Vec
+from linkjax import RRP, RRR, Belt, Crank, Flywheel, Gear, Link, Mechanism, OpposingTorque, Torque, Vec
 from linkjax.kinematics import least_margin, pose, prepared
 
 PLACES = np.concatenate([at + s * 10.0 ** -np.arange(1.0, 13.0) for at in (0.0, math.pi) for s in (1, -1)])
@@ -187,3 +187,45 @@ def test_a_law_that_turns_back_at_a_change_point(law):
     np.testing.assert_allclose((rocker.u.x, rocker.u.y), (crank.u.x, crank.u.y), atol=1e-11)
     np.testing.assert_allclose(rocker.w, crank.w, atol=1e-10)
     assert float(least_margin(machine)) > 0
+
+
+def test_a_wheel_on_a_kite_that_is_nearly_one():
+    """The far pins of the dyad pass each other so closely that a link turns half round in less than a step of the path:
+    wheels on it are right, against a scan as fine as that, or told to follow what is too fast."""
+    rng, at = np.random.default_rng(7), np.linspace(0.1, 6.2, 12)
+
+    @jax.jit
+    def turned(lengths, phase):
+        machine = four_bar(*lengths, branch="fixed")
+        wheel = Gear("wheel", "E", Belt(0.1, 0.1), "rocker", "D")
+        groups = [Crank("crank", "A", "B", phase=phase), machine.groups[1], wheel]
+        links, fixed = {**machine.links, "wheel": Link()}, {**machine.fixed, "E": Vec(9.0, 0.0)}
+        made = prepared(Mechanism(fixed, links, groups))
+        angles = jax.vmap(lambda phi: pose(made, phi).links["wheel"].angle)(jnp.asarray(at))
+        return angles, made.groups[-1].returns()
+
+    counted, far = [], 0
+    for exponent in np.linspace(-9.0, -2.0, 120):
+        near = 10.0**exponent * rng.choice([-1.0, 1.0])
+        crank, coupler, phase = rng.uniform(0.1, 0.3), rng.uniform(0.4, 0.6), rng.uniform(0.1, 6.2)
+        rocker, frame = coupler + crank * abs(near) * rng.uniform(-0.9, 0.9), crank * (1 + near)
+        known = rocker_angle(crank, coupler, rocker, near, at + phase)
+        angles, told = turned((crank, coupler, rocker, frame), phase)
+        angles = np.asarray(angles)
+        if bool(told):
+            counted.append(exponent)
+            np.testing.assert_allclose(angles - angles[0], known - known[0], atol=1e-9)
+        far += exponent > -4
+    assert sum(exponent > -4 for exponent in counted) > 0.6 * far
+
+
+def rocker_angle(crank: float, coupler: float, rocker: float, near: float, at: np.ndarray) -> np.ndarray:
+    """The rocker's angle, unwound through angles as near to the passage as it is narrow, of a frame longer than the
+    crank by this part of it."""
+    passage = np.geomspace(1e-14, 0.3, 3000)
+    scan = np.unique(np.concatenate([at, np.linspace(at[0], at[-1], 2000), 2 * np.pi - passage, 2 * np.pi + passage]))
+    off = scan - 2 * np.pi
+    away = crank * (-near - 2 * np.sin(off / 2) ** 2 + 1j * np.sin(off))  # from D to B
+    r = abs(away)
+    bend = np.arccos(np.clip((r * r + rocker**2 - coupler**2) / (2 * r * rocker), -1.0, 1.0))
+    return np.interp(at, scan, np.unwrap(np.angle(away)) - bend)
