@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.forces import Forces
 from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track, slow
-from linkjax.kinematics import Least, Pose, Reversals, crank_limits, named_groups, shortfall
+from linkjax.kinematics import Least, Pose, Reversals, crank_limits, lost_at_start, named_groups, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
@@ -113,6 +113,9 @@ def explain_start(scene: Scene) -> None:
             continue
         if not float(group.path.gap[0]) > slow(group.path.gap.dtype):
             continue
+        lost = lost_at_start(scene.mechanism)
+        if lost is not None and lost[0] != name:
+            return  # it hangs on what does not close there, and the analysis tells where that does
         title = f"Scene {scene.title!r}: " if scene.title else ""
         assert group.path.size is not None
         left = float(group.path.gap[0] * group.path.size)
@@ -183,7 +186,9 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
         return f"passes on to another assembly near {place}: it has a change point or a dead position there", ""
     if short > (NEARLY if side == "loops" else CHANGE_POINT) or trouble == "ends":
         what = f"cannot be assembled at {place}: {shortfall(cycle.scene.mechanism, group, side, at.angle)}"
-        return what, _where_it_can(cycle) + LENGTHS
+        where = _where_it_can(cycle)
+        names_none = isinstance(named_groups(cycle.scene.mechanism)[group], General)
+        return what, (where or "Change lengths of its links.") if names_none else where + LENGTHS
     return f"has a change point at {place}: its two assemblies meet there, and which it takes is chance", ""
 
 

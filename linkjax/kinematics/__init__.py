@@ -19,5 +19,6 @@ from linkjax.kinematics._pose import named_groups as named_groups
 from linkjax.kinematics._pose import pose as pose
 from linkjax.kinematics._pose import prepared as prepared
 from linkjax.kinematics._pose import transmission_angles as transmission_angles
+from linkjax.kinematics._shortfall import lost_at_start as lost_at_start
 from linkjax.kinematics._shortfall import open_at_start as open_at_start
 from linkjax.kinematics._shortfall import shortfall as shortfall

@@ -39,11 +39,20 @@ def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -
     return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
 
 
-def open_at_start(mechanism: Mechanism) -> str:
-    """What cannot be assembled at crank angle zero, and why; nothing where all can. Not for use under jax
-    transformations."""
+def lost_at_start(mechanism: Mechanism) -> tuple[str, str] | None:
+    """The first group that cannot be assembled at crank angle zero, and its least margin; None where all can."""
     for name, sides in margins(prepared(mechanism), jnp.zeros(())).items():
         side = min(sides, key=lambda side, sides=sides: float(sides[side].value), default=None)
         if side is not None and float(sides[side].value) < -OPEN:
-            return f"{name!r} cannot be assembled at crank angle zero ({side}): {shortfall(mechanism, name, side, 0.0)}"
-    return ""
+            return name, side
+    return None
+
+
+def open_at_start(mechanism: Mechanism) -> str:
+    """What cannot be assembled at crank angle zero, and why; nothing where all can. Not for use under jax
+    transformations."""
+    lost = lost_at_start(mechanism)
+    if lost is None:
+        return ""
+    name, side = lost
+    return f"{name!r} cannot be assembled at crank angle zero ({side}): {shortfall(mechanism, name, side, 0.0)}"

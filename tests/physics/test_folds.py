@@ -206,6 +206,20 @@ def test_a_group_too_short_at_crank_angle_zero():
 
 
 @pytest.mark.slow
+def test_a_general_group_behind_a_dyad_too_short_at_crank_angle_zero():
+    """The dyad is told, and how far it reaches: what is open behind it says nothing."""
+    machine = four_bar((0.1, 0.35, 0.1, 1.0, 0.0), False)
+    links = {**machine.links, "rod": Link(length=0.5), "lever": Link(length=0.5)}
+    behind = General((("rod", ("C", "F")), ("lever", ("E", "F"))), ("C", "E"), {"F": Vec(0.6, 0.5)})
+    fixed, groups = {**machine.fixed, "E": Vec(1.0, 0.9)}, [*machine.groups, behind]
+    told = (
+        r"'coupler-rocker' cannot be assembled at .* 'B' and 'D' are 1.1 m apart, and 'coupler' \(0.35 m\) and 'rocker'"
+    )
+    with pytest.raises(lj.MachineError, match=told):
+        lj.analyse(lj.Scene(Mechanism(fixed, links, groups, flywheel=Flywheel(1.0)), speed=3.0), angles=8, nodes=32)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_blocks_without_arms_of_any_size(size):
     """Two blocks on two guides have no arm to measure by; closed to rounding in micrometres and in megametres."""
