@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -51,9 +52,10 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     points. Of a general group there is one range, in which it can be followed up and down from there, through up to
     eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else up to 1e-5 rad
     off). A crank with a law need not come round, so with wheels in gear it is looked at for as many turns either way as
-    its range takes, up to 32. A gap in which less than 4e-10 of its size stays open, some 1e-4 rad wide, is none.
-    Ranges of other groups narrower than a thousandth of a turn may be overlooked. Whether all is after a turn where it
-    began is another question. Not for use under jax transformations: plain numbers come out.
+    its range takes, up to 32; no range is taken to repeat, and those within `turns` either way are told. A gap in which
+    less than 4e-10 of its size stays open, some 1e-4 rad wide, is none. Ranges of other groups narrower than a
+    thousandth of a turn may be overlooked. Whether all is after a turn where it began is another question. Not for use
+    under jax transformations: plain numbers come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
     crank, law, begin = mechanism.groups[0], mechanism.driver.follows(), 0.0
@@ -67,39 +69,30 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
         asked = turns = max(turns, round(law.period() / (2 * math.pi)))
     mechanism = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:]))  # anew, without paths
     ready = prepared(mechanism, turns)
-    found = first = _ranges(ready, turns)
+    found = first = _ranges(ready, turns, slow)
     while found and (_goes_on(ready, turns, found[0]) or (slow and 2 * turns <= SLOW and _far(ready, turns, found[0]))):
         turns *= 2
         ready = prepared(mechanism, turns)
-        found = _ranges(ready, turns)
-    found = [each for each in found or first if each.start < 2 * math.pi * asked]
-    if found and slow and _far(ready, turns, found[0]):
-        found = [_cut(turns, found[0]), *found[1:]]
-    elif not found or not found[0].at_start:
-        return (CrankRange(0.0, 2 * math.pi * asked, "", ""),) if found else ()
-    return tuple(each._replace(start=each.start + begin, stop=each.stop + begin) for each in found)
+        found = _ranges(ready, turns, slow)
+    found, whole = found or first, 2 * math.pi * asked
+    if found and not (found[0].at_start or found[0].at_stop) and not (slow and _far(ready, turns, found[0])):
+        return (CrankRange(0.0, whole, "", ""),)
+    near = [each for each in found if each.start < whole and each.stop > -whole] or list(found[:1] if slow else ())
+    return tuple(each._replace(start=each.start + begin, stop=each.stop + begin) for each in near)
 
 
 def _far(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
     """Whether a range goes on beyond the turns that were looked at, half of them either way, and nothing repeats."""
-    if found.at_start:
-        return max(-found.start, found.stop) > math.pi * turns
+    if found.at_start or found.at_stop:
+        return not (found.at_start and found.at_stop)
     sides = _at(mechanism, np.asarray([-math.pi * turns, math.pi * turns]))
     return not all(np.allclose(*side, rtol=0.0, atol=SAME) for side in sides)
-
-
-def _cut(turns: int, found: CrankRange) -> CrankRange:
-    """The range as far as it was looked at: wheels need not repeat what is beyond."""
-    half = math.pi * turns
-    start, at_start = (found.start, found.at_start) if found.at_start and found.start >= -half else (-half, "")
-    stop, at_stop = (found.stop, found.at_stop) if found.at_stop and found.stop <= half else (half, "")
-    return CrankRange(start, stop, at_start, at_stop)
 
 
 def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
     """Whether a range may be longer than these turns, or that of one of its groups, which then is elsewhere in it."""
     groups = [group for group in mechanism.groups if isinstance(group, General) and 2 * turns <= LONGEST]
-    ends = found[:2] if found.at_start else ()
+    ends = [end for end, why in ((found.start, found.at_start), (found.stop, found.at_stop)) if why]
     for group, path in ((group, group.path) for group in groups):
         assert path is not None
         if path.trouble() == "astray" and (not ends or bool(path.astray(group.loose()))):
@@ -111,39 +104,51 @@ def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
     return False
 
 
-def _ranges(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
+def _ranges(mechanism: Mechanism, turns: int, slow: bool) -> tuple[CrankRange, ...]:
     """The same of a prepared mechanism whose crank has no law, or whose turns its law takes. It is looked at as far up
-    as down from zero: what repeats after these turns is the same there, and what does not is right where it is."""
+    as down from zero: what repeats after these turns is the same there, and in a `slow` machine, where nothing need
+    repeat, ranges are left where they are, and end where they are looked at no further."""
     half, whole = math.pi * turns, 2 * math.pi * turns
-    owners = [number for number, g in enumerate(mechanism.groups) for _ in g.dead_positions()]
-    names = [f"{group}, {side}" for group, g in named_groups(mechanism).items() for side in g.dead_positions()]
+    names = {
+        (number, side): f"{group}, {side}"
+        for number, (group, g) in enumerate(named_groups(mechanism).items())
+        for side in g.dead_positions()
+    }
+    round_it = (CrankRange(-half, half, "", ""),)
     if not names:
-        return (CrankRange(0.0, whole, "", ""),)
+        return round_it
     gaps = np.asarray([float(path.middle()) for path in _followed(mechanism) if bool(path.ends())])
     scan = np.unique(np.concatenate([np.asarray(scan_angles(turns, SCAN)), np.mod(gaps + half, whole)]) - half)
-    found = sorted(_crossings(mechanism, scan, whole))
+    found = [(angle, list(names)[k]) for angle, k in sorted(_crossings(mechanism, scan, whole))]
     if not found:
-        return (CrankRange(0.0, whole, "", ""),) if bool(_sound(mechanism, np.zeros(1))[0]) else ()
-    ends = np.asarray([angle for angle, _ in found])
-    after = np.append(ends[1:], ends[0] + whole)
-    sound = _sound(mechanism, 0.5 * (ends + after)) & (after > ends)
+        return round_it if bool(_sound(mechanism, np.zeros(1))[0]) else ()
+    ends = [(-half, None), *found, (half, None)] if slow else [*found, (found[0][0] + whole, found[0][1])]
+    sound = _between(mechanism, ends)
     if np.all(sound):
-        return (CrankRange(0.0, whole, "", ""),)
-    ranges, count = [], len(ends)
-    for first in range(count):
-        if sound[first] and not sound[first - 1]:
-            last = first
-            while sound[(last + 1) % count]:
-                last += 1
-            start, stop = ends[first], after[last % count] + whole * (last // count)
-            lower, upper = found[first][1], found[(last + 1) % count][1]
-            inwards = 0.5 * (stop - start)
-            start = _sharpened(mechanism, owners[lower], start, inwards)
-            stop = _sharpened(mechanism, owners[upper], stop, -inwards)
-            shift = -whole if stop >= whole else whole if stop < 0 else 0.0
-            start, stop = start + shift, stop + shift
-            ranges.append(CrankRange(start, stop, names[lower], names[upper]))
-    return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.start)))
+        return round_it
+    if not slow:  # on from where it cannot be assembled
+        on = int(np.argmin(sound)) + 1
+        ends = [*found[on:], *((angle + whole, why) for angle, why in found[:on])]
+        sound = np.roll(sound, -on)[:-1]
+    ranges, first = [], 0
+    for last in range(len(sound)):
+        first = first if sound[last] else last + 1
+        if sound[last] and not sound[last + 1 : last + 2].any():
+            (start, lower), (stop, upper) = ends[first], ends[last + 1]
+            start, stop = (
+                _sharpened(mechanism, why, end, 0.5 * (other - end))
+                for end, why, other in ((start, lower, stop), (stop, upper, start))
+            )
+            shift = 0.0 if slow else -whole if stop >= whole else whole if stop < 0 else 0.0
+            why = (names[which] if which is not None else "" for which in (lower, upper))
+            ranges.append(CrankRange(start + shift, stop + shift, *why))
+    return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.stop < 0.0, r.start)))
+
+
+def _between(mechanism: Mechanism, ends: Sequence[tuple[float, object]]) -> np.ndarray:
+    """Whether it can be assembled from each of these angles to the next."""
+    angles = np.asarray([angle for angle, _ in ends])
+    return _sound(mechanism, 0.5 * (angles[:-1] + angles[1:])) & (np.diff(angles) > 0)
 
 
 def _followed(mechanism: Mechanism) -> list[Track]:
@@ -151,12 +156,12 @@ def _followed(mechanism: Mechanism) -> list[Track]:
     return [g.path for g in mechanism.groups if isinstance(g, General) and g.path is not None]
 
 
-def _sharpened(mechanism: Mechanism, owner: int, end: float, inwards: float) -> float:
+def _sharpened(mechanism: Mechanism, why: tuple[int, str] | None, end: float, inwards: float) -> float:
     """An end of a range sharpened where a general group makes it; the middle of the range lies so far `inwards`."""
-    if not isinstance(mechanism.groups[owner], General):
-        return float(end)
-    inside = float(end) + math.copysign(min(CLOSE, abs(inwards)), inwards)
-    return folded(mechanism, owner, inside, float(end), min(STEP, abs(inwards)))
+    if why is None or not isinstance(mechanism.groups[why[0]], General):
+        return end
+    inside = end + math.copysign(min(CLOSE, abs(inwards)), inwards)
+    return folded(mechanism, why[0], inside, end, min(STEP, abs(inwards)))
 
 
 @eqx.filter_jit
