@@ -22,7 +22,8 @@ HALVINGS = 50  # of a scan step: down to rounding
 CLOSE = 1e-5  # rad: how far inside a range a general group is taken to find its fold from
 STEP = 0.02  # rad: how far inside its range a fold may be found
 LONGEST = 8  # turns that a range may take
-SLOW = 64  # the same of cranks that swing with wheels
+SLOW = 64  # the same of machines with wheels that do not repeat
+AGAIN = 1e-4  # rad: ends of ranges that repeat after these turns
 SAME = 1e-9  # margins, and their slopes, after turns that all repeats after
 LEFT_OUT = 0.06  # rad: more than a reference path leaves out of a range that is longer
 TOUCH = -4e-16  # a margin that comes down to this touches zero in a change point, and ends nothing
@@ -44,49 +45,63 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     """The ranges of crank angle in which a mechanism can be assembled, from the one that holds crank angle zero, or
     where a law begins, or comes next, on; one from 0 to 2π `turns` for a crank that comes round, none for a linkage
     that closes nowhere. `turns` of the crank are looked at: as many as the machine's cycle has (more than one where
-    gears turn other links less often), for what lies beyond is taken to repeat them.
+    gears turn other links less often), for what lies beyond is taken to repeat them where it can.
 
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
     driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
     points. Of a general group there is one range, in which it can be followed up and down from there, through up to
     eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else up to 1e-5 rad
-    off). A crank with a law need not come round, so with wheels in gear it is looked at for as many turns either way as
-    its range takes, up to 32; no range is taken to repeat, and those within `turns` either way are told. A gap in which
-    less than 4e-10 of its size stays open, some 1e-4 rad wide, is none. Ranges of other groups narrower than a
-    thousandth of a turn may be overlooked. Whether all is after a turn where it began is another question. Not for use
-    under jax transformations: plain numbers come out.
+    off). Where wheels turn so that nothing repeats after `turns`, as they may on a crank with a law, it is looked at
+    for as many turns either way as its range takes, up to 32, and ranges within `turns` either way are told where they
+    are. A gap in which less than 4e-10 of its size stays open, some 1e-4 rad wide, is none. Ranges of other groups
+    narrower than a thousandth of a turn may be overlooked. Whether all is after a turn where it began is another
+    question. Not for use under jax transformations: plain numbers come out.
     Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
     """
     crank, law, begin = mechanism.groups[0], mechanism.driver.follows(), 0.0
-    asked, slow = turns, False
     if isinstance(crank, Crank) and law is not None:
         begin = law.begins()  # sketches are drawn there
         crank = dataclasses.replace(crank, law=None, phase=crank.phase + begin)
-        slow = any(group.wheels() for group in mechanism.groups)
-        turns = 2 * turns if slow else turns
     elif law is not None:
-        asked = turns = max(turns, round(law.period() / (2 * math.pi)))
+        turns = max(turns, round(law.period() / (2 * math.pi)))
     mechanism = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:]))  # anew, without paths
-    ready = prepared(mechanism, turns)
+    whole, ready = 2 * math.pi * turns, prepared(mechanism, turns)
+    slow = any(group.wheels() for group in mechanism.groups) and not _repeats(ready, turns)
+    if slow:
+        turns *= 2
+        ready = prepared(mechanism, turns)
     found = first = _ranges(ready, turns, slow)
     while found and (_goes_on(ready, turns, found[0]) or (slow and 2 * turns <= SLOW and _far(ready, turns, found[0]))):
         turns *= 2
         ready = prepared(mechanism, turns)
         found = _ranges(ready, turns, slow)
-    found, whole = found or first, 2 * math.pi * asked
+    found = found or first
     if found and not (found[0].at_start or found[0].at_stop) and not (slow and _far(ready, turns, found[0])):
         return (CrankRange(0.0, whole, "", ""),)
     near = [each for each in found if each.start < whole and each.stop > -whole] or list(found[:1] if slow else ())
-    return tuple(each._replace(start=each.start + begin, stop=each.stop + begin) for each in near)
+    once = [each for i, each in enumerate(near) if not any(_again(each, other, whole) for other in near[:i])]
+    return tuple(each._replace(start=each.start + begin, stop=each.stop + begin) for each in once)
+
+
+def _again(one: CrankRange, other: CrankRange, whole: float) -> bool:
+    """Whether one range is another, these turns on or back."""
+    return all(abs(abs(a - b) - whole) < AGAIN for a, b in zip(one[:2], other[:2], strict=True))
+
+
+def _repeats(mechanism: Mechanism, turns: int) -> bool:
+    """Whether all is seen to be after so many turns what it was; of a general group that is lost nothing is."""
+    value, slope = _at(mechanism, np.asarray([-math.pi * turns, math.pi * turns]))
+    general = [isinstance(group, General) for group in mechanism.groups for _ in group.dead_positions()]
+    seen = np.all(value[:, general] > 0)
+    return bool(seen and np.allclose(*value, rtol=0.0, atol=SAME) and np.allclose(*slope, rtol=0.0, atol=SAME))
 
 
 def _far(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
     """Whether a range goes on beyond the turns that were looked at, half of them either way, and nothing repeats."""
     if found.at_start or found.at_stop:
         return not (found.at_start and found.at_stop)
-    sides = _at(mechanism, np.asarray([-math.pi * turns, math.pi * turns]))
-    return not all(np.allclose(*side, rtol=0.0, atol=SAME) for side in sides)
+    return not _repeats(mechanism, turns)
 
 
 def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
@@ -106,8 +121,8 @@ def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
 
 def _ranges(mechanism: Mechanism, turns: int, slow: bool) -> tuple[CrankRange, ...]:
     """The same of a prepared mechanism whose crank has no law, or whose turns its law takes. It is looked at as far up
-    as down from zero: what repeats after these turns is the same there, and in a `slow` machine, where nothing need
-    repeat, ranges are left where they are, and end where they are looked at no further."""
+    as down from zero: what repeats after these turns is the same there, and of a `slow` machine, where nothing does,
+    ranges are left where they are, and end where they are looked at no further."""
     half, whole = math.pi * turns, 2 * math.pi * turns
     names = {
         (number, side): f"{group}, {side}"

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import linkjax as lj
 from linkjax import RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
-from linkjax.groups import Drive, General
+from linkjax.groups import Drive, General, Slot
 from linkjax.kinematics import crank_limits, dead_centres, pose, prepared
 from linkjax.mechanism import linkage
 from linkjax.scenes import load
@@ -252,8 +252,12 @@ def test_a_crank_that_swings_in_gear_with_a_slow_wheel(ratio, phase):
     for begin in (-0.5, 2.0):
         if apart(begin) < 0:
             exact = [next_root(apart, begin, way) for way in (-1, 1)]
-            found = crank_limits(geared(wheels, begin, phase))[0]
-            assert (found.start, found.stop) == pytest.approx(exact, abs=1e-12)
+            swings = geared(wheels, begin, phase)
+            crank = dataclasses.replace(swings.groups[0], law=None)
+            turns = dataclasses.replace(swings, groups=(crank, *swings.groups[1:]))
+            found = [crank_limits(swings)[0], *crank_limits(turns)]
+            ends = [(each.start, each.stop) for each in found if each.start <= begin <= each.stop]
+            assert len(ends) == 2 and ends == [pytest.approx(exact, abs=1e-12)] * 2
 
 
 def next_root(function, begin: float, way: int) -> float:
@@ -314,21 +318,27 @@ def test_a_gearbox_before_a_double_rocker(teeth):
         assert found == (0.3 - 64 * math.pi, 0.3 + 64 * math.pi, "", "")
 
 
-def test_a_pinion_that_swings_moves_a_rack():
-    """Several turns of a crank push a pin along a line, |start + r φ - D| <= l1 + l2: a rack never comes back."""
+@pytest.mark.parametrize("general", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("radius", [0.02, 0.1])
+@pytest.mark.parametrize("begin", [None, 1.0])
+def test_a_pinion_moves_a_rack(begin, radius, general):
+    """Several turns of a crank push a pin along a line, |start + r φ - D| <= l1 + l2: a rack never comes back, be there
+    a law or none."""
     links = {"crank": Link(length=0.01), "rack": Link(), "coupler": body(0.25), "rocker": body(0.2)}
-    groups = [
-        Crank("crank", "A", "N", law=lj.Harmonic(1.0, 2.0)),
-        lj.Rack("rack", "R", Guide("A", offset=-0.02), "crank", "A", 0.02, start=0.1),
-        RRR(("coupler", "rocker"), "R", "D", "C", 1),
-    ]
-    machine = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.2, 0.3)}, links, groups)
-    rack = pose(machine, jnp.zeros(())).points["R"].r
-    across = math.sqrt(0.45**2 - (0.3 - float(rack.y)) ** 2)
-    found = crank_limits(machine)[0]
-    exact = [1.0 + (0.2 + side * across - float(rack.x)) / 0.02 for side in (-1, 1)]
-    assert abs(float(rack.x)) == pytest.approx(0.12, abs=1e-15) and exact[1] - exact[0] > 3 * 2 * math.pi
-    assert sorted((found.start, found.stop)) == pytest.approx(exact, abs=1e-11)
+    guide, law = Guide("A", offset=-0.02), None if begin is None else lj.Harmonic(begin, 2.0)
+    crank, rack = Crank("crank", "A", "N", law=law), lj.Rack("rack", "R", guide, "crank", "A", radius, start=0.1)
+    fixed, dyad = {"A": Vec(0.0, 0.0), "D": Vec(0.2, 0.3)}, RRR(("coupler", "rocker"), "R", "D", "C", 1)
+    machine, zero = Mechanism(fixed, links, [crank, rack, dyad]), begin or 0.0
+    here = {name: state.r for name, state in pose(machine, jnp.zeros(())).points.items()}
+    if general:
+        members = (("rack", ("R",)), ("coupler", ("R", "C")), ("rocker", ("D", "C")))
+        loop = General(members, ("D",), {p: here[p] for p in "RC"}, (Slot("rack", guide),), gears=(rack,))
+        machine = Mechanism(fixed, links, [crank, loop])
+    across = math.sqrt(0.45**2 - (0.3 - float(here["R"].y)) ** 2)
+    exact = [zero + (0.2 + side * across - float(here["R"].x)) / radius for side in (-1, 1)]
+    assert abs(float(here["R"].x)) == pytest.approx(0.1 + radius * zero, abs=1e-15)
+    (found,) = crank_limits(machine)
+    assert (found.start, found.stop) == pytest.approx(exact, abs=1e-11)
 
 
 @pytest.mark.slow
