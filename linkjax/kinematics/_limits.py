@@ -26,6 +26,8 @@ SLOW = 64  # the same of machines with wheels that do not repeat
 AGAIN = 1e-4  # rad: ends of ranges that repeat after these turns
 SAME = 1e-9  # margins, and their slopes, after turns that all repeats after
 LEFT_OUT = 0.06  # rad: more than a reference path leaves out of a range that is longer
+BESIDE = 1e-11  # rad: beside an end
+NARROW = 1e-9  # rad: what is no range, and no gap
 TOUCH = -4e-16  # a margin that comes down to this touches zero in a change point, and ends nothing
 BATCH = 16  # ends that are sharpened together
 
@@ -163,7 +165,9 @@ def _ranges(mechanism: Mechanism, turns: int, slow: bool) -> tuple[CrankRange, .
 def _between(mechanism: Mechanism, ends: Sequence[tuple[float, object]]) -> np.ndarray:
     """Whether it can be assembled from each of these angles to the next."""
     angles = np.asarray([angle for angle, _ in ends])
-    return _sound(mechanism, 0.5 * (angles[:-1] + angles[1:])) & (np.diff(angles) > 0)
+    sound, wide = _sound(mechanism, 0.5 * (angles[:-1] + angles[1:])), np.diff(angles) > NARROW
+    beside = np.pad(sound & wide, 1, mode="wrap")
+    return np.where(wide, sound, beside[:-2] & beside[2:])
 
 
 def _followed(mechanism: Mechanism) -> list[Track]:
@@ -203,19 +207,37 @@ def _sound(mechanism: Mechanism, phi: np.ndarray) -> np.ndarray:
 
 def _crossings(mechanism: Mechanism, scan: np.ndarray, whole: float) -> list[tuple[float, int]]:
     """Angles at which a margin changes its sign, with the number of the margin."""
-    value, slope = (np.asarray(part) for part in _margins(mechanism, np.append(scan, scan[0] + whole)))
-    upto, rows, cells = np.append(scan[1:], scan[0] + whole), [], []
+    scan = np.append(scan, scan[0] + whole)
+    value, slope = (np.asarray(part) for part in _margins(mechanism, scan))
+    found, known = _changes(mechanism, scan, value, slope), 0
+    for _ in range(sum(bool(group.dead_positions()) for group in mechanism.groups) - 1):
+        if len(found) == known:
+            break
+        # what hangs on a group that is lost there may be lost a little before, and is not known beyond
+        known = len(found)
+        beside = np.asarray([angle + side for angle, _ in found for side in (-BESIDE, BESIDE)])
+        beside = beside[(beside > scan[0]) & (beside < scan[-1])]
+        more, order = _at(mechanism, beside), np.argsort(np.append(scan, beside))
+        value, slope = (np.append(old, new, axis=0)[order] for old, new in zip((value, slope), more, strict=True))
+        scan = np.append(scan, beside)[order]
+        found = _changes(mechanism, scan, value, slope)
+    return found
+
+
+def _changes(mechanism: Mechanism, scan: np.ndarray, value: np.ndarray, slope: np.ndarray) -> list[tuple[float, int]]:
+    """The same between angles at which margins and their slopes are known."""
+    rows, cells = [], []
     above, after = value[:-1] > TOUCH, value[1:] > TOUCH
     down, dips = slope[:-1] < 0, slope[:-1] * slope[1:] < 0
     for i, k in np.argwhere(dips & (above == after) & (above == down)):  # it may dip to the other side
-        rows.append((scan[i], upto[i], k, above[i, k]))
+        rows.append((scan[i], scan[i + 1], k, above[i, k]))
     if rows:
         at, to, columns, kept = (np.asarray(part) for part in zip(*rows, strict=True))
         bottom = _halved(mechanism, at, to, columns, 1, ~kept)
         beyond = (_at(mechanism, bottom)[0][np.arange(len(at)), columns] > TOUCH) != kept
         for a, b, c, k, one in zip(*(part[beyond] for part in (at, bottom, to, columns, kept)), strict=True):
             cells += [(a, b, k, one), (b, c, k, ~one)]
-    cells += [(scan[i], upto[i], k, above[i, k]) for i, k in np.argwhere(above != after)]
+    cells += [(scan[i], scan[i + 1], k, above[i, k]) for i, k in np.argwhere(above != after)]
     if not cells:
         return []
     low, high, columns, begun = (np.asarray(part) for part in zip(*cells, strict=True))

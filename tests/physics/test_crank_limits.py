@@ -103,6 +103,49 @@ def test_the_second_group_ends_it():
     assert [r.at_start for r in found] == ["lever-die, pivot", "coupler-rocker, stretched"]
 
 
+def test_two_dyads_one_lost_beside_the_other():
+    """Where the first folds the second moves as the root of the distance, and may be lost a little before: random
+    six-bars against a fine scan of both by the law of cosines, halved on whether both close."""
+    rng, beside = np.random.default_rng(5), 0
+    for _ in range(60):
+        a, b, c, d = rng.uniform(0.2, 0.9, 4)
+        e, off, turned = rng.uniform(0.2, 0.9), rng.uniform(-0.3, 0.3), rng.uniform(-1.5, 1.5)
+
+        def margins_at(x, a=a, b=b, c=c, d=d, e=e, off=off, turned=turned):
+            away = d - a * np.exp(1j * x)
+            r = abs(away)
+            foot = (r * r + b * b - c * c) / (2 * r)
+            hinge = d - away + away / r * (foot + 1j * np.sqrt(np.maximum(b * b - foot * foot, 0.0)))
+            return np.minimum(b + c - r, r - abs(b - c)), e - abs((hinge * np.exp(-1j * turned)).imag - off)
+
+        def closes(x, margins_at=margins_at):
+            one, two = margins_at(x)
+            return (one > 0) & (two > 0)
+
+        scan = np.linspace(-math.pi, math.pi, 200001)
+        sound = closes(scan)
+        low, high = scan[:-1][sound[1:] != sound[:-1]], scan[1:][sound[1:] != sound[:-1]]
+        begun = closes(low)
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            low, high = (
+                np.where((closes(middle) == begun) == side, middle, at) for side, at in ((True, low), (False, high))
+            )
+        links = {"crank": body(a), "coupler": body(b), "rocker": body(c), "rod": body(e), "ram": Link(mass=1.0)}
+        groups = [
+            Crank("crank", "A", "B"),
+            RRR(("coupler", "rocker"), "B", "D", "C", 1),
+            RRP("rod", "ram", "C", "H", Guide("A", turned, off)),
+        ]
+        found = crank_limits(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(d, 0.0)}, links, groups))
+        told = np.sort([math.remainder(end, 2 * math.pi) for each in found if each.at_start for end in each[:2]])
+        assert len(found) == (len(low) // 2 if len(low) else sound[0])
+        np.testing.assert_allclose(told, 0.5 * (low + high), atol=1e-11)
+        folds = margins_at(low)
+        beside += int(np.sum((abs(folds[0]) > 1e-9) & (folds[0] < 0.02)))
+    assert beside > 3
+
+
 @pytest.mark.slow
 def test_a_triad_ends_where_the_other_way_round_it_reverses():
     """A six-bar of Stephenson's third kind, driven by its lever: one group of class III. The lever's range is what it
