@@ -75,7 +75,7 @@ def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
         other = nearest_turn(jnp.diff(angle) - moved, 2 * jnp.pi)
         rows.append(jnp.concatenate([angle[:1], angle[0] + jnp.cumsum(moved + other)]))
         unseen = closes[1:] & closes[:-1] & (jnp.abs(other) > FASTEST)
-        w = jnp.where(jnp.append(unseen, False), jnp.maximum(jnp.abs(w), 2 * FASTEST / step), w)
+        w = jnp.where(jnp.append(unseen, False), jnp.copysign(jnp.maximum(jnp.abs(w), 2 * FASTEST / step), w), w)
         rates.append(jnp.where(closes, w, 0.0))
     return Winding(jnp.stack(rows), jnp.stack(rates))
 

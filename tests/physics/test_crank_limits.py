@@ -141,6 +141,10 @@ def test_two_dyads_one_lost_beside_the_other():
         told = np.sort([math.remainder(end, 2 * math.pi) for each in found if each.at_start for end in each[:2]])
         assert len(found) == (len(low) // 2 if len(low) else sound[0])
         np.testing.assert_allclose(told, 0.5 * (low + high), atol=1e-11)
+        for each in found:
+            for end, why in ((each.start, each.at_start), (each.stop, each.at_stop)):
+                first = abs(margins_at(end)[0]) < 1e-9
+                assert why.startswith("coupler-rocker" if first else "rod-ram" if why else "")
         folds = margins_at(low)
         beside += int(np.sum((abs(folds[0]) > 1e-9) & (folds[0] < 0.02)))
     assert beside > 3
@@ -359,6 +363,40 @@ def test_a_gearbox_before_a_double_rocker(teeth):
         assert found.at_start == found.at_stop == "coupler-rocker, stretched"
     else:
         assert found == (0.3 - 64 * math.pi, 0.3 + 64 * math.pi, "", "")
+
+
+def test_a_gearbox_whose_law_begins_out_of_range():
+    """The range is some turns further on, by the law of cosines for the wheel."""
+    links = {"crank": Link(length=0.01), "wheel": body(0.3), "coupler": body(0.25), "rocker": body(0.2)}
+    groups = [
+        Crank("crank", "M", "N", law=lj.Harmonic(0.3, 2.0)),
+        lj.Gear("wheel", "A", lj.Teeth((400, 20)), "crank", "M", "B", phase=2.5),
+        RRR(("coupler", "rocker"), "B", "D", "C", 1),
+    ]
+    fixed = {"M": Vec(0.0, 1.0), "A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}
+    found, end = crank_limits(Mechanism(fixed, links, groups))[0], stretched(0.3, 0.45, 0.4)
+    assert (found.start, found.stop) == pytest.approx((20 * (2.5 - end), 20 * (2.5 + end)), abs=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [None, lj.Harmonic(0.4, 0.5)])
+def test_a_general_group_that_never_repeats(law):
+    """It closes at every crank angle, but an irrational belt never brings it back: told as far as it was looked at."""
+    links = {
+        name: body(length) for name, length in (("crank", 0.028), ("wheel", 0.069), ("left", 0.15), ("right", 0.14))
+    }
+    crank, fixed = Crank("crank", "A", "B", law=law), {"A": Vec(0.0, 0.0), "D": Vec(0.148, 0.0)}
+    wheel, dyad = (
+        lj.Gear("wheel", "D", lj.Belt(0.0289, 0.0441), "crank", "A", "C"),
+        RRR(("left", "right"), "B", "C", "P"),
+    )
+    here = pose(Mechanism(fixed, links, [crank, wheel, dyad]), jnp.zeros(())).points["P"].r
+    general = General((("left", ("B", "P")), ("right", ("C", "P"))), ("B", "C"), {"P": here})
+    reach = [abs(0.148 + s * 0.069 + t * 0.028) for s in (-1, 1) for t in (-1, 1)]
+    assert min(reach) > 0.01 and max(reach) < 0.29  # the pins' distance is between these
+    (found,) = crank_limits(Mechanism(fixed, links, [crank, wheel, general]))
+    begin = 0.0 if law is None else 0.4
+    assert found == (begin - 16 * math.pi, begin + 16 * math.pi, "", "")
 
 
 @pytest.mark.parametrize("general", [False, pytest.param(True, marks=pytest.mark.slow)])

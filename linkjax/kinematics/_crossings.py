@@ -1,0 +1,89 @@
+"""Where margins of a mechanism change their sign along the crank."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from linkjax.kinematics._cycle import stacked
+from linkjax.mechanism import Mechanism
+
+HALVINGS = 50  # of a scan step: down to rounding
+BESIDE = 1e-11  # rad: beside an end
+TOUCH = -4e-16  # a margin that comes down to this touches zero in a change point, and ends nothing
+BATCH = 16  # ends that are sharpened together
+
+
+def sound(mechanism: Mechanism, phi: np.ndarray) -> np.ndarray:
+    """Whether it can be assembled at these angles."""
+    return np.all(margins_at(mechanism, phi)[0] > TOUCH, axis=1)
+
+
+def crossings(mechanism: Mechanism, scan: np.ndarray) -> list[tuple[float, int]]:
+    """Angles at which a margin changes its sign between these, with the number of the margin."""
+    value, slope = (np.asarray(part) for part in _margins(mechanism, scan))
+    found, known = _changes(mechanism, scan, value, slope), 0
+    for _ in range(sum(bool(group.dead_positions()) for group in mechanism.groups) - 1):
+        if len(found) == known:
+            break
+        # what hangs on a group that is lost there may be lost a little before, and is not known beyond
+        known = len(found)
+        beside = np.asarray([angle + side for angle, _ in found for side in (-BESIDE, BESIDE)])
+        beside = beside[(beside > scan[0]) & (beside < scan[-1])]
+        more, order = margins_at(mechanism, beside), np.argsort(np.append(scan, beside))
+        value, slope = (np.append(old, new, axis=0)[order] for old, new in zip((value, slope), more, strict=True))
+        scan = np.append(scan, beside)[order]
+        found = _changes(mechanism, scan, value, slope)
+    return found
+
+
+def _changes(mechanism: Mechanism, scan: np.ndarray, value: np.ndarray, slope: np.ndarray) -> list[tuple[float, int]]:
+    """The same between angles at which margins and their slopes are known."""
+    rows, cells = [], []
+    above, after = value[:-1] > TOUCH, value[1:] > TOUCH
+    down, dips = slope[:-1] < 0, slope[:-1] * slope[1:] < 0
+    for i, k in np.argwhere(dips & (above == after) & (above == down)):  # it may dip to the other side
+        rows.append((scan[i], scan[i + 1], k, above[i, k]))
+    if rows:
+        at, to, columns, kept = (np.asarray(part) for part in zip(*rows, strict=True))
+        bottom = _halved(mechanism, at, to, columns, 1, ~kept)
+        beyond = (margins_at(mechanism, bottom)[0][np.arange(len(at)), columns] > TOUCH) != kept
+        for a, b, c, k, one in zip(*(part[beyond] for part in (at, bottom, to, columns, kept)), strict=True):
+            cells += [(a, b, k, one), (b, c, k, ~one)]
+    cells += [(scan[i], scan[i + 1], k, above[i, k]) for i, k in np.argwhere(above != after)]
+    if not cells:
+        return []
+    low, high, columns, begun = (np.asarray(part) for part in zip(*cells, strict=True))
+    ends = _halved(mechanism, low, high, columns, 0, begun)
+    return [(float(a), int(k)) for a, k in zip(ends, columns, strict=True)]
+
+
+@eqx.filter_jit
+def _margins(mechanism: Mechanism, phi):
+    """All margins and their slopes, each of shape (angles, margins)."""
+    here = jax.vmap(lambda one: stacked(mechanism, one))(phi)
+    return here.value, here.d
+
+
+def margins_at(mechanism: Mechanism, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same at any number of angles, in batches of one size."""
+    rows = []
+    for i in range(0, len(phi), BATCH):
+        part = phi[i : i + BATCH]
+        value, slope = _margins(mechanism, np.pad(part, (0, BATCH - len(part)), mode="edge"))
+        rows.append((np.asarray(value)[: len(part)], np.asarray(slope)[: len(part)]))
+    return np.concatenate([v for v, _ in rows]), np.concatenate([d for _, d in rows])
+
+
+def _halved(
+    mechanism: Mechanism, low: np.ndarray, high: np.ndarray, columns: np.ndarray, which: int, first: np.ndarray
+) -> np.ndarray:
+    """Where margins (`which` 0) or their slopes (1) change their sign between two angles, by halving; whether they are
+    positive at the `first` of them."""
+    rows = np.arange(len(low))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        same = (margins_at(mechanism, middle)[which][rows, columns] > 0) == first
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return 0.5 * (low + high)
