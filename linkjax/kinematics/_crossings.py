@@ -11,13 +11,18 @@ from linkjax.mechanism import Mechanism
 
 HALVINGS = 50  # of a scan step: down to rounding
 BESIDE = 1e-11  # rad: beside an end
-TOUCH = -4e-16  # a margin that comes down to this touches zero in a change point, and ends nothing
+TOUCH = 2.0  # roundings below zero that a margin may come down to in a change point that it only touches
 BATCH = 16  # ends that are sharpened together
 
 
 def sound(mechanism: Mechanism, phi: np.ndarray) -> np.ndarray:
     """Whether it can be assembled at these angles."""
-    return np.all(margins_at(mechanism, phi)[0] > TOUCH, axis=1)
+    return np.all(_closes(margins_at(mechanism, phi)[0]), axis=1)
+
+
+def _closes(value: np.ndarray) -> np.ndarray:
+    """Whether margins of these values are positive, or only touch zero."""
+    return value > -TOUCH * np.finfo(value.dtype).eps
 
 
 def crossings(mechanism: Mechanism, scan: np.ndarray) -> list[tuple[float, int]]:
@@ -41,14 +46,14 @@ def crossings(mechanism: Mechanism, scan: np.ndarray) -> list[tuple[float, int]]
 def _changes(mechanism: Mechanism, scan: np.ndarray, value: np.ndarray, slope: np.ndarray) -> list[tuple[float, int]]:
     """The same between angles at which margins and their slopes are known."""
     rows, cells = [], []
-    above, after = value[:-1] > TOUCH, value[1:] > TOUCH
+    above, after = _closes(value[:-1]), _closes(value[1:])
     down, dips = slope[:-1] < 0, slope[:-1] * slope[1:] < 0
     for i, k in np.argwhere(dips & (above == after) & (above == down)):  # it may dip to the other side
         rows.append((scan[i], scan[i + 1], k, above[i, k]))
     if rows:
         at, to, columns, kept = (np.asarray(part) for part in zip(*rows, strict=True))
         bottom = _halved(mechanism, at, to, columns, 1, ~kept)
-        beyond = (margins_at(mechanism, bottom)[0][np.arange(len(at)), columns] > TOUCH) != kept
+        beyond = _closes(margins_at(mechanism, bottom)[0][np.arange(len(at)), columns]) != kept
         for a, b, c, k, one in zip(*(part[beyond] for part in (at, bottom, to, columns, kept)), strict=True):
             cells += [(a, b, k, one), (b, c, k, ~one)]
     cells += [(scan[i], scan[i + 1], k, above[i, k]) for i, k in np.argwhere(above != after)]

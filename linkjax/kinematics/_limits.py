@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkjax.groups import Crank, General, Track
+from linkjax.groups import Crank, General, Track, closed_to
 from linkjax.kinematics._crossings import crossings, margins_at, sound
 from linkjax.kinematics._cycle import scan_angles
 from linkjax.kinematics._fold import folded
@@ -21,7 +21,7 @@ CLOSE = 1e-5  # rad: how far inside a range a general group is taken to find its
 STEP = 0.02  # rad: how far inside its range a fold may be found
 LONGEST = 8  # turns that a range may take
 SLOW = 32  # the same, either way, where wheels repeat nothing and all groups are closed in closed form
-SAME = 1e-9  # margins, and their slopes, after turns that all repeats after
+SEEN = 8  # angles of a turn at which it is asked whether all is as it was
 TOGETHER = 1e-12  # rad: between ends that are one
 LEFT_OUT = 0.06  # rad: more than a reference path leaves out of a range that is longer
 NARROW = 1e-6  # rad: what is no range, and no gap
@@ -70,7 +70,7 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     if isinstance(crank, Crank) and any(group.wheels() for group in mechanism.groups) and not _repeats(ready, turns):
         found = _on_a_line(mechanism, crank, turns)
     else:
-        found = _round(mechanism, ready, turns)
+        found = _turn_by_turn(mechanism, ready, turns)
     if found and not (found[0].at_start or found[0].at_stop) and found[0].start == 0.0:
         return (CrankRange(0.0, whole, "", ""),)
     near = [each for each in found if each.start < whole and each.stop > -whole]
@@ -78,14 +78,17 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
 
 
 def _repeats(mechanism: Mechanism, turns: int) -> bool:
-    """Whether all is after so many turns what it was."""
-    return all(
-        np.allclose(*side, rtol=0.0, atol=SAME)
-        for side in margins_at(mechanism, np.asarray([0.0, 2 * math.pi * turns]))
-    )
+    """Whether margins are after so many turns what they were, at most of some angles of a turn: at one of them a dead
+    position may leave no digits. Where a general group is not assembled its margin says nothing."""
+    at = np.arange(SEEN) * (2 * math.pi / SEEN)
+    first, after = np.split(margins_at(mechanism, np.append(at, at + 2 * math.pi * turns))[0], 2)
+    general = [isinstance(group, General) for group in mechanism.groups for _ in group.dead_positions()]
+    seen = np.all(first[:, general] > 0, axis=1) | np.all(after[:, general] > 0, axis=1)
+    same = np.all(abs(after - first) < closed_to(first.dtype), axis=1)
+    return bool(np.sum(seen & same) >= np.sum(seen & ~same))
 
 
-def _round(mechanism: Mechanism, ready: Mechanism, turns: int) -> tuple[CrankRange, ...]:
+def _turn_by_turn(mechanism: Mechanism, ready: Mechanism, turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a mechanism that repeats after these turns, or whose general groups go on for more of them."""
     found = first = _on_a_circle(ready, turns)
     while found and 2 * turns <= LONGEST and _goes_on(ready, turns, found[0]):
@@ -134,9 +137,8 @@ def _on_a_line(mechanism: Mechanism, crank: Crank, turns: int) -> tuple[CrankRan
     """Ranges of a mechanism that repeats nothing, where they are, up and down from zero: down it is what another is
     whose crank turns the other way, for paths are followed upwards."""
     longest = LONGEST if any(isinstance(group, General) for group in mechanism.groups) else SLOW
-    other = dataclasses.replace(
-        mechanism, groups=(dataclasses.replace(crank, turns=-crank.turns), *mechanism.groups[1:])
-    )
+    back = dataclasses.replace(crank, turns=-crank.turns)
+    other = dataclasses.replace(mechanism, groups=(back, *mechanism.groups[1:]))
     while True:
         whole, sides = 2 * math.pi * turns, [prepared(each, turns) for each in (other, mechanism)]
         parts = [_one_way(side, turns) for side in sides]
@@ -187,8 +189,10 @@ def _paths(mechanism: Mechanism) -> list[Track]:
 def _between(mechanism: Mechanism, angles: np.ndarray) -> np.ndarray:
     """Whether it can be assembled from each of these angles to the next."""
     closes, wide = sound(mechanism, 0.5 * (angles[:-1] + angles[1:])), np.diff(angles) > NARROW
-    beside = np.pad(closes & wide, 1, mode="wrap")
-    return np.where(wide, closes, beside[:-2] & beside[2:])
+    known = np.flatnonzero(wide)
+    next_one = np.searchsorted(known, np.arange(len(closes)))
+    around = closes[known[next_one % len(known)]] & closes[known[next_one - 1]]  # of what is narrower than counts
+    return np.where(wide, closes, around)
 
 
 def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes: np.ndarray) -> list[CrankRange]:

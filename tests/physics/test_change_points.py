@@ -210,9 +210,9 @@ def test_a_wheel_on_a_kite_that_is_nearly_one():
         crank, coupler, phase = rng.uniform(0.1, 0.3), rng.uniform(0.4, 0.6), rng.uniform(0.1, 6.2)
         rocker, frame = coupler + crank * abs(near) * rng.uniform(-0.9, 0.9), crank * (1 + near)
         known = rocker_angle(crank, coupler, rocker, near, at + phase)
-        angles, told = turned((crank, coupler, rocker, frame), phase)
+        angles, comes_back = turned((crank, coupler, rocker, frame), phase)
         angles = np.asarray(angles)
-        if bool(told):
+        if bool(comes_back):
             counted.append(exponent)
             np.testing.assert_allclose(angles - angles[0], known - known[0], atol=1e-9)
         far += exponent > -4

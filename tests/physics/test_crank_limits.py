@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 import linkjax as lj
 from linkjax import RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
@@ -272,7 +272,7 @@ def test_a_geared_five_bar_over_both_turns_of_its_cycle(phase):
 
     scan = np.linspace(0.0, 4 * np.pi, 4001)
     signs = [i for i in range(4000) if apart(scan[i]) * apart(scan[i + 1]) < 0]
-    ends = np.asarray([brentq(apart, scan[i], scan[i + 1], xtol=1e-15) for i in signs])
+    ends = np.asarray([root_scalar(apart, bracket=(scan[i], scan[i + 1]), xtol=1e-15).root for i in signs])
     found = crank_limits(machine, 2)
     np.testing.assert_allclose(np.sort(np.ravel([r[:2] for r in found]) % (4 * np.pi)), ends, atol=1e-12)
     assert all(apart(0.5 * (r.start + r.stop)) < 0 for r in found)
@@ -310,7 +310,7 @@ def test_a_crank_that_swings_in_gear_with_a_slow_wheel(ratio, phase):
 def next_root(function, begin: float, way: int) -> float:
     far = begin + way * np.linspace(0.0, 30.0, 30001)
     i = int(np.argmax(function(far) > 0))
-    return float(brentq(function, far[i - 1], far[i], xtol=1e-15))  # pyright: ignore[reportArgumentType]
+    return root_scalar(function, bracket=(far[i - 1], far[i]), xtol=1e-15).root
 
 
 def geared(wheels, begin: float, phase: float) -> Mechanism:
@@ -335,7 +335,7 @@ def test_where_a_law_begins_where_nothing_closes(begin):
 
     scan = begin + np.linspace(-30.0, 30.0, 60001)
     signs = [i for i in range(60000) if apart(scan[i]) * apart(scan[i + 1]) < 0]
-    ends = [float(brentq(apart, scan[i], scan[i + 1], xtol=1e-15)) for i in signs]  # pyright: ignore[reportArgumentType]
+    ends = [root_scalar(apart, bracket=(scan[i], scan[i + 1]), xtol=1e-15).root for i in signs]
     closed = [pair for pair in itertools.pairwise(ends) if apart(0.5 * sum(pair)) < 0]
     near = [pair for pair in closed if pair[0] < begin + 2 * math.pi and pair[1] > begin - 2 * math.pi]
     known = sorted(near, key=lambda pair: (not pair[0] <= begin <= pair[1], pair[1] < begin, pair))
@@ -382,14 +382,11 @@ def test_a_gearbox_whose_law_begins_out_of_range():
 @pytest.mark.parametrize("law", [None, lj.Harmonic(0.4, 0.5)])
 def test_a_general_group_that_never_repeats(law):
     """It closes at every crank angle, but an irrational belt never brings it back: told as far as it was looked at."""
-    links = {
-        name: body(length) for name, length in (("crank", 0.028), ("wheel", 0.069), ("left", 0.15), ("right", 0.14))
-    }
+    lengths = {"crank": 0.028, "wheel": 0.069, "left": 0.15, "right": 0.14}
+    links = {name: body(length) for name, length in lengths.items()}
     crank, fixed = Crank("crank", "A", "B", law=law), {"A": Vec(0.0, 0.0), "D": Vec(0.148, 0.0)}
-    wheel, dyad = (
-        lj.Gear("wheel", "D", lj.Belt(0.0289, 0.0441), "crank", "A", "C"),
-        RRR(("left", "right"), "B", "C", "P"),
-    )
+    wheel = lj.Gear("wheel", "D", lj.Belt(0.0289, 0.0441), "crank", "A", "C")
+    dyad = RRR(("left", "right"), "B", "C", "P")
     here = pose(Mechanism(fixed, links, [crank, wheel, dyad]), jnp.zeros(())).points["P"].r
     general = General((("left", ("B", "P")), ("right", ("C", "P"))), ("B", "C"), {"P": here})
     reach = [abs(0.148 + s * 0.069 + t * 0.028) for s in (-1, 1) for t in (-1, 1)]
