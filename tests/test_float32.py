@@ -1,5 +1,6 @@
 """What single precision leaves: by comparison, and a warning where it is fewer than four digits."""
 
+import math
 import subprocess
 import sys
 
@@ -18,6 +19,16 @@ links = {n: Link(length=l, mass=1.0, inertia=0.01) for n, l in (("crank", 0.1), 
 groups = [Crank("crank", "A", "B"), RRR(("one", "two"), "B", "D", "C", 1)]
 machine = Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, links, groups, Flywheel(1.0))
 lj.analyse(Scene(machine, (OpposingTorque("brake", "two", magnitude=3.0),), speed=10.0), angles=36, throw=False)
+"""
+
+GEARED = """
+import linkjax as lj
+from linkjax import *
+links = {n: Link(length=l) for n, l in (("crank", 0.02), ("wheel", 0.02), ("left", 0.15), ("right", 0.12))}
+groups = [Crank("crank", "A", "B", phase=0.7), Gear("wheel", "D", Teeth((40, 20)), "crank", "A", "C", phase=1.0),
+          RRR(("left", "right"), "B", "C", "P")]
+(found,) = lj.crank_limits(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.18, 0.0)}, links, groups), 2)
+print(*found[:2], found[2:] == ("", ""))
 """
 
 
@@ -64,3 +75,10 @@ def test_a_warning_near_a_dead_position(length, warned):
         [sys.executable, "-c", NEARLY.replace("X", length)], capture_output=True, text=True, check=True
     )
     assert ("float32 leaves this machine about" in run.stderr) == warned
+
+
+def test_a_geared_machine_that_comes_round():
+    """After two turns all is as it was, to the digits there are: its pins are never 0.27 m apart, nor 0.03 m."""
+    run = subprocess.run([sys.executable, "-c", GEARED], capture_output=True, text=True, check=True)
+    start, stop, free = run.stdout.split()
+    assert (float(start), float(stop), free) == (0.0, 4 * math.pi, "True")
