@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track, slow
+from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track, followed, slow
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, lost_at_start, named_groups, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -193,8 +193,8 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
 
 
 def _where_it_can(cycle: Cycle) -> str:
-    """The ranges of crank angle in which it can be assembled, and a law that stays inside the first, and begins where
-    general groups are drawn if it can; nothing for a crank that comes round."""
+    """The ranges of crank angle in which it can be assembled, and a law that stays inside the first; nothing for a crank
+    that comes round. The law begins where general groups are drawn, turns are counted from and sides hold, if it can."""
     mechanism = cycle.scene.mechanism
     crank = mechanism.groups[0]
     if not isinstance(crank, Crank):
@@ -208,12 +208,13 @@ def _where_it_can(cycle: Cycle) -> str:
     low, high = ranges[0].start, ranges[0].stop
     inset = INSIDE * (high - low)
     ends, drawn = (low + inset, high - inset), ""
-    if any(isinstance(group, General) and group.sketch for group in mechanism.groups):
+    if followed(mechanism.groups):
         begin = 0.0 if crank.law is None else crank.law.begins()
         if low < begin < high:
             ends = begin, max(ends, key=lambda end: abs(end - begin))
         else:
-            drawn = ", and draw it where that begins"
+            general = any(isinstance(group, General) and group.sketch for group in mechanism.groups)
+            drawn = f", and {'draw it' if general else 'give phases and sides'} where that begins"
     law = ", ".join(
         f'{key} = "{math.degrees(end * crank.turns) + 0.0:.4f} deg"'
         for key, end in zip(("start", "stop"), ends, strict=True)
