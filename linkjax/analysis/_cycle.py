@@ -193,8 +193,8 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
 
 
 def _where_it_can(cycle: Cycle) -> str:
-    """The ranges of crank angle in which it can be assembled, and a law that stays inside the first; nothing for a crank
-    that comes round. The law begins where general groups are drawn, turns are counted from and sides hold, if it can."""
+    """The ranges of crank angle in which it can be assembled, and a law inside the first; nothing for a crank that
+    rotates fully. The law begins, if it can, where groups are drawn, turns are counted from and sides hold."""
     mechanism = cycle.scene.mechanism
     crank = mechanism.groups[0]
     if not isinstance(crank, Crank):

@@ -33,10 +33,12 @@ from linkjax.scenes import (
     load,
     load_document,
     load_rolling,
+    overridden,
     rolling_names,
     rolling_schema,
     rolling_starter,
     scene_names,
+    sketched_keys,
     starter,
 )
 
@@ -114,10 +116,12 @@ def schema(kind: KindOf = Kind.linkage) -> None:
 def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
     """Show a scene: structure, links, loads."""
     shown, changes = Numbers(display_units(units)), changes_of(scene, set_)
-    if load_document(scene).rolling:
+    document = load_document(scene)
+    if document.rolling:
         show_rolling(load_rolling(scene, changes), scene, shown)
     else:
-        print_scene(load(scene, changes), scene, shown)
+        document = overridden(document, changes)
+        print_scene(build(document), scene, shown, sketched_keys(document.table))
 
 
 @app.command(name="structure")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 from rich.table import Table
@@ -11,16 +12,17 @@ from rich.text import Text
 from linkjax._display import NONE, Numbers, prefixed, short
 from linkjax.analysis import check_limit, load_size, peak_unit
 from linkjax.cli._console import console
+from linkjax.groups import Crank, General
 from linkjax.kinematics import Assemblies
 from linkjax.machine import Scene
-from linkjax.mechanism import Structure
+from linkjax.mechanism import Mechanism, Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
 EVEN = 1e-9  # error of δ that needs no advice, however even the motion
 
 
-def print_scene(machine: Scene, name: str, show: Numbers) -> None:
-    """Structure, links, loads."""
+def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[tuple[str, ...]] = ()) -> None:
+    """Structure, links, loads; an asterisk at what is `sketched`, see `scenes.sketched_keys`."""
     mechanism = machine.mechanism
     console.print(Text(machine.title or name, style="bold"))
     console.print(f"structure  {mechanism.formula()}", highlight=False)
@@ -31,18 +33,25 @@ def print_scene(machine: Scene, name: str, show: Numbers) -> None:
         "gravity": show.place((machine.gravity.x, machine.gravity.y), "m/s²"),
         "flywheel": f"{show.shown(mechanism.flywheel.inertia, 'kg·m²')}{target}",
         "frame": frame,
+        "drive": _drive(mechanism, show) + "*" * (("drive",) in sketched),
     }.items():
         console.print(f"{key:10s} {value}", highlight=False, markup=False)
     table = Table("link", "length", "mass", "mass centre", "inertia", "points", box=None, pad_edge=False)
     for name in mechanism.link_names:
         body, link = mechanism.links[name].actual(), mechanism.links[name]
         centre = f"{link.centre_name} {show.place((body.centre.x, body.centre.y))}"
-        points = ", ".join(f"{point} {show.place((at.x, at.y))}" for point, at in body.points.items())
+        points = ", ".join(
+            f"{point} {show.place((at.x, at.y))}" + "*" * ((name, point) in sketched)
+            for point, at in body.points.items()
+        )
+        length = show.shown(link.length, "m") + "*" * ((name, "length") in sketched)
         table.add_row(
-            name, show.shown(link.length, "m") if float(link.length) > 0 else NONE, show.shown(body.mass, "kg"), centre,
+            name, length if float(link.length) > 0 else NONE, show.shown(body.mass, "kg"), centre,
             show.shown(body.inertia, "kg·m²"), points,
         )  # fmt: skip
     console.print(table)
+    if sketched:
+        console.print("* taken from the sketch", highlight=False, markup=False)
     for name in mechanism.link_names:
         for piece, weight in mechanism.links[name].counterweights.items():
             kind = "ideal" if weight.ideal else f"own inertia {show.shown(weight.own_inertia(), 'kg·m²')}"
@@ -55,6 +64,18 @@ def print_scene(machine: Scene, name: str, show: Numbers) -> None:
         where = f"{load.link} {load.point}".strip()
         told = f"load       {load.name}: {load_size(show, load)}, on {where}, {window}"
         console.print(told, highlight=False, markup=False)
+
+
+def _drive(mechanism: Mechanism, show: Numbers) -> str:
+    """What drives, and where that is at crank angle zero."""
+    driver, law = mechanism.driver, mechanism.driver.follows()
+    drive = getattr(driver, "drive", None)
+    slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
+    on = "" if drive is None or drive.on == "frame" else f" on {drive.on}"
+    phase = 0.0 if slides else float(getattr(drive or driver, "phase", None) or 0.0)
+    begins = phase + (0.0 if law is None else law.begins())
+    at = show.shown(begins, "m") if slides else show.turned(begins)
+    return f"{mechanism.crank}{on}, at {at} at crank angle zero"
 
 
 def print_structure(found: Structure) -> None:
