@@ -61,6 +61,6 @@ def _amount(found: re.Match[str], show: Numbers) -> str:
         values = [math.radians(value) for value in values]
     size = max(abs(value) for value in values)
     factor, label = prefixed(size, "m", show.units) if unit == "m" else show.units.get("rad", (180 / math.pi, "°"))
-    digits = max(4, *(len(text.partition("e")[0].strip("-0.").replace(".", "")) for text in texts))
+    digits = max(4, *(len(text.partition("e")[0].lstrip("-0.").replace(".", "")) for text in texts))
     told = " to ".join(short(float(f"{factor * value:.{digits}g}")) for value in values)
     return f"{told}{'' if label == '°' else ' '}{label}"

@@ -106,7 +106,7 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     value, angle = peak_told(data, key)
     unit = peak_unit(key.removesuffix(CONSTANT))
     told, error = show.measured(value, float(data["peaks"][key]["error"]), unit, most=6)
-    return [Cell(told, True), Cell(error, True), show.angle(angle)]
+    return [Cell(told, True), Cell(error if value else NONE, True), show.angle(angle)]
 
 
 def peak_name(name: str) -> str:
