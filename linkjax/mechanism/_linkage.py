@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import RRP, RRR, AbstractGroup, Drive, GearPair, Pair, RackPair, Slot
+from linkjax.groups import FRAME, RRP, RRR, AbstractGroup, Drive, GearPair, Pair, RackPair, Slot
 from linkjax.mechanism._attach import Attachment
 from linkjax.mechanism._drawing import Drawing, Place, complex_of
 from linkjax.mechanism._freedom import blocks, counted, freedom
@@ -145,6 +145,10 @@ def _check_freedom(drawing: Drawing, drive: Drive, found: Sequence[Pair], driven
         pins = dict.fromkeys(pair.name for pair in found if set(pair.ends) & set(loose))
         what = f"{', '.join(loose)} can still move at {_few(pins)}"
         remedy = "a link from pin to pin takes one away, a pin or a slot where none is takes two; or leave them out"
+        cranks = [name for pair in found if FRAME in pair.ends for name in pair.ends if name in loose]
+        if degrees == 2 and cranks:  # such as a five-bar of two cranks
+            two = f"couple {drive.link!r} and {cranks[0]!r} by gears ([[gears]]) or add a link"
+            remedy = f"linkjax drives one joint only and has no second drive: {two}; {remedy}"
         problem = f"{what} when the drive is held: {degrees} degrees of freedom ({count}){alone}"
         raise StructureError("links", problem, remedy)
 

@@ -122,7 +122,8 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
     path = ("groups", number)
     if isinstance(group, CrankTable | SlideTable) == bool(number):
         problem = "there is more than one driver" if number else "the first group must be the driver"
-        remedy = "keep one: mobility is one" if number else 'begin with kind = "crank" or "slide"'
+        one = "keep one: linkjax has one drive, so the mobility is one; a second crank may be coupled to it by gears"
+        remedy = one if number else 'begin with kind = "crank" or "slide"'
         yield (*path, "kind"), problem, remedy
     if isinstance(group, CrankTable | SlideTable) and group.law is not None and model.rotation == "cw":
         problem = "the driver follows a law, which says which way it moves"
