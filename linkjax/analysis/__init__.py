@@ -7,6 +7,7 @@ from linkjax.analysis._cycle import Cycle as Cycle
 from linkjax.analysis._cycle import explain as explain
 from linkjax.analysis._document import check_limit as check_limit
 from linkjax.analysis._document import document as document
+from linkjax.analysis._document import moves as moves
 from linkjax.analysis._document import plain as plain
 from linkjax.analysis._given import at_acceleration as at_acceleration
 from linkjax.analysis._measured import measured as measured

@@ -18,6 +18,7 @@ from linkjax._types import Tracer, as_float
 from linkjax._vec import Vec
 from linkjax.analysis._blunt import singular, without_joints
 from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain, explain_start
+from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.forces import Forces, driven_by_joint
 from linkjax.groups import closed_to
@@ -32,9 +33,10 @@ from linkjax.kinematics import (
     transmission_angles,
 )
 from linkjax.machine import Scene, check_scene, ready
-from linkjax.measures import both_motions, peak_names, table
+from linkjax.measures import every_motion, peak_names, table
 from linkjax.mechanism import StructureError
 from linkjax.motion import (
+    Grid,
     Peak,
     Regime,
     Steady,
@@ -59,19 +61,20 @@ def analyse(
     *,
     angles: Any = 360,
     nodes: int = 96,
-    constant_speed: bool = False,
+    constant_speed: bool | None = None,
     motion: Literal["quadrature", "diffrax"] = "quadrature",
     throw: bool = True,
 ) -> Cycle:
     """Analyse a working cycle: kinematics, reduction, true motion, forces, peaks, flywheel, checks.
 
     `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` is the number
-    of nodes of the cycle grid per crank turn; `constant_speed` reports `forces` at constant nominal speed instead of
-    the true motion; `motion` is the road to the true motion: quadrature of the energy equation, or the equation of
-    motion solved by diffrax.
-    Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled
-    has no periodic regime or no inertia; with `throw=False`, and under jax transformations, `result` tells instead. By
-    diffrax, derivatives are forward only (`jax.jvp`); `motion.steady_by_diffrax` takes another adjoint.
+    of nodes of the cycle grid per crank turn; with `constant_speed` (as the scene says, if omitted) the crank turns at
+    constant nominal speed and the actual motion is left out; `motion` is the road to the actual motion: quadrature of
+    the energy equation, or the equation of motion solved by diffrax.
+    Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled;
+    with `throw=False`, and under jax transformations, `result` tells instead. Where the actual motion does not exist,
+    without inertia or at too low a speed, all else is there, and `Cycle.missing` says why. By diffrax, derivatives are
+    forward only (`jax.jvp`); `motion.steady_by_diffrax` takes another adjoint.
     """
     check_scene(scene)
     if nodes < 8:
@@ -88,7 +91,8 @@ def analyse(
         raise StructureError(scene.mechanism.crank, problem, "leave diffrax out, or the law")
     if motion not in ("quadrature", "diffrax"):
         raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
-    cycle = _analyse(scene, angles, nodes, constant_speed, motion, throw)
+    constant_speed = scene.constant_speed if constant_speed is None else constant_speed
+    cycle = only_what_exists(_analyse(scene, angles, nodes, constant_speed, motion, throw))
     if throw and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         explain(cycle)
     if scene.speed.dtype == jnp.float32 and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
@@ -105,7 +109,7 @@ def analyse(
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, motion: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, beside whatever else is done meanwhile."""
     scene = ready(jax.tree.map(as_float, scene))
-    _compile_ahead(scene, _angles(scene, angles), nodes, motion)
+    _compile_ahead(scene, _angles(scene, angles), nodes, motion, _moves(scene, scene.constant_speed))
 
 
 def _angles(scene: Scene, angles: Any) -> Array:
@@ -124,48 +128,74 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str, throw: bool) -> Cycle:
-    """The analysis in a few jitted parts: one large program would take several times as long to compile."""
+    """The analysis in a few jitted parts: one large program would take several times as long to compile. The actual
+    motion is left out where it is not asked for, or where nothing has a mass."""
     given, scene = scene, ready(scene)
+    moves = _moves(scene, constant_speed)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
         if throw:
             explain_start(scene)
-        _compile_ahead(scene, angles, nodes, road)
-    motion, here, work = _motion(scene, nodes, road)
-    at_nodes, at = _everywhere(scene, motion, angles)
-    tops = _peaks(scene, motion, at_nodes)
+        _compile_ahead(scene, angles, nodes, road, moves)
+    motion, here, work, wheels = None, None, None, None
+    if moves:
+        motion, here, work = _motion(scene, nodes, road)
+        wheels = _flywheels(scene, motion, here)
+    regime = Regime(scene, _grid(scene, nodes) if motion is None else motion.grid, motion)
+    at_nodes, at = _everywhere(regime, angles)
+    tops, rms = _peaks(regime, at_nodes)
     limits, dead, covered, spans = _limits(scene)
-    checks, code = _checks(scene, motion, here, angles, at, limits)
+    checks, code = _checks(regime, here, angles, at, limits)
+    still = not constant_speed and motion is None
     return Cycle(
         scene=given, angles=angles, pose=at.pose, transmission=at.transmission, transmission_ends=spans, margins=limits,
-        dead_centres=dead, strokes=covered, reduced=at.reduced, steady=motion, speed=at.speed[0],
-        acceleration=at.acceleration[0], time=at.time, forces=at.forces[1 if constant_speed else 0],
-        forces_constant_speed=at.forces[1], peaks=tops[0], peaks_constant_speed=tops[1],
-        rms_shaking_force_constant_speed=tops[2], flywheel=_flywheels(scene, motion, here), work=work,
-        checks=checks, assembled=at.assembled, result=code, constant_speed=constant_speed, road=road,
+        dead_centres=dead, strokes=covered, reduced=at.reduced, steady=motion,
+        speed=at.speed[0] if moves else None, acceleration=at.acceleration[0] if moves else None, time=at.time,
+        forces=None if still else at.forces[-1 if constant_speed else 0], forces_constant_speed=at.forces[-1],
+        peaks=tops[0] if moves else None, peaks_constant_speed=tops[-1], rms_shaking_force_constant_speed=rms,
+        flywheel=wheels, work=work, checks=checks, assembled=at.assembled,
+        result=merge(code, jnp.where(still, Result.NO_INERTIA, 0)), constant_speed=constant_speed, road=road,
+        nodes=regime.grid.size,
     )  # fmt: skip
 
 
-def _compile_ahead(scene: Scene, angles: Array, nodes: int, road: str) -> None:
+def _moves(scene: Scene, constant_speed: bool) -> bool:
+    """Whether the actual motion is to be computed: asked for, or known as that of a law, and not without any mass,
+    unless a flywheel is looked for."""
+    lifeless = massless(scene) and scene.target_delta is None
+    return scene.mechanism.prescribed or not (constant_speed or lifeless)
+
+
+def _compile_ahead(scene: Scene, angles: Array, nodes: int, road: str, moves: bool) -> None:
     """Start compiling all parts at once, each from the shapes that the ones before will give it; the longest first."""
-    motion, here, _ = _motion.ahead(scene, nodes, road)
-    at_nodes, at = _everywhere.ahead(scene, motion, angles)
-    _peaks.ahead(scene, motion, at_nodes)
-    _flywheels.ahead(scene, motion, here)
+    motion, here = None, None
+    if moves:
+        motion, here, _ = _motion.ahead(scene, nodes, road)
+    regime = Regime(scene, _grid.ahead(scene, nodes) if motion is None else motion.grid, motion)
+    at_nodes, at = _everywhere.ahead(regime, angles)
+    _peaks.ahead(regime, at_nodes)
+    if motion is not None:
+        _flywheels.ahead(scene, motion, here)
     limits, *_ = _limits.ahead(scene)
-    _checks.ahead(scene, motion, here, angles, at, limits)
+    _checks.ahead(regime, here, angles, at, limits)
 
 
 class Everywhere(NamedTuple):
-    """Everything at many places; `forces`, `speed` and `acceleration` in the true motion and at constant speed."""
+    """Everything at many places; `forces`, `speed` and `acceleration` in the actual motion, if there is one, and at
+    constant speed."""
 
     pose: Pose
     transmission: dict[str, Array]
     reduced: Reduced
-    forces: tuple[Forces, Forces]
-    speed: tuple[Array, Array]
-    acceleration: tuple[Array, Array]
-    time: Array
+    forces: tuple[Forces, ...]
+    speed: tuple[Array, ...]
+    acceleration: tuple[Array, ...]
+    time: Array | None
     assembled: Array
+
+
+@compiled_soon(static=("nodes",))
+def _grid(scene: Scene, nodes: int) -> Grid:
+    return make_grid(scene, nodes)
 
 
 @compiled_soon(static=("nodes", "road"))
@@ -183,56 +213,58 @@ def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced, dict[
 
 
 @compiled_soon
-def _everywhere(scene: Scene, motion: Steady, angles: Array) -> tuple[Array, Everywhere]:
+def _everywhere(regime: Regime, angles: Array) -> tuple[Array, Everywhere]:
     """Force table at the nodes, and everything at the angles: one evaluation of the mechanism for both."""
-    grid = motion.grid
-    regime = Regime(scene, grid, motion)
+    scene, grid, motion = regime.scene, regime.grid, regime.steady
     shown = jax.vmap(grid.place)(angles)
     nodes = jax.tree.map(jnp.ravel, grid.node_places())
     places = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), nodes, shown)
 
     def at(place):
-        forces, speed, acceleration = both_motions(regime, place)
+        forces, speed, acceleration = every_motion(regime, place)
         least = [m.value for sides in margins(scene.mechanism, place.phi).values() for m in sides.values()]
         return Everywhere(
             pose(scene.mechanism, place.phi), transmission_angles(scene.mechanism, place.phi),
-            reduce(scene, place.phi, regime.side(place)), _pair(forces), _pair(speed), _pair(acceleration),
-            motion.clock.at(place),
+            reduce(scene, place.phi, regime.side(place)), _each(forces), _each(speed), _each(acceleration),
+            None if motion is None else motion.clock.at(place),
             jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0),
         )  # fmt: skip
 
     every = jax.vmap(at)(places)
     count = grid.size
     both = [table(scene, jax.tree.map(lambda leaf: leaf[:count], forces)) for forces in every.forces]
-    begin = motion.clock.at(grid.place(jnp.zeros(())))
     at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
     told = tuple(without_joints(scene.mechanism, at_angles.pose, forces) for forces in at_angles.forces)
     at_angles = at_angles._replace(forces=told)
-    time = wrapped(at_angles.time - begin, motion.period)
+    time = None
+    if motion is not None and at_angles.time is not None:
+        time = wrapped(at_angles.time - motion.clock.at(grid.place(jnp.zeros(()))), motion.period)
     at_nodes = jnp.moveaxis(jnp.concatenate(both, axis=1), 0, -1)
     at_nodes = at_nodes.reshape((*at_nodes.shape[:2], *grid.nodes.shape))
     return at_nodes, at_angles._replace(time=time)
 
 
 @compiled_soon
-def _peaks(scene: Scene, motion: Steady, at_nodes: Array) -> tuple[Peak, Peak, Array]:
-    """Peaks of all forces in the true motion and at constant speed, and the root mean square of the shaking force."""
-    grid = motion.grid
+def _peaks(regime: Regime, at_nodes: Array) -> tuple[tuple[Peak, ...], Array]:
+    """Peaks of all forces in the actual motion, if there is one, and at constant speed, and the root mean square of the
+    shaking force at constant speed."""
+    scene, grid, motion = regime.scene, regime.grid, regime.steady
 
     def rows(regime, place):
-        forces, _, _ = both_motions(regime, place)
+        forces, _, _ = every_motion(regime, place)
         return table(scene, forces).reshape((-1, 2))
 
-    found = peaks(Regime(scene, grid, motion), rows, at_nodes)
-    half = found.value.size // 2
-    # in the true motion forces follow the square of the speed and its slope
-    inexact = jnp.where(jnp.arange(2 * half) < half, MOTION * motion.delta_error * found.value, 0.0)
-    boundless = jnp.tile(singular(scene.mechanism, peak_names(scene)), 2)
-    found = found._replace(value=jnp.where(boundless, jnp.inf, found.value), error=found.error + inexact)
+    found, names = peaks(regime, rows, at_nodes), peak_names(scene)
+    count, motions = len(names), found.value.size // len(names)
+    boundless = jnp.tile(singular(scene.mechanism, names), motions)
+    found = found._replace(value=jnp.where(boundless, jnp.inf, found.value))
+    if motion is not None:  # there forces follow the square of the speed and its slope
+        inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * found.value, 0.0)
+        found = found._replace(error=found.error + inexact)
     weights = grid.half[:, None] * grid.rule.w[None]
-    shaking = at_nodes[half + peak_names(scene).index("shaking_force")]
+    shaking = at_nodes[count * (motions - 1) + names.index("shaking_force")]
     rms = jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / scene.cycle)
-    return Peak(*(part[:half] for part in found)), Peak(*(part[half:] for part in found)), rms
+    return tuple(Peak(*(part[i * count : (i + 1) * count] for part in found)) for i in range(motions)), rms
 
 
 @compiled_soon
@@ -247,9 +279,10 @@ def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals], dict[str, Arra
     return limits, dead, strokes(mechanism, dead, turns), spans
 
 
-def _pair(tree) -> tuple:
-    """The true motion and constant speed, which `both_motions` computes along an axis."""
-    return tuple(jax.tree.map(lambda leaf, i=i: leaf[i], tree) for i in (0, 1))
+def _each(tree) -> tuple:
+    """The motions apart, which `every_motion` computes along an axis."""
+    count = len(jax.tree.leaves(tree)[0])
+    return tuple(jax.tree.map(lambda leaf, i=i: leaf[i], tree) for i in range(count))
 
 
 @compiled_soon
@@ -262,22 +295,27 @@ def _flywheels(scene: Scene, motion: Steady, here: Reduced) -> Flywheels:
 
 @compiled_soon
 def _checks(
-    scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere, limits: Margins
+    regime: Regime, here: Reduced | None, angles: Array, at: Everywhere, limits: Margins
 ) -> tuple[Checks, Array]:
     """The analysis's own checks, and how it went."""
-    found = [_residuals(scene, at, i) for i in (0, 1)]
+    scene, motion = regime.scene, regime.steady
+    found = [_residuals(scene, at, i) for i in range(len(at.forces))]
     power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
     none = {"loops": closed_to(power.dtype)}  # a singular value that is zero is so to rounding only
     every = [m.value - none.get(side, 0.0) for sides in limits.values() for side, m in sides.items()]
     least = jnp.min(jnp.stack([jnp.ones(()), *every]))
-    code = merge(
-        jnp.where(motion.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
+    codes = [
+        jnp.where(regime.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
+        jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
+    ]
+    if motion is None or here is None:
+        return Checks(power, None, balance), merge(*codes)
+    codes += [
         jnp.where(jnp.isinf(motion.delta_error), Result.INTEGRATION_FAILED, 0),
         jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
         jnp.where(motion.least_inertia > LIGHTEST, 0, Result.NO_INERTIA),
-        jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
-    )
-    return Checks(power, _energy_closure(scene, motion, here, angles, at), balance), code
+    ]
+    return Checks(power, _energy_closure(scene, motion, here, angles, at), balance), merge(*codes)
 
 
 def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:

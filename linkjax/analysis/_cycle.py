@@ -27,12 +27,12 @@ class Checks(eqx.Module):
     """Relative residuals of the analysis's own checks; all should be near rounding.
 
     `virtual_power`: drive torque by kinetostatics against the reduced model. `energy_closure`: kinetic energy of the
-    links against the work of each load, integrated separately. `force_balance`: force and moment on the frame against
-    shaking force, weight, loads and drive torque.
+    links against the work of each load, integrated separately (None without actual motion). `force_balance`: force and
+    moment on the frame against shaking force, weight, loads and drive torque.
     """
 
     virtual_power: Array
-    energy_closure: Array
+    energy_closure: Array | None
     force_balance: Array
 
 
@@ -44,6 +44,17 @@ class Flywheels(eqx.Module):
     textbook: Array | None
 
 
+class NoMotion(eqx.Module):
+    """Why a cycle has no actual motion: the `reason` with what would give one, in one line, and whether that `fails`
+    what was asked (a machine without any mass has kinematics and statics, and nothing else). The regime margin and,
+    where the mean speed is too low, the lowest (rad/s) that has a steady motion."""
+
+    reason: str = eqx.field(static=True)
+    fails: bool = eqx.field(static=True)
+    regime_margin: Array | None
+    lowest_mean_speed: Array | None
+
+
 class Cycle(eqx.Module):
     """A working cycle, computed. Arrays run over `angles` (rad); SI units throughout.
 
@@ -51,6 +62,11 @@ class Cycle(eqx.Module):
     `forces` belong to the motion asked for, `forces_constant_speed` to constant nominal speed; `peaks` and
     `peaks_constant_speed` hold the continuous cycle's peaks in the order of `peak_names`; `transmission_ends` are the
     transmission angles (rad) where the margins are least; `work` is what drive, weight and each load do in a cycle (J).
+
+    Where the actual motion does not exist `missing` says why, and `steady`, `speed`, `acceleration`, `time`, `forces`,
+    `peaks`, `work` and `checks.energy_closure` are None, and so is `flywheel`, unless it holds the one that gives the
+    target δ. With `constant_speed` the actual motion is not asked for: these are None, too, but `forces`, which are
+    those at constant speed, and `missing`.
     """
 
     scene: Scene
@@ -62,46 +78,52 @@ class Cycle(eqx.Module):
     dead_centres: dict[str, Reversals]
     strokes: dict[str, Array]
     reduced: Reduced
-    steady: Steady
-    speed: Float[Array, " angles"]
-    acceleration: Float[Array, " angles"]
-    time: Float[Array, " angles"]
-    forces: Forces
+    steady: Steady | None
+    speed: Float[Array, " angles"] | None
+    acceleration: Float[Array, " angles"] | None
+    time: Float[Array, " angles"] | None
+    forces: Forces | None
     forces_constant_speed: Forces
-    peaks: Peak
+    peaks: Peak | None
     peaks_constant_speed: Peak
     rms_shaking_force_constant_speed: Array
-    flywheel: Flywheels
-    work: dict[str, Array]
+    flywheel: Flywheels | None
+    work: dict[str, Array] | None
     checks: Checks
     assembled: Bool[Array, " angles"]
     result: Int[Array, ""]
     constant_speed: bool = eqx.field(static=True)
     road: str = eqx.field(static=True, default="quadrature")
+    nodes: int = eqx.field(static=True, default=0)
+    missing: NoMotion | None = None
 
     @property
-    def delta(self) -> Array:
-        """Coefficient of speed fluctuation of the true motion."""
-        return self.steady.delta
+    def delta(self) -> Array | None:
+        """Coefficient of speed fluctuation of the actual motion; None where there is none."""
+        return None if self.steady is None else self.steady.delta
 
     @property
-    def delta_error(self) -> Array:
+    def delta_error(self) -> Array | None:
         """Bound of the absolute error of `delta`."""
-        return self.steady.delta_error
+        return None if self.steady is None else self.steady.delta_error
 
     @property
-    def power(self):
-        """Power of the constant drive torque in the true motion at `angles` (W)."""
-        return self.steady.drive_torque * self.speed
+    def power(self) -> Array | None:
+        """Power of the constant drive torque in the actual motion at `angles` (W)."""
+        return None if self.steady is None or self.speed is None else self.steady.drive_torque * self.speed
 
     @property
-    def mean_power(self):
+    def mean_power(self) -> Array | None:
         """Work of the drive in a cycle over its duration (W)."""
-        return self.work["drive"] / self.steady.period
+        return None if self.steady is None or self.work is None else self.work["drive"] / self.steady.period
 
     @property
     def reactions(self):
-        """Joint reactions: `reactions[joint][link]` with `fx`, `fy`, `moment`, acting on the link."""
+        """Joint reactions: `reactions[joint][link]` with `fx`, `fy`, `moment`, acting on the link, in the motion asked
+        for. Raises `MachineError` where that does not exist; `forces_constant_speed` has those at constant speed."""
+        if self.forces is None:
+            why = "no actual motion" if self.missing is None else self.missing.reason
+            raise MachineError(f"{why} Read forces_constant_speed.reactions.", Result(int(self.result)))
         return self.forces.reactions
 
 
@@ -134,31 +156,13 @@ def explain_start(scene: Scene) -> None:
 
 
 def explain(cycle: Cycle) -> None:
-    """Raise `MachineError` when the cycle did not succeed, saying what falls short, where, and what to change."""
-    code, shaft = Result(int(cycle.result)), isinstance(cycle.scene.mechanism.groups[0], Crank)
+    """Raise `MachineError` when a machine cannot be assembled, saying what falls short, where, and what to change."""
+    code = Result(int(cycle.result))
     title = f"Scene {cycle.scene.title!r}: " if cycle.scene.title else ""
     if code is Result.CANNOT_BE_ASSEMBLED:
         group, side, at = _first_lost(cycle)
         what, remedy = _what_is_lost(cycle, group, side, at)
         raise MachineError(f"{title}group {group!r} {what}. {remedy or MESSAGES[code]}", code)
-    if code is Result.INTEGRATION_FAILED:
-        raise MachineError(f"{title}{MESSAGES[code]}", code)
-    if code is Result.NO_INERTIA:
-        degrees = float(jnp.degrees(cycle.steady.angle_of_least_inertia))
-        place = f"at {degrees:.2f} degrees of crank angle, " if jnp.any(cycle.reduced.inertia > 0) else "anywhere, "
-        remedy = "Give the crank or the flywheel an inertia." if shaft else "Give what the drive moves an inertia."
-        what = "so that the crank speed has no bound" if shaft else "so that the speed has no bound"
-        raise MachineError(f"{title}no reduced inertia {place}{what}. {remedy}", code)
-    if code is Result.NO_PERIODIC_REGIME:
-        lowest, nominal = float(cycle.steady.lowest_mean_speed), float(cycle.scene.speed)
-        speeds = tuple((f"{speed:.4g} rad/s", speed) for speed in (nominal, lowest))
-        degrees = float(jnp.degrees(cycle.steady.angle_of_least_work))
-        raise MachineError(
-            f"{title}no periodic regime at a mean speed of {speeds[0][0]}: the kinetic energy "
-            f"runs out at {degrees:.2f} degrees; the lowest mean speed that has one is {speeds[1][0]}. Raise the "
-            f"mean speed, {'add a flywheel' if shaft else 'add inertia to what the drive moves'} or lower the loads.",
-            code, speeds,
-        )  # fmt: skip
 
 
 def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, str]:

@@ -20,25 +20,22 @@ WHY = {
     "quadrature": "torques depend on position only, so the energy equation is integrated and no differential equation "
     "is solved",
     "prescribed": "the driver follows a law, so the motion is known before any force",
+    "constant speed": "asked for: the crank turns at constant nominal speed",
+    "none": "there is no actual motion",
     "diffrax": "asked for: the equation of motion is solved in the crank angle by diffrax (Dopri8)",
 }
 
 
 def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
-    """The analysis as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says."""
+    """The analysis as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says. What
+    belongs to an actual motion that does not exist, or is not asked for, is None."""
     cycle = jax.device_get(cycle)
-    scene, motion = cycle.scene, cycle.steady
-    code = Result(int(cycle.result))
-    road = "prescribed" if scene.mechanism.prescribed else cycle.road
+    scene, code = cycle.scene, Result(int(cycle.result))
     return {
         "scene": name or scene.title,
         "linkjax_version": version,
-        "precision": str(np.asarray(motion.delta).dtype),
-        "model": {
-            "motion": road, "nodes": motion.grid.size, "evaluations": motion.evaluations,
-            "mean": scene.mean, "why": WHY[road], "constant_speed": cycle.constant_speed,
-            "indeterminate": list(indeterminate(scene.mechanism)),
-        },
+        "precision": str(np.asarray(cycle.angles).dtype),
+        "model": _model(cycle),
         "angles": np.asarray(cycle.angles),
         "points": {
             point: {"x": s.r.x, "y": s.r.y, "dx": s.dr.x, "dy": s.dr.y, "ddx": s.ddr.x, "ddy": s.ddr.y}
@@ -55,35 +52,66 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
             "inertia": cycle.reduced.inertia, "inertia_slope": cycle.reduced.slope, "torque": cycle.reduced.torque,
             "torque_by_load": dict(cycle.reduced.by_load),
         },
-        "motion": {
-            "speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time,
-            "mean_speed": float(motion.mean_speed), "delta": float(motion.delta),
-            "delta_error": float(motion.delta_error),
-            "speed_max": float(motion.speed_max), "speed_min": float(motion.speed_min),
-            "angle_of_max": float(motion.angle_of_max), "angle_of_min": float(motion.angle_of_min),
-            "drive_torque_mean": float(motion.drive_torque), "regime_margin": float(motion.regime_margin),
-            "power": cycle.power, "mean_power": float(cycle.mean_power),
-            "lowest_mean_speed": float(motion.lowest_mean_speed), "period": float(motion.period),
-        },
+        "motion": _motion(cycle),
         "flywheel": {
-            "given": float(cycle.flywheel.given), "for_target_delta": _maybe(cycle.flywheel.for_target_delta),
-            "textbook": _maybe(cycle.flywheel.textbook), "target_delta": _maybe(scene.target_delta),
+            "given": float(scene.mechanism.flywheel.inertia),
+            "for_target_delta": _maybe(cycle.flywheel and cycle.flywheel.for_target_delta),
+            "textbook": _maybe(cycle.flywheel and cycle.flywheel.textbook),
+            "target_delta": _maybe(scene.target_delta),
         },
-        "work": {name: float(value) for name, value in cycle.work.items()},
-        "forces": _forces(cycle, cycle.forces),
+        "work": None if cycle.work is None else {name: float(value) for name, value in cycle.work.items()},
+        "forces": None if cycle.forces is None else _forces(cycle, cycle.forces),
         "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
         "peaks": {
             **_peaks(cycle, cycle.peaks, ""), **_peaks(cycle, cycle.peaks_constant_speed, "_constant_speed"),
         },
         "checks": {
-            "virtual_power": float(cycle.checks.virtual_power), "energy_closure": float(cycle.checks.energy_closure),
+            "virtual_power": float(cycle.checks.virtual_power), "energy_closure": _maybe(cycle.checks.energy_closure),
             "force_balance": float(cycle.checks.force_balance),
         },
         "result": {
-            "code": int(code), "name": code.name.lower(), "message": MESSAGES[code],
+            "code": int(code), "name": code.name.lower(),
+            "message": MESSAGES[code] if cycle.missing is None else cycle.missing.reason,
             "per_angle": np.where(cycle.assembled, int(Result.SUCCESS), int(Result.CANNOT_BE_ASSEMBLED)),
         },
     }  # fmt: skip
+
+
+def _model(cycle: Cycle) -> dict[str, Any]:
+    """How the figures were found, and why so."""
+    scene = cycle.scene
+    road = "prescribed" if scene.mechanism.prescribed else cycle.road
+    why = WHY[road]
+    if cycle.steady is None:
+        road = "constant speed" if cycle.constant_speed else "none"
+        why = WHY[road] if cycle.missing is None else cycle.missing.reason
+    return {
+        "motion": road, "nodes": cycle.nodes, "evaluations": None if cycle.steady is None else cycle.steady.evaluations,
+        "mean": scene.mean, "why": why, "constant_speed": cycle.constant_speed,
+        "indeterminate": list(indeterminate(scene.mechanism)),
+    }  # fmt: skip
+
+
+def _motion(cycle: Cycle) -> dict[str, Any]:
+    """The actual motion; of one that does not exist only how far it is from that."""
+    motion, missing = cycle.steady, cycle.missing
+    series = {"speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time, "power": cycle.power}
+    found = {
+        key: None if motion is None else float(getattr(motion, name))
+        for key, name in {
+            "mean_speed": "mean_speed", "delta": "delta", "delta_error": "delta_error", "speed_max": "speed_max",
+            "speed_min": "speed_min", "angle_of_max": "angle_of_max", "angle_of_min": "angle_of_min",
+            "drive_torque_mean": "drive_torque", "period": "period",
+        }.items()
+    }  # fmt: skip
+    ends = motion if missing is None else missing
+    margins = {key: _maybe(ends and getattr(ends, key)) for key in ("regime_margin", "lowest_mean_speed")}
+    return {**series, **found, "mean_power": _maybe(cycle.mean_power), **margins}
+
+
+def moves(data: dict[str, Any]) -> bool:
+    """Whether a document has an actual motion."""
+    return (data.get("motion") or {}).get("speed") is not None
 
 
 def check_limit(data: dict[str, Any]) -> float:
@@ -102,7 +130,7 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _maybe(value) -> float | None:
+def _maybe(value: Any) -> float | None:
     return None if value is None else float(value)
 
 
@@ -177,7 +205,9 @@ def _vector(force: JointForce) -> dict[str, Any]:
     return {"fx": force.fx, "fy": force.fy, "moment": force.moment}
 
 
-def _peaks(cycle: Cycle, peak: Peak, suffix: str) -> dict[str, Any]:
+def _peaks(cycle: Cycle, peak: Peak | None, suffix: str) -> dict[str, Any]:
+    if peak is None:
+        return {}
     names = peak_names(cycle.scene)
     return {
         f"{name}{suffix}": {"value": float(peak.value[i]), "angle": float(peak.angle[i]), "error": float(peak.error[i])}

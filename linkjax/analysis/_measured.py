@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import jax
 import numpy as np
 
 from linkjax.analysis._cycle import Cycle
 from linkjax.measures import MEASURES, no_transmission_angle, peak_names
 
+NONE: Any = SimpleNamespace(
+    delta=None, speed_max=None, speed_min=None, regime_margin=None, least_inertia=None, drive_torque=None
+)
+
 
 def measured(cycle: Cycle) -> dict[str, float]:
     """Every measure in `MEASURES` that an analysis holds and the scene has, by name, in their order: those of the
-    package."""
+    package. Those of an actual motion that does not exist are left out."""
     cycle = jax.device_get(cycle)
-    motion, wheel = cycle.steady, cycle.flywheel
+    motion, wheel = cycle.steady or NONE, cycle.flywheel
     limits = [least.value for sides in cycle.margins.values() for least in sides.values()]
     turned = np.concatenate([np.zeros(0), *map(np.ravel, cycle.transmission_ends.values())])
     none = no_transmission_angle(cycle.scene.mechanism)
@@ -24,7 +31,7 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "regime_margin": motion.regime_margin,
         "least_inertia": motion.least_inertia,
         "mean_drive_torque": motion.drive_torque,
-        "flywheel_for_target_delta": wheel.for_target_delta,
+        "flywheel_for_target_delta": wheel and wheel.for_target_delta,
         "smallest_margin": min(limits, default=1.0),
         "smallest_transmission_angle": (
             None if none else np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi)
@@ -32,6 +39,8 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "rms_shaking_force_constant_speed": cycle.rms_shaking_force_constant_speed,
     }
     for suffix, peak in (("", cycle.peaks), ("_constant_speed", cycle.peaks_constant_speed)):
+        if peak is None:
+            continue
         by_name = dict(zip(peak_names(cycle.scene), np.asarray(peak.value), strict=True))
         found |= {f"peak_{name}{suffix}": by_name[name] for name in ("shaking_force", "drive_torque")}
         reactions = [value for name, value in by_name.items() if name.startswith("reaction.")]

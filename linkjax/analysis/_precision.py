@@ -72,8 +72,9 @@ def fewest_digits(cycle: Cycle) -> float:
     """Digits that the precision in force leaves of an analysis, roughly: those of kinematic coefficients at the least
     assembly margin, where rounding grows as its inverse (docs/hard-cases.md), those of δ, which is a difference of
     speeds, and what the checks of the analysis itself say."""
-    rounding = float(jnp.finfo(cycle.delta.dtype).eps)
+    rounding = float(jnp.finfo(cycle.angles.dtype).eps)
     worst = float(jnp.maximum(cycle.checks.virtual_power, cycle.checks.force_balance))
-    sizes = [float(m.value) for sides in cycle.margins.values() for m in sides.values()] + [float(cycle.delta)]
+    sizes = [float(m.value) for sides in cycle.margins.values() for m in sides.values()]
+    sizes += [] if cycle.delta is None else [float(cycle.delta)]
     worst = max([worst, rounding, *(rounding / size for size in sizes if size > 0)])
     return -math.log10(worst)

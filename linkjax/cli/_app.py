@@ -171,7 +171,9 @@ def analyse_command(
         str | None,
         typer.Option(metavar="VALUE", help='With --at: the crank at nominal speed and this, e.g. "10 rad/s^2".'),
     ] = None,
-    constant_speed: Annotated[bool, typer.Option("--constant-speed", help="Forces at constant nominal speed.")] = False,
+    constant_speed: Annotated[
+        bool, typer.Option("--constant-speed", help="The crank at constant nominal speed, without the actual motion.")
+    ] = False,
     motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
     nodes: Nodes = NODES,
     units: Units = "",
@@ -197,7 +199,7 @@ def analyse_command(
     check_places(out, csv_folder, json_file)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     with elapsed("analysing"), messages_in(shown):
-        whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed,
+        whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed or None,
                         motion=motion.value, throw=not (json_file or csv_folder))  # fmt: skip
         cycle = pick(whole, slice(0, angles))
         data = document(cycle, scene, __version__)
@@ -214,6 +216,8 @@ def analyse_command(
         print_at(document(here, scene, __version__), machine, shown, given is not None)
     if out:
         write_out(data, machine, out, units=units)
+    if cycle.missing is not None and cycle.missing.fails:
+        raise typer.Exit(1)
 
 
 def acceleration_of(text: str | None, at: bool) -> float | None:

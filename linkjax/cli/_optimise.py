@@ -90,8 +90,8 @@ def optimise_command(
     data = document(found, before, after, scene, __version__) | {"before_is": CHANGED if changed else "the machine"}
     _print(data, shown, time.perf_counter() - clock)
     told_before, told_after = (analysis_document(cycle, scene, __version__) for cycle in (before, after))
-    print_warnings(told_before, "before")
-    print_warnings(told_after, "after")
+    print_warnings(told_before, shown, "before")
+    print_warnings(told_after, shown, "after")
     if out:
         write_text(out / "optimised.toml", text_of(found.after, _comment(data)))
     for file in (json_file, out and out / "optimum.json"):

@@ -10,8 +10,19 @@ from rich.table import Table
 from rich.text import Text
 
 from linkjax._display import NONE, Numbers, above
-from linkjax.analysis import check_limit, load_size, peak_told, peak_unit, power_scale, torque_scale, uneven
+from linkjax.analysis import (
+    CONSTANT,
+    check_limit,
+    load_size,
+    moves,
+    peak_told,
+    peak_unit,
+    power_scale,
+    torque_scale,
+    uneven,
+)
 from linkjax.cli._console import console
+from linkjax.cli._said import retold
 from linkjax.groups import Crank, General
 from linkjax.kinematics import Assemblies
 from linkjax.machine import Scene
@@ -107,20 +118,42 @@ def print_assemblies(found: dict[str, Assemblies], show: Numbers) -> None:
 
 def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     """Motion, flywheel, peaks, margins, dead centres, checks."""
-    run, wheel, checks = data["motion"], data["flywheel"], data["checks"]
-    fastest, slowest = (f" at {show.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     console.print(Text(machine.title or data["scene"], style="bold"))
     console.print(f"{machine.mechanism.formula()}\n", highlight=False)
+    _print_motion(data, machine, show)
+    _print_peaks(data, show)
+    _print_limits(data, show)
+    checks, model, run = data["checks"].items(), data["model"], data["motion"]
+    residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks if value is not None)
+    console.print(f"\nchecks     {residuals}", highlight=False)
+    print_warnings(data, show)
+    if moves(data) and run["delta_error"] > max(COARSE * run["delta"], EVEN):
+        more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
+        console.print(f"WARNING: {more}", style="bold", highlight=False)
+    if model["indeterminate"]:
+        joints = ", ".join(model["indeterminate"])
+        more = "depend on how tight the passive links fit; given are those of links that do not help the others"
+        console.print(f"NOTE: reactions at {joints} {more}", highlight=False, markup=False)
+    none = model["motion"] == "none"
+    how = "constant speed alone" if none else model["motion"]
+    why = "" if none else f": {model['why']}"
+    console.print(f"model      {how}, {model['nodes']} nodes{why}", highlight=False, markup=False)
+
+
+def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
+    """The actual motion, if there is one, the speed, and the flywheel."""
+    run, wheel = data["motion"], data["flywheel"]
+    fastest, slowest = (f" at {show.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     table = Table(box=None, show_header=False, pad_edge=False)
-    rows = [
+    rows = [("crank speed", f"{show.speed(float(machine.speed))}, constant")] if not moves(data) else [
         ("speed fluctuation δ", f"{_digits(run['delta'], run['delta_error'])}  ± {run['delta_error']:.1e}"),
         ("mean speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
         ("largest speed", f"{show.speed(run['speed_max'])}{fastest}"),
         ("smallest speed", f"{show.speed(run['speed_min'])}{slowest}"),
         ("constant drive torque", show.quantity(run["drive_torque_mean"], "N·m", 6, torque_scale(data))),
         ("mean power", show.quantity(run["mean_power"], "W", 6, power_scale(data))),
-        ("flywheel given", show.shown(wheel["given"], "kg·m²")),
-    ]
+    ]  # fmt: skip
+    rows.append(("flywheel given", show.shown(wheel["given"], "kg·m²")))
     if wheel["for_target_delta"] is not None:
         need, target = wheel["for_target_delta"], wheel["target_delta"]
         exact = show.quantity(need, "kg·m²", 6) if need > 0 else "none needed"
@@ -129,29 +162,18 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     for name, value in rows:
         table.add_row(name, value)
     console.print(table, highlight=False)
-    _print_peaks(data, show)
-    _print_limits(data, show)
-    residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks.items())
-    console.print(f"\nchecks     {residuals}", highlight=False)
-    print_warnings(data)
-    model = data["model"]
-    if run["delta_error"] > max(COARSE * run["delta"], EVEN):
-        more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
-        console.print(f"WARNING: {more}", style="bold", highlight=False)
-    if model["indeterminate"]:
-        joints = ", ".join(model["indeterminate"])
-        more = "depend on how tight the passive links fit; given are those of links that do not help the others"
-        console.print(f"NOTE: reactions at {joints} {more}", highlight=False, markup=False)
-    console.print(f"model      {model['motion']}, {model['nodes']} nodes: {model['why']}", highlight=False)
 
 
-def print_warnings(data: dict[str, Any], which: str = "") -> None:
+def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None:
     """What is wrong with an analysis, or with `which` of several."""
     limit, of = check_limit(data), f"{which}: " if which else ""
-    if not all(value <= limit for value in data["checks"].values()):  # a NaN is no pass either
+    if not all(value <= limit for value in data["checks"].values() if value is not None):  # a NaN is no pass either
         console.print(f"WARNING: {of}a check is above {limit:g}; do not trust these figures", style="bold red")
     if data["result"]["code"]:
-        console.print(f"WARNING: {of}{data['result']['message']}", style="bold", markup=False)
+        message = retold(data["result"]["message"], show)
+        console.print(f"WARNING: {of}{message}", style="bold", markup=False, highlight=False)
+    elif data["model"]["motion"] == "none":
+        console.print(f"NOTE: {of}{retold(data['model']['why'], show)}", markup=False, highlight=False)
 
 
 def _digits(value: float, error: float) -> str:
@@ -163,13 +185,13 @@ def _digits(value: float, error: float) -> str:
 
 
 def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
-    table = Table("peak", "true motion", "at", "constant speed", "at", box=None, pad_edge=False)
-    peaks = data["peaks"]
-    for name in (name for name in peaks if not name.endswith("_constant_speed")):
-        both = [peak_told(data, key) for key in (name, f"{name}_constant_speed")]
+    motions = ["true motion", "at"] if moves(data) else []
+    table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
+    for name in dict.fromkeys(name.removesuffix(CONSTANT) for name in data["peaks"]):
+        both = [peak_told(data, key) for key in (name, f"{name}{CONSTANT}") if key in data["peaks"]]
         values = [show.quantity(value, peak_unit(name), 6) for value, _ in both]
         angles = [show.turned(angle) for _, angle in both]
-        table.add_row(name.replace("_", " "), values[0], angles[0], values[1], angles[1])
+        table.add_row(name.replace("_", " "), *(cell for pair in zip(values, angles, strict=True) for cell in pair))
     console.print()
     console.print(table, highlight=False)
 

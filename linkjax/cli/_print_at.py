@@ -42,7 +42,7 @@ def print_at(data: Data, machine: Scene, show: Numbers, given: bool = False) -> 
     _print_forces(data, show)
     reduced, torque = data["reduced"], torque_scale(data)
     inertia, slope = show.alike([reduced["inertia"][0], reduced["inertia_slope"][0]], "kg·m²", 7)
-    both = [reduced["torque"][0], data["forces"]["drive_torque"][0]]
+    both = [reduced["torque"][0], _forces(data)["drive_torque"][0]]
     load, drive = show.alike(both, "N·m", 7, torque)
     console.print(f"J {inertia}, J' {slope}, Q {load}, ω {show.speed(speed, 7)}, drive torque {drive}", highlight=False)
 
@@ -83,6 +83,11 @@ def _pull(force: Data) -> dict[str, float]:
     return {"fx": fx, "fy": fy, "force": math.hypot(fx, fy), "moment": moment}
 
 
+def _forces(data: Data) -> Data:
+    """Forces in the motion asked for, or at constant speed where that does not exist."""
+    return data["forces"] or data["forces_constant_speed"]
+
+
 def _print_forces(data: Data, show: Numbers) -> None:
     """Forces at the joints with their magnitudes, and the shaking force."""
     suffixes = (CONSTANT, "")  # an acceleration that is given belongs to neither motion
@@ -90,11 +95,11 @@ def _print_forces(data: Data, show: Numbers) -> None:
     beside |= {"force": beside["f"], "moment": max(torque_scale(data, suffix) for suffix in suffixes)}
     sides = {
         (joint, link, side["by"]): _pull(side)
-        for joint, links in data["forces"]["reactions"].items()
+        for joint, links in _forces(data)["reactions"].items()
         for link, side in links.items()
     }
     _print_rows(sides, ("joint", "on", "by"), PULLS, show, beside)
-    shaking = data["forces"]["shaking"]
+    shaking = _forces(data)["shaking"]
     whole = {key: above(value, beside[key.rstrip("xy")]) for key, value in _pull(shaking).items()}
     size = show.quantity(whole["force"], "N", 7)
     parts = show.place((whole["fx"], whole["fy"]), "N")

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from linkjax._display import Numbers, prefixed, short
+from linkjax._display import Numbers, prefixed, short, turning
 from linkjax._results import MachineError
 from linkjax._units import display_units, unit_of
 from linkjax.scenes import SceneError, load_document, overridden
 
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
-AMOUNT = re.compile(rf"(?<![\w.])({NUMBER})(?: to ({NUMBER}))? (m|rad|degrees)(?![\w/^²])")
+AMOUNT = re.compile(rf"(?<![\w.])({NUMBER})(?: to ({NUMBER}))? (m|rad/s|rad|degrees)(?![\w/^²])")
 QUOTED = re.compile(r"""("[^"]*"|(?<!\w)'[^']*')""")
 
 
@@ -34,10 +34,7 @@ def messages_in(show: Numbers) -> Iterator[None]:
     try:
         yield
     except MachineError as error:
-        message = str(error)
-        for text, speed in error.speeds:
-            message = message.replace(text, show.bound(speed, "rad/s"), 1)
-        raise MachineError(retold(message, show), error.result) from error
+        raise MachineError(retold(str(error), show), error.result) from error
     except SceneError as error:
         if "m" not in show.units:
             raise
@@ -60,7 +57,10 @@ def _amount(found: re.Match[str], show: Numbers) -> str:
             return found[0]
         values = [math.radians(value) for value in values]
     size = max(abs(value) for value in values)
-    factor, label = prefixed(size, "m", show.units) if unit == "m" else show.units.get("rad", (180 / math.pi, "°"))
+    if unit == "m":
+        factor, label = prefixed(size, "m", show.units)
+    else:
+        factor, label = turning(show.units) if unit == "rad/s" else show.units.get("rad", (180 / math.pi, "°"))
     digits = max(4, *(len(text.partition("e")[0].lstrip("-0.").replace(".", "")) for text in texts))
     told = " to ".join(short(float(f"{factor * value:.{digits}g}")) for value in values)
     return f"{told}{'' if label == '°' else ' '}{label}"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import linkjax
+from linkjax.analysis import moves
 from linkjax.cli._console import console, elapsed
 from linkjax.machine import Scene
 
@@ -31,6 +32,8 @@ def write_csv(data: dict[str, Any], folder: Path) -> None:
     """One table per kind, crank angle (rad) in the first column, keys of the JSON document as headings."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("points", "links", "groups", "reduced", "motion", "forces", "forces_constant_speed"):
+        if data[name] is None or (name == "motion" and not moves(data)):
+            continue
         columns = {"angle": data["angles"]} | dict(_columns(data[name], len(data["angles"])))
         with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)

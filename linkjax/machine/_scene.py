@@ -26,7 +26,8 @@ class Scene(eqx.Module):
 
     `mean` says which mean of the crank speed is `speed`: "time" (2π turns / period) or "midrange" ((max + min) / 2).
     `cycle_turns` is the number of crank turns after which everything repeats. The drive is a constant torque on the
-    crank that balances the cycle. Raises `StructureError` when a load names a link or point that does not exist.
+    crank that balances the cycle. With `constant_speed` the crank turns at constant `speed`, whatever the loads, and
+    analyses leave the actual motion out. Raises `StructureError` when a load names a link or point that does not exist.
     """
 
     mechanism: Mechanism
@@ -37,6 +38,7 @@ class Scene(eqx.Module):
     mean: Literal["time", "midrange"] = eqx.field(static=True, default="time")
     cycle_turns: int = eqx.field(static=True, default=1)
     title: str = eqx.field(static=True, default="")
+    constant_speed: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         if not isinstance(self.mechanism, Mechanism):
@@ -46,6 +48,11 @@ class Scene(eqx.Module):
             raise StructureError("mean", f"is {self.mean!r}", 'write "time" or "midrange"')
         if not isinstance(self.cycle_turns, int) or self.cycle_turns < 1:
             raise StructureError("cycle_turns", f"is {self.cycle_turns!r}", "write a whole number of crank turns")
+        if not isinstance(self.constant_speed, bool):
+            raise StructureError("constant_speed", f"is {self.constant_speed!r}", "write True or False")
+        if self.constant_speed and self.target_delta is not None:
+            problem = "has no effect: at constant speed nothing fluctuates"
+            raise StructureError("target_delta", problem, "delete it, or constant_speed")
         for name in ("speed", "target_delta"):
             value = known(getattr(self, name))
             if value is not None and not np.all(value > 0):

@@ -1,6 +1,6 @@
 """Numbers a designer asks for: functions of a scene with a unit."""
 
-from linkjax.measures._forces import both_motions as both_motions
+from linkjax.measures._forces import every_motion as every_motion
 from linkjax.measures._forces import peak_names as peak_names
 from linkjax.measures._forces import reaction_names as reaction_names
 from linkjax.measures._forces import table as table

@@ -35,11 +35,14 @@ def reactions(regime: Regime, place: Place) -> Float[Array, "joints 2"]:
     return jnp.stack([jnp.stack(found[joint][link][:2]) for joint, link in reaction_names(regime.scene)])
 
 
-def both_motions(regime: Regime, place: Place) -> tuple[Forces, Float[Array, 2], Float[Array, 2]]:
-    """Forces in the true motion and at constant nominal speed (leading axis 2), with crank speed and acceleration."""
+def every_motion(regime: Regime, place: Place) -> tuple[Forces, Float[Array, " motions"], Float[Array, " motions"]]:
+    """Forces in the actual motion, unless the regime is one of constant speed, and at constant nominal speed (leading
+    axis), with crank speed and acceleration."""
     speed, acceleration = regime.crank(place)
-    speeds = jnp.stack([speed, regime.scene.speed * jnp.ones_like(speed)])
-    accelerations = jnp.stack([acceleration, jnp.zeros_like(acceleration)])
+    pairs = [(regime.scene.speed * jnp.ones_like(speed), jnp.zeros_like(acceleration))]
+    if regime.steady is not None:
+        pairs.insert(0, (speed, acceleration))
+    speeds, accelerations = (jnp.stack(part) for part in zip(*pairs, strict=True))
     side = regime.side(place)
     forces = jax.vmap(lambda w, e: kinetostatics(regime.scene, place.phi, w, e, side))(speeds, accelerations)
     return forces, speeds, accelerations

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, turning
-from linkjax.analysis import check_limit, load_size, peak_told, peak_unit, power_scale, torque_scale, uneven
+from linkjax.analysis import check_limit, load_size, moves, peak_told, peak_unit, power_scale, torque_scale, uneven
 from linkjax.machine import Scene
 from linkjax.report._cells import Cell, Cells, table, words
 
@@ -34,14 +34,22 @@ def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -
 def _values(show: Cells, data: Data) -> dict[str, str]:
     """The results of an analysis as they are printed, by name."""
     motion, wheel = data["motion"], data.get("flywheel", {})
-    found = {
-        "coefficient of speed fluctuation δ": show.measured(float(motion["delta"]), float(motion["delta_error"]))[0],
-        "mean speed": show.speed(motion["mean_speed"]),
-        "largest speed": show.speed(motion["speed_max"]),
-        "smallest speed": show.speed(motion["speed_min"]),
-        "drive torque, constant": show.quantity(float(motion["drive_torque_mean"]), "N·m", beside=torque_scale(data)),
-    }
-    if "period" in motion:
+    found = (
+        {}
+        if not moves(data)
+        else {
+            "coefficient of speed fluctuation δ": show.measured(float(motion["delta"]), float(motion["delta_error"]))[
+                0
+            ],
+            "mean speed": show.speed(motion["mean_speed"]),
+            "largest speed": show.speed(motion["speed_max"]),
+            "smallest speed": show.speed(motion["speed_min"]),
+            "drive torque, constant": show.quantity(
+                float(motion["drive_torque_mean"]), "N·m", beside=torque_scale(data)
+            ),
+        }
+    )
+    if motion.get("period") is not None:
         found["drive power, mean"] = show.quantity(float(motion["mean_power"]), "W", beside=power_scale(data))
         found["duration of the cycle"] = show.quantity(float(motion["period"]), "s")
     found["flywheel, given"] = show.amount(wheel.get("given"), "kg·m²").text
@@ -50,29 +58,34 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
         found["flywheel, needed"] = show.quantity(need, "kg·m²") if need > 0 else "none"
     if wheel.get("textbook") is not None:
         found["flywheel by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
-    return found | {"regime margin": show.quantity(float(motion["regime_margin"]), digits=4)}
+    if motion.get("regime_margin") is not None:
+        found["regime margin"] = show.quantity(float(motion["regime_margin"]), digits=4)
+    if motion.get("speed") is None and motion.get("lowest_mean_speed") is not None:
+        found["lowest mean speed"] = show.speed(motion["lowest_mean_speed"])
+    return found
 
 
 def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
     """What is said beside the results."""
-    motion = data["motion"]
-    error = show.measured(float(motion["delta"]), float(motion["delta_error"]))[1]
+    motion, runs = data["motion"], moves(data)
+    error = show.measured(float(motion["delta"]), float(motion["delta_error"]))[1] if runs else ""
     mean = "mean over time" if scene.mean == "time" else "mean of largest and smallest"
     wanted = data.get("flywheel", {}).get("target_delta", scene.target_delta)
-    runs = float(motion["regime_margin"]) > 0
+    steady = (motion.get("regime_margin") or 0.0) > 0
     need = data.get("flywheel", {}).get("for_target_delta") or 0.0
     exactly = "exactly" if need > 0 else "it is steadier without"
     return {
         "coefficient of speed fluctuation δ": f"{error}, of the {mean}",
-        "mean speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s",
-        "largest speed": f"at {show.turned(motion['angle_of_max'])}" if uneven(data) else "",
-        "smallest speed": f"at {show.turned(motion['angle_of_min'])}" if uneven(data) else "",
+        "mean speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s" if runs else "",
+        "largest speed": f"at {show.turned(motion['angle_of_max'])}" if runs and uneven(data) else "",
+        "smallest speed": f"at {show.turned(motion['angle_of_min'])}" if runs and uneven(data) else "",
         "drive torque, constant": "balances the cycle",
         "drive power, mean": "over the cycle",
         "flywheel, given": "on the crank shaft",
         "flywheel, needed": "" if wanted is None else f"for δ = {float(wanted):g}, {exactly}",
         "flywheel by ΔA/(δω²)": "textbook, for comparison",
-        "regime margin": f"{'positive: there is a' if runs else 'no'} periodic regime at this speed",
+        "regime margin": f"{'positive: there is a' if steady else 'no'} periodic regime at this speed",
+        "lowest mean speed": "that has a periodic regime",
     }
 
 
@@ -86,6 +99,9 @@ def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     """Largest magnitudes over the continuous cycle, in both motions: side by side, or each beside that of before."""
     found = data.get("peaks", {})
     names = list(dict.fromkeys(name.removesuffix(CONSTANT) for name in found))
+    if before is None and not any(name in found for name in names):
+        rows = [[words(peak_name(n)), *_peak(show, data, n + CONSTANT)] for n in names]
+        return table(["largest", "constant speed", "error", "at"], rows)
     if before is None:
         rows = [[words(peak_name(n)), *_peak(show, data, n), *_peak(show, data, n + CONSTANT)] for n in names]
         return table(["largest", "true motion", "error", "at", "constant speed", "error", "at"], rows)
@@ -206,6 +222,8 @@ def checks(show: Cells, data: Data) -> str:
     limit = check_limit(data)
     rows = []
     for name, value in data.get("checks", {}).items():
+        if value is None:
+            continue
         passed = float(value) <= limit
         verdict = Cell("✓ pass" if passed else "✗ fail", look="good" if passed else "bad")
         what = CHECKS.get(name, name.replace("_", " "))

@@ -104,6 +104,7 @@ def build(document: Document) -> Scene:
             mean=model.mean,
             cycle_turns=model.cycle_turns,
             title=model.title,
+            constant_speed=model.constant_speed,
         )
     except StructureError as error:
         raise from_structure(error, source, table) from error

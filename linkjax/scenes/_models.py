@@ -158,6 +158,9 @@ class SceneFile(Table):
     speed: Speed = Field(description="mean speed of the crank", examples=["700 rpm"])
     mean: Literal["time", "midrange"] = Field("time", description="which mean the speed is", examples=["midrange"])
     cycle_turns: Turns = Field(1, description="crank turns per cycle", examples=[2])
+    constant_speed: StrictBool = Field(
+        False, description="the crank turns at constant speed, whatever the loads: no actual motion", examples=[True]
+    )
     rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the crank", examples=["cw"])
     target_delta: Ratio | None = Field(None, description="wanted coefficient of speed fluctuation", examples=[0.02])
     fixed: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(

@@ -38,6 +38,8 @@ def table_of(scene: Scene) -> Table:
     table["speed"] = amount(scene.speed, "rad/s")
     if scene.mean != "time":
         table["mean"] = scene.mean
+    if scene.constant_speed:
+        table["constant_speed"] = True
     if scene.cycle_turns != 1:
         table["cycle_turns"] = scene.cycle_turns
     if getattr(getattr(mechanism.driver, "drive", None) or mechanism.driver, "turns", 1) == -1:

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from linkjax._display import turning
+from linkjax.analysis import moves
 from linkjax.machine import Scene
 from linkjax.viz._machine import Stage, draw_frame, draw_links, make_stage
 from linkjax.viz._skeleton import arrows, places, skeleton
@@ -29,7 +30,7 @@ def animate(data: Data, scene: Scene, path: str | Path, *, frames: int = 60, sec
     are equal steps of crank angle. Below the machine runs the crank speed. Returns the path.
     """
     look = skeleton(data, scene)
-    strip = 0.95 if "motion" in data else 0.0
+    strip = 0.95 if moves(data) else 0.0
     stage = make_stage(look, WIDTH, 4.6, 0.3)
     figure = stage.figure
     height = float(figure.get_size_inches()[1])
@@ -70,8 +71,9 @@ def frame_angles(data: Data, scene: Scene, frames: int) -> list[float]:
     """Crank angles (rad) at equal steps of time over the cycle, or of angle where there is no motion to follow."""
     angles = np.append(np.asarray(data["angles"], float), scene.cycle)
     motion = data.get("motion", {})
-    time = np.asarray(motion.get("time", angles[:-1]), float)
-    end = float(motion.get("period", np.nan)) if "time" in motion else scene.cycle
+    timed = motion.get("time") is not None
+    time = np.asarray(motion["time"] if timed else angles[:-1], float)
+    end = float(motion.get("period", np.nan)) if timed else scene.cycle
     if not math.isfinite(end):
         end = float(time[-1] + (angles[-1] - angles[-2]) / np.asarray(motion["speed"], float)[-1])
     time = np.append(time, end)

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from linkjax._display import Units, number, prefixed, turning
+from linkjax.analysis import moves
 from linkjax.machine import Scene
 from linkjax.viz._style import (
     BLACK,
@@ -34,13 +35,15 @@ from linkjax.viz._style import (
 
 @styled
 def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Reduced torque by load, mean drive torque, and the work of each over the cycle with the kinetic energy.
+    """Reduced torque by load, mean drive torque, and the work of each over the cycle with the kinetic energy; without
+    an actual motion of the loads alone.
 
     Surplus of drive over load is shaded: there the machine gains speed. Work is integrated by the trapezoid rule over
     the angles shown; the kinetic energy is ½ J ω².
     """
-    phi, reduced, motion = degrees(data, scene), data["reduced"], data["motion"]
-    drive = float(motion["drive_torque_mean"])
+    phi, reduced, runs = degrees(data, scene), data["reduced"], moves(data)
+    before = before if before and moves(before) == runs else None
+    drive = float(data["motion"]["drive_torque_mean"]) if runs else 0.0
     loads = {name: closed(data, share) for name, share in reduced["torque_by_load"].items()}
     loads = {name: share for name, share in loads.items() if largest([share]) > 0}
     looks = {name: line(i) for i, name in enumerate(loads)}
@@ -48,7 +51,7 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
     energy_look = {"color": BLACK, "linewidth": 1.6, "linestyle": (0, (1.5, 1.5))}
     keys = [key(name, **look) for name, look in looks.items()]
     keys += [key("all loads", **total)] if len(loads) > 1 else []
-    keys += [key("drive", **mean), key("kinetic energy, change", **energy_look)]
+    keys += [key("drive", **mean), key("kinetic energy, change", **energy_look)] if runs else []
     keys += [*before_keys(before), *window_keys(scene)]
     figure, ((top,), (bottom,)) = sheet("Torque and work, reduced to the crank", 2, 1, panel=2.1, keys=keys)
 
@@ -60,22 +63,24 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
         top.plot(phi, factor * torque, **total)
     for name, share in loads.items():
         top.plot(phi, factor * share, **looks[name])
-    top.axhline(factor * drive, **mean)
+    if runs:
+        top.axhline(factor * drive, **mean)
     top.axhline(0, color=GREY, linewidth=0.6)
     top.set_title(label("torque", shown))
 
     angles = np.radians(phi)
     works = {name: integral(angles, share) for name, share in loads.items()}
-    driven, gain = drive * angles, _gain(data)
+    driven, gain = drive * angles, _gain(data) if runs else 0.0 * angles
     factor, shown = prefixed(largest([driven, gain, *works.values()]), "J", units)
-    if before:
+    if before and runs:
         behind(bottom, degrees(before, scene), factor * _gain(before))
     for name, work in works.items():
         bottom.plot(phi, factor * work, **looks[name])
-    bottom.plot(phi, factor * driven, **mean)
-    bottom.plot(phi, factor * gain, **energy_look)
+    if runs:
+        bottom.plot(phi, factor * driven, **mean)
+        bottom.plot(phi, factor * gain, **energy_look)
     bottom.axhline(0, color=GREY, linewidth=0.6)
-    bottom.set_title(label("work since φ = 0, and change of kinetic energy", shown))
+    bottom.set_title(label(f"work since φ = 0{', and change of kinetic energy' if runs else ''}", shown))
     over_crank([top, bottom], scene)
     return figure
 

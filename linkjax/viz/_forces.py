@@ -48,7 +48,7 @@ class Case(NamedTuple):
 def cases(data: Data) -> list[Case]:
     """Forces in the true motion first, then at constant speed; one of them when only that was computed."""
     constant = Case("constant speed", data.get("forces_constant_speed", data["forces"]), CONSTANT)
-    if data.get("model", {}).get("constant_speed", False):
+    if data.get("model", {}).get("constant_speed", False) or data["forces"] is None:
         return [constant]
     true = Case("true motion", data["forces"], TRUE)
     return [true, constant] if "forces_constant_speed" in data else [true]
@@ -70,9 +70,10 @@ def motion_keys(found: list[Case], old: list[Case]) -> list[Line2D]:
 def joints(data: Data) -> list[tuple[str, str, str]]:
     """(joint, link, by): one side of every joint, the other being equal and opposite."""
     found, peaks = [], data.get("peaks", {})
-    for joint, sides in data["forces"]["reactions"].items():
+    named = {name.removesuffix("_constant_speed") for name in peaks}
+    for joint, sides in cases(data)[0].forces["reactions"].items():
         seen: set[frozenset[str]] = set()
-        for link in sorted(sides, key=lambda name, joint=joint: f"reaction.{joint}.{name}" not in peaks):
+        for link in sorted(sides, key=lambda name, joint=joint: f"reaction.{joint}.{name}" not in named):
             by = str(sides[link]["by"])
             if frozenset((link, by)) not in seen:
                 seen.add(frozenset((link, by)))

@@ -117,7 +117,9 @@ def _short(values: np.ndarray) -> list[float]:
 
 def _times(data: Data, scene: Scene) -> list[float] | None:
     motion = data.get("motion", {})
-    time = np.append(np.asarray(motion.get("time", ()), float), float(motion.get("period", np.nan)))
+    if motion.get("time") is None:
+        return None
+    time = np.append(np.asarray(motion["time"], float), float(motion.get("period", np.nan)))
     good = time.size == np.size(data["angles"]) + 1 and np.all(np.isfinite(time)) and np.all(np.diff(time) > 0)
     return _short(time) if good else None
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from linkjax._display import Units
 from linkjax._units import display_units
+from linkjax.analysis import moves
 from linkjax.machine import Scene
 from linkjax.viz._dynamics import speed_figure, torque_figure
 from linkjax.viz._forces import drive_figure, reaction_hodographs_figure, reactions_figure, shaking_figure
@@ -47,7 +48,7 @@ PICTURES = (
     Picture("acceleration-hodographs", "Hodographs of the second kinematic coefficients",
             acceleration_hodographs_figure, "points"),
     Picture("inertia", "Reduced inertia and its slope", inertia_figure, "reduced"),
-    Picture("torque", "Reduced torque by load, drive torque, and work", torque_figure, "motion"),
+    Picture("torque", "Reduced torque by load, drive torque, and work", torque_figure, "reduced"),
     Picture("speed", "Speed and angular acceleration of the crank", speed_figure, "motion"),
     Picture("reactions", "Joint forces by magnitude", reactions_figure, "forces"),
     Picture("reaction-hodographs", "Joint forces as polar hodographs", reaction_hodographs_figure, "forces"),
@@ -86,9 +87,16 @@ def write_figures(
 def drawn(data: Data, scene: Scene, before: Data | None, units: Units) -> Iterator[tuple[str, Figure]]:
     """Every figure of an analysis that there is data for, with its name."""
     for picture in PICTURES:
-        if data.get(picture.needs):
-            old = before if before and before.get(picture.needs) else None
+        if _has(data, picture.needs):
+            old = before if before and _has(before, picture.needs) else None
             yield picture.name, picture.draw(data, scene, before=old, units=units)
+
+
+def _has(data: Data, part: str) -> bool:
+    """Whether an analysis has the part that a figure needs."""
+    if part == "motion":
+        return moves(data)
+    return bool(data.get(part) or (part == "forces" and data.get("forces_constant_speed")))
 
 
 def courses(optimum: Data, units: Units) -> Iterator[tuple[Picture, Figure]]:

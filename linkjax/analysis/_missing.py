@@ -1,0 +1,76 @@
+"""Why a cycle has no actual motion, and the cycle without any number of a motion that does not exist."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+
+from linkjax._results import MESSAGES, Result
+from linkjax._types import Tracer, known
+from linkjax.analysis._cycle import Cycle, NoMotion
+from linkjax.groups import Crank
+from linkjax.machine import Scene
+
+NONE = (Result.INTEGRATION_FAILED, Result.NO_PERIODIC_REGIME, Result.NO_INERTIA)
+
+
+def massless(scene: Scene) -> bool:
+    """Whether nothing of a machine has a mass or an inertia, as far as its numbers are known."""
+    links = scene.mechanism.links.values()
+    pieces = [piece for link in links for piece in link.counterweights.values()]
+    heavy = [(link.mass, link.inertia, link.area) for link in links]
+    heavy += [(piece.mass, piece.own_inertia()) for piece in pieces]
+    numbers = [known(leaf) for leaf in jax.tree.leaves((heavy, scene.mechanism.flywheel))]
+    return all(number is not None and not number.any() for number in numbers)
+
+
+def only_what_exists(cycle: Cycle) -> Cycle:
+    """The cycle, with `missing` and None for everything of the actual motion where that does not exist; under jax
+    transformations, which cannot know, the cycle as it is."""
+    if isinstance(cycle.result, Tracer) or cycle.constant_speed or (code := Result(int(cycle.result))) not in NONE:
+        return cycle
+    wheels, steady = cycle.flywheel, cycle.steady
+    needed = None if wheels is None else wheels.for_target_delta
+    if needed is not None and not (bool(jnp.isfinite(needed)) and float(needed) > 0):
+        needed, wheels = None, None
+    missing = NoMotion(
+        _reason(cycle, code, "" if needed is None else _wheel(cycle, float(needed))),
+        fails=code is not Result.NO_INERTIA or not massless(cycle.scene),
+        regime_margin=None if steady is None else steady.regime_margin,
+        lowest_mean_speed=None if steady is None or code is not Result.NO_PERIODIC_REGIME else steady.lowest_mean_speed,
+    )
+    result = cycle.result if missing.fails else jnp.zeros_like(cycle.result)
+    return dataclasses.replace(
+        cycle, result=result, missing=missing, steady=None, speed=None, acceleration=None, time=None, forces=None,
+        peaks=None, flywheel=None if needed is None else wheels, work=None,
+        checks=dataclasses.replace(cycle.checks, energy_closure=None),
+    )  # fmt: skip
+
+
+def _wheel(cycle: Cycle, needed: float) -> str:
+    assert cycle.scene.target_delta is not None
+    return f" (with a flywheel of {needed:.4g} kg m^2 δ is {float(cycle.scene.target_delta):.4g})"
+
+
+def _reason(cycle: Cycle, code: Result, wheel: str) -> str:
+    """Why there is no actual motion, and what would give one, in one line."""
+    shaft, steady = isinstance(cycle.scene.mechanism.groups[0], Crank), cycle.steady
+    if code is Result.NO_INERTIA:
+        if steady is None or not bool(jnp.any(cycle.reduced.inertia > 0)):
+            why = "no actual motion: nothing has a mass; forces at constant speed are those of statics"
+        else:
+            degrees = float(jnp.degrees(steady.angle_of_least_inertia))
+            why = f"no actual motion: no reduced inertia at {degrees:.2f} degrees of crank angle"
+            why += f", so that the {'crank ' if shaft else ''}speed has no bound there"
+        return f"{why}. Give {'the crank or the flywheel' if shaft else 'what the drive moves'} an inertia{wheel}."
+    if code is Result.INTEGRATION_FAILED or steady is None:
+        return f"no actual motion: {MESSAGES[Result.INTEGRATION_FAILED]}"
+    nominal, lowest = (f"{float(speed):.4g} rad/s" for speed in (cycle.scene.speed, steady.lowest_mean_speed))
+    degrees = float(jnp.degrees(steady.angle_of_least_work))
+    add = "add a flywheel" if shaft else "add inertia to what the drive moves"
+    return (
+        f"no periodic regime at a mean speed of {nominal}: the kinetic energy runs out at {degrees:.2f} degrees; "
+        f"the lowest mean speed that has one is {lowest}. Raise the mean speed, {add}{wheel} or lower the loads."
+    )
