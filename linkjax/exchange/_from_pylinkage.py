@@ -1,267 +1,303 @@
 """Mechanisms out of pylinkage's JSON.
 
-The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3).
+The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3), or of the linkages of versions 0.6 to 0.9.
 """
 
 from __future__ import annotations
 
 import cmath
-import json
+import itertools
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import RRP, RRR, AbstractGroup, Crank, Guide
-from linkjax.mechanism import Link, Mechanism, StructureError
+from linkjax.exchange._pylinkage_drive import DISAGREE, motion_of
+from linkjax.exchange._pylinkage_file import Drawn, read
+from linkjax.exchange._pylinkage_names import Names
+from linkjax.groups import FRAME, Drive, Guide, Slot
+from linkjax.mechanism import Link, Mechanism, StructureError, linkage
 
-Drawn = Mapping[str, Any]
-TEXTS = ("type", "name", "motor_joint", "ref_joint1_id", "ref_joint2_id")
-NUMBERS = ("distance", "angle", "angular_velocity", "initial_angle")
-PLACES = ("position", "axis", "line_point")
-LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
+ONE_PLACE = 1e-12  # of the drawing's size: joints nearer to each other are at one place
+
+
+class Imported(NamedTuple):
+    """What a pylinkage file describes: the mechanism, the names that were changed (old, new), and notes on what was
+    read otherwise than pylinkage has it, each a line."""
+
+    mechanism: Mechanism
+    renamed: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
 
 
 def from_pylinkage(document: str | Mapping[str, Any]) -> Mechanism:
-    """The mechanism that pylinkage's JSON describes: a text, or what `json.load` or `mechanism_to_dict` gave.
+    """The mechanism that pylinkage's JSON describes; `read_pylinkage` gives it with what was renamed."""
+    return read_pylinkage(document).mechanism
 
-    Points and links have the ids of joints and links there, lengths are taken as metres. A driver becomes the crank,
-    whose angle zero is its initial angle; revolute joints with two links RRR groups, prismatic joints RRP groups with a
-    block that has the joint's name (`<id>_block` where it has none), trackers and further joints of a link marked
-    points. Links have no masses: pylinkage knows none. Raises `StructureError` for what linkjax cannot express, by the
-    name of the joint or link: several drivers, drivers that go to and fro, trackers between two links, groups of higher
-    class, and for a document that is none of pylinkage's mechanisms.
+
+def read_pylinkage(document: str | Mapping[str, Any]) -> Imported:
+    """The mechanism that pylinkage's JSON describes: a string, or what `json.load` or `mechanism_to_dict` gave.
+
+    Points and links have the ids of joints and links there; those that a scene file cannot hold are made usable
+    (`crank.motor_ground.A` becomes `crank_motor_ground_A`). Lengths are taken as metres. At crank angle zero every joint
+    is where it is drawn; trackers are where their distance and angle say. A driver becomes the crank, an arc driver a
+    crank that oscillates between the ends of its arc. Prismatic joints become blocks with the joint's name
+    (`<id>_block` where it has none). Links that form a triangle, or share two joints, are one link. Groups may be of
+    any class. Links have no masses: pylinkage has none.
+
+    Raises `StructureError`, naming the joint or link, for what linkjax cannot express: several drivers, trackers between
+    two links, cams and other joints that pylinkage writes without links; where an initial angle, an arc or a slide
+    line disagrees with the drawing by more than 1e-3 of its size; for mechanisms that cannot move or are loose; and for
+    a document that is no mechanism of pylinkage.
     """
-    return _Reader(_read(document)).mechanism()
-
-
-def _read(document: str | Mapping[str, Any]) -> Mapping[str, Any]:
-    if isinstance(document, str):
-        try:
-            document = json.loads(document)
-        except json.JSONDecodeError as error:
-            problem = f"not JSON: {error.msg} in line {error.lineno}"
-            raise StructureError("pylinkage", problem, "write it with pylinkage's mechanism_to_json") from error
-    if not isinstance(document, Mapping) or not all(isinstance(document.get(k), list) for k in ("joints", "links")):
-        raise StructureError("pylinkage", "has no lists of joints and links", "write it with mechanism_to_json")
-    for key in ("joints", "links"):
-        for number, each in enumerate(document[key]):
-            if not isinstance(each, Mapping) or not isinstance(each.get("id"), str):
-                raise StructureError(f"{key}[{number}]", "has no id", "write the file with mechanism_to_json")
-            _check(each)
-            if key == "links" and not _are(each.get("joints"), str):
-                problem = f"joints is {each.get('joints')!r}, which is no list of ids"
-                raise StructureError(each["id"], problem, 'write the ids of its joints, e.g. ["A", "B"]')
-    for joint in document["joints"]:
-        if joint.get("type") in LEGACY:
-            remedy = "read it with pylinkage and write it with mechanism_to_json"
-            raise StructureError(joint["id"], f"has the type {joint['type']!r} of an older format", remedy)
-    return document
-
-
-def _check(element: Drawn) -> None:
-    """Raise `StructureError` where a key of a joint or link is not what it should be."""
-    for key, value in element.items():
-        what, remedy = "", ""
-        if key in TEXTS and not isinstance(value, str | None):
-            what, remedy = "text", "write it in double quotes"
-        elif key in NUMBERS and not _are([value], int, float):
-            what, remedy = "finite number", "write a number"
-        elif key in PLACES and not (isinstance(value, list | tuple) and len(value) == 2 and _are(value, int, float)):
-            what, remedy = "place", "write two numbers, [x, y]"
-        if what:
-            raise StructureError(element["id"], f"{key} is {value!r}, which is no {what}", remedy)
-
-
-def _are(values: object, *kinds: type) -> bool:
-    """Whether these are a list of texts, or of finite numbers."""
-    return isinstance(values, list | tuple) and all(
-        isinstance(each, kinds) and not isinstance(each, bool) and (isinstance(each, str) or math.isfinite(each))
-        for each in values
-    )
+    return _Reader(read(document)).imported()
 
 
 class _Reader:
-    """What has its place so far: `on[body][joint]` are places in the axes of a body, the frame among them."""
+    """The bodies of a file: `on[body]` are the joints of each, the frame among them, `spots` the places of all."""
 
-    def __init__(self, document: Mapping[str, Any]):
+    def __init__(self, document: Drawn):
         self.joints: dict[str, Drawn] = {joint["id"]: joint for joint in document["joints"]}
-        self.bars: list[Drawn] = list(document["links"])
-        self.on: dict[str, dict[str, complex]] = {"frame": {}}
-        self.lengths: dict[str, float] = {}
-        self.groups: list[AbstractGroup] = []
-        for bar in self.bars:
-            for joint in bar["joints"]:
+        self.bars: dict[str, Drawn] = {bar["id"]: bar for bar in document["links"] if bar.get("type") != "ground"}
+        for bar in document["links"]:
+            for joint in [*bar["joints"], *([bar["motor_joint"]] if bar.get("motor_joint") else [])]:
                 if joint not in self.joints:
                     raise StructureError(bar["id"], f"joint {joint!r} is not there", nearest(joint, self.joints))
+        places = {name: joint.get("position") for name, joint in self.joints.items()}
+        self.spots = {name: complex(*at) for name, at in places.items() if at is not None}
+        apart = [abs(a - b) for a, b in itertools.combinations(self.spots.values(), 2)]
+        self.size = max(apart, default=0.0)
+        self.bar, self.pivot, self.end = self.driver()
+        self.on: dict[str, list[str]] = {FRAME: self.still(document["links"])}
+        self.on |= {name: list(dict.fromkeys(bar["joints"])) for name, bar in self.bars.items()}
+        self.on[self.bar["id"]] = [self.pivot, self.end]
+        self.slides = self.guides()
 
-    def mechanism(self) -> Mechanism:
-        """Frame and driver, then everything that hangs on what is there, until nothing is left."""
-        self.frame()
-        self.driver()
-        while self.bars:
-            if not (self.marked() or self.tracked() or self.slid() or self.met()):
-                names = ", ".join(bar["id"] for bar in self.bars)
-                problem = f"hang on nothing as a group of two: {names}"
-                raise StructureError("links", problem, "build groups of higher class with linkjax.groups.General")
-        while self.tracked():
-            pass
-        for joint in self.joints:
-            if not self.bodies(joint):
-                raise StructureError(joint, "is on no link that has a place", "put it on a link, or delete it")
-        links = {}
-        for group in self.groups:
-            for link, ends in group.pins().items():
-                points = {p: Vec(at.real, at.imag) for p, at in self.on[link].items() if p not in ends}
-                links[link] = Link(length=self.lengths.get(link, 0.0), points=points)
-        fixed = {p: Vec(at.real, at.imag) for p, at in self.on["frame"].items()}
-        return Mechanism(fixed, links, self.groups)
+    # ---- what the file says
 
     def at(self, joint: str) -> complex:
         """Where a joint is drawn."""
-        if "position" not in self.joints[joint]:
+        if joint not in self.spots:
             raise StructureError(joint, "has no position", "write x and y")
-        return complex(*self.joints[joint]["position"])
-
-    def bodies(self, joint: str) -> list[str]:
-        """Bodies that a joint is on."""
-        return [body for body, held in self.on.items() if joint in held]
+        return self.spots[joint]
 
     def kind(self, joint: str) -> str:
-        return self.joints[joint].get("type", "revolute")
+        return self.joints[joint].get("type") or "revolute"
 
-    def frame(self) -> None:
-        """Ground joints, motors, and trackers that track nothing."""
+    def refs(self, joint: str) -> tuple[str, str] | None:
+        """The two joints that a tracker tracks; None for one that stands still."""
+        one, two = (self.joints[joint].get(key) for key in ("ref_joint1_id", "ref_joint2_id"))
+        return (one, two) if self.kind(joint) == "tracker" and one and two else None
+
+    def still(self, bars: list[Drawn]) -> list[str]:
+        """Ground joints, the motor, and trackers that track nothing."""
         still = [joint for joint in self.joints if self.kind(joint) == "ground"]
-        for bar in self.bars:
+        for bar in bars:
             still += bar["joints"] if bar.get("type") == "ground" else []
-            still += [bar["motor_joint"]] if bar.get("motor_joint") in self.joints else []
-        still += [j for j, d in self.joints.items() if self.kind(j) == "tracker" and not d.get("ref_joint1_id")]
-        self.on["frame"] = {joint: self.at(joint) for joint in still}
-        self.bars = [bar for bar in self.bars if bar.get("type") != "ground"]
+        still += [j for j in self.joints if self.kind(j) == "tracker" and self.refs(j) is None]
+        return list(dict.fromkeys([*still, self.pivot]))
 
-    def driver(self) -> None:
-        """The crank."""
-        drivers = [bar for bar in self.bars if bar.get("type") in ("driver", "arc_driver")]
+    def driver(self) -> tuple[Drawn, str, str]:
+        """The driver, its pivot and its other joint."""
+        drivers = [bar for bar in self.bars.values() if bar.get("type") in ("driver", "arc_driver")]
         if len(drivers) != 1:
             names = ", ".join(bar["id"] for bar in drivers) or "none"
-            raise StructureError("links", f"there must be one driver, but there are: {names}", "mobility is one")
+            remedy = "mobility is one"
+            if not drivers and (alone := self.alone()):
+                remedy = f"{remedy}; {alone!r} is on no link: pylinkage's to_mechanism omits the links of arc cranks"
+                remedy += ", linear actuators and cams; build it with MechanismBuilder"
+            raise StructureError("links", f"there must be one driver, but there are: {names}", remedy)
         (bar,) = drivers
-        pins, speed = bar["joints"], float(bar.get("angular_velocity", 1.0))
-        if bar["type"] == "arc_driver":
-            problem, remedy = (
-                "goes to and fro with jumps of its speed",
-                "write a driver; in Python give it a Harmonic law",
-            )
-        elif len(pins) != 2 or bar.get("motor_joint") not in pins:
-            problem, remedy = "has no motor joint and one other", "put further joints on a link of their own"
-        elif speed == 0:
-            problem, remedy = "does not turn", "write an angular velocity"
-        else:
-            pivot = bar["motor_joint"]
-            (end,) = (pin for pin in pins if pin != pivot)
-            turns, phase = (1 if speed > 0 else -1), float(bar.get("initial_angle", 0.0))
-            self.groups.append(Crank(bar["id"], pivot, end, turns, phase))
-            self.hang(bar, pivot, end)
-            return
-        raise StructureError(bar["id"], problem, remedy)
+        pins, pivot = bar["joints"], bar.get("motor_joint")
+        grounded = [pin for pin in pins if self.kind(pin) == "ground"]
+        pivot = grounded[0] if not pivot and len(grounded) == 1 else pivot
+        if len(pins) != 2 or pins[0] == pins[1] or pivot not in pins:
+            raise StructureError(bar["id"], "has no motor joint and one other", "put further joints on a link of their own")
+        return bar, pivot, next(pin for pin in pins if pin != pivot)
 
-    def hang(self, bar: Drawn, origin: str, far: str) -> None:
-        """Give a link its place: its axis from one joint to another, its further joints where they are drawn."""
-        axis = self.at(far) - self.at(origin)
-        if not axis:
-            raise StructureError(bar["id"], f"joints {origin!r} and {far!r} are drawn at one place", "move one")
-        places = {
-            j: (self.at(j) - self.at(origin)) / (axis / abs(axis)) for j in bar["joints"] if j not in (origin, far)
+    def alone(self) -> str | None:
+        """A joint that is on no link, though it is none of the frame and tracks nothing."""
+        there = {joint for bar in self.bars.values() for joint in bar["joints"]}
+        return next((j for j in self.joints if j not in there and self.kind(j) in ("revolute", "prismatic")), None)
+
+    def guides(self) -> dict[str, tuple[str, str] | None]:
+        """Joints that slide, with two joints of their line where a link says so: `to_mechanism` writes a slide on the
+        line of two joints as a link `<joint>_guide` of all three."""
+        found: dict[str, tuple[str, str] | None] = {
+            joint: None for joint in self.joints if self.kind(joint) == "prismatic" and joint not in self.on[FRAME]
         }
-        self.mark(bar["id"], places)
-        self.on[bar["id"]] = {origin: 0j, far: complex(abs(axis)), **places}
-        self.lengths[bar["id"]] = abs(axis)
-        self.bars.remove(bar)
+        for name, bar in list(self.bars.items()):
+            one, two, joint = bar["joints"] if len(bar["joints"]) == 3 else ("", "", "")
+            if name != f"{joint}_guide" or len({one, two, joint}) < 3:
+                continue
+            line = self.at(two) - self.at(one)
+            if line and abs(((self.at(joint) - self.at(one)) / line).imag * abs(line)) < 1e-6 * self.size:
+                found[joint] = one, two
+                del self.on[name]
+        return found
 
-    def mark(self, link: str, places: Mapping[str, complex]) -> None:
-        """Refuse further joints of a link that cannot be points of it."""
-        for joint in places:
-            if self.bodies(joint) or self.kind(joint) == "prismatic":
-                problem = f"could not move: joint {joint!r} is held twice"
-                raise StructureError(link, problem, "take the joint off one of its links")
+    # ---- bodies
 
-    def marked(self) -> bool:
-        """A bar with two joints of one body is part of that body."""
-        for bar in self.bars:
-            placed = [j for j in bar["joints"] if self.bodies(j)]
-            for held in self.on.values():
-                one, two = ([j for j in placed if j in held] + [None, None])[:2]
-                if one is None or two is None:
-                    continue
-                if held[two] == held[one]:
-                    raise StructureError(bar["id"], f"joints {one!r} and {two!r} are drawn at one place", "move one")
-                scale = (held[two] - held[one]) / (self.at(two) - self.at(one))
-                rest = [j for j in bar["joints"] if j not in held]
-                places = {j: held[one] + (self.at(j) - self.at(one)) * scale for j in rest}
-                self.mark(bar["id"], places)
-                held.update(places)
-                self.bars.remove(bar)
-                return True
-            if len(placed) > 1:
-                problem = f"joins {placed[0]!r} and {placed[1]!r}, which have their places already"
-                raise StructureError(bar["id"], problem, "delete it: the mechanism could not move")
+    def bodies(self, *joints: str) -> list[str]:
+        """Bodies that all of these joints are on."""
+        return [body for body, held in self.on.items() if all(joint in held for joint in joints)]
+
+    def gather(self) -> None:
+        """Make one body of what is rigid, and put trackers on their bodies, until nothing changes."""
+        waiting = [joint for joint in self.joints if self.refs(joint)]
+        while True:
+            while self.doubled() or self.triangle():
+                pass
+            ready = [joint for joint in waiting if self.bodies(*self.refs(joint) or ())]
+            for joint in ready:
+                self.track(joint)
+                waiting.remove(joint)
+            if not ready:
+                break
+        for joint in waiting:
+            one, two = self.refs(joint) or ("", "")
+            for ref in (one, two):
+                if ref not in self.joints:
+                    raise StructureError(joint, f"tracks {ref!r}, which is not there", nearest(ref, self.joints))
+            problem = f"tracks {one!r} and {two!r}, which are on no common link"
+            raise StructureError(joint, problem, "linkjax's points are fixed to a link; delete it")
+
+    def track(self, joint: str) -> None:
+        """Put a tracker where its distance and angle say, on the body of the two joints that it tracks."""
+        one, two = self.refs(joint) or ("", "")
+        axis = self.at(two) - self.at(one)
+        if not self.apart(one, two):
+            raise StructureError(joint, f"tracks {one!r} and {two!r}, which are drawn at one place", "move one")
+        drawn = self.joints[joint]
+        away = cmath.rect(float(drawn.get("distance", 0.0)), float(drawn.get("angle", 0.0)))
+        self.spots[joint] = self.at(one) + away * axis / abs(axis)
+        self.absorb(self.bodies(one, two)[0], [joint])
+
+    def apart(self, one: str, two: str) -> bool:
+        return abs(self.at(one) - self.at(two)) > ONE_PLACE * self.size
+
+    def absorb(self, body: str, joints: list[str]) -> None:
+        self.on[body] = list(dict.fromkeys([*self.on[body], *joints]))
+
+    def pairs(self) -> list[tuple[str, str, list[str]]]:
+        """Every two bodies that share joints, the earlier first, with these; the frame and the driver come first."""
+        order = sorted(self.on, key=lambda body: (body != FRAME, body != self.bar["id"]))
+        shared = [(a, b, [j for j in self.on[a] if j in self.on[b]]) for a, b in itertools.combinations(order, 2)]
+        return [each for each in shared if each[2]]
+
+    def doubled(self) -> bool:
+        """Make one body of two that share two joints."""
+        for one, two, shared in self.pairs():
+            if len(shared) < 2:
+                continue
+            if not self.apart(*shared[:2]):
+                problem = f"joints {shared[0]!r} and {shared[1]!r} are drawn at one place"
+                raise StructureError(two, problem, "move one")
+            if two == self.bar["id"]:
+                problem = f"could not move: its joints {shared[0]!r} and {shared[1]!r} are on the frame"
+                raise StructureError(two, problem, "take one of them off the frame")
+            self.absorb(one, self.on.pop(two))
+            return True
         return False
 
-    def tracked(self) -> bool:
-        """A tracker is a point of the link that its two joints are on."""
-        for joint, drawn in self.joints.items():
-            if self.kind(joint) != "tracker" or self.bodies(joint):
-                continue
-            one, two = drawn.get("ref_joint1_id", ""), drawn.get("ref_joint2_id", "")
-            for held in self.on.values():
-                if one in held and two in held:
-                    axis = held[two] - held[one]
-                    away = cmath.rect(float(drawn.get("distance", 0.0)), float(drawn.get("angle", 0.0)))
-                    held[joint] = held[one] + away * axis / abs(axis)
+    def triangle(self) -> bool:
+        """Make one body of three that are pinned to each other at three joints, where the driver may move."""
+        shared = {(one, two): joints[0] for one, two, joints in self.pairs()}
+        for (one, two), joint in shared.items():
+            for three in self.on:
+                pins = {joint, shared.get((one, three)), shared.get((two, three))}
+                if len(pins) == 3 and None not in pins and self.bar["id"] not in (two, three):
+                    self.absorb(one, [*self.on.pop(two), *self.on.pop(three)])
                     return True
-            if self.bodies(one) and self.bodies(two):
-                problem = f"tracks {one!r} and {two!r}, which are on no common link"
-                raise StructureError(joint, problem, "linkjax's points are fixed to a link; delete it")
         return False
 
-    def hanging(self, joint: str) -> list[tuple[Drawn, str]]:
-        """Bars with this joint and one that has its place, with that one."""
-        bars = [bar for bar in self.bars if joint in bar["joints"]]
-        return [(bar, j) for bar in bars for j in bar["joints"] if j != joint and self.bodies(j)]
+    # ---- the mechanism
 
-    def slid(self) -> bool:
-        """A prismatic joint on a bar that hangs on something: an RRP, its guide given from the crank's pivot."""
-        for joint, drawn in self.joints.items():
-            if self.kind(joint) != "prismatic" or self.bodies(joint) or not (found := self.hanging(joint)):
-                continue
-            (bar, origin), base = found[0], self.groups[0].needs()[0]
-            axis, line = (complex(*drawn.get(key, (0.0, 0.0))) for key in ("axis", "line_point"))
-            axis = axis / abs(axis) if axis else 1 + 0j
-            offset = ((line - self.at(base)) / axis).imag
-            side = 1 if ((self.at(joint) - self.at(origin)) / axis).real >= 0 else -1
-            block = str(drawn.get("name") or f"{joint}_block")
-            block = f"{joint}_block" if block == joint else block
-            guide = Guide(base, cmath.phase(axis), offset)
-            self.groups.append(RRP(bar["id"], block, origin, joint, guide, side))
-            self.hang(bar, origin, joint)
-            self.on[block] = {joint: 0j}
-            return True
-        return False
-
-    def met(self) -> bool:
-        """A revolute joint on two bars that hang on something: an RRR."""
+    def imported(self) -> Imported:
+        """All bodies, with usable names, as one draws them."""
         for joint in self.joints:
-            if self.kind(joint) != "revolute" or self.bodies(joint) or len(found := self.hanging(joint)) < 2:
+            if not self.refs(joint):
+                self.at(joint)
+        self.gather()
+        for joint in self.joints:
+            if not self.bodies(joint):
+                remedy = "put it on a link, or delete it; pylinkage's to_mechanism omits the links of cams, point trackers, "
+                remedy += "linear actuators, arc cranks and double slides"
+                raise StructureError(joint, "is on no link", remedy)
+        for body, held in self.on.items():
+            if body != FRAME and len(held) > 1 and not self.apart(*held[:2]):
+                raise StructureError(body, f"joints {held[0]!r} and {held[1]!r} are drawn at one place", "move one")
+        motion = motion_of(self.bar, self.end, self.at(self.end) - self.at(self.pivot), self.size)
+        points, links, blocks, names = self.named()
+        made = self.links(points, links, blocks)
+        for number, (link, each) in enumerate(list(made.items()), 1):
+            if f"S{number}" in names.taken:  # as its mass centre would be called
+                made[link] = Link(each.length, points=each.points, pins=each.pins, centre_name=names.new(f"S{number}", "S"))
+        spots = {points[joint]: (at.real, at.imag) for joint, at in self.spots.items()}
+        fixed = {points[joint]: spots[points[joint]] for joint in self.on[FRAME]}
+        moving = {point: at for point, at in spots.items() if point not in fixed}
+        drive = Drive(links[self.bar["id"]], FRAME, motion.turns, motion.phase, motion.law)
+        slots = [Slot(blocks[joint], self.guide(joint, points, links)) for joint in self.slides]
+        mechanism = linkage(fixed, made, drive, slots, moving)
+        return Imported(mechanism, tuple(names.renamed), (motion.note,) if motion.note else ())
+
+    def named(self) -> tuple[dict[str, str], dict[str, str], dict[str, str], Names]:
+        """Usable names of joints, of links and of blocks."""
+        bars = [body for body in self.on if body != FRAME]
+        wanted = {}
+        for joint in self.slides:
+            name = self.joints[joint].get("name")
+            wanted[joint] = f"{joint}_block" if not name or name in (joint, *self.joints, *bars) else name
+        own = [bar for bar in bars if bar not in self.joints]
+        names = Names([*self.joints, *own])
+        points = names.all(self.joints, "P", "_point", self.joints)
+        links = names.all(bars, "L", "_link", own)
+        blocks = {}
+        for joint, name in wanted.items():
+            blocks[joint] = names.new(name, "L", "_block")
+            if self.joints[joint].get("name") == name != blocks[joint]:
+                names.renamed.append((name, blocks[joint]))
+        return points, links, blocks, names
+
+    def links(self, points: dict[str, str], links: dict[str, str], blocks: dict[str, str]) -> dict[str, Link]:
+        """The links: what others hold are their pins, all else their points."""
+        found = {}
+        for body, held in self.on.items():
+            if body == FRAME:
                 continue
-            (one, a), (two, b) = found[:2]
-            if a == b:
-                problem = f"joins {a!r} and {joint!r}, as {one['id']!r} does"
-                raise StructureError(two["id"], problem, "delete one of them")
-            left = ((self.at(joint) - self.at(a)) * (self.at(b) - self.at(a)).conjugate()).imag
-            self.groups.append(RRR((one["id"], two["id"]), a, b, joint, 1 if left >= 0 else -1))
-            self.hang(one, a, joint)
-            self.hang(two, b, joint)
-            return True
-        return False
+            pins = [j for j in held if not self.refs(j) or len(self.bodies(j)) > 1 or j in held[:2]]
+            own = {}
+            for joint in (j for j in held if self.refs(j) and j not in held[:2]):
+                at = (self.at(joint) - self.at(held[0])) / self.axis(body)
+                own[points[joint]] = Vec(at.real, at.imag)
+            found[links[body]] = Link(points=own, pins=tuple(points[pin] for pin in pins))
+        return found | {blocks[joint]: Link(pins=(points[joint],)) for joint in self.slides}
+
+    def axis(self, body: str) -> complex:
+        """Direction of a body as it is drawn."""
+        if body == FRAME:
+            return 1 + 0j
+        one, two = self.on[body][:2]
+        return (self.at(two) - self.at(one)) / abs(self.at(two) - self.at(one))
+
+    def guide(self, joint: str, points: dict[str, str], links: dict[str, str]) -> Guide:
+        """The guide of a joint that slides, through the place where that is drawn."""
+        line, drawn = self.slides[joint], self.joints[joint]
+        if line is not None:
+            if not (on := self.bodies(*line)):
+                problem = f"slides along the line of {line[0]!r} and {line[1]!r}, which are on no common link"
+                raise StructureError(joint, problem, "put both on the frame or on one link")
+            body, base, along = on[0], line[0], self.at(line[1]) - self.at(line[0])
+        else:
+            body, base, along = FRAME, self.pivot, complex(*drawn.get("axis", (1.0, 0.0)))
+        along = along / abs(along) if abs(along) > 1e-10 else 1 + 0j  # as pylinkage has it
+        if line is None and "line_point" in drawn:
+            off = abs(((self.at(joint) - complex(*drawn["line_point"])) / along).imag)
+            if off > DISAGREE * self.size:
+                x, y = self.at(joint).real, self.at(joint).imag
+                problem = f"is drawn at ({x:.6g}, {y:.6g}), {off:.6g} off its line through {list(drawn['line_point'])}"
+                raise StructureError(joint, problem, "correct line_point or axis, or move the joint onto the line")
+        offset, angle = ((self.at(joint) - self.at(base)) / along).imag, cmath.phase(along / self.axis(body))
+        offset = 0.0 if abs(offset) < ONE_PLACE * self.size else offset
+        return Guide(points[base], 0.0 if abs(angle) < 1e-15 else angle, offset, on=links.get(body, FRAME))

@@ -1,0 +1,45 @@
+"""Names that scene files can hold, for those of other programs that they cannot."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterable
+
+USABLE = r"[^\W\d_][\w-]{0,39}"  # as scene files have it
+LONGEST = 40
+
+
+class Names:
+    """Usable names, each given once; `renamed` are those that had to be changed, with what they became."""
+
+    def __init__(self, kept: Iterable[str]):
+        self.taken = {"frame", *(name for name in kept if usable(name))}
+        self.renamed: list[tuple[str, str]] = []
+
+    def all(self, names: Iterable[str], letter: str, suffix: str, kept: Iterable[str]) -> dict[str, str]:
+        """Each of these with its usable name: itself where it is one of those that are `kept`, or else a new one."""
+        kept = set(kept) - {"frame"}
+        found = {}
+        for name in names:
+            found[name] = name if name in kept and usable(name) else self.new(name, letter, suffix)
+            if found[name] != name:
+                self.renamed.append((name, found[name]))
+        return found
+
+    def new(self, name: str, letter: str, suffix: str = "") -> str:
+        """The nearest usable name that is still free: it begins with `letter` where this one begins with none, and ends
+        with `suffix`, or else with a number, where the name alone is taken."""
+        plain = re.sub(r"[^\w-]+", "_", name)
+        plain = plain if re.match(r"[^\W\d_]", plain) else letter + plain
+        for end in itertools.chain(dict.fromkeys(("", suffix)), (f"{suffix}_{i}" for i in itertools.count(2))):
+            found = plain[: LONGEST - len(end)] + end
+            if found not in self.taken:
+                break
+        self.taken.add(found)
+        return found
+
+
+def usable(name: str) -> bool:
+    """Whether a scene file can hold this name."""
+    return re.fullmatch(USABLE, name) is not None
