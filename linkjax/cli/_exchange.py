@@ -79,8 +79,8 @@ def import_command(
         raise SceneError(str(file), error.element, None, error.problem, error.remedy) from error
     loads_text(text, str(file))  # what a scene file cannot hold is refused before anything is written
     path.write_text(text, encoding="utf-8")
-    if read.renamed:
-        _say("renamed: " + ", ".join(f"{old} -> {new}" for old, new in read.renamed))
+    if renamed := [f"{old} -> {new}" for names in (read.points, read.links) for old, new in names.items()]:
+        _say(f"renamed: {', '.join(renamed)}")
     for note in read.notes:
         _say(note)
     _say(f"{path} written; next: linkjax show {shlex.quote(str(path))}")

@@ -19,15 +19,17 @@ from linkjax.exchange._pylinkage_names import Names
 from linkjax.groups import FRAME, Drive, Guide, Slot
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage
 
+GROUND = "\ud800"  # the frame among the bodies; no link has such an id
 ONE_PLACE = 1e-12  # of the drawing's size: joints nearer to each other are at one place
 
 
 class Imported(NamedTuple):
-    """What a pylinkage file describes: the mechanism, the names that were changed (old, new), and notes on what was
-    read otherwise than pylinkage has it, each a line."""
+    """What a pylinkage file describes: the mechanism; the ids of joints and of links (names of sliders among them) that
+    were changed, each with what it became; and notes on what was read otherwise than pylinkage has it, each a line."""
 
     mechanism: Mechanism
-    renamed: tuple[tuple[str, str], ...]
+    points: dict[str, str]
+    links: dict[str, str]
     notes: tuple[str, ...]
 
 
@@ -69,7 +71,7 @@ class _Reader:
         apart = [abs(a - b) for a, b in itertools.combinations(self.spots.values(), 2)]
         self.size = max(apart, default=0.0)
         self.bar, self.pivot, self.end = self.driver()
-        self.on: dict[str, list[str]] = {FRAME: self.still(document["links"])}
+        self.on: dict[str, list[str]] = {GROUND: self.still(document["links"])}
         self.on |= {name: list(dict.fromkeys(bar["joints"])) for name, bar in self.bars.items()}
         self.on[self.bar["id"]] = [self.pivot, self.end]
         self.slides = self.guides()
@@ -125,7 +127,7 @@ class _Reader:
         """Joints that slide, with two joints of their line where a link says so: `to_mechanism` writes a slide on the
         line of two joints as a link `<joint>_guide` of all three."""
         found: dict[str, tuple[str, str] | None] = {
-            joint: None for joint in self.joints if self.kind(joint) == "prismatic" and joint not in self.on[FRAME]
+            joint: None for joint in self.joints if self.kind(joint) == "prismatic" and joint not in self.on[GROUND]
         }
         for name, bar in list(self.bars.items()):
             one, two, joint = bar["joints"] if len(bar["joints"]) == 3 else ("", "", "")
@@ -182,7 +184,7 @@ class _Reader:
 
     def pairs(self) -> list[tuple[str, str, list[str]]]:
         """Every two bodies that share joints, the earlier first, with these; the frame and the driver come first."""
-        order = sorted(self.on, key=lambda body: (body != FRAME, body != self.bar["id"]))
+        order = sorted(self.on, key=lambda body: (body != GROUND, body != self.bar["id"]))
         shared = [(a, b, [j for j in self.on[a] if j in self.on[b]]) for a, b in itertools.combinations(order, 2)]
         return [each for each in shared if each[2]]
 
@@ -226,7 +228,7 @@ class _Reader:
                 remedy += "linear actuators, arc cranks and double slides"
                 raise StructureError(joint, "is on no link", remedy)
         for body, held in self.on.items():
-            if body != FRAME and len(held) > 1 and not self.apart(*held[:2]):
+            if body != GROUND and len(held) > 1 and not self.apart(*held[:2]):
                 raise StructureError(body, f"joints {held[0]!r} and {held[1]!r} are drawn at one place", "move one")
         motion = motion_of(self.bar, self.end, self.at(self.end) - self.at(self.pivot), self.size)
         points, links, blocks, names = self.named()
@@ -235,36 +237,35 @@ class _Reader:
             if f"S{number}" in names.taken:  # as its mass centre would be called
                 made[link] = Link(each.length, points=each.points, pins=each.pins, centre_name=names.new(f"S{number}", "S"))
         spots = {points[joint]: (at.real, at.imag) for joint, at in self.spots.items()}
-        fixed = {points[joint]: spots[points[joint]] for joint in self.on[FRAME]}
+        fixed = {points[joint]: spots[points[joint]] for joint in self.on[GROUND]}
         moving = {point: at for point, at in spots.items() if point not in fixed}
         drive = Drive(links[self.bar["id"]], FRAME, motion.turns, motion.phase, motion.law)
         slots = [Slot(blocks[joint], self.guide(joint, points, links)) for joint in self.slides]
         mechanism = linkage(fixed, made, drive, slots, moving)
-        return Imported(mechanism, tuple(names.renamed), (motion.note,) if motion.note else ())
+        own = {self.slider(joint): block for joint, block in blocks.items() if self.slider(joint)}
+        changed = [{old: new for old, new in each.items() if old != new} for each in (points, own | links)]
+        return Imported(mechanism, *changed, (motion.note,) if motion.note else ())
 
     def named(self) -> tuple[dict[str, str], dict[str, str], dict[str, str], Names]:
         """Usable names of joints, of links and of blocks."""
-        bars = [body for body in self.on if body != FRAME]
-        wanted = {}
-        for joint in self.slides:
-            name = self.joints[joint].get("name")
-            wanted[joint] = f"{joint}_block" if not name or name in (joint, *self.joints, *bars) else name
+        bars = [body for body in self.on if body != GROUND]
         own = [bar for bar in bars if bar not in self.joints]
         names = Names([*self.joints, *own])
-        points = names.all(self.joints, "P", "_point", self.joints)
+        points = names.all(self.joints, "P", "", self.joints)
         links = names.all(bars, "L", "_link", own)
-        blocks = {}
-        for joint, name in wanted.items():
-            blocks[joint] = names.new(name, "L", "_block")
-            if self.joints[joint].get("name") == name != blocks[joint]:
-                names.renamed.append((name, blocks[joint]))
+        blocks = {joint: names.new(self.slider(joint) or f"{joint}_block", "L", "_block") for joint in self.slides}
         return points, links, blocks, names
+
+    def slider(self, joint: str) -> str:
+        """The name that a file gives to a slider; empty where it is that of the joint."""
+        name = self.joints[joint].get("name") or ""
+        return "" if name == joint else name
 
     def links(self, points: dict[str, str], links: dict[str, str], blocks: dict[str, str]) -> dict[str, Link]:
         """The links: what others hold are their pins, all else their points."""
         found = {}
         for body, held in self.on.items():
-            if body == FRAME:
+            if body == GROUND:
                 continue
             pins = [j for j in held if not self.refs(j) or len(self.bodies(j)) > 1 or j in held[:2]]
             own = {}
@@ -276,7 +277,7 @@ class _Reader:
 
     def axis(self, body: str) -> complex:
         """Direction of a body as it is drawn."""
-        if body == FRAME:
+        if body == GROUND:
             return 1 + 0j
         one, two = self.on[body][:2]
         return (self.at(two) - self.at(one)) / abs(self.at(two) - self.at(one))
@@ -290,7 +291,7 @@ class _Reader:
                 raise StructureError(joint, problem, "put both on the frame or on one link")
             body, base, along = on[0], line[0], self.at(line[1]) - self.at(line[0])
         else:
-            body, base, along = FRAME, self.pivot, complex(*drawn.get("axis", (1.0, 0.0)))
+            body, base, along = GROUND, self.pivot, complex(*drawn.get("axis", (1.0, 0.0)))
         along = along / abs(along) if abs(along) > 1e-10 else 1 + 0j  # as pylinkage has it
         if line is None and "line_point" in drawn:
             off = abs(((self.at(joint) - complex(*drawn["line_point"])) / along).imag)

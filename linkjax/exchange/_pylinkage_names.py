@@ -11,21 +11,15 @@ LONGEST = 40
 
 
 class Names:
-    """Usable names, each given once; `renamed` are those that had to be changed, with what they became."""
+    """Usable names, each given once."""
 
     def __init__(self, kept: Iterable[str]):
         self.taken = {"frame", *(name for name in kept if usable(name))}
-        self.renamed: list[tuple[str, str]] = []
 
     def all(self, names: Iterable[str], letter: str, suffix: str, kept: Iterable[str]) -> dict[str, str]:
         """Each of these with its usable name: itself where it is one of those that are `kept`, or else a new one."""
-        kept = set(kept) - {"frame"}
-        found = {}
-        for name in names:
-            found[name] = name if name in kept and usable(name) else self.new(name, letter, suffix)
-            if found[name] != name:
-                self.renamed.append((name, found[name]))
-        return found
+        kept = {name for name in kept if usable(name) and name != "frame"}
+        return {name: name if name in kept else self.new(name, letter, suffix) for name in names}
 
     def new(self, name: str, letter: str, suffix: str = "") -> str:
         """The nearest usable name that is still free: it begins with `letter` where this one begins with none, and ends
