@@ -106,9 +106,8 @@ class _Reader:
         if len(drivers) != 1:
             names = ", ".join(bar["id"] for bar in drivers) or "none"
             remedy = "mobility is one"
-            if not drivers and (alone := self.alone()):
-                remedy = f"{remedy}; {alone!r} is on no link: pylinkage's to_mechanism omits the links of arc cranks"
-                remedy += ", linear actuators and cams; build it with MechanismBuilder"
+            if not drivers:
+                remedy += "; pylinkage's to_mechanism omits the links of arc cranks and linear actuators: write a driver"
             raise StructureError("links", f"there must be one driver, but there are: {names}", remedy)
         (bar,) = drivers
         pins, pivot = bar["joints"], bar.get("motor_joint")
@@ -117,11 +116,6 @@ class _Reader:
         if len(pins) != 2 or pins[0] == pins[1] or pivot not in pins:
             raise StructureError(bar["id"], "has no motor joint and one other", "put further joints on a link of their own")
         return bar, pivot, next(pin for pin in pins if pin != pivot)
-
-    def alone(self) -> str | None:
-        """A joint that is on no link, though it is none of the frame and tracks nothing."""
-        there = {joint for bar in self.bars.values() for joint in bar["joints"]}
-        return next((j for j in self.joints if j not in there and self.kind(j) in ("revolute", "prismatic")), None)
 
     def guides(self) -> dict[str, tuple[str, str] | None]:
         """Joints that slide, with two joints of their line where a link says so: `to_mechanism` writes a slide on the

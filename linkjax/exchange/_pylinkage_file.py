@@ -36,7 +36,8 @@ def read(document: str | Mapping[str, Any]) -> Drawn:
     if not isinstance(document, Mapping):
         raise StructureError("pylinkage", "has no lists of joints and links", WRITE)
     if isinstance(document.get("joints"), list) and not isinstance(document.get("links"), list):
-        if any(isinstance(joint, Mapping) and joint.get("type") in OLD for joint in document["joints"]):
+        kinds = [joint.get("type") for joint in document["joints"] if isinstance(joint, Mapping)]
+        if any(isinstance(kind, str) and kind in OLD for kind in kinds):
             document = of_old(document["joints"])
     if not all(isinstance(document.get(key), list) for key in ("joints", "links")):
         for key, (problem, remedy) in OTHERS.items():

@@ -73,9 +73,9 @@ class _Made:
             anchor = joint.get(key)
             if not isinstance(anchor, Mapping):
                 raise StructureError(name, f"{key} is {anchor!r}, which is no joint", 'write e.g. {"ref": "A"}')
-            if not anchor.get("inline") and anchor.get("ref") not in joints:
-                problem = f"{key} is {anchor.get('ref')!r}, which is not there"
-                raise StructureError(name, problem, nearest(str(anchor.get("ref")), joints))
+            to = anchor.get("ref")
+            if not anchor.get("inline") and (not isinstance(to, str) or to not in joints):
+                raise StructureError(name, f"{key} is {to!r}, which is not there", nearest(str(to), joints))
             own = self.anchor(name, key, anchor)
             if anchor.get("inline") and own not in self.joints:
                 self.ground(own, complex(_number(own, anchor, "x"), _number(own, anchor, "y")))

@@ -33,7 +33,7 @@ from pylinkage.mechanism import (
 )
 from pylinkage.simulation import Linkage
 
-STEPS = 24
+STEPS = 72
 OMEGA = math.tau / STEPS
 
 
@@ -69,16 +69,16 @@ def by_hand() -> Mechanism:
     """Joints and links as one writes them: the initial angle at its default, a link with the name of a joint, a point with
     the name that linkjax gives to a mass centre, and a tracker that stands still."""
     ground = [GroundJoint("O1", position=(0.0, 0.0)), GroundJoint("O2", position=(3.0, 0.0))]
-    a, b, p = (RevoluteJoint(n, position=at) for n, at in (("A", (1.0, 0.0)), ("B", (3.0, 2.0)), ("P", (2.0, 2.0))))
+    a, b = RevoluteJoint("A", position=(1.0, 0.0)), RevoluteJoint("B", position=(3.0, 2.0))
     still = TrackerJoint("still", position=(1.0, 1.0))
     mark = TrackerJoint("S2", ref_joint1_id="A", ref_joint2_id="B", distance=0.5, angle=0.2)
     mark.update_position(a.position, b.position)
     links = [
         GroundLink("frame", joints=list(ground)),
         DriverLink("crank", joints=[ground[0], a], motor_joint=ground[0], angular_velocity=OMEGA),
-        Link("A", joints=[a, b, p]), Link("rocker", joints=[ground[1], b]),
+        Link("A", joints=[a, b]), Link("rocker", joints=[ground[1], b]),
     ]  # fmt: skip
-    return Mechanism("by hand", joints=[*ground, a, b, p, still, mark], links=links)
+    return Mechanism("by hand", joints=[*ground, a, b, still, mark], links=links)
 
 
 def strider() -> Linkage:
@@ -110,15 +110,15 @@ def engine(moving: bool = False) -> Linkage:
     ground = Ground(4.0, 0.0, name="D")
     pin = RRRDyad(crank.output, ground, distance1=3.5, distance2=2.5, name="C")
     other = RRRDyad(pin, Ground(8.0, 1.0, name="R"), distance1=4.0, distance2=3.0, name="E")
-    slider = RRPDyad(Ground(5.0, 3.0, name="Q"), ground, pin, distance=1.6, x=4.5, y=1.2, name="S")
+    slider = RRPDyad(Ground(5.0, 2.0, name="Q"), ground, pin, distance=3.5, x=3.0, y=3.0, name="S")
     slider.reload()
     return Linkage([o, ground, other.anchor2, slider.revolute_anchor, crank, pin, other, slider], name="moving guide")
 
 
 def triad() -> Mechanism:
     """A crank and a triad: a group of class III, of which pylinkage knows edges."""
-    places = {"O": (0.0, 0.0), "A": (0.5, 0.0), "P": (4.0, 0.5), "Q": (2.5, 3.5), "X": (2.0, 0.6), "Y": (2.9, 0.9),
-              "Z": (2.3, 1.7)}  # fmt: skip
+    places = {"O": (0.0, 0.0), "A": (0.3, 0.0), "P": (5.3, 4.2), "Q": (4.3, 6.9), "X": (4.9, 1.4), "Y": (3.8, 1.8),
+              "Z": (4.8, 3.0)}  # fmt: skip
     ground = {name: GroundJoint(name, position=places[name]) for name in "OPQ"}
     pins = ground | {name: RevoluteJoint(name, position=places[name]) for name in "AXYZ"}
     bars = {"leg.1": "AX", "leg.2": "PY", "leg.3": "QZ", "plate": "XYZ"}
