@@ -1,13 +1,13 @@
 """Mechanisms out of pylinkage's JSON.
 
-The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3), or of the linkages of versions 0.6 to 0.9.
+The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3), or that of the linkages of pylinkage 0.6
+to 0.9.
 """
 
 from __future__ import annotations
 
 import cmath
 import itertools
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -24,8 +24,11 @@ ONE_PLACE = 1e-12  # of the drawing's size: joints nearer to each other are at o
 
 
 class Imported(NamedTuple):
-    """What a pylinkage file describes: the mechanism; the ids of joints and of links (names of sliders among them) that
-    were changed, each with what it became; and notes on what was read otherwise than pylinkage has it, each a line."""
+    """A mechanism out of a pylinkage file.
+
+    `points` are the ids of joints that were changed, with their new names, and `links` those of links and sliders.
+    `notes` say, a line each, where the motion differs from that in pylinkage.
+    """
 
     mechanism: Mechanism
     points: dict[str, str]
@@ -34,30 +37,35 @@ class Imported(NamedTuple):
 
 
 def from_pylinkage(document: str | Mapping[str, Any]) -> Mechanism:
-    """The mechanism that pylinkage's JSON describes; `read_pylinkage` gives it with what was renamed."""
+    """The mechanism that pylinkage's JSON describes: a string, or what `json.load` or `mechanism_to_dict` gave.
+
+    It is the mechanism of `read_pylinkage`, which says what is read and how, and also gives the names that were
+    changed. Coordinates are taken as metres. Raises `StructureError`, naming the element, for what it cannot read.
+    """
     return read_pylinkage(document).mechanism
 
 
 def read_pylinkage(document: str | Mapping[str, Any]) -> Imported:
-    """The mechanism that pylinkage's JSON describes: a string, or what `json.load` or `mechanism_to_dict` gave.
+    """The mechanism that pylinkage's JSON describes, with the names that were changed: `document` is a string, or what
+    `json.load` or `mechanism_to_dict` gave.
 
-    Points and links have the ids of joints and links there; those that a scene file cannot hold are made usable
-    (`crank.motor_ground.A` becomes `crank_motor_ground_A`). Lengths are taken as metres. At crank angle zero every joint
-    is where it is drawn; trackers are where their distance and angle say. A driver becomes the crank, an arc driver a
-    crank that oscillates between the ends of its arc. Prismatic joints become blocks with the joint's name
-    (`<id>_block` where it has none). Links that form a triangle, or share two joints, are one link. Groups may be of
-    any class. Links have no masses: pylinkage has none.
+    Points and links have the ids of joints and links there. An id that a scene file cannot hold is made usable:
+    `crank.motor_ground.A` becomes `crank_motor_ground_A`. Coordinates are taken as metres. At crank angle zero every
+    joint is where it is drawn, and lengths are the distances in the drawing; a tracker is where its distance and angle
+    put it. A driver becomes the crank, an arc driver a crank that oscillates over its arc. A prismatic joint becomes a
+    slider with the joint's name (`<id>_block` where it has none). Two links that share two joints, and three that form
+    a triangle, are one link. Groups may be of any class. Links have no masses.
 
-    Raises `StructureError`, naming the joint or link, for what linkjax cannot express: several drivers, trackers between
-    two links, cams and other joints that pylinkage writes without links; where an initial angle, an arc or a slide
-    line disagrees with the drawing by more than 1e-3 of its size; for mechanisms that cannot move or are loose; and for
-    a document that is no mechanism of pylinkage.
+    Raises `StructureError`, naming the joint or link, for what linkjax cannot express: several drivers, trackers
+    between two links, and joints without a link, as which pylinkage writes cams. It is also raised where an initial
+    angle, an arc or a slide line disagrees with the drawing by more than 1e-3 of its size, for mechanisms that cannot
+    move or are unconstrained, and for a document that is not a mechanism of pylinkage.
     """
     return _Reader(read(document)).imported()
 
 
 class _Reader:
-    """The bodies of a file: `on[body]` are the joints of each, the frame among them, `spots` the places of all."""
+    """The rigid bodies of a file: `on[body]` are the joints of each, also of the frame; `spots` are places."""
 
     def __init__(self, document: Drawn):
         self.joints: dict[str, Drawn] = {joint["id"]: joint for joint in document["joints"]}
@@ -65,7 +73,7 @@ class _Reader:
         for bar in document["links"]:
             for joint in [*bar["joints"], *([bar["motor_joint"]] if bar.get("motor_joint") else [])]:
                 if joint not in self.joints:
-                    raise StructureError(bar["id"], f"joint {joint!r} is not there", nearest(joint, self.joints))
+                    raise StructureError(bar["id"], f"joint {joint!r} does not exist", nearest(joint, self.joints))
         places = {name: joint.get("position") for name, joint in self.joints.items()}
         self.spots = {name: complex(*at) for name, at in places.items() if at is not None}
         apart = [abs(a - b) for a, b in itertools.combinations(self.spots.values(), 2)]
@@ -88,12 +96,12 @@ class _Reader:
         return self.joints[joint].get("type") or "revolute"
 
     def refs(self, joint: str) -> tuple[str, str] | None:
-        """The two joints that a tracker tracks; None for one that stands still."""
+        """The two joints that a tracker tracks; None for one that tracks nothing, and for other joints."""
         one, two = (self.joints[joint].get(key) for key in ("ref_joint1_id", "ref_joint2_id"))
         return (one, two) if self.kind(joint) == "tracker" and one and two else None
 
     def still(self, bars: list[Drawn]) -> list[str]:
-        """Ground joints, the motor, and trackers that track nothing."""
+        """Joints on the frame: ground joints, the motor's, and trackers that track nothing."""
         still = [joint for joint in self.joints if self.kind(joint) == "ground"]
         for bar in bars:
             still += bar["joints"] if bar.get("type") == "ground" else []
@@ -107,19 +115,25 @@ class _Reader:
             names = ", ".join(bar["id"] for bar in drivers) or "none"
             remedy = "mobility is one"
             if not drivers:
-                remedy += "; pylinkage's to_mechanism omits the links of arc cranks and linear actuators: write a driver"
+                remedy += (
+                    "; pylinkage's to_mechanism omits the links of arc cranks and linear actuators: write a driver"
+                )
             raise StructureError("links", f"there must be one driver, but there are: {names}", remedy)
         (bar,) = drivers
         pins, pivot = bar["joints"], bar.get("motor_joint")
         grounded = [pin for pin in pins if self.kind(pin) == "ground"]
         pivot = grounded[0] if not pivot and len(grounded) == 1 else pivot
         if len(pins) != 2 or pins[0] == pins[1] or pivot not in pins:
-            raise StructureError(bar["id"], "has no motor joint and one other", "put further joints on a link of their own")
-        return bar, pivot, next(pin for pin in pins if pin != pivot)
+            raise StructureError(
+                bar["id"], "has no motor joint and one other", "put further joints on a link of their own"
+            )
+        return bar, str(pivot), next(pin for pin in pins if pin != pivot)
 
     def guides(self) -> dict[str, tuple[str, str] | None]:
-        """Joints that slide, with two joints of their line where a link says so: `to_mechanism` writes a slide on the
-        line of two joints as a link `<joint>_guide` of all three."""
+        """Joints that slide, with two joints on their line, or with None where the joint itself has an axis.
+
+        `pylinkage.dyads.to_mechanism` writes a slide on the line of two joints as a link `<joint>_guide` of all three.
+        """
         found: dict[str, tuple[str, str] | None] = {
             joint: None for joint in self.joints if self.kind(joint) == "prismatic" and joint not in self.on[GROUND]
         }
@@ -140,7 +154,7 @@ class _Reader:
         return [body for body, held in self.on.items() if all(joint in held for joint in joints)]
 
     def gather(self) -> None:
-        """Make one body of what is rigid, and put trackers on their bodies, until nothing changes."""
+        """Merge bodies that are rigid together, and put trackers on their bodies, until nothing changes."""
         waiting = [joint for joint in self.joints if self.refs(joint)]
         while True:
             while self.doubled() or self.triangle():
@@ -155,16 +169,16 @@ class _Reader:
             one, two = self.refs(joint) or ("", "")
             for ref in (one, two):
                 if ref not in self.joints:
-                    raise StructureError(joint, f"tracks {ref!r}, which is not there", nearest(ref, self.joints))
+                    raise StructureError(joint, f"tracks {ref!r}, which does not exist", nearest(ref, self.joints))
             problem = f"tracks {one!r} and {two!r}, which are on no common link"
             raise StructureError(joint, problem, "linkjax's points are fixed to a link; delete it")
 
     def track(self, joint: str) -> None:
-        """Put a tracker where its distance and angle say, on the body of the two joints that it tracks."""
+        """Place a tracker by its distance and angle, on the body of the two joints that it tracks."""
         one, two = self.refs(joint) or ("", "")
         axis = self.at(two) - self.at(one)
         if not self.apart(one, two):
-            raise StructureError(joint, f"tracks {one!r} and {two!r}, which are drawn at one place", "move one")
+            raise StructureError(joint, f"tracks {one!r} and {two!r}, which coincide", "move one")
         drawn = self.joints[joint]
         away = cmath.rect(float(drawn.get("distance", 0.0)), float(drawn.get("angle", 0.0)))
         self.spots[joint] = self.at(one) + away * axis / abs(axis)
@@ -183,12 +197,12 @@ class _Reader:
         return [each for each in shared if each[2]]
 
     def doubled(self) -> bool:
-        """Make one body of two that share two joints."""
+        """Merge two bodies that share two joints; False where there are none."""
         for one, two, shared in self.pairs():
             if len(shared) < 2:
                 continue
             if not self.apart(*shared[:2]):
-                problem = f"joints {shared[0]!r} and {shared[1]!r} are drawn at one place"
+                problem = f"joints {shared[0]!r} and {shared[1]!r} coincide"
                 raise StructureError(two, problem, "move one")
             if two == self.bar["id"]:
                 problem = f"could not move: its joints {shared[0]!r} and {shared[1]!r} are on the frame"
@@ -198,7 +212,7 @@ class _Reader:
         return False
 
     def triangle(self) -> bool:
-        """Make one body of three that are pinned to each other at three joints, where the driver may move."""
+        """Merge three bodies that are pinned to each other at three joints; False where there are none."""
         shared = {(one, two): joints[0] for one, two, joints in self.pairs()}
         for (one, two), joint in shared.items():
             for three in self.on:
@@ -211,25 +225,29 @@ class _Reader:
     # ---- the mechanism
 
     def imported(self) -> Imported:
-        """All bodies, with usable names, as one draws them."""
+        """The mechanism of all bodies, with usable names."""
         for joint in self.joints:
             if not self.refs(joint):
                 self.at(joint)
         self.gather()
         for joint in self.joints:
             if not self.bodies(joint):
-                remedy = "put it on a link, or delete it; pylinkage's to_mechanism omits the links of cams, point trackers, "
+                remedy = (
+                    "put it on a link, or delete it; pylinkage's to_mechanism omits the links of cams, point trackers, "
+                )
                 remedy += "linear actuators, arc cranks and double slides"
                 raise StructureError(joint, "is on no link", remedy)
         for body, held in self.on.items():
             if body != GROUND and len(held) > 1 and not self.apart(*held[:2]):
-                raise StructureError(body, f"joints {held[0]!r} and {held[1]!r} are drawn at one place", "move one")
+                raise StructureError(body, f"joints {held[0]!r} and {held[1]!r} coincide", "move one")
         motion = motion_of(self.bar, self.end, self.at(self.end) - self.at(self.pivot), self.size)
         points, links, blocks, names = self.named()
         made = self.links(points, links, blocks)
         for number, (link, each) in enumerate(list(made.items()), 1):
             if f"S{number}" in names.taken:  # as its mass centre would be called
-                made[link] = Link(each.length, points=each.points, pins=each.pins, centre_name=names.new(f"S{number}", "S"))
+                made[link] = Link(
+                    each.length, points=each.points, pins=each.pins, centre_name=names.new(f"S{number}", "S")
+                )
         spots = {points[joint]: (at.real, at.imag) for joint, at in self.spots.items()}
         fixed = {points[joint]: spots[points[joint]] for joint in self.on[GROUND]}
         moving = {point: at for point, at in spots.items() if point not in fixed}
@@ -237,8 +255,8 @@ class _Reader:
         slots = [Slot(blocks[joint], self.guide(joint, points, links)) for joint in self.slides]
         mechanism = linkage(fixed, made, drive, slots, moving)
         own = {self.slider(joint): block for joint, block in blocks.items() if self.slider(joint)}
-        changed = [{old: new for old, new in each.items() if old != new} for each in (points, own | links)]
-        return Imported(mechanism, *changed, (motion.note,) if motion.note else ())
+        notes = (motion.note,) if motion.note else ()
+        return Imported(mechanism, changed(points), changed(own | links), notes)
 
     def named(self) -> tuple[dict[str, str], dict[str, str], dict[str, str], Names]:
         """Usable names of joints, of links and of blocks."""
@@ -256,7 +274,7 @@ class _Reader:
         return "" if name == joint else name
 
     def links(self, points: dict[str, str], links: dict[str, str], blocks: dict[str, str]) -> dict[str, Link]:
-        """The links: what others hold are their pins, all else their points."""
+        """The links with their pins, and with trackers as their points; sliders have one pin."""
         found = {}
         for body, held in self.on.items():
             if body == GROUND:
@@ -296,3 +314,8 @@ class _Reader:
         offset, angle = ((self.at(joint) - self.at(base)) / along).imag, cmath.phase(along / self.axis(body))
         offset = 0.0 if abs(offset) < ONE_PLACE * self.size else offset
         return Guide(points[base], 0.0 if abs(angle) < 1e-15 else angle, offset, on=links.get(body, FRAME))
+
+
+def changed(names: Mapping[str, str]) -> dict[str, str]:
+    """Those of these names that were changed, with what they became."""
+    return {old: new for old, new in names.items() if old != new}

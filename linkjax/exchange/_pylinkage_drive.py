@@ -1,4 +1,4 @@
-"""How the driver of a pylinkage file moves: its pivot, its sense, where it stands at crank angle zero."""
+"""How the driver of a pylinkage file moves: its sense, its law, and its angle at crank angle zero."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ KNOTS = 16  # of the law of an arc driver that begins inside its arc, in one cyc
 
 
 class Motion(NamedTuple):
-    """The sense of a driver, its angle (rad) at crank angle zero, its law where it goes to and fro, and what is to be
-    said about it."""
+    """The sense of a driver (1 or -1), its angle (rad) at crank angle zero, its law where it oscillates, and a note for
+    the user, or an empty string."""
 
     turns: int
     phase: float
@@ -33,8 +33,9 @@ class Motion(NamedTuple):
 def motion_of(bar: Drawn, end: str, arm: complex, size: float) -> Motion:
     """How a driver moves whose pin `end` is drawn at `arm` from its pivot, in a drawing of this size.
 
-    It stands where it is drawn. Raises `StructureError` where its initial angle says something else, unless that is
-    where pylinkage began to step; and for a driver that does not move.
+    At crank angle zero it is where it is drawn. Raises `StructureError` where its initial angle disagrees with the
+    drawing, unless pylinkage reaches the drawing in a number of steps from there (it keeps the initial angle while it
+    steps); and for a driver that does not move.
     """
     speed, seen = float(bar.get("angular_velocity", STEP)), math.atan2(arm.imag, arm.real)
     if speed == 0:
@@ -43,7 +44,7 @@ def motion_of(bar: Drawn, end: str, arm: complex, size: float) -> Motion:
     if bar.get("type") == "arc_driver":
         arc = float(bar.get("arc_start", 0.0)), float(bar.get("arc_end", math.pi))
         if arc[0] >= arc[1]:
-            problem = f"goes to and fro from arc_start {arc[0]:.6g} rad to arc_end {arc[1]:.6g} rad"
+            problem = f"oscillates from arc_start {arc[0]:.6g} rad to arc_end {arc[1]:.6g} rad"
             raise StructureError(bar["id"], problem, "write an arc_end above arc_start")
         middle = (arc[0] + arc[1]) / 2
         seen = middle + math.remainder(seen - middle, math.tau)
@@ -89,8 +90,10 @@ def _stepped(angle: float, speed: float, arc: tuple[float, float] | None) -> Ite
 
 
 def _law(seen: float, arc: tuple[float, float], rises: bool) -> AbstractLaw:
-    """To and fro over an arc as a cosine that begins at an angle of it: at an end as such, between as a spline through
-    it, through both ends and through places as far before an end as behind it, so that it goes no further."""
+    """An oscillation over an arc, a cosine, which begins at an angle of it.
+
+    From an end of the arc it is harmonic. From an angle between, it is a spline through points of the cosine. That
+    angle and both ends are among the points. They lie symmetrically about each end, so the spline turns back there."""
     start, stop = arc
     if seen <= start + SAME or seen >= stop - SAME:
         return Harmonic(seen, stop if seen <= start + SAME else start)

@@ -65,7 +65,7 @@ def _check_all(key: str, elements: list[Any]) -> None:
         if not isinstance(each, Mapping) or not isinstance(each.get("id"), str):
             raise StructureError(f"{key}[{number}]", "has no id", WRITE)
         if any("\ud800" <= character <= "\udfff" for character in each["id"]):
-            raise StructureError(f"{key}[{number}]", "its id is no valid text", "give it another id")
+            raise StructureError(f"{key}[{number}]", "its id is not a valid string", "give it another id")
         if each["id"] in seen:
             raise StructureError(each["id"], f"is the id of two {key}", "give one of them another id")
         seen.add(each["id"])
@@ -76,7 +76,7 @@ def _check_all(key: str, elements: list[Any]) -> None:
                 problem, remedy = f"{problem} of an older format", "read it with pylinkage and write it again"
             raise StructureError(each["id"], problem, remedy)
         if key == "links" and not are(each.get("joints"), str):
-            problem = f"joints is {each.get('joints')!r}, which is no list of ids"
+            problem = f"joints is {each.get('joints')!r}, which is not a list of ids"
             raise StructureError(each["id"], problem, 'write the ids of its joints, e.g. ["A", "B"]')
 
 
@@ -85,17 +85,17 @@ def check(element: Drawn) -> None:
     for key, value in element.items():
         what, remedy = "", ""
         if key in TEXTS and not isinstance(value, str | None):
-            what, remedy = "text", "write it in double quotes"
+            what, remedy = "string", "write it in double quotes"
         elif key in NUMBERS and not are([value], int, float) and (key, value) != ("initial_angle", None):
             what, remedy = "finite number", "write a number"
         elif key in PLACES and not (isinstance(value, list | tuple) and len(value) == 2 and are(value, int, float)):
-            what, remedy = "place", "write two numbers, [x, y]"
+            what, remedy = "pair of coordinates", "write two numbers, [x, y]"
         if what:
-            raise StructureError(element["id"], f"{key} is {value!r}, which is no {what}", remedy)
+            raise StructureError(element["id"], f"{key} is {value!r}, which is not a {what}", remedy)
 
 
 def are(values: object, *kinds: type) -> bool:
-    """Whether these are a list of texts, or of finite numbers that any machine could have."""
+    """Whether this is a list of strings, or of finite numbers below the largest that a scene file takes."""
     return isinstance(values, list | tuple) and all(
         isinstance(each, kinds) and not isinstance(each, bool) and (isinstance(each, str) or _fits(each))
         for each in values

@@ -26,10 +26,8 @@ class Names:
         with `suffix`, or else with a number, where the name alone is taken."""
         plain = re.sub(r"[^\w-]+", "_", name)
         plain = plain if re.match(r"[^\W\d_]", plain) else letter + plain
-        for end in itertools.chain(dict.fromkeys(("", suffix)), (f"{suffix}_{i}" for i in itertools.count(2))):
-            found = plain[: LONGEST - len(end)] + end
-            if found not in self.taken:
-                break
+        ends = itertools.chain(dict.fromkeys(("", suffix)), (f"{suffix}_{i}" for i in itertools.count(2)))
+        found = next(name for end in ends if (name := plain[: LONGEST - len(end)] + end) not in self.taken)
         self.taken.add(found)
         return found
 

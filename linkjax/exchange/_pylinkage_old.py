@@ -1,7 +1,7 @@
-"""Linkages as pylinkage 0.6 to 0.9 wrote them: joints that name what they hang on, and no links.
+"""Linkages as pylinkage 0.6 to 0.9 wrote them: joints that name the joints they are attached to, and no links.
 
-The format is that of `pylinkage.linkage.serialization` up to version 0.9. There a joint is drawn roughly, and solved
-from its lengths to the nearest of the places where these meet; so it is here.
+The format is that of `pylinkage.linkage.serialization` up to version 0.9. Its joints are drawn
+roughly. pylinkage computes each from its lengths, and takes the solution nearest to the drawing; so does this reader.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from linkjax._units import nearest
 from linkjax.mechanism import StructureError
 
 Drawn = Mapping[str, Any]
-KINDS = {
+KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # the joints that each is attached to, its numbers
     "Static": ((), ()),
     "Crank": (("joint0",), ("distance", "angle")),
     "Fixed": (("joint0", "joint1"), ("distance", "angle")),
@@ -30,7 +30,7 @@ def of_old(elements: list[Any]) -> dict[str, Any]:
     """The joints and links of an old linkage, at the places that its lengths say.
 
     Links are called after their joint, as pylinkage's later `to_mechanism` calls them. Raises `StructureError` for
-    joints that lack a key, hang on each other, or cannot be reached by their lengths.
+    joints that lack a key, are attached to each other, or cannot be reached by their lengths.
     """
     joints: dict[str, Drawn] = {}
     for number, joint in enumerate(elements):
@@ -38,8 +38,8 @@ def of_old(elements: list[Any]) -> dict[str, Any]:
             raise StructureError(f"joints[{number}]", "has no name", "give it a name")
         if joint["name"] in joints:
             raise StructureError(joint["name"], "is the name of two joints", "give one of them another name")
-        if joint.get("type") not in (*KINDS, *ALIASES):
-            raise StructureError(joint["name"], f"has the type {joint.get('type')!r}", f"known here: {', '.join(KINDS)}")
+        if (kind := joint.get("type")) not in (*KINDS, *ALIASES):
+            raise StructureError(joint["name"], f"has the type {kind!r}", f"known here: {', '.join(KINDS)}")
         joints[joint["name"]] = joint
     made = _Made()
     waiting = dict(joints)
@@ -48,15 +48,20 @@ def of_old(elements: list[Any]) -> dict[str, Any]:
         for name in ready:
             made.add(name, waiting.pop(name))
         if not ready:
-            problem = "hang on each other, so that none of them has a place"
-            raise StructureError(", ".join(waiting), problem, "let one of them hang on joints that have their places")
+            problem = "are attached to each other, so none of them can be placed"
+            raise StructureError(", ".join(waiting), problem, "attach one of them to joints that are placed")
     return {"joints": list(made.joints.values()), "links": made.links}
+
+
+def _kind(joint: Drawn) -> str:
+    kind = str(joint["type"])
+    return ALIASES.get(kind, kind)
 
 
 def _number(name: str, joint: Drawn, key: str) -> float:
     value = joint.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e20:
-        raise StructureError(name, f"{key} is {value!r}, which is no finite number", "write a number")
+        raise StructureError(name, f"{key} is {value!r}, which is not a finite number", "write a number")
     return float(value)
 
 
@@ -66,28 +71,31 @@ class _Made:
     def __init__(self):
         self.joints: dict[str, dict[str, Any]] = {}
         self.links: list[dict[str, Any]] = []
+        self.inline: dict[tuple[str, str], str] = {}
 
     def has(self, name: str, joint: Drawn, joints: Mapping[str, Drawn]) -> bool:
-        """Whether all that a joint hangs on has its place; anchors that are written inline get theirs."""
-        for key in KINDS[ALIASES.get(joint["type"], joint["type"])][0]:
+        """Whether all anchors of a joint are placed; those that are written inline are placed here."""
+        for key in KINDS[_kind(joint)][0]:
             anchor = joint.get(key)
             if not isinstance(anchor, Mapping):
-                raise StructureError(name, f"{key} is {anchor!r}, which is no joint", 'write e.g. {"ref": "A"}')
+                raise StructureError(name, f"{key} is {anchor!r}, which is not a joint", 'write e.g. {"ref": "A"}')
             to = anchor.get("ref")
             if not anchor.get("inline") and (not isinstance(to, str) or to not in joints):
-                raise StructureError(name, f"{key} is {to!r}, which is not there", nearest(str(to), joints))
-            own = self.anchor(name, key, anchor)
-            if anchor.get("inline") and own not in self.joints:
-                self.ground(own, complex(_number(own, anchor, "x"), _number(own, anchor, "y")))
-            if own not in self.joints:
+                raise StructureError(name, f"{key} is {to!r}, which does not exist", nearest(str(to), joints))
+            if anchor.get("inline") and (name, key) not in self.inline:
+                at = complex(_number(name, anchor, "x"), _number(name, anchor, "y"))
+                own = anchor.get("name")
+                if not isinstance(own, str) or own in joints or (own in self.joints and self.at(own) != at):
+                    own = f"{name}_{key}"
+                self.inline[name, key] = own
+                self.ground(own, at)
+            if self.anchor(name, key, anchor) not in self.joints:
                 return False
         return True
 
-    @staticmethod
-    def anchor(name: str, key: str, anchor: Drawn) -> str:
-        if not anchor.get("inline"):
-            return anchor["ref"]
-        return anchor["name"] if isinstance(anchor.get("name"), str) else f"{name}_{key}"
+    def anchor(self, name: str, key: str, anchor: Drawn) -> str:
+        """The joint that a joint is attached to by one of its keys."""
+        return self.inline[name, key] if anchor.get("inline") else anchor["ref"]
 
     def ground(self, name: str, at: complex) -> None:
         self.joints[name] = {"id": name, "type": "ground", "position": [at.real, at.imag]}
@@ -97,8 +105,8 @@ class _Made:
 
     def add(self, name: str, joint: Drawn) -> None:
         """Put a joint where its lengths say, nearest to where it is drawn, with its links."""
-        kind = ALIASES.get(joint["type"], joint["type"])
-        drawn = complex(_number(name, joint, "x"), _number(name, joint, "y"))
+        kind = _kind(joint)
+        drawn = 0j if kind == "Fixed" else complex(_number(name, joint, "x"), _number(name, joint, "y"))
         if kind == "Static":
             self.ground(name, drawn)
             return
@@ -129,7 +137,7 @@ class _Made:
     @staticmethod
     def nearest(name: str, drawn: complex, places: tuple[complex, ...]) -> complex:
         if not places:
-            raise StructureError(name, "cannot be reached by its lengths", "correct its lengths or what it hangs on")
+            raise StructureError(name, "cannot be reached by its lengths", "correct its lengths or its anchors")
         return min(places, key=lambda place: abs(place - drawn))
 
 

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false
 """Files of every kind that pylinkage writes, made by pylinkage itself, and their joints as pylinkage steps them."""
 
 from __future__ import annotations
@@ -66,8 +67,8 @@ def inline_slider() -> Mechanism:
 
 
 def by_hand() -> Mechanism:
-    """Joints and links as one writes them: the initial angle at its default, a link with the name of a joint, a point with
-    the name that linkjax gives to a mass centre, and a tracker that stands still."""
+    """Joints and links as one writes them: the initial angle at its default, a link with the name of a joint, a
+    point with the name that linkjax gives to a mass centre, and a tracker that is at rest."""
     ground = [GroundJoint("O1", position=(0.0, 0.0)), GroundJoint("O2", position=(3.0, 0.0))]
     a, b = RevoluteJoint("A", position=(1.0, 0.0)), RevoluteJoint("B", position=(3.0, 2.0))
     still = TrackerJoint("still", position=(1.0, 1.0))
@@ -124,7 +125,9 @@ def triad() -> Mechanism:
     bars = {"leg.1": "AX", "leg.2": "PY", "leg.3": "QZ", "plate": "XYZ"}
     links = [Link(name, joints=[pins[pin] for pin in ends]) for name, ends in bars.items()]
     crank = DriverLink("crank", joints=[pins["O"], pins["A"]], motor_joint=ground["O"], angular_velocity=OMEGA)
-    return Mechanism("triad", joints=list(pins.values()), links=[GroundLink("g", joints=[*ground.values()]), crank, *links])
+    return Mechanism(
+        "triad", joints=list(pins.values()), links=[GroundLink("g", joints=[*ground.values()]), crank, *links]
+    )
 
 
 def of_graph() -> Mechanism:
@@ -136,7 +139,10 @@ def of_graph() -> Mechanism:
         one, two = ends.split()
         graph.add_edge(Edge(one + two, source=one, target=two))
     places = {"O1": (0.0, 0.0), "O2": (4.0, 0.0), "O3": (7.0, 1.0), "A": (0.0, 1.0), "B": (3.0, 2.0), "C": (6.0, 3.0)}
-    sizes = {f"{a}{b}": math.dist(places[a], places[b]) for a, b in (e.split() for e in ("O1 A", "A B", "B O2", "B C", "C O3"))}
+    sizes = {
+        f"{a}{b}": math.dist(places[a], places[b])
+        for a, b in (e.split() for e in ("O1 A", "A B", "B O2", "B C", "C O3"))
+    }
     return graph_to_mechanism(graph, Dimensions(places, {"A": DriverAngle(OMEGA)}, sizes))
 
 
@@ -178,11 +184,50 @@ def bent(document: dict[str, Any], at: dict[str, np.ndarray]) -> float:
     """The largest change of a distance between two joints of one link, over all places, from what is drawn."""
     drawn = {joint["id"]: joint["position"] for joint in document["joints"]}
     pairs = [(a, b) for link in document["links"] for a, b in itertools.combinations(link["joints"], 2)]
-    return max(
-        np.abs(np.hypot(*(at[a] - at[b]).T) - math.dist(drawn[a], drawn[b])).max() for a, b in pairs
-    )
+    return max(np.abs(np.hypot(*(at[a] - at[b]).T) - math.dist(drawn[a], drawn[b])).max() for a, b in pairs)
 
 
 def written(mechanism: Mechanism) -> dict[str, Any]:
     """What pylinkage writes to a file."""
     return json.loads(json.dumps(mechanism_to_dict(mechanism)))
+
+
+def chebyshev(initial: float | None) -> dict[str, Any]:
+    """The straight-line mechanism of pylinkage's examples, its arc a little shorter than up to its toggle positions."""
+    arc = 0.66, 1.75
+    builder = MechanismBuilder("Chebyshev").add_ground_link("ground", ports={"O1": (0, 0), "O2": (100, 0)})
+    builder.add_arc_driver_link("crank", 125, "O1", 0.05, *arc, None if initial is None else arc[0] + initial)
+    builder.add_link("coupler", 50).add_link("rocker", 125).connect("crank.tip", "coupler.0")
+    builder.connect("coupler.1", "rocker.0").connect("rocker.1", "ground.O2")
+    return written(builder.add_point_tracker("middle", "coupler.0", "coupler.1").set_branch("coupler.1", 1).build())
+
+
+def old_four_bar() -> dict[str, Any]:
+    """As pylinkage 0.9 wrote it: places are rough, anchors that were written as places stand inline."""
+    return {
+        "name": "old", "solve_order": None,
+        "joints": [
+            {"type": "Static", "name": "O", "x": 0, "y": 0.0},
+            {"type": "Crank", "name": "A", "x": 0.0, "y": 1.0, "joint0": {"ref": "O"}, "distance": 1.0, "angle": OMEGA},
+            {"type": "Revolute", "name": "C", "x": 3.0, "y": 2.0, "joint0": {"ref": "A"},
+             "joint1": {"inline": True, "type": "Static", "x": 4.0, "y": 0.0, "name": "1404"},
+             "distance0": 3.5, "distance1": 2.5},
+            {"type": "Fixed", "name": "F", "x": 1.0, "y": 1.0, "joint0": {"ref": "A"}, "joint1": {"ref": "C"},
+             "distance": 2.0, "angle": 0.5},
+            {"type": "Static", "name": "L", "x": 0.0, "y": -1.0}, {"type": "Static", "name": "R", "x": 5.0, "y": 4.0},
+            {"type": "Linear", "name": "S", "x": 4.0, "y": 3.0, "joint0": {"ref": "F"}, "joint1": {"ref": "L"},
+             "joint2": {"ref": "R"}, "revolute_radius": 2.6},
+        ],
+    }  # fmt: skip
+
+
+def now_four_bar() -> Linkage:
+    """The same of pylinkage's present components."""
+    o, d, left, right = (Ground(x, y, name=n) for x, y, n in ((0, 0, "O"), (4, 0, "1404"), (0, -1, "L"), (5, 4, "R")))
+    a = Crank(o, 1.0, OMEGA, math.pi / 2, name="A")
+    c = RRRDyad(a.output, d, 3.5, 2.5, x=3.0, y=2.0, name="C")
+    c.reload()
+    f = FixedDyad(a.output, c, 2.0, 0.5, name="F")
+    s = RRPDyad(f, left, right, 2.6, x=4.0, y=3.0, name="S")
+    s.reload()
+    return Linkage([o, d, left, right, a, c, f, s], name="now")
