@@ -20,6 +20,7 @@ from linkjax.groups import FRAME, Drive, Guide, Slot
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage
 
 GROUND = "\ud800"  # the frame among the bodies; no link has such an id
+SMALLEST = 1e-30  # m, as in scene files
 ONE_PLACE = 1e-12  # of the drawing's size: joints nearer to each other are at one place
 
 
@@ -75,7 +76,7 @@ class _Reader:
                 if joint not in self.joints:
                     raise StructureError(bar["id"], f"joint {joint!r} does not exist", nearest(joint, self.joints))
         places = {name: joint.get("position") for name, joint in self.joints.items()}
-        self.spots = {name: complex(*at) for name, at in places.items() if at is not None}
+        self.spots = {name: complex(*map(_plain, at)) for name, at in places.items() if at is not None}
         apart = [abs(a - b) for a, b in itertools.combinations(self.spots.values(), 2)]
         self.size = max(apart, default=0.0)
         self.bar, self.pivot, self.end = self.driver()
@@ -256,7 +257,7 @@ class _Reader:
         mechanism = linkage(fixed, made, drive, slots, moving)
         own = {self.slider(joint): block for joint, block in blocks.items() if self.slider(joint)}
         notes = (motion.note,) if motion.note else ()
-        return Imported(mechanism, changed(points), changed(own | links), notes)
+        return Imported(mechanism, _changed(points), _changed(own | links), notes)
 
     def named(self) -> tuple[dict[str, str], dict[str, str], dict[str, str], Names]:
         """Usable names of joints, of links and of blocks."""
@@ -316,6 +317,11 @@ class _Reader:
         return Guide(points[base], 0.0 if abs(angle) < 1e-15 else angle, offset, on=links.get(body, FRAME))
 
 
-def changed(names: Mapping[str, str]) -> dict[str, str]:
+def _plain(number: int | float) -> float:
+    """A coordinate without what rounding leaves of zero, which no scene file takes."""
+    return 0.0 if abs(number) < SMALLEST else float(number)
+
+
+def _changed(names: Mapping[str, str]) -> dict[str, str]:
     """Those of these names that were changed, with what they became."""
     return {old: new for old, new in names.items() if old != new}

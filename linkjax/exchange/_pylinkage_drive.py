@@ -54,7 +54,6 @@ def motion_of(bar: Drawn, end: str, arm: complex, size: float) -> Motion:
     note, given = "", bar.get("initial_angle")
     if given is not None:
         off = math.remainder(seen - given, math.tau)
-        seen = given + off if arc is None else seen
         if abs(off) > near:
             steps = _steps_between(float(given), seen, speed, arc)
             if steps is None:

@@ -150,8 +150,10 @@ def test_the_command_names_the_file(call, tmp_path):
         f"{path}: crank: initial_angle is 1 rad, but 'coupler.0_crank.tip' is drawn at 0"
     )
     document["links"][1]["initial_angle"] = 0.0
-    document["joints"].append({"id": "far", "type": "ground", "position": [1e-40, 0.0]})
+    document["joints"].append({"id": "S1", "type": "tracker", "position": [0.0, 0.0], "distance": 1e-40, "angle": 0.0,
+                               "ref_joint1_id": document["links"][2]["joints"][0],
+                               "ref_joint2_id": document["links"][2]["joints"][1]})  # fmt: skip
     path.write_text(json.dumps(document), encoding="utf-8")
     code, _, err = call("import", path)
-    assert code == 2 and err.startswith(f"{path}: fixed.far[0] = ") and "<text>" not in err
+    assert code == 2 and err.startswith(f"{path}: links.coupler.points.S1.along = ") and "<text>" not in err
     assert list(tmp_path.iterdir()) == [path]
