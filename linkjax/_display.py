@@ -27,14 +27,15 @@ class Numbers(NamedTuple):
     def quantity(self, value: float, unit: str = "", digits: int = 5, beside: float = 0.0) -> str:
         """A number to so many significant digits, with its unit; zero where it is the rounding of what stands beside
         it."""
-        return self.alike([0.0 if abs(value) < ROUNDING * abs(beside) else value], unit, digits)[0]
+        return self.alike([value], unit, digits, beside)[0]
 
-    def alike(self, values: Iterable[float], unit: str = "", digits: int = 5) -> list[str]:
-        """Numbers to so many significant digits, all in the unit that suits the largest."""
-        values = list(values)
+    def alike(self, values: Iterable[float], unit: str = "", digits: int = 5, beside: float = 0.0) -> list[str]:
+        """Numbers to so many significant digits, all in the unit that suits the largest; zero for those that are the
+        rounding of it, or of what stands beside them."""
+        values = [above(value, beside) for value in values]
         size = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
         factor, label = prefixed(size, unit, self.units)
-        return [_number(factor * value, label, digits) for value in values]
+        return [_number(factor * above(value, size), label, digits) for value in values]
 
     def shown(self, value: SupportsFloat, unit: str = "") -> str:
         """A number that was put in, with its unit and without idle zeros."""
@@ -46,7 +47,7 @@ class Numbers(NamedTuple):
     def place(self, at: tuple[SupportsFloat, SupportsFloat], unit: str = "m", beside: float = 0.0) -> str:
         """Two numbers that belong together, "(0.3, −0.1) m", each zero where it is the rounding of what stands beside
         it."""
-        x, y = (0.0 if abs(float(value)) < ROUNDING * beside else float(value) for value in at)
+        x, y = (above(float(value), beside) for value in at)
         factor, label = prefixed(max((abs(v) for v in (x, y) if math.isfinite(v)), default=0.0), unit, self.units)
         return _joined(f"({short(factor * x)}, {short(factor * y)})", label)
 
@@ -67,9 +68,11 @@ class Numbers(NamedTuple):
         return _number(factor * float(value), label, digits)
 
     def measured(self, value: float, error: float, unit: str = "", most: int = 10) -> tuple[str, str]:
-        """A value and the bound of its error, the value in one unit to the digits the error leaves it (3 at least)."""
+        """A value and the bound of its error, the value in one unit to the digits the error leaves it, 3 at least;
+        zero where it is below that."""
         if not (math.isfinite(value) and math.isfinite(error)):
             return _missing(value), ""
+        value = value if abs(value) > error else 0.0
         factor, label = prefixed(abs(value), unit, self.units)
         ratio = abs(value) / error if error > 0 else math.inf
         digits = most if ratio > 10.0**most else max(3, min(most, math.floor(math.log10(max(ratio, 1.0))) + 1))
@@ -84,16 +87,23 @@ class Numbers(NamedTuple):
         factor, label = turning(self.units) if unit == "rad/s" else self._angles()
         return _joined(short(factor * float(value)), label)
 
-    def told(self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5) -> list[str]:
+    def told(
+        self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5, beside: float = 0.0
+    ) -> list[str]:  # fmt: skip
         """One quantity several times, unit as measures write it ("N m", "1", "rad"), all in the unit that suits the
-        largest. A dash for None."""
+        largest. A dash for None, zero for the rounding of what stands beside it."""
         numbers = [math.nan if value is None else float(value) for value in values]
         if unit == "rad":
             factor, label = self._angles()
             return [_number(factor * value, label, digits) for value in numbers]
         if unit == "rad/s":
             return [self.speed(value) for value in numbers]
-        return self.alike(numbers, label_of(unit), digits)
+        return self.alike(numbers, label_of(unit), digits, beside)
+
+
+def above(value: float, beside: float) -> float:
+    """A number, or zero where it is only the rounding of what stands beside it."""
+    return 0.0 if abs(value) < ROUNDING * abs(beside) else value
 
 
 def _number(value: float, label: str, digits: int) -> str:
@@ -109,7 +119,9 @@ def _missing(value: float) -> str:
 
 
 def _joined(text: str, label: str) -> str:
-    """A number and its unit, which may begin with a power of ten."""
+    """A number and its unit, which may begin with a power of ten; zero needs none."""
+    if text == "0" and label.startswith("10"):
+        label = label.partition(" ")[2]
     between = "" if label in ("°", "") else "·" if label.startswith("10") else " "
     return f"{text}{between}{label}"
 
@@ -135,7 +147,7 @@ def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float,
         for limit, factor, prefix in ((10.0, 1.0, ""), (1e-3, 1e3, "m"), (0.0, 1e6, "µ")):
             if size >= limit and (size > 0 or limit == 0.0):
                 return (factor, prefix + unit) if size > 0 else (1e3, "m" + unit)
-    if size == 0 or unit == "":
+    if size == 0 or unit == "" or (unit in ("m/s", "m/s²") and size >= 1):
         return 1.0, unit
     power = 3 * math.floor(math.log10(size) / 3)
     if unit.startswith("kg"):

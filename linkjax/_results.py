@@ -40,8 +40,11 @@ def merge(*codes: Array) -> Array:
 
 
 class MachineError(ValueError):
-    """The machine cannot do what was asked: it cannot be assembled, or has no periodic regime."""
+    """The machine cannot do what was asked: it cannot be assembled, or has no periodic regime.
 
-    def __init__(self, message: str, result: Result):
-        self.result = result
+    `speeds` are the speeds in the message, each as it is written there and in rad/s, to be written in other units.
+    """
+
+    def __init__(self, message: str, result: Result, speeds: tuple[tuple[str, float], ...] = ()):
+        self.result, self.speeds = result, speeds
         super().__init__(message)

@@ -31,6 +31,7 @@ DIMENSIONS = {
     "mass": Dimension("kg", "a mass", '"5 kg"', ("kg", "g", "t", "lb")),
     "inertia": Dimension("kg m^2", "a moment of inertia", '"0.65 kg m^2"', ("kg m^2", "kg cm^2", "g mm^2")),
     "acceleration": Dimension("m/s^2", "an acceleration", '"9.81 m/s^2"', ("m/s^2", "mm/s^2", "ft/s^2")),
+    "angular_acceleration": Dimension("rad/s^2", "an angular acceleration", '"10 rad/s^2"', ("rad/s^2", "deg/s^2")),
     "speed": Dimension("rad/s", "a speed of rotation", '"700 rpm"', ("rpm", "rad/s", "rev/s", "deg/s")),
     "force": Dimension("N", "a force", '"30 kN"', ("N", "kN", "MN", "kp", "lbf")),
     "torque": Dimension("N m", "a torque", '"60 N m"', ("N m", "kN m", "N mm", "lbf ft")),
@@ -231,13 +232,17 @@ def display_units(text: str) -> dict[str, tuple[float, str]]:
     """Units that numbers are to be shown in, "mm, rpm, kN": for each SI unit replaced, a factor and a label.
 
     A number in the SI unit (written as in `DIMENSIONS`: "N m", "rad/s") times the factor is the number in the unit of
-    the label ("kN·m", "rpm"). A length also replaces the metre in kinematic coefficients, "m/rad" and "m/rad^2". "J" is
-    asked for by its own name; "kN m" is a torque. Raises `QuantityError` for what is no unit of a quantity known here.
+    the label ("kN·m", "rpm"). A length also replaces the metre in kinematic coefficients, "m/rad" and "m/rad^2", in
+    velocities and in accelerations. A force and a length give the unit of torque; with pounds that is "lbf in" unless
+    the length is in feet. Those chosen themselves come first. "J" is asked for by its own name; "kN m" is a torque.
+
+    Raises `QuantityError` for what is no unit of a quantity known here.
     """
     known = {phrase: d.unit for d in DIMENSIONS.values() if (phrase := d.phrase) and d.unit}
     known |= {phrase: unit for unit, phrase in ALSO.items()}
     example = 'write units with commas between, e.g. "mm, rpm, kN"'
     found: dict[str, tuple[float, str]] = {}
+    chosen: dict[str, str] = {}
     for name in filter(None, map(str.strip, text.split(","))):
         try:
             factor, dimension = _resolve(name.translate(TIDY), DIMENSIONS["number"])
@@ -251,10 +256,30 @@ def display_units(text: str) -> dict[str, tuple[float, str]]:
         if unit in found:
             raise QuantityError(f"two units of {phrase.partition(' ')[2]}, {found[unit][1]!r} and {name!r}", "keep one")
         size = float(1 / factor)
-        found[unit] = size, label_of(name)
+        found[unit], chosen[unit] = (size, label_of(name)), name
         if unit == "m":
             found |= {f"m/rad{power}": (size, f"{label_of(name)}/rad{label_of(power)}") for power in ("", "^2")}
-    return found
+    return _compounds(chosen) | found
+
+
+def _compounds(chosen: dict[str, str]) -> dict[str, tuple[float, str]]:
+    """Units that follow from those chosen, by SI unit: velocity and acceleration from the length, torque from both."""
+    length, force = chosen.get("m"), chosen.get("N")
+    found = {} if length is None else {f"m/s{power}": f"{length}/s{power}" for power in ("", "^2")}
+    if force == "lbf":
+        length = length if length in ("ft", "feet", "foot") else "in"
+    if force and length:
+        found["N m"] = f"{force} {length}"
+    number = DIMENSIONS["number"]
+    return {si: (float(1 / _resolve(name.translate(TIDY), number)[0]), label_of(name)) for si, name in found.items()}
+
+
+def unit_of(value: Any) -> str:
+    """The unit in which a speed of rotation is written, e.g. "rpm"; rad/s for a number, nothing for no quantity."""
+    if isinstance(value, str):
+        match = NUMBER.fullmatch(value.translate(TIDY).strip())
+        return match[2].strip() if match else ""
+    return "rad/s" if isinstance(value, int | float) else ""
 
 
 def label_of(unit: str) -> str:

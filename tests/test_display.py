@@ -5,7 +5,7 @@ import math
 import pytest
 
 from linkjax._display import Numbers, number, prefixed
-from linkjax._units import display_units
+from linkjax._units import display_units, unit_of
 
 
 @pytest.mark.parametrize(
@@ -64,3 +64,35 @@ def test_without_any_they_suit_the_largest():
     assert (show.shown(2e-5, "kg·m²"), show.place((0.3, -1e-9))) == ("20·10⁻⁶ kg·m²", "(300, −1·10⁻⁶) mm")
     assert (show.shown(-0.0, "N"), show.place((-0.0, 0.0))) == ("0 N", "(0, 0) mm")
     assert show.measured(1.1215243512, 1e-8) == ("1.12152435", "± 1.0·10⁻⁸")
+
+
+def test_what_is_below_its_error_is_zero():
+    show = Numbers()
+    assert show.quantity(1.06581e-14, "N·m", 6, beside=100.0) == "0 N·m"
+    assert show.quantity(1.06581e-9, "N·m", 6, beside=100.0) == "1.06581 nN·m"
+    assert show.alike([4000.0, 0.0], "kg·m²") == ["4.0000·10³ kg·m²", "0 kg·m²"]
+    assert show.alike([4000.0, 1e-12], "kg·m²") == ["4.0000·10³ kg·m²", "0 kg·m²"]
+    assert show.told([3e4, 2e-9], "N", 6) == ["30.0000 kN", "0 kN"]
+    assert show.told([None, 2e-9], "N", 6, beside=3e4) == ["–", "0 N"]
+    assert show.measured(1e-12, 2e-11)[0] == "0" and show.measured(3e-11, 2e-11)[0] != "0"
+
+
+def test_units_that_follow_from_others():
+    """Factors by their definitions: an inch is 25.4 mm, a pound-force 4.4482216152605 N."""
+    found = display_units("in, lbf")
+    assert found["N m"] == (pytest.approx(1 / (4.4482216152605 * 0.0254), rel=1e-14), "lbf·in")
+    assert found["m/s"] == (pytest.approx(1 / 0.0254, rel=1e-14), "in/s")
+    assert found["m/s^2"] == (pytest.approx(1 / 0.0254, rel=1e-14), "in/s²")
+    assert display_units("mm, lbf")["N m"] == found["N m"]
+    assert display_units("ft, lbf")["N m"] == (pytest.approx(1 / (4.4482216152605 * 0.3048), rel=1e-14), "lbf·ft")
+    assert display_units("mm, N")["N m"] == (1000.0, "N·mm")
+    assert display_units("mm, N, N m, m/s^2")["N m"] == (1.0, "N·m")
+    assert display_units("mm, N, N m, m/s^2")["m/s^2"] == (1.0, "m/s²")
+    assert "N m" not in display_units("mm, rpm") and "m/s" not in display_units("N")
+    assert Numbers(found).quantity(1.0, "N·m", 5) == "8.8507 lbf·in"
+
+
+def test_the_unit_of_a_speed():
+    assert [unit_of(value) for value in ("700 rpm", "-2e1 rev/s", 10, 1.5, "fast", None, True)] == [
+        "rpm", "rev/s", "rad/s", "rad/s", "", "", "rad/s",
+    ]  # fmt: skip

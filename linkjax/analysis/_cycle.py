@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track, slow
+from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track, followed, slow
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, lost_at_start, named_groups, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -150,14 +150,15 @@ def explain(cycle: Cycle) -> None:
         what = "so that the crank speed has no bound" if shaft else "so that the speed has no bound"
         raise MachineError(f"{title}no reduced inertia {place}{what}. {remedy}", code)
     if code is Result.NO_PERIODIC_REGIME:
-        lowest = float(cycle.steady.lowest_mean_speed)
+        lowest, nominal = float(cycle.steady.lowest_mean_speed), float(cycle.scene.speed)
+        speeds = tuple((f"{speed:.4g} rad/s", speed) for speed in (nominal, lowest))
         degrees = float(jnp.degrees(cycle.steady.angle_of_least_work))
         raise MachineError(
-            f"{title}no periodic regime at a mean speed of {float(cycle.scene.speed):.4g} rad/s: the kinetic energy "
-            f"runs out at {degrees:.2f} degrees; the lowest mean speed that has one is {lowest:.4g} rad/s. Raise the "
+            f"{title}no periodic regime at a mean speed of {speeds[0][0]}: the kinetic energy "
+            f"runs out at {degrees:.2f} degrees; the lowest mean speed that has one is {speeds[1][0]}. Raise the "
             f"mean speed, {'add a flywheel' if shaft else 'add inertia to what the drive moves'} or lower the loads.",
-            code,
-        )
+            code, speeds,
+        )  # fmt: skip
 
 
 def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, str]:
@@ -193,8 +194,8 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
 
 
 def _where_it_can(cycle: Cycle) -> str:
-    """The ranges of crank angle in which it can be assembled, and a law that stays inside the first, and begins where
-    general groups are drawn if it can; nothing for a crank that comes round."""
+    """The ranges of crank angle in which it can be assembled, and a law inside the first; nothing for a crank that
+    rotates fully. The law begins, if it can, where groups are drawn, turns are counted from and sides hold."""
     mechanism = cycle.scene.mechanism
     crank = mechanism.groups[0]
     if not isinstance(crank, Crank):
@@ -208,20 +209,22 @@ def _where_it_can(cycle: Cycle) -> str:
     low, high = ranges[0].start, ranges[0].stop
     inset = INSIDE * (high - low)
     ends, drawn = (low + inset, high - inset), ""
-    if any(isinstance(group, General) and group.sketch for group in mechanism.groups):
+    if followed(mechanism.groups):
         begin = 0.0 if crank.law is None else crank.law.begins()
         if low < begin < high:
             ends = begin, max(ends, key=lambda end: abs(end - begin))
         else:
-            drawn = ", and draw it where that begins"
+            general = any(isinstance(group, General) and group.sketch for group in mechanism.groups)
+            drawn = f", and {'draw it' if general else 'give phases and sides'} where that begins"
     law = ", ".join(
         f'{key} = "{math.degrees(end * crank.turns) + 0.0:.4f} deg"'
         for key, end in zip(("start", "stop"), ends, strict=True)
     )
+    key = "drive.law" if any(link.pins for link in mechanism.links.values()) else "groups[0].law"
     has = "its law goes beyond that" if crank.law is not None else "its crank does not come round"
     return (
-        f"It can be assembled from {told} of crank angle, and {has}: let it swing inside, e.g. law = {{ {law} }} on "
-        f"the crank{drawn}, or change lengths. "
+        f"It can be assembled from {told} of crank angle, and {has}: let it swing inside, e.g. {key} = {{ {law} }}"
+        f"{drawn}, or change lengths. "
     )
 
 

@@ -18,14 +18,29 @@ from linkjax._config import cache_folder, enable_x64
 from linkjax._display import Numbers
 from linkjax._types import as_float
 from linkjax._units import QuantityError, display_units, quantity
-from linkjax.analysis import analyse, document, explain, pick, plain
+from linkjax.analysis import analyse, at_acceleration, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
-from linkjax.cli._options import CsvFolder, JsonFile, Nodes, Out, Quiet, SceneName, Set, Units, changes_of, make_folders
-from linkjax.cli._print import print_assemblies, print_at, print_scene, print_structure, print_summary
+from linkjax.cli._options import (
+    CsvFolder,
+    JsonFile,
+    Nodes,
+    Out,
+    Quiet,
+    SceneName,
+    Set,
+    Units,
+    changes_of,
+    check_places,
+    write_text,
+)
+from linkjax.cli._print import print_assemblies, print_scene, print_structure, print_summary
+from linkjax.cli._print_at import print_at
 from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling, structure_of
+from linkjax.cli._said import messages_in, retold, units_for
 from linkjax.cli._write import write_csv, write_out
 from linkjax.kinematics import assemblies, open_at_start
 from linkjax.mechanism import structure
+from linkjax.rolling import RollingMachine
 from linkjax.scenes import (
     SceneError,
     build,
@@ -33,10 +48,12 @@ from linkjax.scenes import (
     load,
     load_document,
     load_rolling,
+    overridden,
     rolling_names,
     rolling_schema,
     rolling_starter,
     scene_names,
+    sketched_keys,
     starter,
 )
 
@@ -113,21 +130,28 @@ def schema(kind: KindOf = Kind.linkage) -> None:
 @app.command()
 def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
     """Show a scene: structure, links, loads."""
-    shown, changes = Numbers(display_units(units)), changes_of(scene, set_)
-    if load_document(scene).rolling:
-        show_rolling(load_rolling(scene, changes), scene, shown)
+    chosen, changes = Numbers(display_units(units)), changes_of(scene, set_)
+    document = load_document(scene)
+    rolling = document.rolling
+    with messages_in(chosen):
+        machine = load_rolling(scene, changes) if rolling else build(document := overridden(document, changes))
+    shown = Numbers(display_units(units_for(scene, changes, units)))
+    if isinstance(machine, RollingMachine):
+        show_rolling(machine, scene, shown)
     else:
-        print_scene(load(scene, changes), scene, shown)
+        print_scene(machine, scene, shown, sketched_keys(document.table))
 
 
 @app.command(name="structure")
 def structure_command(scene: SceneName, units: Units = "", set_: Set = None) -> None:
     """Mobility, Assur groups and structural formula of a scene, and how else groups can be assembled."""
-    mechanism = load(scene, changes_of(scene, set_)).mechanism
+    shown = Numbers(display_units(units))
+    with messages_in(shown):
+        mechanism = load(scene, changes_of(scene, set_)).mechanism
     print_structure(structure(mechanism))
-    print_assemblies(assemblies(mechanism), Numbers(display_units(units)))
+    print_assemblies(assemblies(mechanism), shown)
     if missing := open_at_start(mechanism):
-        console.print(f"WARNING: {missing}", style="bold", highlight=False, markup=False)
+        console.print(f"WARNING: {retold(missing, shown)}", style="bold", highlight=False, markup=False)
 
 
 @app.command(name="analyse")
@@ -138,7 +162,14 @@ def analyse_command(
     csv_folder: CsvFolder = None,
     angles: Annotated[int, typer.Option(min=2, help="Uniform crank angles over the cycle.")] = 360,
     at: Annotated[
-        str | None, typer.Option(metavar="ANGLE", help="Also print everything at a crank angle: degrees, or 1.2rad.")
+        list[str] | None,
+        typer.Option(
+            metavar="ANGLE", help="Also print everything at a crank angle: degrees, or 1.2rad. May be repeated."
+        ),
+    ] = None,
+    acceleration: Annotated[
+        str | None,
+        typer.Option(metavar="VALUE", help='With --at: the crank at nominal speed and this, e.g. "10 rad/s^2".'),
     ] = None,
     constant_speed: Annotated[bool, typer.Option("--constant-speed", help="Forces at constant nominal speed.")] = False,
     motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
@@ -151,32 +182,58 @@ def analyse_command(
     console.quiet = quiet
     changes = changes_of(scene, set_)
     if load_document(scene).rolling:
-        refuse(scene, {"--at": at is not None, "--constant-speed": constant_speed, "--nodes": nodes != NODES,
-                       "--motion": motion is not Road.quadrature})  # fmt: skip
-        bodies, shown = load_rolling(scene, changes), Numbers(display_units(units))
-        make_folders(out, csv_folder, json_file)
-        analyse_rolling(bodies, scene, shown, units, angles, out=out, json_file=json_file, csv_folder=csv_folder)
+        refuse(scene, {"--at": bool(at), "--acceleration": acceleration is not None, "--nodes": nodes != NODES,
+                       "--constant-speed": constant_speed, "--motion": motion is not Road.quadrature})  # fmt: skip
+        bodies, units = load_rolling(scene, changes), units_for(scene, changes, units)
+        check_places(out, csv_folder, json_file)
+        with messages_in(shown := Numbers(display_units(units))):
+            analyse_rolling(bodies, scene, shown, units, angles, out=out, json_file=json_file, csv_folder=csv_folder)
         return
-    machine = load(scene, changes)
+    with messages_in(Numbers(display_units(units))):
+        machine = load(scene, changes)
+    units = units_for(scene, changes, units)
     shown = Numbers(display_units(units))  # what cannot be shown is refused before anything is computed or written
-    extra = [] if at is None else [angle_of(at)]
-    make_folders(out, csv_folder, json_file)
+    extra, given = [angle_of(each) for each in at or ()], acceleration_of(acceleration, bool(at))
+    check_places(out, csv_folder, json_file)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
-    with elapsed("analysing"):
+    with elapsed("analysing"), messages_in(shown):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed,
                         motion=motion.value, throw=not (json_file or csv_folder))  # fmt: skip
         cycle = pick(whole, slice(0, angles))
         data = document(cycle, scene, __version__)
     if json_file:
-        json_file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
+        write_text(json_file, json.dumps(plain(data), allow_nan=False))
     if csv_folder:
         write_csv(data, csv_folder)
-    explain(cycle)
+    with messages_in(shown):
+        explain(cycle)
     print_summary(data, machine, shown)
-    if at is not None:
-        print_at(document(pick(whole, slice(angles, angles + 1)), scene, __version__), shown)
+    for i in range(angles, angles + len(extra)):
+        here = pick(whole, slice(i, i + 1))
+        here = here if given is None else at_acceleration(here, given)
+        print_at(document(here, scene, __version__), machine, shown, given is not None)
     if out:
         write_out(data, machine, out, units=units)
+
+
+def acceleration_of(text: str | None, at: bool) -> float | None:
+    """An angular acceleration in rad/s²: a number, or with a unit; None where none is given."""
+    if text is None:
+        return None
+    option = "--acceleration"
+    if not at:
+        problem, remedy = "belongs to single crank angles", "say at which, e.g. --at 60"
+        raise SceneError(option, "", text, problem, remedy)
+    try:
+        return quantity(f"{float(text):.17g} rad/s^2", "angular_acceleration")
+    except QuantityError as error:
+        raise SceneError(option, "", text, error.problem, error.remedy) from error
+    except ValueError:
+        pass
+    try:
+        return quantity(text, "angular_acceleration")
+    except QuantityError as error:
+        raise SceneError(option, "", text, error.problem, error.remedy) from error
 
 
 def angle_of(text: str) -> float:

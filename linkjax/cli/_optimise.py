@@ -19,11 +19,12 @@ from linkjax.analysis import analyse, compile_ahead, plain
 from linkjax.analysis import document as analysis_document
 from linkjax.cli._app import app
 from linkjax.cli._console import console
-from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, changes_of, make_folders
+from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, changes_of, check_places, write_text
 from linkjax.cli._print import print_warnings
 from linkjax.cli._print_optimum import amount
 from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
+from linkjax.cli._said import messages_in, units_for
 from linkjax.cli._write import write_out
 from linkjax.design import DesignError, Progress, document, limit, optimise, settled
 from linkjax.scenes import load, load_task, text_of
@@ -64,8 +65,10 @@ def optimise_command(
 ) -> None:
     """Optimise a machine as the section [optimise] of its scene asks, or as the options do."""
     console.quiet = quiet
-    shown = Numbers(display_units(units))
+    display_units(units)  # what is no unit is refused first
     machine, asked = load_task(scene, changes_of(scene, set_))
+    units = units_for(scene, changes_of(scene, set_), units)
+    shown = Numbers(display_units(units))
     _change(asked, limits, free)
     if minimise is not None or maximise is not None:
         asked |= {"minimise": minimise, "maximise": maximise}
@@ -78,9 +81,9 @@ def optimise_command(
     changed = text_of(machine) != text_of(load(scene, changes_of(scene, set_)))
     if changed:
         console.print(f"before: {CHANGED}", highlight=False, markup=False)
-    make_folders(out, None, json_file)
+    check_places(out, None, json_file)
     clock = time.perf_counter()
-    with _Told(shown) as told:
+    with messages_in(shown), _Told(shown) as told:
         analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
         found = optimise(machine, **asked, nodes=nodes, told=told, meanwhile=analysis)
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
@@ -90,11 +93,11 @@ def optimise_command(
     print_warnings(told_before, "before")
     print_warnings(told_after, "after")
     if out:
-        (out / "optimised.toml").write_text(text_of(found.after, _comment(data)), encoding="utf-8")
+        write_text(out / "optimised.toml", text_of(found.after, _comment(data)))
     for file in (json_file, out and out / "optimum.json"):
         if file:
             data["scene_after"] = os.path.relpath(out / "optimised.toml", file.parent) if out else None
-            file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
+            write_text(file, json.dumps(plain(data), allow_nan=False))
     if out:
         write_out(told_after, found.after, out, before=(told_before, found.before), optimum=data, units=units)
     if found.interrupted:

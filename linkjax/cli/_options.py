@@ -36,14 +36,21 @@ def changes_of(name: str, changes: list[str] | None) -> dict[str, str]:
     return found
 
 
-def make_folders(out: Path | None, csv: Path | None, json: Path | None) -> None:
-    """Make the folders that are written to, before anything is computed."""
+def check_places(out: Path | None, csv: Path | None, json: Path | None) -> None:
+    """Raise `OSError` where a folder cannot be made or written to, before anything is computed; makes none."""
     for folder in (out, csv, json and json.parent):
-        if folder is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(
-                dir=folder
-            ):  # now, and not after a minute, is the time to say that it cannot be
-                pass
+        if folder is None:
+            continue
+        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+        if not there.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(there))
+        with tempfile.TemporaryFile(dir=there):  # now, and not after a minute, is the time to say that it cannot be
+            pass
     if json is not None and json.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(json))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file, and make the folder that it is in."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
-from linkjax._display import NONE, Numbers, prefixed, short
-from linkjax.analysis import check_limit, load_size, peak_unit
+from linkjax._display import NONE, Numbers, above
+from linkjax.analysis import check_limit, load_size, peak_told, peak_unit, power_scale, torque_scale, uneven
 from linkjax.cli._console import console
+from linkjax.groups import Crank, General
 from linkjax.kinematics import Assemblies
 from linkjax.machine import Scene
-from linkjax.mechanism import Structure
+from linkjax.mechanism import Mechanism, Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
 EVEN = 1e-9  # error of δ that needs no advice, however even the motion
 
 
-def print_scene(machine: Scene, name: str, show: Numbers) -> None:
-    """Structure, links, loads."""
+def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[tuple[str, ...]] = ()) -> None:
+    """Structure, links, loads; an asterisk at what is `sketched`, see `scenes.sketched_keys`."""
     mechanism = machine.mechanism
     console.print(Text(machine.title or name, style="bold"))
     console.print(f"structure  {mechanism.formula()}", highlight=False)
@@ -31,18 +33,25 @@ def print_scene(machine: Scene, name: str, show: Numbers) -> None:
         "gravity": show.place((machine.gravity.x, machine.gravity.y), "m/s²"),
         "flywheel": f"{show.shown(mechanism.flywheel.inertia, 'kg·m²')}{target}",
         "frame": frame,
+        "drive": _drive(mechanism, show) + "*" * (("drive",) in sketched),
     }.items():
         console.print(f"{key:10s} {value}", highlight=False, markup=False)
     table = Table("link", "length", "mass", "mass centre", "inertia", "points", box=None, pad_edge=False)
     for name in mechanism.link_names:
         body, link = mechanism.links[name].actual(), mechanism.links[name]
         centre = f"{link.centre_name} {show.place((body.centre.x, body.centre.y))}"
-        points = ", ".join(f"{point} {show.place((at.x, at.y))}" for point, at in body.points.items())
+        points = ", ".join(
+            f"{point} {show.place((at.x, at.y))}" + "*" * ((name, point) in sketched)
+            for point, at in body.points.items()
+        )
+        length = show.shown(link.length, "m") + "*" * ((name, "length") in sketched)
         table.add_row(
-            name, show.shown(link.length, "m") if float(link.length) > 0 else NONE, show.shown(body.mass, "kg"), centre,
+            name, length if float(link.length) > 0 else NONE, show.shown(body.mass, "kg"), centre,
             show.shown(body.inertia, "kg·m²"), points,
         )  # fmt: skip
     console.print(table)
+    if sketched:
+        console.print("* taken from the sketch", highlight=False, markup=False)
     for name in mechanism.link_names:
         for piece, weight in mechanism.links[name].counterweights.items():
             kind = "ideal" if weight.ideal else f"own inertia {show.shown(weight.own_inertia(), 'kg·m²')}"
@@ -55,6 +64,18 @@ def print_scene(machine: Scene, name: str, show: Numbers) -> None:
         where = f"{load.link} {load.point}".strip()
         told = f"load       {load.name}: {load_size(show, load)}, on {where}, {window}"
         console.print(told, highlight=False, markup=False)
+
+
+def _drive(mechanism: Mechanism, show: Numbers) -> str:
+    """What drives, and where that is at crank angle zero."""
+    driver, law = mechanism.driver, mechanism.driver.follows()
+    drive = getattr(driver, "drive", None)
+    slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
+    on = "" if drive is None or drive.on == "frame" else f" on {drive.on}"
+    phase = 0.0 if slides else float(getattr(drive or driver, "phase", None) or 0.0)
+    begins = phase + (0.0 if law is None else law.begins())
+    at = show.shown(begins, "m") if slides else show.turned(begins)
+    return f"{mechanism.crank}{on}, at {at} at crank angle zero"
 
 
 def print_structure(found: Structure) -> None:
@@ -87,17 +108,17 @@ def print_assemblies(found: dict[str, Assemblies], show: Numbers) -> None:
 def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     """Motion, flywheel, peaks, margins, dead centres, checks."""
     run, wheel, checks = data["motion"], data["flywheel"], data["checks"]
-    torque = data["peaks"]["drive_torque"]["value"]
+    fastest, slowest = (f" at {show.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     console.print(Text(machine.title or data["scene"], style="bold"))
     console.print(f"{machine.mechanism.formula()}\n", highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     rows = [
         ("speed fluctuation δ", f"{_digits(run['delta'], run['delta_error'])}  ± {run['delta_error']:.1e}"),
         ("mean speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
-        ("largest speed", f"{show.speed(run['speed_max'])} at {show.turned(run['angle_of_max'])}"),
-        ("smallest speed", f"{show.speed(run['speed_min'])} at {show.turned(run['angle_of_min'])}"),
-        ("constant drive torque", show.quantity(run["drive_torque_mean"], "N·m", 6, torque)),
-        ("mean power", show.quantity(run["mean_power"], "W", 6, torque * run["mean_speed"])),
+        ("largest speed", f"{show.speed(run['speed_max'])}{fastest}"),
+        ("smallest speed", f"{show.speed(run['speed_min'])}{slowest}"),
+        ("constant drive torque", show.quantity(run["drive_torque_mean"], "N·m", 6, torque_scale(data))),
+        ("mean power", show.quantity(run["mean_power"], "W", 6, power_scale(data))),
         ("flywheel given", show.shown(wheel["given"], "kg·m²")),
     ]
     if wheel["for_target_delta"] is not None:
@@ -134,7 +155,9 @@ def print_warnings(data: dict[str, Any], which: str = "") -> None:
 
 
 def _digits(value: float, error: float) -> str:
-    """A value with the digits that its error leaves, ten at most, and one more."""
+    """A value with the digits that its error leaves, ten at most, and one more; zero where it is below its error."""
+    if value <= error:
+        return "0"
     known = math.log10(value / error) if value > 0 and 0 < error < math.inf else 9.0
     return f"{value:.{min(max(math.ceil(known) + 1, 2), 10)}g}"
 
@@ -143,9 +166,9 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     table = Table("peak", "true motion", "at", "constant speed", "at", box=None, pad_edge=False)
     peaks = data["peaks"]
     for name in (name for name in peaks if not name.endswith("_constant_speed")):
-        both = [peaks[name], peaks[f"{name}_constant_speed"]]
-        values = [show.quantity(peak["value"], peak_unit(name), 6) for peak in both]
-        angles = [show.turned(peak["angle"]) if peak["value"] else NONE for peak in both]
+        both = [peak_told(data, key) for key in (name, f"{name}_constant_speed")]
+        values = [show.quantity(value, peak_unit(name), 6) for value, _ in both]
+        angles = [show.turned(angle) for _, angle in both]
         table.add_row(name.replace("_", " "), values[0], angles[0], values[1], angles[1])
     console.print()
     console.print(table, highlight=False)
@@ -155,7 +178,7 @@ def _print_limits(data: dict[str, Any], show: Numbers) -> None:
     console.print()
     for name, group in data["groups"].items():
         if group.get("margin", 1.0) < 1:  # wheels with teeth have none that could be less
-            worst = f"margin {group['margin']:.4g} at {show.turned(group['margin_angle'])}"
+            worst = f"margin {above(group['margin'], 1.0):.4g} at {show.turned(group['margin_angle'])}"
             ends = [show.turned(angle) for angle in group.get("transmission_span", ())]
             span = f", transmission angle {ends[0]} … {ends[1]}" if ends else ""
             console.print(f"{group['formula']:5s} {name}: {worst}{span}", highlight=False)
@@ -173,56 +196,3 @@ def _stroke(covered: dict[str, Any] | None, show: Numbers) -> str:
     value = show.told([covered["value"]], covered["unit"], 6)[0]
     ratio = "" if covered["time_ratio"] is None else f", time ratio {covered['time_ratio']:.4f}"
     return f"; {'stroke' if covered['unit'] == 'm' else 'swing'} {value}{ratio}"
-
-
-def print_at(data: dict[str, Any], show: Numbers) -> None:
-    """Everything at the one crank angle of a document."""
-    console.print(f"\nat {show.bound(data['angles'][0], 'rad')} of crank angle", style="bold", highlight=False)
-    columns = {"x": "m", "y": "m", "dx": "m/rad", "dy": "m/rad", "ddx": "m/rad²", "ddy": "m/rad²"}
-    _print_rows({(name,): point for name, point in data["points"].items()}, ("point",), columns, show)
-    links = {(name,): link for name, link in data["links"].items()}
-    _print_rows(links, ("link",), {"angle": "rad", "d": "", "dd": ""}, show, {"d": "ω'", "dd": "ε'"})
-    joints = data["forces"]["reactions"].items()
-    sides = {(joint, link, side["by"]): side for joint, links in joints for link, side in links.items()}
-    _print_rows(sides, ("joint", "on", "by"), {"fx": "N", "fy": "N", "moment": "N·m"}, show)
-    reduced, run = data["reduced"], data["motion"]
-    speed = run["mean_speed"] if data["model"]["constant_speed"] else run["speed"][0]
-    inertia, slope = show.alike([reduced["inertia"][0], reduced["inertia_slope"][0]], "kg·m²", 7)
-    torque, drive = show.alike([reduced["torque"][0], data["forces"]["drive_torque"][0]], "N·m", 7)
-    values = f"J {inertia}, J' {slope}, Q {torque}, ω {show.speed(speed, 7)}, drive torque {drive}"
-    console.print(values, highlight=False)
-
-
-def _print_rows(
-    rows: dict[tuple[str, ...], dict[str, Any]], names: tuple[str, ...], columns: dict[str, str], show: Numbers,
-    headings: dict[str, str] | None = None,
-) -> None:  # fmt: skip
-    """First values of rows as a table; columns of one unit share its prefix."""
-    kept = {name: {key: row[key] for key in columns} for name, row in rows.items()}
-    clean = _without_noise(kept)
-    scales = {}
-    for unit in set(columns.values()):
-        alike = [abs(row[key]) for row in clean.values() for key in columns if columns[key] == unit]
-        scales[unit] = prefixed(max(alike, default=0.0), unit, show.units)
-    scales["rad"] = show.units.get("rad", (180 / math.pi, "°"))
-    named = {"dx": "x'", "dy": "y'", "ddx": "x''", "ddy": "y''"} | (headings or {})
-    table = Table(*names, box=None, pad_edge=False)
-    for key, unit in columns.items():
-        label = scales[unit][1]
-        table.add_column(Text(f"{named.get(key, key)} [{label}]" if label else named.get(key, key)))
-    for name, row in clean.items():
-        table.add_row(*name, *(short(scales[columns[key]][0] * value) for key, value in row.items()))
-    console.print(table, highlight=False)
-
-
-def _without_noise(rows: dict[Any, dict[str, Any]]) -> dict[Any, dict[str, float]]:
-    """First value of every cell, with zero for what is only rounding beside the largest of its kind (x and y: one)."""
-    largest: dict[str, float] = {}
-    for row in rows.values():
-        for key, value in row.items():
-            largest[key.rstrip("xy")] = max(largest.get(key.rstrip("xy"), 0.0), abs(float(value[0])))
-
-    def clean(key: str, value: Any) -> float:
-        return 0.0 if abs(float(value[0])) <= 1e-13 * largest[key.rstrip("xy")] else float(value[0])
-
-    return {name: {key: clean(key, value) for key, value in row.items()} for name, row in rows.items()}

@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from linkjax._display import Numbers
+from linkjax.analysis import measure_scales
 from linkjax.cli._console import console
 
 Data = dict[str, Any]
@@ -50,13 +51,13 @@ def print_optimum(data: Data, show: Numbers, seconds: float) -> None:
 def _print_limits(data: Data, show: Numbers) -> None:
     """Objective and limits, with what the objective would gain per unit of room."""
     table = _table("", "before", "after", "bound", "objective per unit (SI)" if data["result"]["code"] == 0 else "")
-    goal = data["objective"]
-    both = show.told([goal["before"], goal["after"]], goal["unit"], 6)
+    goal, scales = data["objective"], measure_scales(data)
+    both = show.told([goal["before"], goal["after"]], goal["unit"], 6, scales.get(goal["unit"], 0.0))
     table.add_row(f"{goal['sense']} {goal['name']}", *both, "", "")
     for name, limit in data["limits"].items():
         sign = "≤" if limit["sense"] == "at most" else "≥"
         table.add_row(
-            name, *show.told([limit["before"], limit["value"]], limit["unit"], 6),
+            name, *show.told([limit["before"], limit["value"]], limit["unit"], 6, scales.get(limit["unit"], 0.0)),
             f"{sign} {show.bound(limit['limit'], limit['unit'])}",
             _price(limit, goal["unit"], show) if data["result"]["code"] == 0 else "met" if limit["met"] else "NOT MET",
         )  # fmt: skip
@@ -87,10 +88,11 @@ def _print_variables(data: Data, show: Numbers) -> None:
 
 
 def _print_measures(data: Data, show: Numbers) -> None:
-    table = _table("measure", "before", "after")
+    table, scales = _table("measure", "before", "after"), measure_scales(data)
     for name, unit in data["units"].items():
         if name in data["before"]:
-            table.add_row(name, *show.told([data["before"][name], data["after"][name]], unit, 6))
+            both = [data["before"][name], data["after"][name]]
+            table.add_row(name, *show.told(both, unit, 6, scales.get(unit, 0.0)))
     console.print()
     console.print(table, highlight=False)
 

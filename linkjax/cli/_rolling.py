@@ -15,6 +15,7 @@ from linkjax import __version__
 from linkjax._display import NONE, Numbers
 from linkjax.analysis import plain
 from linkjax.cli._console import console, elapsed
+from linkjax.cli._options import write_text
 from linkjax.rolling import RollingMachine, check, document, tidy
 from linkjax.scenes import SceneError
 
@@ -53,7 +54,7 @@ def analyse_rolling(
     with elapsed("analysing"):
         data = document(machine, angles, name, __version__)
     if json_file:
-        json_file.write_text(json.dumps(plain(data), allow_nan=False), encoding="utf-8")
+        write_text(json_file, json.dumps(plain(data), allow_nan=False))
     if csv_folder:
         _write_csv(data, csv_folder)
     check(machine.design)

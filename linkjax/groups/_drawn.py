@@ -29,55 +29,63 @@ class Slot(eqx.Module):
 
 class GearPair(eqx.Module):
     """Two links in gear by a `mesh`: `link` is the wheel of which its first radius or number of teeth is, `to` the
-    other. Both are pinned to the frame or to the same link, on which they turn. Seen from there `link` stands at
-    `phase` (rad) while `to` stands at zero."""
+    other. Both are pinned to the frame or to the same link, on which they turn. Seen from there `link` is at
+    `phase` (rad) while `to` is at zero; None: as both are drawn."""
 
     link: str = eqx.field(static=True)
     to: str = eqx.field(static=True)
     mesh: Mesh
-    phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    phase: Array | None = eqx.field(converter=as_float, default=None)
 
 
 class RackPair(eqx.Module):
     """The block `link` of a slot as a rack, and the wheel `to` of pitch `radius` (m), which is pinned to what the slot
     is on, to the left of its direction for `side` +1, to the right for -1. The block is `start` (m) along its guide
-    while the wheel, seen from there, stands at zero. `pressure_angle` (rad) is that of the teeth."""
+    while the wheel, seen from there, is at zero; None: as both are drawn. `pressure_angle` (rad) is that of the teeth.
+    """
 
     link: str = eqx.field(static=True)
     to: str = eqx.field(static=True)
     radius: jnp.ndarray = eqx.field(converter=as_float)
     side: int = eqx.field(static=True, default=1)
-    start: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    start: Array | None = eqx.field(converter=as_float, default=None)
     pressure_angle: jnp.ndarray = eqx.field(converter=as_float, default=PRESSURE)
 
 
 class Drive(eqx.Module):
     """Where the drive is: it moves `link` against what it is `on` ("frame" or another link).
 
-    Two links pinned to each other turn: the direction of `link` stands at `phase + turns φ` (rad) to that of `on`, or
-    at `phase + law(φ)`. The block of a slot slides: it stands `law(φ)` (m) along its guide, and needs a law.
-    Raises `ValueError` for a sense that is none.
+    Two links pinned to each other turn: the direction of `link` is at `phase + turns φ` (rad) to that of `on`, or
+    at `phase + law(φ)`. The block of a slot slides: it is `law(φ)` (m) along its guide, and needs a law. Without a
+    `phase` or a law the link is where the sketch of a `linkage` has it at crank angle zero, and so it is with a
+    `Harmonic` law without a start; where nothing is sketched the phase is zero. Raises `ValueError` for a sense that is
+    none.
     """
 
     link: str = eqx.field(static=True)
     on: str = eqx.field(static=True, default="frame")
     turns: int = eqx.field(static=True, default=1)
-    phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
+    phase: Array | None = eqx.field(converter=as_float, default=None)
     law: AbstractLaw | None = None
 
     def __check_init__(self):
         if self.turns not in (1, -1):
             raise ValueError(f"turns of a drive must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
-        check_law(self.law)
+        check_law(self.law, drawn=True)
         if self.law is not None and self.turns != 1:
             raise ValueError("a drive that follows a law has no sense of rotation; leave turns out")
 
     def at(self, phi: Array, slides: bool) -> tuple[Array, Array, Array]:
-        """Where it stands at a crank angle, with its first and second derivative."""
+        """Where it is at a crank angle, with its first and second derivative."""
+        phase = jnp.zeros_like(phi) if self.phase is None else self.phase
         if self.law is not None:
             s, d, dd = self.law.at(phi)
-            return (s if slides else s + self.phase), d, dd
-        return self.phase + self.turns * phi, jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
+            return (s if slides else s + phase), d, dd
+        return phase + self.turns * phi, jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
+
+    def begins(self, slides: bool) -> float:
+        """Where it is at crank angle zero (rad, or m)."""
+        return float(self.at(jnp.zeros(()), slides)[0])
 
     def angle(self, states: Mapping[str, LinkState]) -> Array:
         """Where a drive that turns stands (rad), seen from the links."""
@@ -97,6 +105,7 @@ def check_drive(drive: Drive, names: Sequence[str], slots: Sequence[Slot]) -> No
     if drive.link not in names or drive.on not in (*names, FRAME):
         problem = f"the drive moves {drive.link!r} against {drive.on!r}; name links of the group, or the frame"
         raise ValueError(f"the group of {', '.join(names)}: {problem}")
+    check_law(drive.law)
     if driven_slot(drive, slots) is not None and drive.law is None:
         raise ValueError(f"the drive slides {drive.link!r} along a guide, which it cannot do for ever; give it a law")
 

@@ -46,19 +46,24 @@ class AbstractLaw(eqx.Module):
         return ()
 
 
-def check_law(law: object) -> None:
-    """Raise `TypeError` for what is no law of motion."""
+def check_law(law: object, drawn: bool = False) -> None:
+    """Raise `TypeError` for what is no law of motion, and `ValueError` for one without a start where nothing is
+    `drawn` that could say it."""
     if law is not None and not isinstance(law, AbstractLaw):
         raise TypeError(f"a law of motion is a Harmonic or a Spline, but is {law!r}")
+    if isinstance(law, Harmonic) and law.start is None and not drawn:
+        raise ValueError("a harmonic law needs a start, unless it belongs to the drive of a drawn linkage; give it one")
 
 
 class Harmonic(AbstractLaw):
-    """To and fro between `start`, at crank angle zero, and `stop`, half a turn later, as a cosine."""
+    """To and fro between `start`, at crank angle zero, and `stop`, half a turn later, as a cosine. In the drive of a
+    `linkage` the start may be None: where the sketch has what is driven."""
 
-    start: Array = eqx.field(converter=as_float)
+    start: Array | None = eqx.field(converter=as_float)
     stop: Array = eqx.field(converter=as_float)
 
     def at(self, phi):
+        assert self.start is not None  # see `check_law`
         sine, cosine = sincos(phi)
         half = 0.5 * (self.stop - self.start)
         return Moved(self.start + half * (1 - cosine), half * sine, half * cosine)

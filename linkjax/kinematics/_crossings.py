@@ -25,9 +25,12 @@ def _closes(value: np.ndarray) -> np.ndarray:
     return value > -TOUCH * np.finfo(value.dtype).eps
 
 
-def crossings(mechanism: Mechanism, scan: np.ndarray) -> list[tuple[float, int]]:
-    """Angles at which a margin changes its sign between these, with the number of the margin."""
-    value, slope = (np.asarray(part) for part in _margins(mechanism, scan))
+def crossings(mechanism: Mechanism, scan: np.ndarray, circle: bool) -> list[tuple[float, int]]:
+    """Angles at which a margin changes its sign between these, with the number of the margin; on a circle the last of
+    them is the first."""
+    value, slope = (np.array(part) for part in _margins(mechanism, scan))
+    if circle:  # to the last digit: an end may lie right there
+        value[-1], slope[-1] = value[0], slope[0]
     found, known = _changes(mechanism, scan, value, slope), 0
     for _ in range(sum(bool(group.dead_positions()) for group in mechanism.groups) - 1):
         if len(found) == known:

@@ -117,7 +117,7 @@ def _on_a_circle(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a prepared mechanism that repeats after these turns."""
     half, whole = math.pi * turns, 2 * math.pi * turns
     scan = np.append(_scan(mechanism, turns, half) - half, half)
-    found, none = sorted(crossings(mechanism, scan)), (CrankRange(0.0, whole, "", ""),)
+    found, none = sorted(crossings(mechanism, scan, True)), (CrankRange(0.0, whole, "", ""),)
     if not found:
         return none if bool(np.all(sound(mechanism, np.zeros(1)))) else ()
     angles = np.asarray([angle for angle, _ in found])
@@ -137,19 +137,21 @@ def _on_a_line(mechanism: Mechanism, crank: Crank, turns: int) -> tuple[CrankRan
     """Ranges of a mechanism that repeats nothing, where they are, up and down from zero: down it is what another is
     whose crank turns the other way, for paths are followed upwards."""
     longest = LONGEST if any(isinstance(group, General) for group in mechanism.groups) else SLOW
-    back = dataclasses.replace(crank, turns=-crank.turns)
-    other = dataclasses.replace(mechanism, groups=(back, *mechanism.groups[1:]))
+    ways = [dataclasses.replace(crank, turns=sense * crank.turns) for sense in (-1, 1)]
+    both = [dataclasses.replace(mechanism, groups=(way, *mechanism.groups[1:])) for way in ways]
+    at_zero = _margin_names(mechanism)[int(np.argmin(margins_at(prepared(mechanism, turns), np.zeros(1))[0]))]
+    nothing = CrankRange(0.0, 0.0, "", at_zero)
     while True:
-        whole, sides = 2 * math.pi * turns, [prepared(each, turns) for each in (other, mechanism)]
+        sides = [prepared(each, turns) for each in both]
         parts = [_one_way(side, turns) for side in sides]
-        ranges = [_back(each) for each in parts[0] if each.start > 0.0]
-        ranges += [each for each in parts[1] if each.start > 0.0]
-        nothing = CrankRange(0.0, 0.0, "", "")
+        ranges = [_back(each) for each in parts[0] if each.start > 0.0] + [
+            each for each in parts[1] if each.start > 0.0
+        ]
         down, up = (next((each for each in part if each.start == 0.0), nothing) for part in parts)
         if down.stop + up.stop > 0.0:
             ranges.append(CrankRange(-down.stop, up.stop, down.at_stop, up.at_stop))
             if not (down.at_stop or up.at_stop) and all(_repeats(side, turns) for side in sides):
-                return (CrankRange(0.0, whole, "", ""),)
+                return (CrankRange(0.0, 2 * math.pi * turns, "", ""),)
         found = _in_order(ranges)
         if (found and found[0].at_start and found[0].at_stop) or 2 * turns > longest:
             return found
@@ -164,7 +166,7 @@ def _back(found: CrankRange) -> CrankRange:
 def _one_way(mechanism: Mechanism, turns: int) -> list[CrankRange]:
     """Ranges of a prepared mechanism from zero up, as far as these turns; what is cut off there has no reason."""
     whole = 2 * math.pi * turns
-    found = crossings(mechanism, np.append(_scan(mechanism, turns), whole))
+    found = crossings(mechanism, np.append(_scan(mechanism, turns), whole), False)
     ends = [(0.0, None), *sorted(found), (whole, None)]
     angles = np.asarray([angle for angle, _ in ends])
     closes = _between(mechanism, angles)
@@ -198,9 +200,8 @@ def _between(mechanism: Mechanism, angles: np.ndarray) -> np.ndarray:
 def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes: np.ndarray) -> list[CrankRange]:
     """The ranges between these angles, at which the margins of these numbers change their sign, where it can be
     assembled."""
-    groups = named_groups(mechanism).items()
-    names = [f"{name}, {side}" for name, group in groups for side in group.dead_positions()]
-    owners = [number for number, (_, group) in enumerate(groups) for _ in group.dead_positions()]
+    names = _margin_names(mechanism)
+    owners = [number for number, group in enumerate(mechanism.groups) for _ in group.dead_positions()]
     ranges, first = [], 0
     for last in range(len(closes)):
         first = first if closes[last] else last + 1
@@ -214,6 +215,12 @@ def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes
                 told.append("" if margin is None else names[min(those)])
             ranges.append(CrankRange(*told))
     return ranges
+
+
+def _margin_names(mechanism: Mechanism) -> list[str]:
+    """What the margins are of, in their order."""
+    groups = named_groups(mechanism).items()
+    return [f"{name}, {side}" for name, group in groups for side in group.dead_positions()]
 
 
 def _in_order(ranges: Sequence[CrankRange]) -> tuple[CrankRange, ...]:

@@ -35,6 +35,7 @@ from linkjax.groups import (
 from linkjax.mechanism._drawing import Drawing
 from linkjax.mechanism._geared import Wheels
 from linkjax.mechanism._mechanism import StructureError
+from linkjax.mechanism._start import number
 
 
 class Attachment:
@@ -72,7 +73,7 @@ class Attachment:
         if end is None:
             raise StructureError(f"links.{drive.link}", "a crank needs a second pin", "name one, and give its length")
         places = self.drawing.places(drive.link)
-        phase = drive.phase + cmath.phase(places[end] - places[pivot])  # the crank is held at these two
+        phase = number(drive.phase) + cmath.phase(places[end] - places[pivot])  # the crank is held at these two
         return Crank(drive.link, pivot, end, drive.turns, phase, drive.law)
 
     def _general(self, part: tuple[str, ...], placed: set[str], drive: Drive | None = None) -> General:
@@ -92,19 +93,7 @@ class Attachment:
             if not any(slot.block == name for slot in slots) and name not in group.spinning():
                 drawing.axis(name)  # the sketch must say so
         self.wheels.check_phases(group)
-        if drive is not None and group.driven_slot() is None:
-            self._check_phase(drive)
         return group
-
-    def _check_phase(self, drive: Drive) -> None:
-        """Raise `StructureError` where a drive that turns stands the other way round than in the sketch."""
-        on = 1 if drive.on == FRAME else self.drawing.axis(drive.on)
-        seen = cmath.phase(self.drawing.axis(drive.link) / on)
-        wanted = float(drive.at(drive.phase * 0.0, slides=False)[0])
-        if math.cos(seen - wanted) < 0:
-            told = f"{math.degrees(wanted):.4g} degrees to {drive.on!r} at crank angle zero"
-            problem = f"{drive.link!r} stands at {told}, but at {math.degrees(seen):.4g} in the sketch"
-            raise StructureError("drive", problem, f'write phase = "{math.degrees(seen):.4g} deg", or sketch it so')
 
     def _settle(self, group: General) -> None:
         """Find the places of the links of a general group, where it closes."""

@@ -32,6 +32,7 @@ class Drawing:
     spots: dict[str, complex]
     gears: tuple[GearPair, ...] = ()
     racks: tuple[RackPair, ...] = ()
+    slack: float = 0.0  # m: how far numbers may put a joint from where it is drawn; see `_sketched.allowed`
 
     def check(self, sketch: Collection[str]) -> None:
         """Raise `StructureError` where names do not fit together, those of the sketch among them, and for numbers that
@@ -182,10 +183,10 @@ class Drawing:
             return
         if guide is not None and guide.on == FRAME and drive.law is not None:
             base, turn = self.path(guide)
-            pin, at = link.pins[0], base + turn * float(drive.law.at(drive.phase * 0.0)[0])
+            pin, at = link.pins[0], base + turn * drive.begins(slides=True)
         elif guide is None and (pivots := [p for p in link.pins if p in self.fixed]):
             pin, at = pivots[0], self.spots[pivots[0]]
-            turn = cmath.exp(1j * float(drive.at(drive.phase * 0.0, slides=False)[0]))
+            turn = cmath.exp(1j * drive.begins(slides=False))
         else:
             return
         places, unknown = self.places(drive.link), self.unmeasured(drive.link)
@@ -217,7 +218,7 @@ class Drawing:
             if length == 0:
                 problem = f"its pins {link.pins[0]!r} and {missing[0]!r} coincide"
                 raise StructureError(f"links.{name}", problem, "give its length")
-            scaled = {} if link.reference_length is None else {"reference_length": length}
+            scaled = {"reference_length": length} if number_of(link.reference_length) == 0 else {}
             link = self.links[name] = dataclasses.replace(link, length=length, **scaled)
             missing = missing[1:]
         elif guide is not None and guide.on != FRAME:
@@ -233,6 +234,25 @@ class Drawing:
         if point not in self.spots:
             raise StructureError(f"links.{link}", f"nothing says where its pin {point!r} is", "add it to the sketch")
         return self.spots[point]
+
+    def drawn_axis(self, link: str) -> complex | None:
+        """Direction of a link, or of the frame, as it is drawn, before its dimensions are taken from there; None where
+        the sketch does not say it."""
+        if link == FRAME:
+            return 1 + 0j
+        guide = self.guide(link)
+        if guide is not None:
+            on = self.drawn_axis(guide.on)
+            return None if on is None else on * cmath.exp(1j * float(guide.along))
+        pins, unknown = self.links[link].pins, self.unmeasured(link)
+        if unknown[:1] == list(pins[1:2]) and pins[1:] and set(pins[:2]) <= set(self.spots):
+            turn = self.spots[pins[1]] - self.spots[pins[0]]
+            return turn / abs(turn) if turn else None
+        places = {p: at for p, at in self.places(link).items() if p in self.spots and p not in unknown}
+        pairs = [(self.spots[b] - self.spots[a], places[b] - places[a]) for a in places for b in places]
+        drawn, own = max(pairs, key=lambda pair: min(abs(pair[0]), abs(pair[1])), default=(0j, 0j))
+        turn = drawn * own.conjugate()
+        return turn / abs(turn) if turn else None
 
     def axis(self, link: str) -> complex:
         """Direction of a link."""

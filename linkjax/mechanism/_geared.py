@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
@@ -12,9 +13,9 @@ from linkjax._units import nearest
 from linkjax.groups import FRAME, AbstractGroup, Drive, Gear, GearPair, General, Pair, Pinion, Rack, RackPair, Slot
 from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
+from linkjax.mechanism._start import degrees, metres, number
 
-ASTRAY = 0.5  # rad: how far off its place a carrier may be sketched
-ASIDE = 0.1  # of the drawing's size: and a rack
+ASTRAY = 0.5  # rad: how far off its place a carrier of an undrawn wheel may be sketched
 Pins = Mapping[str, Sequence[str]]
 
 
@@ -74,7 +75,7 @@ class Wheels:
         self.gears, self.racks, self.drawing = gears, racks, drawing
         self.counted = {FRAME: 0.0}  # angles with all turns, at crank angle zero
         if drive.on == FRAME and all(slot.block != drive.link for slot in drawing.slots):
-            self.counted[drive.link] = float(drive.at(drive.phase * 0.0, slides=False)[0])
+            self.counted[drive.link] = drive.begins(slides=False)
 
     def group(self, link: str, placed: set[str]) -> AbstractGroup:
         """The group; the places of the link's points are found on the way."""
@@ -105,33 +106,57 @@ class Wheels:
             if wheel.link not in part:
                 problem = f"what carries it comes out only after {wheel.link!r} and {wheel.to!r}"
                 raise StructureError(f"gear of {wheel.link}", problem, "drive another link")
-        return tuple(found)
+        return self._as_drawn(found)
+
+    def _as_drawn(self, found: Sequence[Gear | Rack]) -> tuple[Gear | Rack, ...]:
+        """These with the phases and starts that the drawing gives where none is given. Of wheels that are not drawn the
+        first phase is zero, and the others follow."""
+        done, angles, left = list(found), dict(self.counted), list(range(len(found)))
+        for name in (name for gear in found for name in gear.coupling().angles):
+            axis = None if name in angles else self.drawing.drawn_axis(name)
+            angles |= {} if axis is None else {name: cmath.phase(axis)}
+        while left:
+            i = min(left, key=lambda i: (len(unknown := _unknown(done[i], angles)), _given(done[i]) is None, unknown))
+            gear, more = done[i], _unknown(done[i], angles)
+            angles |= dict.fromkeys(more[1:], 0.0)
+            held, given = gear.coupling(), _given(gear)
+            sums = [float(held.angles[name]) * angles[name] for name in held.angles if name in angles]
+            total = sum(sums) + sum(float(held.ways[name]) * self._way(name) for name in held.ways)
+            if more:
+                given = 0.0 if given is None else given
+                angles[more[0]] = (given - total) / float(held.angles[more[0]])
+            if _given(gear) is None:
+                key = "phase" if isinstance(gear, Gear) else "start"
+                done[i] = dataclasses.replace(gear, **{key: given if more else total})
+            left.remove(i)
+        return tuple(done)
 
     def check_phases(self, group: General) -> None:
-        """Raise `StructureError` where by the phases of wheels carriers and racks stand elsewhere than sketched."""
+        """Raise `StructureError` where by the phases of wheels carriers, racks and drawn wheels are elsewhere than
+        sketched."""
         gears, free = group.gears, list(group.spinning())
         if not gears:
             return
         rows, left, seen = self._contradictions(group)
         told = [name for name in seen if name in group.link_names()]
         at = np.array([[row.get(name, 0.0) for name in (*free, *told)] for row in rows])
-        still = np.eye(len(rows)) - at[:, : len(free)] @ np.linalg.pinv(at[:, : len(free)])
+        inverse = np.linalg.pinv(at[:, : len(free)])
+        spun, still = inverse @ left, np.eye(len(rows)) - at[:, : len(free)] @ inverse
         left = still @ left  # what wheels cannot make up for
         off = np.linalg.pinv(still @ at[:, len(free) :]) @ left
         racks = {gear.link for gear in gears if isinstance(gear, Rack)}
-        for name, more in zip(told, off, strict=True):
-            if name in racks and abs(more) > ASIDE * self.drawing.size():
-                stands, drawn, unit = seen[name] + more, seen[name], "m along its guide"
-            elif name not in racks and abs(math.remainder(more, 2 * math.pi)) > ASTRAY:
-                stands, drawn = (math.degrees(math.remainder(a, 2 * math.pi)) for a in (seen[name] + more, seen[name]))
-                unit = "degrees"
-            else:
+        drawn = {name: cmath.phase(axis) for name in free if (axis := self.drawing.drawn_axis(name)) is not None}
+        off = dict(zip(told, off, strict=True)) | {name: spun[free.index(name)] - drawn[name] for name in drawn}
+        for name, more in off.items():
+            if (abs(more) if name in racks else self._swept(name, more)) <= self.drawing.slack:
                 continue
-            problem = f"with these phases {name!r} stands at {stands:.4g} {unit} at crank angle zero"
+            there, write = (seen | drawn)[name], metres if name in racks else degrees
+            where = f"{name!r} is at {write(there + more)}" + " along its guide" * (name in racks)
             every = (self._remedy(gears[i], left, still[:, i]) for i in reversed(range(len(gears))))
             remedy = next(filter(None, every), "")
-            raise StructureError(f"gear of {', '.join(gear.link for gear in gears)}",
-                                 f"{problem}, but at {drawn:.4g} in the sketch", f"{remedy}sketch it so")  # fmt: skip
+            problem = f"with these phases {where} at crank angle zero, but is drawn at {write(there)}"
+            raise StructureError(f"gear of {', '.join(gear.link for gear in gears)}", problem,
+                                 f"{remedy}delete the phases for those drawn, or sketch it so")  # fmt: skip
 
     def _contradictions(self, group: General) -> tuple[list[dict[str, float]], np.ndarray, dict[str, float]]:
         """What wheels, racks and a drive inside a group keep constant, by how much the sketch is off that (rad, of a
@@ -146,7 +171,7 @@ class Wheels:
         drive, whole = group.drive, [group.in_whole_turns(gear) for gear in group.gears]
         if drive is not None and group.driven_slot() is None:
             rows.append({drive.link: 1.0, drive.on: -1.0})
-            left.append(float(drive.at(drive.phase * 0.0, slides=False)[0]))
+            left.append(drive.begins(slides=False))
             seen |= {name: self.angle(name) for name in (drive.link, drive.on)}
             whole.append(True)
         for i, row in enumerate(rows):
@@ -163,13 +188,11 @@ class Wheels:
             return ""
         if isinstance(gear, Rack):
             start = float(gear.start) + more * float(gear.radius)
-            return f"write start = {start:.6g} for the rack {gear.link!r}, or "
+            return f'write start = "{metres(start)}" for the rack {gear.link!r}, or '
         pair = GearPair(gear.link, gear.to, gear.mesh, gear.phase + more)
         if all((given.link, given.to) != (gear.link, gear.to) for given in self.gears):
             pair = turned_round(pair)  # as it was drawn
-        return (
-            f'write phase = "{math.degrees(float(pair.phase)):.6g} deg" for that of {pair.link!r} with {pair.to!r}, or '
-        )
+        return f'write phase = "{degrees(number(pair.phase))}" for that of {pair.link!r} with {pair.to!r}, or '
 
     def _way(self, rack: str) -> float:
         """How far along its guide a rack is sketched (m)."""
@@ -178,30 +201,56 @@ class Wheels:
 
     def _gear(self, gear: GearPair) -> Gear:
         carrier, pivot, centre = carried_on(gear, self.drawing.pins())
-        end = self._end(gear.link, pivot)
+        end, drawn = self._end(gear.link, pivot), self.drawing.drawn_axis(gear.link)
         there, on = self.angle(gear.to), self.angle(carrier)
-        self._turn(gear.link, pivot, float(gear.phase) + on + float(gear.mesh.ratio()) * (there - on))
-        return Gear(gear.link, pivot, gear.mesh, gear.to, centre, end, gear.phase, carrier)
+        moved = on + float(gear.mesh.ratio()) * (there - on)
+        seen = 0.0 if drawn is None else math.remainder(cmath.phase(drawn) - moved, 2 * math.pi)
+        phase = seen if gear.phase is None else float(gear.phase)
+        if drawn is not None and self._swept(gear.link, phase - seen) > self.drawing.slack:
+            pair = dataclasses.replace(gear, phase=seen)
+            pair = pair if any(pair.link == g.link and pair.to == g.to for g in self.gears) else turned_round(pair)
+            problem = f"with this phase {gear.link!r} is at {degrees(phase + moved)} at crank angle zero"
+            remedy = f'write phase = "{degrees(number(pair.phase))}", delete it for the phase drawn, or sketch it so'
+            raise StructureError(
+                f"gear of {pair.link}", f"{problem}, but drawn at {degrees(cmath.phase(drawn))}", remedy
+            )
+        self._turn(gear.link, pivot, phase + moved)
+        return Gear(gear.link, pivot, gear.mesh, gear.to, centre, end, phase, carrier)
+
+    def _swept(self, link: str, angle: float) -> float:
+        """How far (m) a link that is turned so about its first pin moves what is drawn of it."""
+        spots = [self.drawing.spots[p] for p in self.drawing.links[link].point_names() if p in self.drawing.spots]
+        reach = max((abs(spot - spots[0]) for spot in spots), default=0.0)
+        return reach * abs(math.remainder(angle, 2 * math.pi))
 
     def _rack(self, rack: RackPair) -> Rack:
         guide, centre = self.drawing.guide(rack.link), self._centre(rack)
         end, (base, along) = self.drawing.links[rack.link].pins[0], self.drawing.path(guide)
         moved = rack.side * float(rack.radius) * (self.angle(rack.to) - self.angle(guide.on))
-        ahead = float(rack.start) + moved
-        if end in self.drawing.spots and abs((drawn := self._way(rack.link)) - ahead) > ASIDE * self.drawing.size():
-            stands = f"stands at {ahead:.4g} m along its guide at crank angle zero, but at {drawn:.4g} in the sketch"
-            remedy = f"write start = {drawn - moved:.6g} for the rack, or sketch it so"
-            raise StructureError(f"rack {rack.link}", stands, remedy)
-        self.drawing.place(rack.link, end, base + along * ahead, along)
-        return Rack(rack.link, end, guide, rack.to, centre, rack.radius, rack.side, rack.start, rack.pressure_angle)
+        drawn = self._way(rack.link) if end in self.drawing.spots else None
+        start = float(rack.start) if rack.start is not None else 0.0 if drawn is None else drawn - moved
+        if drawn is not None and abs(drawn - start - moved) > self.drawing.slack:
+            where = f"is {metres(start + moved)} along its guide at crank angle zero, but drawn at {metres(drawn)}"
+            remedy = f'write start = "{metres(drawn - moved)}", delete it for the start drawn, or sketch it so'
+            raise StructureError(f"rack {rack.link}", f"with this start it {where}", remedy)
+        self.drawing.place(rack.link, end, base + along * (start + moved), along)
+        return Rack(rack.link, end, guide, rack.to, centre, rack.radius, rack.side, start, rack.pressure_angle)
 
     def _pinion(self, rack: RackPair) -> Pinion:
         guide, pivot, at = self.drawing.guide(rack.link), self._centre(rack), self.drawing.links[rack.link].pins[0]
-        end = self._end(rack.to, pivot)
-        moved = self._way(rack.link) - float(rack.start)
-        self._turn(rack.to, pivot, self.angle(guide.on) + rack.side * moved / float(rack.radius))
+        end, drawn = self._end(rack.to, pivot), self.drawing.drawn_axis(rack.to)
+        way, on, per = self._way(rack.link), self.angle(guide.on), rack.side / float(rack.radius)
+        stands = None if drawn is None else cmath.phase(drawn)
+        seen = 0.0 if stands is None else way - math.remainder(stands - on, 2 * math.pi) / per
+        start = seen if rack.start is None else float(rack.start)
+        turned = on + per * (way - start)
+        if stands is not None and self._swept(rack.to, per * (start - seen)) > self.drawing.slack:
+            problem = f"with this start {rack.to!r} is at {degrees(turned)} at crank angle zero"
+            remedy = f'write start = "{metres(seen)}", delete it for the start drawn, or sketch it so'
+            raise StructureError(f"rack {rack.link}", f"{problem}, but drawn at {degrees(stands)}", remedy)
+        self._turn(rack.to, pivot, turned)
         return Pinion(rack.to, pivot, rack.link, at, rack.radius, rack.side, end, 0.0, guide.on, rack.pressure_angle,
-                      guide.through, rack.start)  # fmt: skip
+                      guide.through, start)  # fmt: skip
 
     def _centre(self, rack: RackPair) -> str:
         on = self.drawing.guide(rack.link).on
@@ -229,4 +278,15 @@ class Wheels:
 def turned_round(gear: GearPair) -> GearPair:
     """The same two wheels, the other one first."""
     mesh = gear.mesh.turned_round()
-    return GearPair(gear.to, gear.link, mesh, -gear.phase * mesh.ratio())
+    return GearPair(gear.to, gear.link, mesh, None if gear.phase is None else -gear.phase * mesh.ratio())
+
+
+def _given(gear: Gear | Rack) -> float | None:
+    """The phase of a wheel, or the start of a rack, that is given."""
+    value = gear.phase if isinstance(gear, Gear) else gear.start
+    return None if value is None else float(value)
+
+
+def _unknown(gear: Gear | Rack, angles: Mapping[str, float]) -> list[str]:
+    """The links of a gear whose angles are not known."""
+    return [name for name, factor in gear.coupling().angles.items() if name not in angles and float(factor) != 0.0]

@@ -5,15 +5,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
+from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import RRP, RRR, AbstractGroup, Drive, GearPair, Pair, RackPair, Slot
+from linkjax.groups import FRAME, RRP, RRR, AbstractGroup, Drive, GearPair, Pair, RackPair, Slot
 from linkjax.mechanism._attach import Attachment
 from linkjax.mechanism._drawing import Drawing, Place, complex_of
 from linkjax.mechanism._freedom import blocks, counted, freedom
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._mechanism import Mechanism, StructureError
 from linkjax.mechanism._passive import dispensable, misfit, passive_group
-from linkjax.mechanism._sketched import check_reach, check_sketch
+from linkjax.mechanism._sides import Sides, with_sides
+from linkjax.mechanism._sketched import allowed, check_reach, check_sketch
+from linkjax.mechanism._start import check_guides, settled
 
 MOST_TOLD = 6  # joints in a message
 
@@ -27,28 +30,39 @@ def linkage(
     flywheel: Flywheel | None = None,
     gears: Iterable[GearPair] = (),
     racks: Iterable[RackPair] = (),
+    sides: Mapping[str, Sides] | None = None,
 ) -> Mechanism:
     """A mechanism from links and joints: mobility is checked, and the Assur groups are found.
 
     Every link names its `pins`. A point that two or more links name is a pin between them; one that stands in `fixed`
     is a pin on the frame. `slots` are the sliding joints: a block is a link whose first pin runs along the guide and
     whose axes are those of the guide. `gears` and `racks` are the wheels in gear: a wheel names the pin that it turns
-    about first. `drive` says what drives. `sketch` says roughly where the moving pins are at crank angle zero (m); it
-    chooses the assembly. A link without a length has it from the sketch, and so have further pins that are no marked
-    points.
+    about first. `drive` says what drives. `sketch` says where the moving pins are at crank angle zero (m); it chooses
+    the assembly. A link without a length has it from the sketch, and so have further pins that are no marked points; so
+    have the drive its phase or the start of its law, gears their phases and racks their starts, where these are None. A
+    machine drawn by coordinates alone has every joint where it is drawn. `sides` gives links of three or more pins by
+    the distances between their pins (m), e.g. `{"plate": {("E", "F"): 0.25, ("F", "G"): 0.18, ("G", "E"): 0.3}}`; the
+    sketch says on which side the third pin lies.
 
     Raises `StructureError`, naming links and joints, where the parts do not hang together, hold each other fast, are
-    left loose or are not driven, and where the sketch does not say enough.
+    left loose or are not driven, where the sketch does not say enough, and where a number that is given disagrees with
+    it: in a drawing that is true to scale by more than 1e-3 of its size, in a rough one by more than a tenth.
     """
     slots, spots = tuple(slots), {name: complex_of(f"sketch.{name}", at) for name, at in (sketch or {}).items()}
     frame = {name: complex_of(f"fixed.{name}", at) for name, at in fixed.items()}
     ground = {name: Vec(at.real, at.imag) for name, at in frame.items()}
     drawing = Drawing(ground, dict(links), slots, spots | frame, tuple(gears), tuple(racks))
     drawing.check(spots)
+    for name, given in (sides or {}).items():
+        if name not in drawing.links:
+            raise StructureError(f"links.{name}.sides", "is no link", nearest(name, drawing.links))
+        drawing.links[name] = with_sides(name, drawing.links[name], given, drawing.spots)
     check_sketch(drawing, spots)
+    drawing.slack = allowed(drawing)
     drive = _of_block(drive, slots)
     found = drawing.pairs()
     driven = drawing.driven(drive, found)
+    drive = settled(drawing, drive, driven)
     passive, whole = drawing.passive(drive, found, driven), drawing
     if passive:
         drawing = whole.without(passive)
@@ -63,6 +77,7 @@ def linkage(
         raise StructureError(
             "drive", problem, "leave them out, put their pins under `fixed`, and drive against the frame"
         )
+    check_guides(drawing)
     drawing.place_drive(drive)
     check_reach(drawing, drive, spots)
     for name in drawing.links:
@@ -130,6 +145,10 @@ def _check_freedom(drawing: Drawing, drive: Drive, found: Sequence[Pair], driven
         pins = dict.fromkeys(pair.name for pair in found if set(pair.ends) & set(loose))
         what = f"{', '.join(loose)} can still move at {_few(pins)}"
         remedy = "a link from pin to pin takes one away, a pin or a slot where none is takes two; or leave them out"
+        cranks = [name for pair in found if FRAME in pair.ends for name in pair.ends if name in loose]
+        if degrees == 2 and cranks:  # such as a five-bar of two cranks
+            two = f"couple {drive.link!r} and {cranks[0]!r} by gears ([[gears]]) or add a link"
+            remedy = f"linkjax drives one joint only and has no second drive: {two}; {remedy}"
         problem = f"{what} when the drive is held: {degrees} degrees of freedom ({count}){alone}"
         raise StructureError("links", problem, remedy)
 

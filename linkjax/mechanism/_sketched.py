@@ -13,6 +13,7 @@ from linkjax.mechanism._mechanism import StructureError
 
 OUT_OF_SCALE = 5.0  # how many times too large or too small no rough sketch is; a centimetre has 10 mm, an inch 25.4
 ROUGH = 0.1  # of the drawing's size: how far off a point may be sketched
+TRUE = 1e-3  # of the drawing's size: and in a drawing that is true to scale
 PLAIN = 0.05  # of the drawing's size: the smallest height of three points that plainly turn one way round
 FAR = 20.0  # times the extent of all else: where no pin can be that something else hangs on
 
@@ -54,6 +55,14 @@ def check_sketch(drawing, sketch: Collection[str]) -> None:
         raise _misfit(drawing, wrong[0], f"the sketch has {wrong[0].drawn:.4g} m")
     for name in drawing.links:
         _check_sides(drawing, name, sketch)
+
+
+def allowed(drawing) -> float:
+    """How far (m) numbers may put a joint from where it is sketched: a thousandth of the size of a drawing that is true
+    to scale, as one is without lengths, a tenth of another one."""
+    size = drawing.size()
+    off = max((abs(span.own - span.drawn) for span in _spans(drawing)), default=0.0)
+    return size * (TRUE if off <= TRUE * size else ROUGH)
 
 
 def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:

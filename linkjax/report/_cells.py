@@ -37,9 +37,12 @@ class Cells(Numbers):
         """A cell of an angle, in degrees unless another unit was chosen."""
         return Cell(self.turned(value), True)
 
-    def several(self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5) -> list[Cell]:
-        """Cells of one quantity, unit as measures write it, all in the unit that suits the largest."""
-        return [Cell(text, True) for text in self.told(values, unit, digits)]
+    def several(
+        self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5, beside: float = 0.0
+    ) -> list[Cell]:  # fmt: skip
+        """Cells of one quantity, unit as measures write it, all in the unit that suits the largest; zero for the
+        rounding of what stands beside it."""
+        return [Cell(text, True) for text in self.told(values, unit, digits, beside)]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], caption: str = "") -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from linkjax._display import NONE
+from linkjax._display import NONE, above
+from linkjax.analysis import measure_scales
 from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
@@ -31,12 +32,14 @@ def asked(show: Cells, optimum: Data) -> str:
 
 def measures(show: Cells, optimum: Data) -> str:
     """The objective and every measure before and after."""
-    goal, units = optimum["objective"], optimum["units"]
+    goal, units, scales = optimum["objective"], optimum["units"], measure_scales(optimum)
     name = f"{plain(goal['name'])}, worst case" if optimum["cases"] else plain(goal["name"])
-    rows = [_change(show, name, goal["before"], goal["after"], goal["unit"], "objective")]
+    rows = [_change(show, name, goal["before"], goal["after"], goal["unit"], "objective", scales)]
     for name, after in optimum["after"].items():
         if name != goal["name"] or optimum["cases"]:  # a measure is of the scene as it is, without the cases
-            rows.append(_change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), ""))
+            rows.append(
+                _change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), "", scales)
+            )
     return table(["measure", "before", "after", "change", ""], rows, "Before and after")
 
 
@@ -61,9 +64,10 @@ def variables(show: Cells, optimum: Data) -> str:
 
 def limits(show: Cells, optimum: Data) -> str:
     """The limits: value, bound, multiplier, whether active or not met, and the crank angles that tie there."""
-    rows, feasible = [], optimum["result"]["code"] == 0
+    rows, feasible, scales = [], optimum["result"]["code"] == 0, measure_scales(optimum)
     for label, limit in optimum["limits"].items():
-        cells = show.several([limit["before"], limit["value"]], limit["unit"])
+        beside = scales.get(limit["unit"], 0.0)
+        cells = show.several([limit["before"], limit["value"]], limit["unit"], beside=beside)
         cells.append(Cell(f"{limit['sense']} {show.bound(limit['limit'], limit['unit'])}", True))
         price = Cell(_plain_number(show, limit["multiplier"]) if feasible else "", True)
         state = Cell("not met" if not limit["met"] else "active" if limit["active"] and feasible else "")
@@ -121,11 +125,14 @@ def plain(name: str) -> str:
     return str(name).replace("_", " ")
 
 
-def _change(show: Cells, name: str, before: Any, after: Any, unit: str, mark: str) -> list[Cell]:
-    old, new = (math.nan if value is None else float(value) for value in (before, after))
+def _change(
+    show: Cells, name: str, before: Any, after: Any, unit: str, mark: str, scales: dict[str, float]
+) -> list[Cell]:  # fmt: skip
+    beside = scales.get(unit, 0.0)
+    old, new = (math.nan if value is None else above(float(value), beside) for value in (before, after))
     share = 100 * (new - old) / abs(old) if old and math.isfinite(old) and math.isfinite(new) else math.nan
     text = NONE if math.isnan(share) else f"{share:+.1f} %".replace("-", "−")
-    return [words(name), *show.several([before, after], unit), Cell(text, True), words(mark)]
+    return [words(name), *show.several([before, after], unit, beside=beside), Cell(text, True), words(mark)]
 
 
 def _plain_number(show: Cells, value: Any, digits: int = 4) -> str:

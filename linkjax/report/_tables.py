@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, turning
-from linkjax.analysis import check_limit, load_size, peak_unit
+from linkjax.analysis import check_limit, load_size, peak_told, peak_unit, power_scale, torque_scale, uneven
 from linkjax.machine import Scene
 from linkjax.report._cells import Cell, Cells, table, words
 
@@ -34,18 +34,15 @@ def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -
 def _values(show: Cells, data: Data) -> dict[str, str]:
     """The results of an analysis as they are printed, by name."""
     motion, wheel = data["motion"], data.get("flywheel", {})
-    torque = float(data.get("peaks", {}).get("drive_torque", {}).get("value", 0.0))
     found = {
         "coefficient of speed fluctuation δ": show.measured(float(motion["delta"]), float(motion["delta_error"]))[0],
         "mean speed": show.speed(motion["mean_speed"]),
         "largest speed": show.speed(motion["speed_max"]),
         "smallest speed": show.speed(motion["speed_min"]),
-        "drive torque, constant": show.quantity(float(motion["drive_torque_mean"]), "N·m", beside=torque),
+        "drive torque, constant": show.quantity(float(motion["drive_torque_mean"]), "N·m", beside=torque_scale(data)),
     }
     if "period" in motion:
-        found["drive power, mean"] = show.quantity(
-            float(motion["mean_power"]), "W", beside=torque * float(motion["mean_speed"])
-        )
+        found["drive power, mean"] = show.quantity(float(motion["mean_power"]), "W", beside=power_scale(data))
         found["duration of the cycle"] = show.quantity(float(motion["period"]), "s")
     found["flywheel, given"] = show.amount(wheel.get("given"), "kg·m²").text
     if wheel.get("for_target_delta") is not None:
@@ -68,8 +65,8 @@ def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
     return {
         "coefficient of speed fluctuation δ": f"{error}, of the {mean}",
         "mean speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s",
-        "largest speed": f"at {show.turned(motion['angle_of_max'])}",
-        "smallest speed": f"at {show.turned(motion['angle_of_min'])}",
+        "largest speed": f"at {show.turned(motion['angle_of_max'])}" if uneven(data) else "",
+        "smallest speed": f"at {show.turned(motion['angle_of_min'])}" if uneven(data) else "",
         "drive torque, constant": "balances the cycle",
         "drive power, mean": "over the cycle",
         "flywheel, given": "on the crank shaft",
@@ -96,7 +93,7 @@ def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     for motion, suffix in (("true motion", ""), ("constant speed", CONSTANT)):
         rows = []
         for name in (n for n in names if n + suffix in found):
-            old = before.get("peaks", {}).get(name + suffix, {}).get("value")
+            old = peak_told(before, name + suffix)[0] if name + suffix in before.get("peaks", {}) else None
             rows.append([words(peak_name(name)), show.amount(old, peak_unit(name)), *_peak(show, data, name + suffix)])
         text += table([f"largest, {motion}", "before", "after", "error", "at"], rows) if rows else ""
     return text
@@ -106,11 +103,10 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     """Value, error and crank angle of a peak."""
     if key not in data["peaks"]:
         return [Cell(NONE, True)] * 3
-    peak = data["peaks"][key]
+    value, angle = peak_told(data, key)
     unit = peak_unit(key.removesuffix(CONSTANT))
-    value, error = show.measured(float(peak["value"]), float(peak["error"]), unit, most=6)
-    at = show.angle(float(peak["angle"])) if float(peak["value"]) else Cell(NONE, True)
-    return [Cell(value, True), Cell(error, True), at]
+    told, error = show.measured(value, float(data["peaks"][key]["error"]), unit, most=6)
+    return [Cell(told, True), Cell(error if value else NONE, True), show.angle(angle)]
 
 
 def peak_name(name: str) -> str:
@@ -161,7 +157,7 @@ def groups(show: Cells, data: Data) -> str:
         if not sides and group.get("margin") is not None:
             sides = {"": {"value": group["margin"], "angle": group.get("margin_angle")}}
         margins = "; ".join(
-            f"{side} {show.quantity(float(least['value']), '', 4)} at {show.turned(least['angle'])}".strip()
+            f"{side} {show.quantity(float(least['value']), '', 4, 1.0)} at {show.turned(least['angle'])}".strip()
             for side, least in sides.items()
         )
         turned = group.get("transmission_span")

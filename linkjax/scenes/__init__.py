@@ -16,10 +16,12 @@ from linkjax.scenes._build_rolling import rolling_starter as rolling_starter
 from linkjax.scenes._build_rolling import rolling_text as rolling_text
 from linkjax.scenes._document import Document as Document
 from linkjax.scenes._document import load_document as load_document
+from linkjax.scenes._document import overridden as overridden
 from linkjax.scenes._document import override as override
 from linkjax.scenes._document import read_document as read_document
 from linkjax.scenes._document import rolling_names as rolling_names
 from linkjax.scenes._document import scene_names as scene_names
 from linkjax.scenes._document import setting as setting
 from linkjax.scenes._errors import SceneError as SceneError
+from linkjax.scenes._joints import sketched_keys as sketched_keys
 from linkjax.scenes._write import text_of as text_of

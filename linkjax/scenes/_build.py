@@ -117,7 +117,22 @@ def _mechanism(model: file.SceneFile) -> Mechanism:
         return Mechanism(fixed, links, [group.build(turns) for group in model.groups], flywheel)
     slots = [slot.build() for slot in model.slots]
     gears, racks = [gear.build() for gear in model.gears], [rack.build() for rack in model.racks]
-    return linkage(fixed, links, model.drive.build(turns), slots, model.sketch, flywheel, gears, racks)
+    sides = {name: _sides(name, link) for name, link in model.links.items() if link.sides}
+    return linkage(fixed, links, model.drive.build(turns), slots, model.sketch, flywheel, gears, racks, sides)
+
+
+def _sides(name: str, link: file.Link) -> dict[tuple[str, str], float]:
+    """The distances between pins of a link, whose names may have hyphens themselves."""
+    found = {}
+    for key, length in link.sides.items():
+        ends = ((key[:i], key[i + 1 :]) for i, letter in enumerate(key) if letter == "-")
+        pair = next((pair for pair in ends if set(pair) <= set(link.pins)), None)
+        if pair is None:
+            problem = f"{key!r} names no two pins of the link"
+            remedy = f'its pins are {", ".join(link.pins)}: write e.g. {"-".join(link.pins[:2])} = "250 mm"'
+            raise StructureError(f"links.{name}.sides", problem, remedy)
+        found[pair] = length
+    return found
 
 
 def _linkage(document: Document) -> None:

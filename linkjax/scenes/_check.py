@@ -45,6 +45,8 @@ def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
             if not link.pins:
                 problem = "missing (a scene with a drive is drawn by links and joints)"
                 yield ("links", name, "pins"), problem, 'name the joints of the link, e.g. pins = ["A", "B"]'
+            if link.sides and "length" in link.model_fields_set:
+                yield ("links", name, "length"), "given, and sides too", "delete length, or sides"
         yield from model.drive.faults(model.slots, model.rotation == "cw")
         for number, slot in enumerate(model.slots):
             yield from slot.guide.faults(("slots", number, "guide"), model.fixed)
@@ -59,8 +61,9 @@ def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
         if key in model.model_fields_set:
             yield (key,), "has no effect in a scene with groups", f"delete {key}, or write a drive instead of groups"
     for name, link in model.links.items():
-        if "pins" in link.model_fields_set:
-            yield ("links", name, "pins"), "has no effect in a scene with groups", "delete pins"
+        for key in ("pins", "sides"):
+            if key in link.model_fields_set:
+                yield ("links", name, key), "has no effect in a scene with groups", f"delete {key}"
 
 
 def _link(name: str, link: Link) -> Iterator[Fault]:
@@ -119,7 +122,8 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
     path = ("groups", number)
     if isinstance(group, CrankTable | SlideTable) == bool(number):
         problem = "there is more than one driver" if number else "the first group must be the driver"
-        remedy = "keep one: mobility is one" if number else 'begin with kind = "crank" or "slide"'
+        one = "keep one: linkjax has one drive, so the mobility is one; a second crank may be coupled to it by gears"
+        remedy = one if number else 'begin with kind = "crank" or "slide"'
         yield (*path, "kind"), problem, remedy
     if isinstance(group, CrankTable | SlideTable) and group.law is not None and model.rotation == "cw":
         problem = "the driver follows a law, which says which way it moves"

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from linkjax._units import nearest
+from linkjax.scenes._absent import absent, meant
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._keys import Path as KeyPath
 from linkjax.scenes._keys import annotation_at, fields, is_rolling, is_table, join, leaves, lookup, split
@@ -213,8 +214,12 @@ def _unknown(document: Document, key: str, value: Any, reached: str, known: list
     step = split(reached)[-1]
     close = difflib.get_close_matches(step, known, n=1)
     whole = difflib.get_close_matches(key, [join(leaf) for leaf in leaves(document.table)], n=1)
-    if close:
-        parent = reached[: len(reached) - len(step)]
+    same = meant(step, known)
+    lacking = "" if is_rolling(document.table) or same else absent(split(reached), document.table)
+    if lacking:
+        remedy = lacking
+    elif same or close:
+        close, parent = [same] if same else close, reached[: len(reached) - len(step)]
         remedy = f"did you mean {parent + close[0] + key[len(reached) :]!r}?"
     else:
         remedy = f"did you mean {whole[0]!r}?" if whole else nearest(step, known)

@@ -10,13 +10,13 @@ from pydantic import BaseModel, ValidationError
 
 from linkjax._units import kind_of, nearest
 from linkjax.mechanism import StructureError
+from linkjax.scenes._absent import absent, meant, misshapen
 from linkjax.scenes._errors import SceneError, shown
 from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_rolling, is_table, join, lookup, settle
 from linkjax.scenes._models import SceneFile
 
 File = TypeVar("File", bound=BaseModel)
 CHOICES = ("kind", "side", "branch")  # keys that hold no names
-MEANT = {"weight": "mass", "radius": "length", "moment_of_inertia": "inertia"}  # words for what has another name here
 DRAWN = {"drive": "[drive]", "slots": "[[slots]]", "gears": "[[gears]]", "racks": "[[racks]]",
          "links": "the [links.…] that it is of", "loads": "[[loads]]", "flywheel": "[flywheel]"}  # fmt: skip
 ADD = {
@@ -50,23 +50,26 @@ def from_validation(error: ValidationError, source: str, table: Any) -> SceneErr
 def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any, message: str) -> tuple[str, str]:
     """Problem and remedy."""
     what, last = kind_of(given), str(path[-1]) if path else ""
+    shape = "" if is_rolling(table) or not path else misshapen(path, given)
     if kind == "scene":
-        return context["problem"], context["remedy"] + _other_law(path, context["problem"])
+        return context["problem"], shape or context["remedy"] + _other_law(path, context["problem"])
     if kind == "extra_forbidden":
-        keys = known_keys(table, path[:-1])
-        remedy = nearest(MEANT[last] if MEANT.get(last) in keys else last, keys)
-        return "not a known key", remedy if remedy.startswith("did you mean") else _home(table, path) or remedy
+        return "not a known key", unknown(table, path)
     if kind == "missing":
         return "missing", _addition(table, path)
     if kind == "union_tag_invalid":
+        if lacking := absent((*path, str(given["kind"])), table):
+            return "not a known kind of group", lacking
         kinds = re.findall(r"'#([^']*)'", context["expected_tags"])
         return "not a known kind of group", _choice(str(given["kind"]), kinds)
     if kind == "literal_error":
         return "not one of the choices", _choice(str(given), re.findall(r"'([^']*)'", context["expected"]))
     if kind == "string_type":
-        return f"{what} where a text is needed", f"write it in double quotes, e.g. {_example(table, path)}"
+        return f"{what} where a text is needed", shape or f"write it in double quotes, e.g. {_example(table, path)}"
     if kind == "bool_type":
         return f"{what} where true or false is needed", "write true or false, without quotes"
+    if shape:
+        return f"{what} where a table is needed", shape
     if kind in ("dict_type", "model_type", "union_tag_not_found"):
         name = join(tuple(part for part in path if isinstance(part, str)))
         if path and path[0] in ("groups", "loads", "slots", "drive") and len(path) > 1 and isinstance(path[-1], str):
@@ -83,6 +86,21 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     return message[:1].lower() + message[1:], "see docs/scenes.md for what may stand here"
 
 
+def unknown(table: Any, path: Path) -> str:
+    """What to write instead of a key that is not known: the key that is misspelt or called otherwise, what is not there
+    yet, or the table that the key belongs to."""
+    keys, last = known_keys(table, path[:-1]), str(path[-1])
+    misspelt = nearest(last, keys)
+    if same := meant(last, keys):
+        example = examples(annotation_at(table, path[:-1])).get(same)
+        return f"did you mean {same!r}?" + ("" if example is None else f" Write e.g. {same} = {shown(example)}")
+    lacking = "" if is_rolling(table) or path[0] == "optimise" else absent(path, table)
+    if lacking or misspelt.startswith("did you mean"):
+        return lacking or misspelt
+    elsewhere = meant(last, [key for key in fields(SceneFile) if key not in ("loads", "links")])
+    return _home(table, path) or (_home(table, (*path[:-1], elsewhere)) if elsewhere else "") or misspelt
+
+
 def _home(table: Any, path: Path) -> str:
     """Where a key belongs that stands in a wrong table: in a table inside that, or in another one of the scene."""
     key, inside = str(path[-1]), annotation_at(table, path[:-1])
@@ -94,7 +112,7 @@ def _home(table: Any, path: Path) -> str:
             return f"write it inside of {name}, {name} = {{ {key} = {shown(examples(model).get(key, 'A'))} }}"
     scene = fields(SceneFile)
     if len(path) > 1 and key in scene and not is_rolling(table):
-        return "write it at the top of the file, above the first table in brackets"
+        return f"write {key} at the top of the file, above the first table in brackets"
     for name in DRAWN if "drive" in table else ():
         model = settle(scene[name], None)
         model = settle(typing.get_args(model)[-1], None) if typing.get_args(model) else model

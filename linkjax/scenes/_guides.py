@@ -99,11 +99,11 @@ class LawTable(Table):
         """Crank angle after which it repeats."""
         return 2 * math.pi if self.cycle is None else self.cycle
 
-    def faults(self, path: tuple[str | int, ...]) -> Iterator[Fault]:
-        """What does not fit together."""
+    def faults(self, path: tuple[str | int, ...], drawn: bool = False) -> Iterator[Fault]:
+        """What does not fit together. Where the machine is `drawn` the start may be left to the sketch."""
         ends, spline = ("start", "stop"), ("angles", "values")
         given = [key for key in (*ends, *spline) if getattr(self, key) is not None]
-        if set(given) not in (set(ends), set(spline)):
+        if set(given) not in (set(ends), set(spline), {"stop"} if drawn else set(ends)):
             problem = f"has {' and '.join(given) or 'no key'}, but a law has start and stop, or angles and values"
             yield path, problem, "write the two ends of its motion, or crank angles and the values there"
         elif self.angles is None:

@@ -35,7 +35,9 @@ class Drive(Table):
 
     link: Name = Field(description="the link that the drive moves", examples=["crank"])
     on: Name = Field(FRAME, description="what it is driven against: the frame, or another link", examples=["lever"])
-    phase: Angle = Field(0.0, description="angle between the two at crank angle zero", examples=["90 deg"])
+    phase: Angle | None = Field(
+        None, description="angle between the two at crank angle zero; as sketched if omitted", examples=["90 deg"]
+    )
     law: AngleLaw | None = Field(
         None, description="how it swings, from its phase", examples=[{"start": "20 deg", "stop": "140 deg"}]
     )
@@ -64,7 +66,7 @@ class Drive(Table):
                 yield ("drive", key), f"has no effect: {self.link!r} {what}", f"{same}delete {key}"
         law = self.law or self.stroke
         if law is not None:
-            yield from law.faults(("drive", "law" if self.law else "stroke"))
+            yield from law.faults(("drive", "law" if self.law else "stroke"), drawn=True)
             if clockwise:
                 yield ("rotation",), "the drive follows a law, which says which way it moves", "delete rotation"
 
@@ -74,6 +76,24 @@ def is_drawn(mechanism: Mechanism) -> bool:
     return any(isinstance(group, groups.General) for group in mechanism.groups) or any(
         link.pins for link in mechanism.links.values()
     )
+
+
+def sketched_keys(table: Mapping[str, Any]) -> set[tuple[str, ...]]:
+    """What of the raw document of a valid scene is left to the sketch: `("drive",)`, `(link, "length")`, and
+    `(link, pin)` for further pins."""
+    if "drive" not in table:
+        return set()
+    drive, found = table["drive"], set()
+    law, moved = drive.get("law") or drive.get("stroke"), table["links"][drive["link"]]
+    spots = {*table["fixed"], *table.get("sketch", {})} & {*moved["pins"], *moved.get("points", {})}
+    if ("stop" in law and "start" not in law) if law else ("phase" not in drive and len(spots) > 1):
+        found.add(("drive",))
+    for name, link in table["links"].items():
+        given = {*link.get("points", {}), *(link["pins"][1:2] if link.get("length", 0) else ())}
+        blank = [] if "sides" in link else [pin for pin in link["pins"][1:] if pin not in given]
+        block = any(slot["block"] == name for slot in table.get("slots", ()))
+        found |= {(name, "length" if pin == link["pins"][1] and not block else pin) for pin in blank}
+    return found
 
 
 def pins_of(mechanism: Mechanism) -> dict[str, list[str]]:
@@ -88,8 +108,9 @@ def pins_of(mechanism: Mechanism) -> dict[str, list[str]]:
     return found
 
 
-def drawn_keys(mechanism: Mechanism) -> dict[str, Any]:
-    """The tables `drive`, `slots` and `sketch` that draw a mechanism."""
+def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]:
+    """The tables `drive`, `slots` and `sketch` that draw a mechanism; where it is now, or with groups of higher class
+    `as_sketched`."""
     first = mechanism.driver
     slots = [slot for group in mechanism.groups for slot in _slots(group)]
     table: dict[str, Any] = {"drive": {"link": mechanism.crank}}
@@ -99,7 +120,7 @@ def drawn_keys(mechanism: Mechanism) -> dict[str, Any]:
         table["drive"]["on"] = drive.on
         slides = any((slot.block, slot.guide.on) == (drive.link, drive.on) for slot in slots)
     if not slides:
-        table["drive"]["phase"] = in_angle(_phase(mechanism) if drive is None else drive.phase)
+        table["drive"]["phase"] = in_angle(_phase(mechanism) if drive is None else drive.phase or 0.0)
     if law is not None:
         table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
     if slots:
@@ -111,7 +132,8 @@ def drawn_keys(mechanism: Mechanism) -> dict[str, Any]:
     racks = [_rack(g, slots, mechanism) for g in wheels if isinstance(g, groups.Rack | groups.Pinion)]
     if racks:
         table["racks"] = racks
-    table["sketch"] = {name: [in_length(at.x), in_length(at.y)] for name, at in _sketch(mechanism).items()}
+    sketch = _sketch(mechanism, as_sketched)
+    table["sketch"] = {name: [in_length(at.x), in_length(at.y)] for name, at in sketch.items()}
     return table
 
 
@@ -133,16 +155,17 @@ def _rack(group: groups.Rack | groups.Pinion, slots: list[groups.Slot], mechanis
 
 
 def _phase(mechanism: Mechanism) -> float:
-    """Angle of the crank's own axis where the crank angle is zero."""
+    """Angle of the crank's own axis where the crank angle is zero, but for its law."""
     crank = mechanism.driver
     assert isinstance(crank, groups.Crank)
     held = mechanism.links[crank.link].held(crank.pivot, crank.end)
     return float(crank.phase) - (0.0 if held is None else math.atan2(held.axis.y, held.axis.x))
 
 
-def _sketch(mechanism: Mechanism) -> Mapping[str, Vec]:
+def _sketch(mechanism: Mechanism, as_sketched: bool) -> Mapping[str, Vec]:
     """Where the moving pins are at crank angle zero."""
-    given = {p: at for group in mechanism.groups for p, at in getattr(group, "sketch", {}).items()}
+    sketches = [getattr(group, "sketch", {}) for group in mechanism.groups] if as_sketched else []
+    given = {p: at for sketch in sketches for p, at in sketch.items()}
     here = pose(prepared(mechanism), jnp.zeros(())).points
     names = dict.fromkeys(pin for pins in pins_of(mechanism).values() for pin in pins if pin not in mechanism.fixed)
     return {name: given.get(name, here[name].r) for name in names} | {n: a for n, a in given.items() if n not in names}

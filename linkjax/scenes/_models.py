@@ -25,6 +25,7 @@ from linkjax.scenes._fields import (
     Name,
     Pair,
     Ratio,
+    Side,
     Speed,
     Table,
     Thickness,
@@ -86,6 +87,10 @@ class Link(Table):
 
     pins: list[Name] = Field([], description="its joints, in a scene without groups", examples=[["A", "B"]])
     length: LinkLength = Field(0.0, description="distance between its two pins; none for a block", examples=["300 mm"])
+    sides: dict[str, Side] = Field(
+        {}, description="distances between three or more pins, instead of a length; in a scene without groups",
+        examples=[{"E-F": "250 mm", "F-G": "180 mm", "G-E": "300 mm"}],
+    )  # fmt: skip
     mass: Mass = Field(0.0, description="mass", examples=["5 kg"])
     inertia: Inertia = Field(0.0, description="moment of inertia about the mass centre", examples=["0.65 kg m^2"])
     centre: Place = Field(0.0, description="mass centre, from the first pin", examples=["150 mm"])

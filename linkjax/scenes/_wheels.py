@@ -76,7 +76,10 @@ class GearPair(Toothed):
 
     link: Name = Field(description="the wheel", examples=["wheel"])
     to: Name = Field(description="the link it is in gear with, or the frame", examples=["crank"])
-    phase: Angle = Field(0.0, description="angle of the wheel while the other one stands at zero", examples=["90 deg"])
+    phase: Angle | None = Field(
+        None, description="angle of the wheel while the other one is at zero; as sketched if omitted",
+        examples=["90 deg"],
+    )  # fmt: skip
 
     def build(self) -> groups.GearPair:
         return groups.GearPair(self.link, self.to, self.mesh(), self.phase)
@@ -91,9 +94,10 @@ class RackPair(Table):
     side: Literal["left", "right"] = Field(
         "left", description="where the wheel lies, seen along the guide", examples=["right"]
     )
-    start: Length = Field(
-        0.0, description="how far the block is along its guide while the wheel stands at zero", examples=["250 mm"]
-    )
+    start: Length | None = Field(
+        None, description="how far the block is along its guide while the wheel is at zero; as sketched if omitted",
+        examples=["250 mm"],
+    )  # fmt: skip
     pressure_angle: Angle = Field(
         groups.PRESSURE, description="of the teeth; zero for a belt that pulls", examples=["25 deg"]
     )

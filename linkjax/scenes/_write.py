@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup
+from linkjax.groups import AbstractGroup, General
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Counterweight, Link, StructureError
+from linkjax.scenes._build import build
+from linkjax.scenes._document import Document
+from linkjax.scenes._errors import SceneError
 from linkjax.scenes._groups import TABLES
 from linkjax.scenes._joints import drawn_keys, is_drawn, pins_of
 
@@ -48,11 +51,22 @@ def table_of(scene: Scene) -> Table:
         for name, pins in pins_of(mechanism).items():
             table["links"][name] = {"pins": pins, **table["links"][name]}
         table |= drawn_keys(mechanism)
+        if any(isinstance(group, General) for group in mechanism.groups) and not _fits(table):
+            table |= drawn_keys(mechanism, as_sketched=False)
     else:
         table["groups"] = [_group(group) for group in mechanism.groups]
     if scene.loads:
         table["loads"] = [_load(load) for load in scene.loads]
     return table
+
+
+def _fits(table: Table) -> bool:
+    """Whether the sketch of groups of higher class still agrees with the numbers, which may have changed since."""
+    try:
+        build(Document("", table))
+    except SceneError:
+        return False
+    return True
 
 
 def _number(value: Any) -> float:

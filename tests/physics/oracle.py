@@ -139,7 +139,8 @@ def open_joints(g: General, places, points, directions, x, m=np, phi=0.0) -> lis
     n = reader(m)
     at = {link: x[3 * i] + 1j * x[3 * i + 1] for i, (link, _) in enumerate(g.members)}
     u = {link: m.exp(1j * x[3 * i + 2]) for i, (link, _) in enumerate(g.members)}
-    angles = {"frame": n(0), **{link: x[3 * i + 2] for i, (link, _) in enumerate(g.members)}}
+    angles = {name: m.atan2(there.imag, there.real) for name, there in directions.items()} if g.gears else {}
+    angles |= {"frame": n(0), **{link: x[3 * i + 2] for i, (link, _) in enumerate(g.members)}}
     found, holders, ways = [], {}, {}
     for link, pins in g.members:
         for p in pins:

@@ -457,4 +457,5 @@ def test_what_is_said_where_the_law_cannot_begin_where_it_is_drawn():
     end = math.degrees(stretched(0.3, 0.45, 0.4))
     text = str(told.value)
     assert f"from {180 - end:.4f} to {180 + end:.4f} degrees of crank angle" in text
-    assert "on the crank, and draw it where that begins, or change lengths" in text
+    assert "e.g. groups[0].law = { start = " in text
+    assert '" }, and draw it where that begins, or change lengths' in text

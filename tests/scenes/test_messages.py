@@ -269,7 +269,8 @@ link = "crank"
 @pytest.mark.parametrize(("old", "new", "key", "remedy"), [
     ('block = "ram"', 'block = "ram"\noffset = "5 mm"', "slots[0].offset", "write it inside of guide, guide = { of"),
     ('link = "crank"', 'link = "crank"\nstart = "0 deg"', "drive.start", "write it inside of law, law = { start = "),
-    ('link = "crank"', 'link = "crank"\nspeed = "60 rpm"', "drive.speed", "write it at the top of the file, above the"),
+    ('link = "crank"', 'link = "crank"\nspeed = "60 rpm"', "drive.speed",
+        "write speed at the top of the file, above t"),
     ('block = "ram"', 'block = "ram"\nstroke = "5 mm"', "slots[0].stroke", "write it under [drive]"),
     ('link = "crank"', 'link = "crank"\nmass = "1 kg"', "drive.mass", "write it under the [links.…] that it is of"),
 ])  # fmt: skip

@@ -1,0 +1,29 @@
+"""Forces at an angular acceleration that is given, instead of that of the motion."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax.analysis._blunt import without_joints
+from linkjax.analysis._cycle import Cycle
+from linkjax.forces import Forces, kinetostatics
+from linkjax.machine import Scene, ready
+
+
+def at_acceleration(cycle: Cycle, acceleration: float | Array) -> Cycle:
+    """The same cycle with its forces, at its angles, at nominal speed and at this angular acceleration of the crank
+    (rad/s², positive where it turns faster and faster)."""
+    scene = ready(cycle.scene)
+    speed = jnp.broadcast_to(scene.speed, cycle.angles.shape)
+    slope = jnp.full_like(speed, acceleration)
+    forces = without_joints(scene.mechanism, cycle.pose, _at(scene, cycle.angles, speed, slope))
+    return dataclasses.replace(cycle, speed=speed, acceleration=slope, forces=forces)
+
+
+@jax.jit
+def _at(scene: Scene, angles: Array, speed: Array, acceleration: Array) -> Forces:
+    return jax.vmap(lambda phi, w, e: kinetostatics(scene, phi, w, e))(angles, speed, acceleration)

@@ -1,0 +1,95 @@
+"""What of an analysis is worth a number: zero for what is only rounding, no crank angle for what is constant.
+
+A sum that should vanish is printed as what rounding leaves of it, `0.0000106581 nN·m`, unless it is compared to what it
+was summed from. The document keeps all digits; only what people read is made tidy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from linkjax._display import ROUNDING, above
+from linkjax.analysis._words import peak_unit
+
+Data = dict[str, Any]
+CONSTANT = "_constant_speed"
+ENOUGH = 8  # crank angles from which on a quantity that is the same at all of them is taken for constant
+SUMS = ("N", "N m", "W")  # units of measures that are sums of forces, and may vanish
+
+
+def force_scale(data: Data, suffix: str = "") -> float:
+    """The largest force (N) of a motion: what the smaller ones are summed from."""
+    return _largest(peak["value"] for name, peak in _peaks(data, suffix) if peak_unit(name) == "N")
+
+
+def torque_scale(data: Data, suffix: str = "") -> float:
+    """The largest torque (N m) of a motion, or of what torques are summed from: forces times the extent of the machine,
+    and the kinetic energy per radian."""
+    places = [np.asarray(point[axis], float) for point in data.get("points", {}).values() for axis in ("x", "y")]
+    extent = _largest(np.ptp(np.concatenate(places[axis::2])) for axis in (0, 1)) if places else 0.0
+    inertia = _largest(np.ravel(data.get("reduced", {}).get("inertia", ())))
+    torques = [peak["value"] for name, peak in _peaks(data, suffix) if peak_unit(name) == "N·m"]
+    speed = data["motion"].get("mean_speed") or 0.0
+    return _largest([*torques, force_scale(data, suffix) * extent, inertia * float(speed) ** 2])
+
+
+def power_scale(data: Data) -> float:
+    """The largest power (W) that the torques of the actual motion can make."""
+    return torque_scale(data) * abs(data["motion"].get("mean_speed") or 0.0)
+
+
+def peak_told(data: Data, key: str) -> tuple[float, float]:
+    """The value of a peak, zero where it is below its error or only rounding, and its crank angle, NaN where there is
+    none: the quantity is zero, or the same everywhere."""
+    peak, suffix = data["peaks"][key], CONSTANT if key.endswith(CONSTANT) else ""
+    name, value, error = key.removesuffix(CONSTANT), float(peak["value"]), float(peak["error"])
+    scale = (force_scale if peak_unit(name) == "N" else torque_scale)(data, suffix)
+    if above(value, scale) == 0 or value <= error:
+        return 0.0, math.nan
+    room = max(error if math.isfinite(error) else 0.0, ROUNDING * scale)
+    return value, math.nan if _least(data, name, suffix) >= value - room else float(peak["angle"])
+
+
+def uneven(data: Data) -> bool:
+    """Whether the speed fluctuates by more than the error of δ: otherwise it is largest nowhere."""
+    delta, error = (data["motion"][key] for key in ("delta", "delta_error"))
+    return delta is not None and not float(delta) <= float(error)
+
+
+def measure_scales(optimum: Data) -> dict[str, float]:
+    """Of an optimisation's document the largest force, torque and power among the measures, by unit."""
+    units, both = optimum["units"], (optimum["before"], optimum["after"])
+    found = {unit: [m.get(name) for m in both for name in units if units[name] == unit] for unit in SUMS}
+    return {unit: _largest(value for value in values if value is not None) for unit, values in found.items()}
+
+
+def _peaks(data: Data, suffix: str) -> list[tuple[str, Data]]:
+    found = data.get("peaks", {}).items()
+    return [(key.removesuffix(CONSTANT), peak) for key, peak in found if key.endswith(CONSTANT) == bool(suffix)]
+
+
+def _largest(values: Iterable[Any]) -> float:
+    return max((abs(float(value)) for value in values if math.isfinite(float(value))), default=0.0)
+
+
+def _least(data: Data, name: str, suffix: str) -> float:
+    """The least magnitude of a quantity over the cycle, as far as the document tells; minus infinity where it does not.
+
+    The mean of the drive torque is that of its work, in any motion; it equals the peak of a constant torque only.
+    """
+    if name == "drive_torque":
+        return abs(float(data["motion"].get("drive_torque_mean") or 0.0))
+    if np.size(data["angles"]) < ENOUGH or (not suffix and data["model"]["constant_speed"]):
+        return -math.inf
+    forces = data["forces_constant_speed" if suffix else "forces"]
+    if name.startswith("reaction."):
+        joint, _, link = name.removeprefix("reaction.").rpartition(".")
+        vector = forces["reactions"][joint][link]
+    else:
+        vector = forces[name.removesuffix("_force").removesuffix("_moment")]
+    size = np.abs(vector["moment"]) if name.endswith("_moment") else np.hypot(vector["fx"], vector["fy"])
+    return float(np.min(size))

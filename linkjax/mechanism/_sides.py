@@ -1,0 +1,100 @@
+"""Links of three pins and more whose shape is given by the distances between their pins."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from linkjax._types import known as number_of
+from linkjax._vec import Vec
+from linkjax.mechanism._link import Link
+from linkjax.mechanism._mechanism import StructureError
+
+Sides = Mapping[tuple[str, str], float]
+FLAT = 1e-9  # of a side: how much longer than the other two together rounding may make it
+
+
+def with_sides(name: str, link: Link, sides: Sides, spots: Mapping[str, complex]) -> Link:
+    """The link with its length and further pins by the distances `sides` between its pins (m). On which side of the
+    line between two pins a third one lies is as drawn in `spots`. Raises `StructureError` where the distances are no
+    triangles, too few or too many, or nothing says on which side a pin lies."""
+    where, given = f"links.{name}.sides", _given(name, link, sides)
+    if (number_of(link.length) or 0) > 0 or link.points.keys() & set(link.pins):
+        raise StructureError(where, "the length or a pin's place is given, too", "give the sides alone")
+    first, second, *rest = link.pins
+    length = _taken(given, first, second)
+    if length is None or not rest:
+        wanted = f"{first}-{second}" if rest else "a third pin"
+        raise StructureError(
+            where, f"has no {wanted}", "give the distance of the first two pins, and two of each other"
+        )
+    places = {first: 0j, second: complex(length)}
+    while rest:
+        for pin in rest:
+            held = [(other, side) for other in places if (side := given.get(frozenset((pin, other)))) is not None]
+            if len(held) >= 2:
+                break
+        else:
+            problem = f"does not say where {rest[0]!r} is: two distances to other pins are needed"
+            raise StructureError(where, problem, f"add e.g. {rest[0]}-{first} and {rest[0]}-{second}")
+        (one, a), (two, b) = held[:2]
+        places[pin] = _third(where, places, spots, (one, two, pin), (a, b))
+        for other in (one, two):
+            del given[frozenset((pin, other))]
+        rest.remove(pin)
+    if given:
+        left = "-".join(sorted(next(iter(given))))
+        raise StructureError(where, f"{left} is one distance more than the shape needs", "delete it")
+    points = {p: Vec(at.real, at.imag) for p, at in places.items() if p not in (first, second)}
+    scaled = {"reference_length": length} if number_of(link.reference_length) == 0 else {}
+    return dataclasses.replace(link, length=length, points={**link.points, **points}, **scaled)
+
+
+def _given(name: str, link: Link, sides: Sides) -> dict[frozenset[str], float]:
+    """The distances by the pins between which they are."""
+    found: dict[frozenset[str], float] = {}
+    for pins, length in sides.items():
+        ends, where = frozenset(pins), f"links.{name}.sides"
+        if len(ends) != 2 or not ends <= set(link.pins):
+            problem = f"{'-'.join(pins)} are not two pins of the link"
+            raise StructureError(where, problem, f"its pins are {', '.join(link.pins)}")
+        if ends in found:
+            raise StructureError(where, f"{'-'.join(pins)} is given twice", "delete one of them")
+        if not (np.ndim(length) == 0 and float(length) > 0 and math.isfinite(float(length))):
+            raise StructureError(where, f"{'-'.join(pins)} is {length!r}", "write a distance above zero in metres")
+        found[ends] = float(length)
+    return found
+
+
+def _taken(given: dict[frozenset[str], float], one: str, two: str) -> float | None:
+    return given.pop(frozenset((one, two)), None)
+
+
+def _third(
+    where: str,
+    places: Mapping[str, complex],
+    spots: Mapping[str, complex],
+    pins: tuple[str, str, str],
+    sides: tuple[float, float],
+) -> complex:
+    """The third corner of a triangle of which two are known."""
+    one, two, pin = pins
+    base, (a, b) = places[two] - places[one], sides
+    length = abs(base)
+    foot = 0.5 * (length + (a - b) * (a + b) / length) if length else math.nan
+    square = (a - foot) * (a + foot)
+    if not square >= -FLAT * a * a:
+        problem = (
+            f"{one}-{pin} {a:.6g} m, {two}-{pin} {b:.6g} m and {one}-{two} {length:.6g} m are no triangle: "
+            "the longest is longer than the other two together"
+        )
+        raise StructureError(where, problem, "correct one of them")
+    missing = [point for point in pins if point not in spots]
+    if missing:
+        problem = f"nothing says on which side of the line from {one!r} to {two!r} the pin {pin!r} lies"
+        raise StructureError(where, problem, f"sketch {', '.join(missing)}")
+    left = ((spots[two] - spots[one]).conjugate() * (spots[pin] - spots[one])).imag >= 0
+    return places[one] + base / length * complex(foot, math.sqrt(max(square, 0.0)) * (1 if left else -1))

@@ -1,0 +1,118 @@
+"""Where a drawn machine is at crank angle zero: as it is drawn, unless a number says so, and then both must agree."""
+
+from __future__ import annotations
+
+import cmath
+import dataclasses
+import math
+
+from jaxtyping import Array
+
+from linkjax.groups import FRAME, Drive, Harmonic, Pair
+from linkjax.mechanism._mechanism import StructureError
+
+DIGITS = 10  # of a number that a message proposes
+
+
+def degrees(angle: float) -> str:
+    """An angle (rad) as a message proposes it; not wrapped, since whole turns count where gears are coupled."""
+    return f"{math.degrees(angle) + 0.0:.{DIGITS}g} deg"
+
+
+def metres(length: float) -> str:
+    """A length (m) as a message proposes it."""
+    return f"{length + 0.0:.{DIGITS}g} m"
+
+
+def number(value: Array | None) -> float:
+    """A number that may be left open, which is then zero."""
+    return 0.0 if value is None else float(value)
+
+
+def settled(drawing, drive: Drive, driven: Pair) -> Drive:
+    """The drive with a phase, and a law with a start: those of the drawing where they are not given. Raises
+    `StructureError` where a number that is given disagrees with the drawing."""
+    slides, law = driven.letter == "P", drive.law
+    drawn = _way(drawing, drive.link) if slides else _angle(drawing, drive)
+    if isinstance(law, Harmonic) and law.start is None:
+        return _from_drawing(drive, law, slides, drawn)
+    if drive.phase is None and law is None:
+        return dataclasses.replace(drive, phase=drawn or 0.0)
+    found = drive if drive.phase is not None else dataclasses.replace(drive, phase=0.0)
+    if drawn is not None:
+        _check(drawing, found, driven, drawn, given=drive)
+    return found
+
+
+def check_guides(drawing) -> None:
+    """Raise `StructureError` for a block that is drawn beside its guide."""
+    for slot in drawing.slots:
+        guide, on = slot.guide, drawing.drawn_axis(slot.guide.on)
+        pin = drawing.links[slot.block].pins[0]
+        if on is None or pin not in drawing.spots or guide.through not in drawing.spots:
+            continue
+        along = on * cmath.exp(1j * float(guide.along))
+        aside = ((drawing.spots[pin] - drawing.spots[guide.through]) / along).imag
+        if abs(aside - float(guide.offset)) > drawing.slack:
+            where = f"drawn {metres(aside - float(guide.offset))} to the left of the path"
+            problem = f"{pin!r} is {where} that its guide prescribes (offset {metres(float(guide.offset))})"
+            remedy = f'write offset = "{metres(aside)}", turn the guide (along), or sketch {pin!r} on it'
+            raise StructureError(f"slot of {slot.block}", problem, remedy)
+
+
+def _angle(drawing, drive: Drive) -> float | None:
+    """The angle between a link and what it turns on, as drawn; None where the sketch does not say it."""
+    link, on = drawing.drawn_axis(drive.link), drawing.drawn_axis(drive.on)
+    return None if link is None or on is None else cmath.phase(link / on)
+
+
+def _way(drawing, block: str) -> float | None:
+    """How far along its guide a block is drawn (m); None where the sketch does not say it."""
+    guide, pin = drawing.guide(block), drawing.links[block].pins[0]
+    on = drawing.drawn_axis(guide.on)
+    if on is None or pin not in drawing.spots or guide.through not in drawing.spots:
+        return None
+    return ((drawing.spots[pin] - drawing.spots[guide.through]) / (on * cmath.exp(1j * float(guide.along)))).real
+
+
+def _from_drawing(drive: Drive, law: Harmonic, slides: bool, drawn: float | None) -> Drive:
+    """The drive whose law begins where it is drawn; of angles, the turn nearest to where the law ends."""
+    if drawn is None:
+        what = "how far along its guide it is" if slides else f"how it stands to {drive.on!r}"
+        problem = f"has no start, and the sketch does not say of {drive.link!r} {what}"
+        raise StructureError("drive.law", problem, "write start, or sketch it")
+    phase, stop = number(drive.phase), float(law.stop)
+    start = drawn if slides else stop + math.remainder(drawn - phase - stop, 2 * math.pi)
+    if start == stop:
+        where = metres(stop) if slides else degrees(drawn)
+        raise StructureError("drive.law", f"ends where {drive.link!r} is drawn, at {where}", "write another stop")
+    return dataclasses.replace(drive, phase=phase, law=dataclasses.replace(law, start=start))
+
+
+def _check(drawing, drive: Drive, driven: Pair, drawn: float, given: Drive) -> None:
+    """Raise `StructureError` where the drive's numbers put it elsewhere than it is drawn."""
+    slides = driven.letter == "P"
+    begins = drive.begins(slides)
+    off = abs(begins - drawn) if slides else abs(math.remainder(begins - drawn, 2 * math.pi))
+    if not slides:
+        pin = drawing.spots.get(driven.name)
+        reach = [abs(drawing.spots[p] - pin) for p in drawing.links[drive.link].point_names() if p in drawing.spots]
+        off *= (max(reach, default=0.0) if pin is not None else 0.0) or drawing.size()
+    if off <= drawing.slack:
+        return
+    write = metres if slides else degrees
+    against = "" if slides or drive.on == FRAME else f" to {drive.on!r}"
+    seen = f"{drive.link!r} is drawn at {write(drawn)}{against}"
+    if drive.law is None:
+        problem, remedy = f"is {write(begins)}, but {seen}", "delete it for the angle drawn, or sketch it so"
+        raise StructureError("drive.phase", problem, remedy)
+    phase = 0.0 if slides else number(given.phase)
+    since = "" if given.phase is None or slides else f" from the phase {degrees(phase)}"
+    problem = f"begins at {write(begins - phase)}{since}, but {seen}"
+    shift = drawn - begins
+    if isinstance(drive.law, Harmonic):
+        remedy = f'write start = "{write(number(drive.law.start) + shift)}"'
+    else:
+        remedy = "change its values"
+    also = "" if slides else f', or phase = "{degrees(phase + shift)}"'
+    raise StructureError("drive.law", problem, f"{remedy}{also}, or sketch it so")

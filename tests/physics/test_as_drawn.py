@@ -1,0 +1,70 @@
+"""A machine drawn by coordinates alone has, at crank angle zero, every joint where it is drawn."""
+
+from __future__ import annotations
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from linkjax.kinematics import pose
+from tests.physics import oracle
+from tests.physics.drawings import Drawing, geared, linkage_of
+
+NEAR = 1e-9  # of the drawing's size
+SOON, LATER = range(100), range(100, 1000)
+BATCH = 25
+
+
+def drawn(number: int) -> Drawing:
+    """A machine of its own for every number; every fourth has gears."""
+    rng = np.random.default_rng((28, number))
+    return geared(rng) if number % 4 == 0 else linkage_of(rng)
+
+
+def off(drawing: Drawing, points: dict[str, complex]) -> float:
+    """How far from where it is drawn a joint is, at most, of the drawing's size."""
+    return max(abs(points[name] - at) for name, at in drawing.spots.items()) / drawing.size()
+
+
+def batches(numbers: range) -> list[range]:
+    return [numbers[i : i + BATCH] for i in range(0, len(numbers), BATCH)]
+
+
+EVERY = [*batches(SOON), *(pytest.param(each, marks=pytest.mark.slow) for each in batches(LATER))]
+
+
+@pytest.mark.parametrize("numbers", EVERY, ids=lambda numbers: f"{numbers[0]}-{numbers[-1]}")
+def test_every_joint_is_where_it_is_drawn(numbers):
+    """Random linkages of four to eight links and machines with gears, any joint as the drive; places by the oracle."""
+    for number in numbers:
+        drawing = drawn(number)
+        points, _ = oracle.assemble(drawing.built(), np.zeros(()))
+        assert off(drawing, points) < NEAR, (number, drawing)
+
+
+@pytest.mark.parametrize("numbers", EVERY, ids=lambda numbers: f"{numbers[0]}-{numbers[-1]}")
+def test_a_drawing_moved_or_mirrored_is_the_same_machine(numbers):
+    """Rotated, shifted or mirrored: the same lengths and groups, and the same motion, seen from there."""
+    for number in numbers:
+        drawing, rng = drawn(number), np.random.default_rng((29, number))
+        shift = drawing.size() * complex(*rng.uniform(-2, 2, 2))
+        other, there = drawing.moved(rng.uniform(-math.pi, math.pi), shift, bool(rng.random() < 0.5))
+        one, two = drawing.built(), other.built()
+        assert one.formula() == two.formula(), number
+        for name, link in one.links.items():
+            assert float(two.links[name].length) == pytest.approx(float(link.length), rel=NEAR), number
+        phi = np.asarray(1e-3)
+        before, after = (oracle.assemble(machine, phi)[0] for machine in (one, two))
+        for name in drawing.spots:
+            if np.isfinite(before[name]):  # a machine drawn at the end of its range may not go on
+                assert abs(after[name] - there(complex(before[name]))) < 1e-7 * drawing.size(), (number, name)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_linkjax_puts_them_there(number):
+    """The same for the pose that linkjax itself computes."""
+    drawing = drawn(number)
+    points = pose(drawing.built(), jnp.zeros(())).points
+    assert off(drawing, {name: complex(at.r.x, at.r.y) for name, at in points.items()}) < NEAR
