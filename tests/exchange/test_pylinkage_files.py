@@ -20,7 +20,9 @@ import linkjax as lj
 from linkjax import StructureError
 from linkjax._compile import compiled_soon
 from linkjax.exchange import read_pylinkage
+from linkjax.exchange._pylinkage_names import usable
 from linkjax.kinematics import pose, prepared
+from linkjax.scenes import SceneError, loads_text
 from tests.exchange.pylinkage_files import (
     MECHANISMS,
     OMEGA,
@@ -166,6 +168,14 @@ def test_names_stay_apart_and_short():
     assert ours_names(read) == {"a_b", "a_b_2", "a_b_3", "P_"}
 
 
+@pytest.mark.parametrize("name", ["A", "é-1_b", "x" * 40, "x" * 41, "1a", "_a", "a.b", "", "a\n", "²", "frame"])
+def test_usable_names_are_those_of_scene_files(name):
+    text = f"speed = 1.0\n[fixed]\n{json.dumps(name)} = [0.0, 0.0]\n"
+    with pytest.raises(SceneError) as refused:  # for its name, or because there is nothing else in it
+        loads_text(text)
+    assert usable(name) == (refused.value.problem != "not a usable name")
+
+
 # ---- where the driver begins
 
 
@@ -263,6 +273,16 @@ def test_the_command_imports_what_pylinkages_constructors_write(call, tmp_path):
     assert phase(mechanism) == phase(again)
     code, out, _ = call("show", tmp_path / "four.toml")
     assert code == 0 and "coupler_0_crank_tip" in out
+
+
+def test_rounding_near_zero_is_written_as_zero(call, tmp_path):
+    """A point drawn where the crank's pin is, which the pose has at 1e-32 m: no scene file holds that."""
+    document = written(MECHANISMS["hypergraph-strider"]())
+    next(joint for joint in document["joints"] if joint["id"] == "F")["position"] = [0.0, -1.0]
+    path = tmp_path / "file.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert call("import", path)[0] == 0
+    assert lj.load(tmp_path / "file.toml").mechanism.formula() == "I1(C_crank) → II1(D_link0, D_link1)"
 
 
 @pytest.mark.parametrize("name", ["triad", "dyads-moving-guide", "builder-six-bar", "stepped", "arc", "old"])
