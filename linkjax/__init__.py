@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from linkjax.design import at_most as at_most
     from linkjax.design import optimise as optimise
     from linkjax.exchange import from_pylinkage as from_pylinkage
+    from linkjax.exchange import read_pylinkage as read_pylinkage
     from linkjax.exchange import to_mjcf as to_mjcf
     from linkjax.exchange import to_pylinkage as to_pylinkage
     from linkjax.groups import PRP as PRP
@@ -137,7 +138,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "analysis": ("Cycle", "analyse"),
     "measures": (),
     "rolling": ("Rolling", "RollingMachine"),
-    "exchange": ("from_pylinkage", "to_mjcf", "to_pylinkage"),
+    "exchange": ("from_pylinkage", "read_pylinkage", "to_mjcf", "to_pylinkage"),
     "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
     "scenes": ("SceneError", "load", "load_rolling", "load_task", "rolling_names", "scene_names"),
     "viz": (),

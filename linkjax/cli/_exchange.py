@@ -13,7 +13,7 @@ import typer
 from linkjax.cli._app import angle_of, app
 from linkjax.cli._console import console
 from linkjax.cli._options import SceneName, Set, changes_of
-from linkjax.exchange import from_pylinkage, to_mjcf, to_pylinkage
+from linkjax.exchange import read_pylinkage, to_mjcf, to_pylinkage
 from linkjax.machine import Scene
 from linkjax.mechanism import StructureError
 from linkjax.scenes import SceneError, load, loads_text, text_of
@@ -61,18 +61,30 @@ def import_command(
         Path | None, typer.Option(metavar="SCENE", help="The scene file; FILE with .toml if left out.")
     ] = None,
 ) -> None:
-    """Import pylinkage's JSON as a scene file, with lengths in metres and without masses, which it does not know."""
+    """Import pylinkage's JSON as a scene file, with lengths in metres and without masses, which it does not know.
+
+    Names that a scene file cannot hold are changed, and reported.
+    """
     path = out or file.with_suffix(".toml")
     if path.exists():
         raise SceneError(str(path), "", None, "exists already", "choose another name with --out, or delete the file")
     try:
-        scene = Scene(from_pylinkage(file.read_bytes().decode("utf-8-sig")), speed=1.0)
+        read = read_pylinkage(file.read_bytes().decode("utf-8-sig"))
+        scene = Scene(read.mechanism, speed=1.0)
+        text = text_of(scene, f"Imported from {file.name}. Masses, speed, gravity and loads are still to be given.")
     except UnicodeDecodeError as error:
         problem = f"not a text in UTF-8 (byte {error.start})"
         raise SceneError(str(file), "", None, problem, "save the file as UTF-8") from error
     except StructureError as error:
         raise SceneError(str(file), error.element, None, error.problem, error.remedy) from error
-    text = text_of(scene, f"Imported from {file.name}. Masses, speed, gravity and loads are still to be given.")
-    loads_text(text)  # names that a scene file cannot hold are refused before anything is written
+    loads_text(text, str(file))  # what a scene file cannot hold is refused before anything is written
     path.write_text(text, encoding="utf-8")
-    console.print(f"{path} written; next: linkjax show {shlex.quote(str(path))}", highlight=False)
+    if renamed := [f"{old} -> {new}" for names in (read.points, read.links) for old, new in names.items()]:
+        _say(f"renamed: {', '.join(renamed)}")
+    for note in read.notes:
+        _say(note)
+    _say(f"{path} written; next: linkjax show {shlex.quote(str(path))}")
+
+
+def _say(line: str) -> None:
+    console.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -1,267 +1,327 @@
 """Mechanisms out of pylinkage's JSON.
 
-The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3).
+The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3), or that of the linkages of pylinkage 0.6
+to 0.9.
 """
 
 from __future__ import annotations
 
 import cmath
-import json
-import math
+import itertools
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import RRP, RRR, AbstractGroup, Crank, Guide
-from linkjax.mechanism import Link, Mechanism, StructureError
+from linkjax.exchange._pylinkage_drive import DISAGREE, motion_of
+from linkjax.exchange._pylinkage_file import Drawn, read
+from linkjax.exchange._pylinkage_names import Names
+from linkjax.groups import FRAME, Drive, Guide, Slot
+from linkjax.mechanism import Link, Mechanism, StructureError, linkage
 
-Drawn = Mapping[str, Any]
-TEXTS = ("type", "name", "motor_joint", "ref_joint1_id", "ref_joint2_id")
-NUMBERS = ("distance", "angle", "angular_velocity", "initial_angle")
-PLACES = ("position", "axis", "line_point")
-LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
+GROUND = "\ud800"  # the frame among the bodies; no link has such an id
+SMALLEST = 1e-30  # m, as in scene files
+ONE_PLACE = 1e-12  # of the drawing's size: joints nearer to each other are at one place
+
+
+class Imported(NamedTuple):
+    """A mechanism out of a pylinkage file.
+
+    `points` are the ids of joints that were changed, with their new names, and `links` those of links and sliders.
+    `notes` say, a line each, where the motion differs from that in pylinkage.
+    """
+
+    mechanism: Mechanism
+    points: dict[str, str]
+    links: dict[str, str]
+    notes: tuple[str, ...]
 
 
 def from_pylinkage(document: str | Mapping[str, Any]) -> Mechanism:
-    """The mechanism that pylinkage's JSON describes: a text, or what `json.load` or `mechanism_to_dict` gave.
+    """The mechanism that pylinkage's JSON describes: a string, or what `json.load` or `mechanism_to_dict` gave.
 
-    Points and links have the ids of joints and links there, lengths are taken as metres. A driver becomes the crank,
-    whose angle zero is its initial angle; revolute joints with two links RRR groups, prismatic joints RRP groups with a
-    block that has the joint's name (`<id>_block` where it has none), trackers and further joints of a link marked
-    points. Links have no masses: pylinkage knows none. Raises `StructureError` for what linkjax cannot express, by the
-    name of the joint or link: several drivers, drivers that go to and fro, trackers between two links, groups of higher
-    class, and for a document that is none of pylinkage's mechanisms.
+    It is the mechanism of `read_pylinkage`, which says what is read and how, and also gives the names that were
+    changed. Coordinates are taken as metres. Raises `StructureError`, naming the element, for what it cannot read.
     """
-    return _Reader(_read(document)).mechanism()
+    return read_pylinkage(document).mechanism
 
 
-def _read(document: str | Mapping[str, Any]) -> Mapping[str, Any]:
-    if isinstance(document, str):
-        try:
-            document = json.loads(document)
-        except json.JSONDecodeError as error:
-            problem = f"not JSON: {error.msg} in line {error.lineno}"
-            raise StructureError("pylinkage", problem, "write it with pylinkage's mechanism_to_json") from error
-    if not isinstance(document, Mapping) or not all(isinstance(document.get(k), list) for k in ("joints", "links")):
-        raise StructureError("pylinkage", "has no lists of joints and links", "write it with mechanism_to_json")
-    for key in ("joints", "links"):
-        for number, each in enumerate(document[key]):
-            if not isinstance(each, Mapping) or not isinstance(each.get("id"), str):
-                raise StructureError(f"{key}[{number}]", "has no id", "write the file with mechanism_to_json")
-            _check(each)
-            if key == "links" and not _are(each.get("joints"), str):
-                problem = f"joints is {each.get('joints')!r}, which is no list of ids"
-                raise StructureError(each["id"], problem, 'write the ids of its joints, e.g. ["A", "B"]')
-    for joint in document["joints"]:
-        if joint.get("type") in LEGACY:
-            remedy = "read it with pylinkage and write it with mechanism_to_json"
-            raise StructureError(joint["id"], f"has the type {joint['type']!r} of an older format", remedy)
-    return document
+def read_pylinkage(document: str | Mapping[str, Any]) -> Imported:
+    """The mechanism that pylinkage's JSON describes, with the names that were changed: `document` is a string, or what
+    `json.load` or `mechanism_to_dict` gave.
 
+    Points and links have the ids of joints and links there. An id that a scene file cannot hold is made usable:
+    `crank.motor_ground.A` becomes `crank_motor_ground_A`. Coordinates are taken as metres. At crank angle zero every
+    joint is where it is drawn, and lengths are the distances in the drawing; a tracker is where its distance and angle
+    put it. A driver becomes the crank, an arc driver a crank that oscillates over its arc. A prismatic joint becomes a
+    slider with the joint's name (`<id>_block` where it has none). Two links that share two joints, and three that form
+    a triangle, are one link. Groups may be of any class. Links have no masses.
 
-def _check(element: Drawn) -> None:
-    """Raise `StructureError` where a key of a joint or link is not what it should be."""
-    for key, value in element.items():
-        what, remedy = "", ""
-        if key in TEXTS and not isinstance(value, str | None):
-            what, remedy = "text", "write it in double quotes"
-        elif key in NUMBERS and not _are([value], int, float):
-            what, remedy = "finite number", "write a number"
-        elif key in PLACES and not (isinstance(value, list | tuple) and len(value) == 2 and _are(value, int, float)):
-            what, remedy = "place", "write two numbers, [x, y]"
-        if what:
-            raise StructureError(element["id"], f"{key} is {value!r}, which is no {what}", remedy)
-
-
-def _are(values: object, *kinds: type) -> bool:
-    """Whether these are a list of texts, or of finite numbers."""
-    return isinstance(values, list | tuple) and all(
-        isinstance(each, kinds) and not isinstance(each, bool) and (isinstance(each, str) or math.isfinite(each))
-        for each in values
-    )
+    Raises `StructureError`, naming the joint or link, for what linkjax cannot express: several drivers, trackers
+    between two links, and joints without a link, as which pylinkage writes cams. It is also raised where an initial
+    angle, an arc or a slide line disagrees with the drawing by more than 1e-3 of its size, for mechanisms that cannot
+    move or are unconstrained, and for a document that is not a mechanism of pylinkage.
+    """
+    return _Reader(read(document)).imported()
 
 
 class _Reader:
-    """What has its place so far: `on[body][joint]` are places in the axes of a body, the frame among them."""
+    """The rigid bodies of a file: `on[body]` are the joints of each, also of the frame; `spots` are places."""
 
-    def __init__(self, document: Mapping[str, Any]):
+    def __init__(self, document: Drawn):
         self.joints: dict[str, Drawn] = {joint["id"]: joint for joint in document["joints"]}
-        self.bars: list[Drawn] = list(document["links"])
-        self.on: dict[str, dict[str, complex]] = {"frame": {}}
-        self.lengths: dict[str, float] = {}
-        self.groups: list[AbstractGroup] = []
-        for bar in self.bars:
-            for joint in bar["joints"]:
+        self.bars: dict[str, Drawn] = {bar["id"]: bar for bar in document["links"] if bar.get("type") != "ground"}
+        for bar in document["links"]:
+            for joint in [*bar["joints"], *([bar["motor_joint"]] if bar.get("motor_joint") else [])]:
                 if joint not in self.joints:
-                    raise StructureError(bar["id"], f"joint {joint!r} is not there", nearest(joint, self.joints))
+                    raise StructureError(bar["id"], f"joint {joint!r} does not exist", nearest(joint, self.joints))
+        places = {name: joint.get("position") for name, joint in self.joints.items()}
+        self.spots = {name: complex(*map(_plain, at)) for name, at in places.items() if at is not None}
+        apart = [abs(a - b) for a, b in itertools.combinations(self.spots.values(), 2)]
+        self.size = max(apart, default=0.0)
+        self.bar, self.pivot, self.end = self.driver()
+        self.on: dict[str, list[str]] = {GROUND: self.still(document["links"])}
+        self.on |= {name: list(dict.fromkeys(bar["joints"])) for name, bar in self.bars.items()}
+        self.on[self.bar["id"]] = [self.pivot, self.end]
+        self.slides = self.guides()
 
-    def mechanism(self) -> Mechanism:
-        """Frame and driver, then everything that hangs on what is there, until nothing is left."""
-        self.frame()
-        self.driver()
-        while self.bars:
-            if not (self.marked() or self.tracked() or self.slid() or self.met()):
-                names = ", ".join(bar["id"] for bar in self.bars)
-                problem = f"hang on nothing as a group of two: {names}"
-                raise StructureError("links", problem, "build groups of higher class with linkjax.groups.General")
-        while self.tracked():
-            pass
-        for joint in self.joints:
-            if not self.bodies(joint):
-                raise StructureError(joint, "is on no link that has a place", "put it on a link, or delete it")
-        links = {}
-        for group in self.groups:
-            for link, ends in group.pins().items():
-                points = {p: Vec(at.real, at.imag) for p, at in self.on[link].items() if p not in ends}
-                links[link] = Link(length=self.lengths.get(link, 0.0), points=points)
-        fixed = {p: Vec(at.real, at.imag) for p, at in self.on["frame"].items()}
-        return Mechanism(fixed, links, self.groups)
+    # ---- what the file says
 
     def at(self, joint: str) -> complex:
         """Where a joint is drawn."""
-        if "position" not in self.joints[joint]:
+        if joint not in self.spots:
             raise StructureError(joint, "has no position", "write x and y")
-        return complex(*self.joints[joint]["position"])
-
-    def bodies(self, joint: str) -> list[str]:
-        """Bodies that a joint is on."""
-        return [body for body, held in self.on.items() if joint in held]
+        return self.spots[joint]
 
     def kind(self, joint: str) -> str:
-        return self.joints[joint].get("type", "revolute")
+        return self.joints[joint].get("type") or "revolute"
 
-    def frame(self) -> None:
-        """Ground joints, motors, and trackers that track nothing."""
+    def refs(self, joint: str) -> tuple[str, str] | None:
+        """The two joints that a tracker tracks; None for one that tracks nothing, and for other joints."""
+        one, two = (self.joints[joint].get(key) for key in ("ref_joint1_id", "ref_joint2_id"))
+        return (one, two) if self.kind(joint) == "tracker" and one and two else None
+
+    def still(self, bars: list[Drawn]) -> list[str]:
+        """Joints on the frame: ground joints, the motor's, and trackers that track nothing."""
         still = [joint for joint in self.joints if self.kind(joint) == "ground"]
-        for bar in self.bars:
+        for bar in bars:
             still += bar["joints"] if bar.get("type") == "ground" else []
-            still += [bar["motor_joint"]] if bar.get("motor_joint") in self.joints else []
-        still += [j for j, d in self.joints.items() if self.kind(j) == "tracker" and not d.get("ref_joint1_id")]
-        self.on["frame"] = {joint: self.at(joint) for joint in still}
-        self.bars = [bar for bar in self.bars if bar.get("type") != "ground"]
+        still += [j for j in self.joints if self.kind(j) == "tracker" and self.refs(j) is None]
+        return list(dict.fromkeys([*still, self.pivot]))
 
-    def driver(self) -> None:
-        """The crank."""
-        drivers = [bar for bar in self.bars if bar.get("type") in ("driver", "arc_driver")]
+    def driver(self) -> tuple[Drawn, str, str]:
+        """The driver, its pivot and its other joint."""
+        drivers = [bar for bar in self.bars.values() if bar.get("type") in ("driver", "arc_driver")]
         if len(drivers) != 1:
             names = ", ".join(bar["id"] for bar in drivers) or "none"
-            raise StructureError("links", f"there must be one driver, but there are: {names}", "mobility is one")
+            remedy = "mobility is one"
+            if not drivers:
+                remedy += (
+                    "; pylinkage's to_mechanism omits the links of arc cranks and linear actuators: write a driver"
+                )
+            raise StructureError("links", f"there must be one driver, but there are: {names}", remedy)
         (bar,) = drivers
-        pins, speed = bar["joints"], float(bar.get("angular_velocity", 1.0))
-        if bar["type"] == "arc_driver":
-            problem, remedy = (
-                "goes to and fro with jumps of its speed",
-                "write a driver; in Python give it a Harmonic law",
+        pins, pivot = bar["joints"], bar.get("motor_joint")
+        grounded = [pin for pin in pins if self.kind(pin) == "ground"]
+        pivot = grounded[0] if not pivot and len(grounded) == 1 else pivot
+        if len(pins) != 2 or pins[0] == pins[1] or pivot not in pins:
+            raise StructureError(
+                bar["id"], "has no motor joint and one other", "put further joints on a link of their own"
             )
-        elif len(pins) != 2 or bar.get("motor_joint") not in pins:
-            problem, remedy = "has no motor joint and one other", "put further joints on a link of their own"
-        elif speed == 0:
-            problem, remedy = "does not turn", "write an angular velocity"
-        else:
-            pivot = bar["motor_joint"]
-            (end,) = (pin for pin in pins if pin != pivot)
-            turns, phase = (1 if speed > 0 else -1), float(bar.get("initial_angle", 0.0))
-            self.groups.append(Crank(bar["id"], pivot, end, turns, phase))
-            self.hang(bar, pivot, end)
-            return
-        raise StructureError(bar["id"], problem, remedy)
+        return bar, str(pivot), next(pin for pin in pins if pin != pivot)
 
-    def hang(self, bar: Drawn, origin: str, far: str) -> None:
-        """Give a link its place: its axis from one joint to another, its further joints where they are drawn."""
-        axis = self.at(far) - self.at(origin)
-        if not axis:
-            raise StructureError(bar["id"], f"joints {origin!r} and {far!r} are drawn at one place", "move one")
-        places = {
-            j: (self.at(j) - self.at(origin)) / (axis / abs(axis)) for j in bar["joints"] if j not in (origin, far)
+    def guides(self) -> dict[str, tuple[str, str] | None]:
+        """Joints that slide, with two joints on their line, or with None where the joint itself has an axis.
+
+        `pylinkage.dyads.to_mechanism` writes a slide on the line of two joints as a link `<joint>_guide` of all three.
+        """
+        found: dict[str, tuple[str, str] | None] = {
+            joint: None for joint in self.joints if self.kind(joint) == "prismatic" and joint not in self.on[GROUND]
         }
-        self.mark(bar["id"], places)
-        self.on[bar["id"]] = {origin: 0j, far: complex(abs(axis)), **places}
-        self.lengths[bar["id"]] = abs(axis)
-        self.bars.remove(bar)
+        for name, bar in list(self.bars.items()):
+            one, two, joint = bar["joints"] if len(bar["joints"]) == 3 else ("", "", "")
+            if name != f"{joint}_guide" or len({one, two, joint}) < 3:
+                continue
+            line = self.at(two) - self.at(one)
+            if line and abs(((self.at(joint) - self.at(one)) / line).imag * abs(line)) < 1e-6 * self.size:
+                found[joint] = one, two
+                del self.on[name]
+        return found
 
-    def mark(self, link: str, places: Mapping[str, complex]) -> None:
-        """Refuse further joints of a link that cannot be points of it."""
-        for joint in places:
-            if self.bodies(joint) or self.kind(joint) == "prismatic":
-                problem = f"could not move: joint {joint!r} is held twice"
-                raise StructureError(link, problem, "take the joint off one of its links")
+    # ---- bodies
 
-    def marked(self) -> bool:
-        """A bar with two joints of one body is part of that body."""
-        for bar in self.bars:
-            placed = [j for j in bar["joints"] if self.bodies(j)]
-            for held in self.on.values():
-                one, two = ([j for j in placed if j in held] + [None, None])[:2]
-                if one is None or two is None:
-                    continue
-                if held[two] == held[one]:
-                    raise StructureError(bar["id"], f"joints {one!r} and {two!r} are drawn at one place", "move one")
-                scale = (held[two] - held[one]) / (self.at(two) - self.at(one))
-                rest = [j for j in bar["joints"] if j not in held]
-                places = {j: held[one] + (self.at(j) - self.at(one)) * scale for j in rest}
-                self.mark(bar["id"], places)
-                held.update(places)
-                self.bars.remove(bar)
-                return True
-            if len(placed) > 1:
-                problem = f"joins {placed[0]!r} and {placed[1]!r}, which have their places already"
-                raise StructureError(bar["id"], problem, "delete it: the mechanism could not move")
+    def bodies(self, *joints: str) -> list[str]:
+        """Bodies that all of these joints are on."""
+        return [body for body, held in self.on.items() if all(joint in held for joint in joints)]
+
+    def gather(self) -> None:
+        """Merge bodies that are rigid together, and put trackers on their bodies, until nothing changes."""
+        waiting = [joint for joint in self.joints if self.refs(joint)]
+        while True:
+            while self.doubled() or self.triangle():
+                pass
+            ready = [joint for joint in waiting if self.bodies(*self.refs(joint) or ())]
+            for joint in ready:
+                self.track(joint)
+                waiting.remove(joint)
+            if not ready:
+                break
+        for joint in waiting:
+            one, two = self.refs(joint) or ("", "")
+            for ref in (one, two):
+                if ref not in self.joints:
+                    raise StructureError(joint, f"tracks {ref!r}, which does not exist", nearest(ref, self.joints))
+            problem = f"tracks {one!r} and {two!r}, which are on no common link"
+            raise StructureError(joint, problem, "linkjax's points are fixed to a link; delete it")
+
+    def track(self, joint: str) -> None:
+        """Place a tracker by its distance and angle, on the body of the two joints that it tracks."""
+        one, two = self.refs(joint) or ("", "")
+        axis = self.at(two) - self.at(one)
+        if not self.apart(one, two):
+            raise StructureError(joint, f"tracks {one!r} and {two!r}, which coincide", "move one")
+        drawn = self.joints[joint]
+        away = cmath.rect(float(drawn.get("distance", 0.0)), float(drawn.get("angle", 0.0)))
+        self.spots[joint] = self.at(one) + away * axis / abs(axis)
+        self.absorb(self.bodies(one, two)[0], [joint])
+
+    def apart(self, one: str, two: str) -> bool:
+        return abs(self.at(one) - self.at(two)) > ONE_PLACE * self.size
+
+    def absorb(self, body: str, joints: list[str]) -> None:
+        self.on[body] = list(dict.fromkeys([*self.on[body], *joints]))
+
+    def pairs(self) -> list[tuple[str, str, list[str]]]:
+        """Every two bodies that share joints, the earlier first, with these; the frame and the driver come first."""
+        order = sorted(self.on, key=lambda body: (body != GROUND, body != self.bar["id"]))
+        shared = [(a, b, [j for j in self.on[a] if j in self.on[b]]) for a, b in itertools.combinations(order, 2)]
+        return [each for each in shared if each[2]]
+
+    def doubled(self) -> bool:
+        """Merge two bodies that share two joints; False where there are none."""
+        for one, two, shared in self.pairs():
+            if len(shared) < 2:
+                continue
+            if not self.apart(*shared[:2]):
+                problem = f"joints {shared[0]!r} and {shared[1]!r} coincide"
+                raise StructureError(two, problem, "move one")
+            if two == self.bar["id"]:
+                problem = f"could not move: its joints {shared[0]!r} and {shared[1]!r} are on the frame"
+                raise StructureError(two, problem, "take one of them off the frame")
+            self.absorb(one, self.on.pop(two))
+            return True
         return False
 
-    def tracked(self) -> bool:
-        """A tracker is a point of the link that its two joints are on."""
-        for joint, drawn in self.joints.items():
-            if self.kind(joint) != "tracker" or self.bodies(joint):
-                continue
-            one, two = drawn.get("ref_joint1_id", ""), drawn.get("ref_joint2_id", "")
-            for held in self.on.values():
-                if one in held and two in held:
-                    axis = held[two] - held[one]
-                    away = cmath.rect(float(drawn.get("distance", 0.0)), float(drawn.get("angle", 0.0)))
-                    held[joint] = held[one] + away * axis / abs(axis)
+    def triangle(self) -> bool:
+        """Merge three bodies that are pinned to each other at three joints; False where there are none."""
+        shared = {(one, two): joints[0] for one, two, joints in self.pairs()}
+        for (one, two), joint in shared.items():
+            for three in self.on:
+                pins = {joint, shared.get((one, three)), shared.get((two, three))}
+                if len(pins) == 3 and None not in pins and self.bar["id"] not in (two, three):
+                    self.absorb(one, [*self.on.pop(two), *self.on.pop(three)])
                     return True
-            if self.bodies(one) and self.bodies(two):
-                problem = f"tracks {one!r} and {two!r}, which are on no common link"
-                raise StructureError(joint, problem, "linkjax's points are fixed to a link; delete it")
         return False
 
-    def hanging(self, joint: str) -> list[tuple[Drawn, str]]:
-        """Bars with this joint and one that has its place, with that one."""
-        bars = [bar for bar in self.bars if joint in bar["joints"]]
-        return [(bar, j) for bar in bars for j in bar["joints"] if j != joint and self.bodies(j)]
+    # ---- the mechanism
 
-    def slid(self) -> bool:
-        """A prismatic joint on a bar that hangs on something: an RRP, its guide given from the crank's pivot."""
-        for joint, drawn in self.joints.items():
-            if self.kind(joint) != "prismatic" or self.bodies(joint) or not (found := self.hanging(joint)):
-                continue
-            (bar, origin), base = found[0], self.groups[0].needs()[0]
-            axis, line = (complex(*drawn.get(key, (0.0, 0.0))) for key in ("axis", "line_point"))
-            axis = axis / abs(axis) if axis else 1 + 0j
-            offset = ((line - self.at(base)) / axis).imag
-            side = 1 if ((self.at(joint) - self.at(origin)) / axis).real >= 0 else -1
-            block = str(drawn.get("name") or f"{joint}_block")
-            block = f"{joint}_block" if block == joint else block
-            guide = Guide(base, cmath.phase(axis), offset)
-            self.groups.append(RRP(bar["id"], block, origin, joint, guide, side))
-            self.hang(bar, origin, joint)
-            self.on[block] = {joint: 0j}
-            return True
-        return False
-
-    def met(self) -> bool:
-        """A revolute joint on two bars that hang on something: an RRR."""
+    def imported(self) -> Imported:
+        """The mechanism of all bodies, with usable names."""
         for joint in self.joints:
-            if self.kind(joint) != "revolute" or self.bodies(joint) or len(found := self.hanging(joint)) < 2:
+            if not self.refs(joint):
+                self.at(joint)
+        self.gather()
+        for joint in self.joints:
+            if not self.bodies(joint):
+                remedy = (
+                    "put it on a link, or delete it; pylinkage's to_mechanism omits the links of cams, point trackers, "
+                )
+                remedy += "linear actuators, arc cranks and double slides"
+                raise StructureError(joint, "is on no link", remedy)
+        for body, held in self.on.items():
+            if body != GROUND and len(held) > 1 and not self.apart(*held[:2]):
+                raise StructureError(body, f"joints {held[0]!r} and {held[1]!r} coincide", "move one")
+        motion = motion_of(self.bar, self.end, self.at(self.end) - self.at(self.pivot), self.size)
+        points, links, blocks, names = self.named()
+        made = self.links(points, links, blocks)
+        for number, (link, each) in enumerate(list(made.items()), 1):
+            if f"S{number}" in names.taken:  # as its mass centre would be called
+                made[link] = Link(
+                    each.length, points=each.points, pins=each.pins, centre_name=names.new(f"S{number}", "S")
+                )
+        spots = {points[joint]: (at.real, at.imag) for joint, at in self.spots.items()}
+        fixed = {points[joint]: spots[points[joint]] for joint in self.on[GROUND]}
+        moving = {point: at for point, at in spots.items() if point not in fixed}
+        drive = Drive(links[self.bar["id"]], FRAME, motion.turns, motion.phase, motion.law)
+        slots = [Slot(blocks[joint], self.guide(joint, points, links)) for joint in self.slides]
+        mechanism = linkage(fixed, made, drive, slots, moving)
+        own = {self.slider(joint): block for joint, block in blocks.items() if self.slider(joint)}
+        notes = (motion.note,) if motion.note else ()
+        return Imported(mechanism, _changed(points), _changed(own | links), notes)
+
+    def named(self) -> tuple[dict[str, str], dict[str, str], dict[str, str], Names]:
+        """Usable names of joints, of links and of blocks."""
+        bars = [body for body in self.on if body != GROUND]
+        own = [bar for bar in bars if bar not in self.joints]
+        names = Names([*self.joints, *own])
+        points = names.all(self.joints, "P", "", self.joints)
+        links = names.all(bars, "L", "_link", own)
+        blocks = {joint: names.new(self.slider(joint) or f"{joint}_block", "L", "_block") for joint in self.slides}
+        return points, links, blocks, names
+
+    def slider(self, joint: str) -> str:
+        """The name that a file gives to a slider; empty where it is that of the joint."""
+        name = self.joints[joint].get("name") or ""
+        return "" if name == joint else name
+
+    def links(self, points: dict[str, str], links: dict[str, str], blocks: dict[str, str]) -> dict[str, Link]:
+        """The links with their pins, and with trackers as their points; sliders have one pin."""
+        found = {}
+        for body, held in self.on.items():
+            if body == GROUND:
                 continue
-            (one, a), (two, b) = found[:2]
-            if a == b:
-                problem = f"joins {a!r} and {joint!r}, as {one['id']!r} does"
-                raise StructureError(two["id"], problem, "delete one of them")
-            left = ((self.at(joint) - self.at(a)) * (self.at(b) - self.at(a)).conjugate()).imag
-            self.groups.append(RRR((one["id"], two["id"]), a, b, joint, 1 if left >= 0 else -1))
-            self.hang(one, a, joint)
-            self.hang(two, b, joint)
-            return True
-        return False
+            pins = [j for j in held if not self.refs(j) or len(self.bodies(j)) > 1 or j in held[:2]]
+            own = {}
+            for joint in (j for j in held if self.refs(j) and j not in held[:2]):
+                at = (self.at(joint) - self.at(held[0])) / self.axis(body)
+                own[points[joint]] = Vec(at.real, at.imag)
+            found[links[body]] = Link(points=own, pins=tuple(points[pin] for pin in pins))
+        return found | {blocks[joint]: Link(pins=(points[joint],)) for joint in self.slides}
+
+    def axis(self, body: str) -> complex:
+        """Direction of a body as it is drawn."""
+        if body == GROUND:
+            return 1 + 0j
+        one, two = self.on[body][:2]
+        return (self.at(two) - self.at(one)) / abs(self.at(two) - self.at(one))
+
+    def guide(self, joint: str, points: dict[str, str], links: dict[str, str]) -> Guide:
+        """The guide of a joint that slides, through the place where that is drawn."""
+        line, drawn = self.slides[joint], self.joints[joint]
+        if line is not None:
+            if not (on := self.bodies(*line)):
+                problem = f"slides along the line of {line[0]!r} and {line[1]!r}, which are on no common link"
+                raise StructureError(joint, problem, "put both on the frame or on one link")
+            body, base, along = on[0], line[0], self.at(line[1]) - self.at(line[0])
+        else:
+            body, base, along = GROUND, self.pivot, complex(*drawn.get("axis", (1.0, 0.0)))
+        along = along / abs(along) if abs(along) > 1e-10 else 1 + 0j  # as pylinkage has it
+        if line is None and "line_point" in drawn:
+            off = abs(((self.at(joint) - complex(*drawn["line_point"])) / along).imag)
+            if off > DISAGREE * self.size:
+                x, y = self.at(joint).real, self.at(joint).imag
+                problem = f"is drawn at ({x:.6g}, {y:.6g}), {off:.6g} off its line through {list(drawn['line_point'])}"
+                raise StructureError(joint, problem, "correct line_point or axis, or move the joint onto the line")
+        offset, angle = ((self.at(joint) - self.at(base)) / along).imag, cmath.phase(along / self.axis(body))
+        offset = 0.0 if abs(offset) < ONE_PLACE * self.size else offset
+        return Guide(points[base], 0.0 if abs(angle) < 1e-15 else angle, offset, on=links.get(body, FRAME))
+
+
+def _plain(number: int | float) -> float:
+    """A coordinate without what rounding leaves of zero, which no scene file takes."""
+    return 0.0 if abs(number) < SMALLEST else float(number)
+
+
+def _changed(names: Mapping[str, str]) -> dict[str, str]:
+    """Those of these names that were changed, with what they became."""
+    return {old: new for old, new in names.items() if old != new}

@@ -13,7 +13,7 @@ from pydantic import Field
 from linkjax import groups
 from linkjax._units import nearest
 from linkjax.mechanism import StructureError
-from linkjax.scenes._fields import Angle, Length, Name, Table
+from linkjax.scenes._fields import SMALLEST, Angle, Length, Name, Table
 
 Fault = tuple[tuple[str | int, ...], str, str]
 """Something wrong: path of the key, problem, remedy."""
@@ -25,8 +25,8 @@ def in_angle(value: Any) -> str:
 
 
 def in_length(value: Any) -> str:
-    """A length as a scene file writes it, to the last bit."""
-    return f"{float(value)!r} m"
+    """A length as a scene file writes it, to the last bit; as zero where it is smaller than a file can hold."""
+    return f"{0.0 if abs(number := float(value)) <= SMALLEST else number!r} m"
 
 
 class GroupTable(Table, abc.ABC):

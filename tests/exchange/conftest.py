@@ -19,3 +19,18 @@ def figures():
         far, strong = (max(found, key=lambda name, which=which: found[name][which]) for which in range(2))
         print(f"\n{len(found)} machines in MuJoCo: positions within {found[far].position:.1e} ({far}), "
               f"drive torque within {found[strong].torque:.1e} ({strong})")  # fmt: skip
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Exit code, standard output and standard error of a command."""
+
+    from linkjax import cli
+
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["linkjax", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stopped:
+            cli.main()
+        return stopped.value.code or 0, *capsys.readouterr()
+
+    return run
