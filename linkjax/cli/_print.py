@@ -191,7 +191,8 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
         both = [peak_told(data, key) for key in (name, f"{name}{CONSTANT}") if key in data["peaks"]]
         values = [show.quantity(value, peak_unit(name), 6) for value, _ in both]
         angles = [show.turned(angle) for _, angle in both]
-        table.add_row(name.replace("_", " "), *(cell for pair in zip(values, angles, strict=True) for cell in pair))
+        shown = name if name.startswith("reaction.") else name.replace("_", " ")
+        table.add_row(shown, *(cell for pair in zip(values, angles, strict=True) for cell in pair))
     console.print()
     console.print(table, highlight=False)
 
