@@ -135,7 +135,7 @@ def print_warnings(data: dict[str, Any], which: str = "") -> None:
 
 def _digits(value: float, error: float) -> str:
     """A value with the digits that its error leaves, ten at most, and one more; zero where it is below its error."""
-    if value <= error:
+    if value <= error < math.inf:
         return "0"
     known = math.log10(value / error) if value > 0 and 0 < error < math.inf else 9.0
     return f"{value:.{min(max(math.ceil(known) + 1, 2), 10)}g}"
@@ -146,8 +146,8 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     peaks = data["peaks"]
     for name in (name for name in peaks if not name.endswith("_constant_speed")):
         both = [peak_told(data, key) for key in (name, f"{name}_constant_speed")]
-        values = [show.quantity(value, peak_unit(name), 6) for value, _ in both]
-        angles = [show.turned(angle) for _, angle in both]
+        values = [show.quantity(value, peak_unit(name), 6) for value, _, _ in both]
+        angles = [show.turned(angle) for _, angle, _ in both]
         table.add_row(name.replace("_", " "), values[0], angles[0], values[1], angles[1])
     console.print()
     console.print(table, highlight=False)
