@@ -29,8 +29,8 @@ def animate(
     """Write an animated GIF of one cycle of the true motion, slowed down to `seconds`, repeating for ever.
 
     Frames are equal steps of time, so the picture speeds up and slows down as the machine does; without a motion they
-    are equal steps of crank angle. Below the machine runs the crank speed, in the unit among `units` ("rad/s"; rpm where
-    none is). Returns the path.
+    are equal steps of crank angle. Below the machine runs the crank speed, in the unit among `units` ("rad/s";
+    rpm where there is none). Returns the path.
     """
     turn = turning(display_units(units))
     look = skeleton(data, scene)
