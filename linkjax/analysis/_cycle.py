@@ -108,13 +108,13 @@ class Cycle(eqx.Module):
         return None if self.steady is None else self.steady.delta_error
 
     @property
-    def power(self) -> Array | None:
-        """Power of the constant drive torque in the actual motion at `angles` (W)."""
+    def power(self):
+        """Power of the constant drive torque in the actual motion at `angles` (W); None without one."""
         return None if self.steady is None or self.speed is None else self.steady.drive_torque * self.speed
 
     @property
-    def mean_power(self) -> Array | None:
-        """Work of the drive in a cycle over its duration (W)."""
+    def mean_power(self):
+        """Work of the drive in a cycle over its duration (W); None without actual motion."""
         return None if self.steady is None or self.work is None else self.work["drive"] / self.steady.period
 
     @property

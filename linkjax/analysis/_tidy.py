@@ -42,22 +42,22 @@ def power_scale(data: Data) -> float:
     return torque_scale(data) * abs(data["motion"].get("mean_speed") or 0.0)
 
 
-def peak_told(data: Data, key: str) -> tuple[float, float]:
-    """The value of a peak, zero where it is below its error or only rounding, and its crank angle, NaN where there is
-    none: the quantity is zero, or the same everywhere."""
+def peak_told(data: Data, key: str) -> tuple[float, float, float]:
+    """The value of a peak, zero where it is below its error or only rounding; its crank angle, NaN where there is none:
+    the quantity is zero, or the same everywhere; and its error, NaN of what is only rounding."""
     peak, suffix = data["peaks"][key], CONSTANT if key.endswith(CONSTANT) else ""
     name, value, error = key.removesuffix(CONSTANT), float(peak["value"]), float(peak["error"])
     scale = (force_scale if peak_unit(name) == "N" else torque_scale)(data, suffix)
-    if above(value, scale) == 0 or value <= error:
-        return 0.0, math.nan
+    if above(value, scale) == 0 or value <= error < math.inf:
+        return 0.0, math.nan, error if above(error, scale) else math.nan
     room = max(error if math.isfinite(error) else 0.0, ROUNDING * scale)
-    return value, math.nan if _least(data, name, suffix) >= value - room else float(peak["angle"])
+    return value, math.nan if _least(data, name, suffix) >= value - room else float(peak["angle"]), error
 
 
 def uneven(data: Data) -> bool:
     """Whether the speed fluctuates by more than the error of δ: otherwise it is largest nowhere."""
     delta, error = (data["motion"][key] for key in ("delta", "delta_error"))
-    return delta is not None and not float(delta) <= float(error)
+    return delta is not None and not float(delta) <= float(error) < math.inf
 
 
 def measure_scales(optimum: Data) -> dict[str, float]:

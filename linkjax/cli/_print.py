@@ -178,7 +178,7 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
 
 def _digits(value: float, error: float) -> str:
     """A value with the digits that its error leaves, ten at most, and one more; zero where it is below its error."""
-    if value <= error:
+    if value <= error < math.inf:
         return "0"
     known = math.log10(value / error) if value > 0 and 0 < error < math.inf else 9.0
     return f"{value:.{min(max(math.ceil(known) + 1, 2), 10)}g}"
@@ -189,8 +189,8 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
     for name in dict.fromkeys(name.removesuffix(CONSTANT) for name in data["peaks"]):
         both = [peak_told(data, key) for key in (name, f"{name}{CONSTANT}") if key in data["peaks"]]
-        values = [show.quantity(value, peak_unit(name), 6) for value, _ in both]
-        angles = [show.turned(angle) for _, angle in both]
+        values = [show.quantity(value, peak_unit(name), 6) for value, _, _ in both]
+        angles = [show.turned(angle) for _, angle, _ in both]
         shown = name if name.startswith("reaction.") else name.replace("_", " ")
         table.add_row(shown, *(cell for pair in zip(values, angles, strict=True) for cell in pair))
     console.print()

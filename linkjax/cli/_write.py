@@ -21,7 +21,7 @@ def write_out(
     with elapsed("drawing"):  # the rooms load matplotlib, so only when drawing
         earlier = None if before is None else before[0]
         figures = linkjax.viz.write_figures(data, machine, out, before=earlier, units=units)
-        linkjax.viz.animate(data, machine, out / "machine.gif")
+        linkjax.viz.animate(data, machine, out / "machine.gif", units=units)
         linkjax.report.write_report(
             data, machine, out / "report.html", figures=figures, before=before, optimum=optimum, units=units
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -119,10 +120,10 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     """Value, error and crank angle of a peak."""
     if key not in data["peaks"]:
         return [Cell(NONE, True)] * 3
-    value, angle = peak_told(data, key)
+    value, angle, error = peak_told(data, key)
     unit = peak_unit(key.removesuffix(CONSTANT))
-    told, error = show.measured(value, float(data["peaks"][key]["error"]), unit, most=6)
-    return [Cell(told, True), Cell(error if value else NONE, True), show.angle(angle)]
+    told, bound = show.measured(value, 0.0 if math.isnan(error) else error, unit, most=6)
+    return [Cell(told, True), Cell(NONE if math.isnan(error) else bound, True), show.angle(angle)]
 
 
 def peak_name(name: str) -> str:

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from linkjax._display import turning
+from linkjax._units import display_units
 from linkjax.analysis import moves
 from linkjax.machine import Scene
 from linkjax.viz._machine import Stage, draw_frame, draw_links, make_stage
@@ -23,12 +24,16 @@ COLOURS = 96
 
 
 @styled
-def animate(data: Data, scene: Scene, path: str | Path, *, frames: int = 60, seconds: float = 4.0) -> Path:
+def animate(
+    data: Data, scene: Scene, path: str | Path, *, frames: int = 60, seconds: float = 4.0, units: str = ""
+) -> Path:  # fmt: skip
     """Write an animated GIF of one cycle of the true motion, slowed down to `seconds`, repeating for ever.
 
     Frames are equal steps of time, so the picture speeds up and slows down as the machine does; without a motion they
-    are equal steps of crank angle. Below the machine runs the crank speed. Returns the path.
+    are equal steps of crank angle. Below the machine runs the crank speed, in the unit among `units` ("rad/s";
+    rpm where there is none). Returns the path.
     """
+    turn = turning(display_units(units))
     look = skeleton(data, scene)
     strip = 0.95 if moves(data) else 0.0
     stage = make_stage(look, WIDTH, 4.6, 0.3)
@@ -38,7 +43,7 @@ def animate(data: Data, scene: Scene, path: str | Path, *, frames: int = 60, sec
     share = height / (height + strip)
     stage.ax.set_position((0, 1 - share, 1, share * (1 - 0.3 / height)))
     draw_frame(stage, data, look)
-    marker = _speed_strip(stage, data, scene, strip / (height + strip)) if strip else None
+    marker = _speed_strip(stage, data, scene, strip / (height + strip), turn) if strip else None
     title = scene.title or str(data.get("scene", ""))
     figure.text(0.03, 1 - 0.09 / (height + strip), title, size=TEXT + 1, weight="bold", va="top")
     angle_text = figure.text(0.97, 1 - 0.1 / (height + strip), "", size=TEXT, va="top", ha="right")
@@ -57,9 +62,8 @@ def animate(data: Data, scene: Scene, path: str | Path, *, frames: int = 60, sec
         if marker is not None:
             ax, dot = marker
             phi = math.degrees(angle)
-            dot.set_data(
-                [phi], [np.interp(phi, degrees(data, scene), turning()[0] * closed(data, data["motion"]["speed"]))]
-            )
+            speed = turn[0] * closed(data, data["motion"]["speed"])
+            dot.set_data([phi], [np.interp(phi, degrees(data, scene), speed)])
             ax.draw_artist(dot)
         angle_text.set_text(f"φ = {math.degrees(angle):.0f}°")
         figure.draw_artist(angle_text)
@@ -82,11 +86,11 @@ def frame_angles(data: Data, scene: Scene, frames: int) -> list[float]:
     return [float(phi) for phi in np.interp(np.arange(frames) * end / frames, time, angles)]
 
 
-def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float) -> tuple[Axes, Line2D]:
+def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float, turn: tuple[float, str]) -> tuple[Axes, Line2D]:
     """A small panel with the crank speed, and the dot that runs along it."""
     ax = stage.figure.add_axes((0.11, 0.36 * share, 0.85, 0.45 * share))
     shade(ax, scene)
-    ax.plot(degrees(data, scene), turning()[0] * closed(data, data["motion"]["speed"]), color=BLUE, linewidth=1.3)
+    ax.plot(degrees(data, scene), turn[0] * closed(data, data["motion"]["speed"]), color=BLUE, linewidth=1.3)
     turns = scene.cycle_turns
     ax.set_xlim(0, 360 * turns)
     ax.set_xticks(range(0, 360 * turns + 1, 60 * turns))
@@ -94,7 +98,7 @@ def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float) -> tuple[
     ax.margins(y=0.2)
     ax.tick_params(labelsize=6.5, pad=1.5)
     ax.grid(color=FAINT)
-    ax.set_title("crank speed (rpm) over crank angle (°)", fontsize=6.5, pad=2, color=GREY)
+    ax.set_title(f"crank speed ({turn[1]}) over crank angle (°)", fontsize=6.5, pad=2, color=GREY)
     (dot,) = ax.plot([], [], "o", color=INK, markersize=4.5, animated=True, clip_on=False)
     return ax, dot
 

@@ -1,0 +1,69 @@
+"""What of an analysis is worth a number, on the screen and in the report."""
+
+import math
+import re
+
+import numpy as np
+
+import linkjax as lj
+from linkjax.analysis import document, measure_scales, peak_told
+from linkjax.report import _tables
+from linkjax.report._cells import Cells
+from linkjax.scenes import loads_text
+from tests.test_cli_at import SLIDER_CRANK
+
+
+def synthetic(force: float, error: float, least: float, torque: float = 0.0, mean: float = 0.0) -> dict:
+    """A document of one joint whose force lies between two sizes, beside one of 1 kN, and of the drive torque."""
+    angles = np.linspace(0.0, 6.0, 12)
+    size = np.linspace(least, force, 12) if math.isfinite(force) else np.full(12, math.nan)
+    joint = {"fx": 0.6 * size, "fy": -0.8 * size, "moment": 0.0 * size}
+    peaks = {
+        "reaction.B.rod": {"value": force, "angle": 1.0, "error": error},
+        "reaction.C.rod": {"value": 1000.0, "angle": 2.0, "error": 1e-9},
+        "drive_torque": {"value": torque, "angle": 3.0, "error": 1e-9},
+    }
+    return {
+        "angles": angles, "points": {"B": {"x": np.cos(angles), "y": np.sin(angles)}}, "peaks": peaks,
+        "reduced": {"inertia": np.ones(12)}, "model": {"constant_speed": False},
+        "motion": {"mean_speed": 10.0, "drive_torque_mean": mean}, "forces": {"reactions": {"B": {"rod": joint}}},
+    }  # fmt: skip
+
+
+def told(key: str, *numbers: float) -> tuple[float, bool]:
+    """The value told of a peak, and whether it has an angle."""
+    value, angle, _ = peak_told(synthetic(*numbers), key)
+    return value, math.isfinite(angle)
+
+
+def test_peaks():
+    assert told("reaction.B.rod", 5.0, 1e-6, 1.0) == (5.0, True)
+    assert told("reaction.B.rod", 5.0, 1e-6, 5.0 - 1e-7) == (5.0, False)  # the same everywhere, within its error
+    assert told("reaction.B.rod", 5.0, 1e-6, 5.0 - 1e-5) == (5.0, True)
+    assert told("reaction.B.rod", 1e-10, 1e-20, 0.0) == (0.0, False)  # rounding beside 1 kN
+    assert told("reaction.B.rod", 5.0, 6.0, 0.0) == (0.0, False)  # below its error
+    assert told("reaction.B.rod", math.inf, 1.0, 0.0) == (math.inf, True)  # no bound, at a change point
+    assert told("reaction.B.rod", 5.0, math.inf, 0.0)[0] == 5.0
+    assert told("drive_torque", 5.0, 1.0, 0.0, 360.0, -360.0) == (360.0, False)
+    assert told("drive_torque", 5.0, 1.0, 0.0, 360.0, 359.0) == (360.0, True)
+    assert told("drive_torque", 5.0, 1.0, 0.0, 1e-14, 1e-14) == (0.0, False)
+
+
+def test_measures_of_an_optimisation():
+    units = {"mean_drive_torque": "N m", "peak_drive_torque": "N m", "delta": "1", "peak_reaction": "N"}
+    before = {"mean_drive_torque": 1e-15, "peak_drive_torque": -8.0, "delta": 0.1, "peak_reaction": None}
+    found = measure_scales({"units": units, "before": before, "after": {**before, "peak_drive_torque": 2.0}})
+    assert found == {"N": 0.0, "N m": 8.0, "W": 0.0}
+    assert Cells().several([1e-15, 0.0], "N m", 5, found["N m"])[0].text == "0 N·m"
+
+
+def test_the_report_of_a_machine_that_idles():
+    """Without load or weight neither the constant torque nor its power is anything but zero."""
+    scene = loads_text(SLIDER_CRANK)
+    data = document(lj.analyse(scene, angles=36))
+    text = _tables.results(Cells(), data, scene) + re.sub(r"± ?[^<]*", "", _tables.peaks(Cells(), data))
+    row = re.search(r"drive torque</th>(.*?)</tr>", _tables.peaks(Cells(), data))
+    assert row and re.findall(r">([^<]*)</td>", row[1])[0] == "0 N·m"
+    assert re.search(r"drive torque, constant</th><td[^>]*>0 N·m<", text)
+    assert re.search(r"drive power, mean</th><td[^>]*>0 W<", text)
+    assert not re.search(r"\d (nN|nW|µW)", text)
