@@ -67,7 +67,7 @@ def _reason(cycle: Cycle, code: Result, wheel: str) -> str:
         return f"{why}. Give {'the crank or the flywheel' if shaft else 'what the drive moves'} an inertia{wheel}."
     if code is Result.INTEGRATION_FAILED or steady is None:
         return f"no actual motion: {MESSAGES[Result.INTEGRATION_FAILED]}"
-    nominal, lowest = (f"{float(speed):.4g} rad/s" for speed in (cycle.scene.speed, steady.lowest_mean_speed))
+    nominal, lowest = (f"{float(speed):.6g} rad/s" for speed in (cycle.scene.speed, steady.lowest_mean_speed))
     degrees = float(jnp.degrees(steady.angle_of_least_work))
     add = "add a flywheel" if shaft else "add inertia to what the drive moves"
     return (

@@ -16,6 +16,7 @@ from linkjax import __version__
 from linkjax._compile import keep_in
 from linkjax._config import cache_folder, enable_x64
 from linkjax._display import Numbers
+from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._units import QuantityError, display_units, quantity
 from linkjax.analysis import analyse, at_acceleration, document, explain, pick, plain
@@ -216,8 +217,9 @@ def analyse_command(
         print_at(document(here, scene, __version__), machine, shown, given is not None)
     if out:
         write_out(data, machine, out, units=units)
-    if cycle.missing is not None and cycle.missing.fails:
-        raise typer.Exit(1)
+    if cycle.missing is not None and cycle.missing.fails:  # all else is there
+        title = f"Scene {machine.title!r}: " if machine.title else ""
+        raise MachineError(retold(f"{title}{cycle.missing.reason}", shown), Result.NO_PERIODIC_REGIME)
 
 
 def acceleration_of(text: str | None, at: bool) -> float | None:

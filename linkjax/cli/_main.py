@@ -1,7 +1,8 @@
 """The entry point: what every command ends in.
 
-Exit codes: 0 done, 1 the machine cannot do it (cannot be assembled, no periodic regime, no inertia; limits that clash),
-2 bad input, 130 an optimisation that was interrupted (its best design is written).
+Exit codes: 0 done, 1 the machine cannot do it (cannot be assembled, no steady motion at this speed, then all else is
+printed and written; limits that clash), 2 bad input, 130 an optimisation that was interrupted (its best design is
+written).
 """
 
 from __future__ import annotations

@@ -169,11 +169,11 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
     limit, of = check_limit(data), f"{which}: " if which else ""
     if not all(value <= limit for value in data["checks"].values() if value is not None):  # a NaN is no pass either
         console.print(f"WARNING: {of}a check is above {limit:g}; do not trust these figures", style="bold red")
-    if data["result"]["code"]:
-        message = retold(data["result"]["message"], show)
+    message, still = retold(data["result"]["message"], show), data["model"]["motion"] == "none"
+    if still and not data["result"]["code"]:
+        console.print(f"NOTE: {of}{message}", markup=False, highlight=False)
+    elif data["result"]["code"] and (which or not still):  # of one machine that is the last line
         console.print(f"WARNING: {of}{message}", style="bold", markup=False, highlight=False)
-    elif data["model"]["motion"] == "none":
-        console.print(f"NOTE: {of}{retold(data['model']['why'], show)}", markup=False, highlight=False)
 
 
 def _digits(value: float, error: float) -> str:

@@ -197,5 +197,5 @@ def test_files_of_a_part_are_the_same_every_time(tmp_path):
     scene, data = analysed("slider-crank")
     part = {key: data[key] for key in ("angles", "reduced", "flywheel")}
     first, second = (viz.write_figures(part, scene, tmp_path / name) for name in "ab")
-    assert [path.name for path in first] == ["inertia.png", "inertia.svg"]
+    assert [path.name for path in first] == ["inertia.png", "inertia.svg", "torque.png", "torque.svg"]
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
