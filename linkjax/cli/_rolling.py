@@ -13,6 +13,7 @@ from rich.text import Text
 import linkjax
 from linkjax import __version__
 from linkjax._display import NONE, Numbers
+from linkjax._results import MachineError
 from linkjax.analysis import plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import write_text
@@ -57,7 +58,10 @@ def analyse_rolling(
         write_text(json_file, json.dumps(plain(data), allow_nan=False))
     if csv_folder:
         _write_csv(data, csv_folder)
-    check(machine.design)
+    try:
+        check(machine.design)
+    except MachineError as error:
+        raise MachineError(f"Scene {machine.title or name!r}: {error}", error.result) from error
     _print(tidy(data), machine, show)
     if out:
         with elapsed("drawing"):  # the rooms load matplotlib, so only when drawing

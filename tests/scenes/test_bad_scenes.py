@@ -479,7 +479,7 @@ def test_what_is_not_refused_is_analysed(name):
 
 
 COMMANDS = {  # text of the file, exit code, part of what is said
-    "misspelt": (edit("four-bar", "[links.crank]", "[link.crank]"), 2, "link = "),
+    "misspelt": (edit("four-bar", "[links.crank]", "[link.crank]"), 2, "link: not a known key; did you mean 'links'?"),
     "broken": (text_of("four-bar")[:300], 2, "line "),
     "empty": ("", 2, "the scene is empty"),
     "wrong unit": (edit("toggle-press", '"417 mm"', '"417 kg"'), 2, "links.rod.length"),
@@ -487,7 +487,7 @@ COMMANDS = {  # text of the file, exit code, part of what is said
     "loose": (DRAWN["a link that hangs loose"][0], 2, "tie can still move"),
     "two bodies": (ROLLING["two bodies"][0], 2, "bodies = 2"),
     "rings that do not close": (
-        edit("rolling-prototype", 'inner_radius = "40 mm"', 'inner_radius = "50 mm"'),
+        edit("rolling-prototype", 'inner_radius = "40 mm"', 'inner_radius = "40 mm"\nouter_radius = "80 mm"'),
         1,
         "clos",
     ),
