@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple, SupportsFloat
@@ -13,6 +14,9 @@ NONE = "–"
 NO_BOUND = "∞"
 PLAIN = str.maketrans({"·": " ", "²": "^2", "³": "^3"})
 ROUNDING = 1e-12  # of a sum's parts: what is left of a sum that is zero
+NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+AMOUNT = re.compile(rf"(?<![\w.])({NUMBER})(?: to ({NUMBER}))? (m|rad/s|rad|degrees)(?![\w/^²])")
+QUOTED = re.compile(r"""("[^"]*"|(?<!\w)'[^']*')""")
 Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
 
 
@@ -174,3 +178,27 @@ def number(value: float, digits: int = 4) -> str:
 def turning(units: Units | None = None) -> tuple[float, str]:
     """Factor and label of speeds of rotation: revolutions per minute, unless another unit was chosen."""
     return (units or {}).get("rad/s", (30 / math.pi, "rpm"))
+
+
+def retold(message: str, show: Numbers) -> str:
+    """A message with its lengths and angles in other units; what stands in quotes is left as it is."""
+    parts = QUOTED.split(message)
+    return "".join(part if i % 2 else AMOUNT.sub(lambda found: _amount(found, show), part)
+                   for i, part in enumerate(parts))  # fmt: skip
+
+
+def _amount(found: re.Match[str], show: Numbers) -> str:
+    texts = [text for text in found.groups()[:2] if text is not None]
+    values, unit = [float(text) for text in texts], found[3]
+    if unit == "degrees":
+        if "rad" not in show.units:
+            return found[0]
+        values = [math.radians(value) for value in values]
+    size = max(abs(value) for value in values)
+    if unit == "m":
+        factor, label = prefixed(size, "m", show.units)
+    else:
+        factor, label = turning(show.units) if unit == "rad/s" else show.units.get("rad", (180 / math.pi, "°"))
+    digits = max(4, *(len(text.partition("e")[0].lstrip("-0.").replace(".", "")) for text in texts))
+    told = " to ".join(short(float(f"{factor * value:.{digits}g}")) for value in values)
+    return f"{told}{'' if label == '°' else ' '}{label}"

@@ -2,10 +2,10 @@
 
 import pytest
 
-from linkjax._display import Numbers
+from linkjax._display import Numbers, retold
 from linkjax._results import MachineError, Result
 from linkjax._units import display_units
-from linkjax.cli._said import messages_in, retold
+from linkjax.cli._said import messages_in
 from linkjax.scenes import SceneError
 
 

@@ -15,7 +15,7 @@ from rich.text import Text
 from linkjax import __version__
 from linkjax._compile import keep_in
 from linkjax._config import cache_folder, enable_x64
-from linkjax._display import Numbers
+from linkjax._display import Numbers, retold
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._units import QuantityError, display_units, quantity
@@ -37,7 +37,7 @@ from linkjax.cli._options import (
 from linkjax.cli._print import print_assemblies, print_scene, print_structure, print_summary
 from linkjax.cli._print_at import print_at
 from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling, structure_of
-from linkjax.cli._said import messages_in, retold, units_for
+from linkjax.cli._said import messages_in, units_for
 from linkjax.cli._write import write_csv, write_out
 from linkjax.kinematics import assemblies, open_at_start
 from linkjax.mechanism import structure

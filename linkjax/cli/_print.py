@@ -9,7 +9,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from linkjax._display import NONE, Numbers, above
+from linkjax._display import NONE, Numbers, above, retold
 from linkjax.analysis import (
     CONSTANT,
     check_limit,
@@ -22,7 +22,6 @@ from linkjax.analysis import (
     uneven,
 )
 from linkjax.cli._console import console
-from linkjax.cli._said import retold
 from linkjax.groups import Crank, General
 from linkjax.kinematics import Assemblies
 from linkjax.machine import Scene

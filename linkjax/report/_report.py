@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from linkjax._display import retold
 from linkjax._units import display_units
 from linkjax.machine import Scene
 from linkjax.report import _optimum, _tables
@@ -111,7 +112,7 @@ def write_report(
         title=escape(title),
         css=(HERE / "page.css").read_text(encoding="utf-8"),
         lead=escape(f"{scene.mechanism.formula()}, at {_tables.nominal(show, scene)}"),
-        verdict="\n".join(_verdicts(optimum, data, before)),
+        verdict="\n".join(_verdicts(show, optimum, data, before)),
         nav=" ".join(f'<a href="#{name.lower()}">{name}</a>' for name in sections),
         body="\n".join(f'<section id="{n.lower()}"><h2>{n}</h2>\n{text}</section>' for n, text in sections.items()),
         program=_program(view) if view else "",
@@ -136,18 +137,19 @@ def figure_html(text: str, name: str, caption: str) -> str:
     return f"<figure>{inline_svg(text, name, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def _verdict(result: Data) -> str:
+def _verdict(show: Cells, result: Data) -> str:
     look = "good" if int(result.get("code", 0)) == 0 else "bad"
-    return f'<p class="verdict {look}">{escape(str(result.get("message", "")))}</p>'
+    message = retold(str(result.get("message", "")), show)
+    return f'<p class="verdict {look}">{escape(message[:1].upper() + message[1:])}</p>'
 
 
-def _verdicts(optimum: Data | None, data: Data, before: tuple[Data, Scene] | None) -> list[str]:
+def _verdicts(show: Cells, optimum: Data | None, data: Data, before: tuple[Data, Scene] | None) -> list[str]:
     """How the search went, the machine itself, and what is wrong with the one before, if anything is."""
     found = [of.get("result") or {} for of in (optimum, data) if of]
     old = before[0].get("result") or {} if before else {}
     if old.get("code"):
         found.append({**old, "message": f"Before: {old['message']}"})
-    return [_verdict(result) for result in found]
+    return [_verdict(show, result) for result in found]
 
 
 def _optimisation(show: Cells, optimum: Data) -> str:

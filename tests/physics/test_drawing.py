@@ -430,3 +430,29 @@ def test_what_cannot_be_assembled_is_told_in_lengths():
     said = open_at_start(press(E=(0.3, -1.2), drawn={"E": (1.3, 0.8), "U": (1.5, 0.2)}))
     told = r"its pin 'E' is [\d.]+ m off the path of 'U', and 'rod' \(0.5 m\) does not reach that far"
     assert re.fullmatch(rf"'rod-ram' cannot be .* \((left|right)\): {told}", said)
+
+
+@pytest.mark.slow
+def test_a_machine_whose_numbers_changed_since_it_was_sketched():
+    """Written, it is sketched where it is now, where the sketch that it has would be refused."""
+    scene = lj.load("elliptic-trammel")
+    group = scene.mechanism.groups[0]
+    assert isinstance(group, General) and group.drive is not None
+    moved = dataclasses.replace(group, drive=dataclasses.replace(group.drive, phase=math.radians(160.0)))
+    other = scene.with_mechanism(Mechanism(scene.mechanism.fixed, scene.mechanism.links, [moved]))
+    text = text_of(other)
+    with pytest.raises(ValueError, match=r"drive\.phase"):
+        loads_text(text[: text.index("[sketch]")] + text_of(scene)[text_of(scene).index("[sketch]") :])
+    names = ("X", "Y", "Q")
+    assert places(loads_text(text).mechanism, names) == pytest.approx(places(other.mechanism, names), abs=1e-15)
+    assert places(other.mechanism, "Y")["Y"] == pytest.approx(0.3j * math.sin(math.radians(160.0)), abs=1e-12)
+
+
+def test_a_mass_belongs_to_the_reference_length_that_is_given():
+    """Where the length itself comes from the sketch."""
+    coupler = Link(mass=2.0, reference_length=1.0, mass_properties="scaled", pins=("B", "C"))
+    links = {"crank": Link(length=0.1, pins=("A", "B")), "rocker": Link(length=0.25, pins=("D", "C"))}
+    made = linkage(
+        {"A": (0, 0), "D": (0.35, 0)}, links | {"coupler": coupler}, Drive("crank"), sketch={"C": (0.3, 0.25)}
+    )
+    assert float(made.links["coupler"].actual().mass) == pytest.approx(2.0 * math.hypot(0.2, 0.25), rel=1e-14)
