@@ -167,7 +167,10 @@ def _sketch(mechanism: Mechanism, as_sketched: bool) -> Mapping[str, Vec]:
     sketches = [getattr(group, "sketch", {}) for group in mechanism.groups] if as_sketched else []
     given = {p: at for sketch in sketches for p, at in sketch.items()}
     here = pose(prepared(mechanism), jnp.zeros(())).points
-    names = dict.fromkeys(pin for pins in pins_of(mechanism).values() for pin in pins if pin not in mechanism.fixed)
+    chains = [group for group in mechanism.groups if isinstance(group, groups.General)] if as_sketched else []
+    blank = {p for group in chains for _, pins in group.members for p in pins if p not in given}  # and stays so
+    every = dict.fromkeys(pin for pins in pins_of(mechanism).values() for pin in pins)
+    names = [pin for pin in every if pin not in mechanism.fixed and pin not in blank]
     return {name: given.get(name, here[name].r) for name in names} | {n: a for n, a in given.items() if n not in names}
 
 

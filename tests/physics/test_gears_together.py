@@ -126,7 +126,7 @@ def test_the_remedy_is_for_what_was_drawn():
     assert float(here.links["arm"].angle[0]) == pytest.approx(math.atan2(0.1, 0.001), abs=1e-5)
 
 
-@pytest.mark.parametrize(("phase", "told"), [(1.0, "'arm' is at -28.64"), (3.0, "'arm' is at -85.94")])
+@pytest.mark.parametrize(("phase", "told"), [(1.0, "'planet' is at -28.64"), (3.0, "'planet' is at -85.94")])
 def test_a_drive_on_the_arm_has_a_phase_too(phase, told):
     """The planet is driven against the arm: its phase and that of its teeth leave one place for both."""
     links = {name: dataclasses.replace(SUN[name], centre_name="") for name in ("arm", "planet")}
