@@ -185,6 +185,8 @@ def _element(element: str, table: Any) -> Path:
         name = element.split(" ")[-1]
         every = [(key, i, entry) for key in ("gears", "racks") for i, entry in enumerate(table.get(key, []))]
         return next((key, i) for key, i, entry in every if entry["link"] == name or entry["to"] == name)
+    if element == "drive.law" and "stroke" in table["drive"]:
+        return ("drive", "stroke")
     steps = re.findall(r"[\w-]+", element.split(" ")[0])
     return tuple(int(step) if step.isdigit() and n == 1 and steps[0] in ("groups", "loads") else step
                  for n, step in enumerate(steps))  # fmt: skip
