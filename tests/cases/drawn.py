@@ -250,3 +250,11 @@ class Figure:
         found = root(left, np.concatenate([x, null, [phi]]), tol=1e-13)
         assert abs(found.x[-1] - phi) < 100 * NEAR
         return float(found.x[-1])
+
+
+def circles(one, reach, other, far, side: int):
+    """Where two circles cross, to the left (+1) or right (-1) of the line from the first centre to the second."""
+    line = other - one
+    apart = np.abs(line)
+    foot = (apart**2 + reach**2 - far**2) / (2 * apart)
+    return one + line / apart * (foot + 1j * side * np.sqrt(reach**2 - foot**2))
