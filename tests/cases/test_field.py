@@ -1,4 +1,4 @@
-# pyright: reportOptionalMemberAccess=false
+# pyright: reportOptionalMemberAccess=false, reportArgumentType=false
 """Machines from public exercises, examples and reports of errors, against closed forms and what the source printed."""
 
 from __future__ import annotations
@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +33,7 @@ def lengths(machine: lj.Scene) -> dict[str, float]:
     return {name: float(link.length) for name, link in machine.mechanism.links.items()}
 
 
-def places(machine: lj.Scene, angles) -> dict[str, np.ndarray]:
+def places(machine: lj.Scene, angles) -> dict[str, Any]:
     """Places of all points at crank angles."""
 
     def at(phi):
