@@ -186,7 +186,7 @@ class Figure:
     def jacobian(self, x: np.ndarray, phi: float, begun: np.ndarray) -> np.ndarray:
         """By steps along the imaginary axis, exact to rounding."""
         many = x[:, None] + 1e-30j * np.eye(len(x))
-        return self.open(many, phi, begun[:, None].astype(complex)).imag * 1e30
+        return np.imag(self.open(many, phi, begun[:, None].astype(complex))) * 1e30
 
     # ---- motion
 
