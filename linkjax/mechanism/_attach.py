@@ -35,7 +35,10 @@ from linkjax.groups import (
 from linkjax.mechanism._drawing import Drawing
 from linkjax.mechanism._geared import Wheels
 from linkjax.mechanism._mechanism import StructureError
+from linkjax.mechanism._sketched import UNSURE
 from linkjax.mechanism._start import number
+
+Path = tuple[complex, complex]
 
 
 class Attachment:
@@ -149,6 +152,15 @@ class Attachment:
         places = self.drawing.places(link)
         return places[two] - places[one]
 
+    def _check_told(self, pin: str, drawn: float, true: float, path: Path) -> None:
+        """Raise `StructureError` for a pin of a dyad that may be at either of two places, by so much (m) to both sides
+        of one, and that is sketched in the middle."""
+        if true > self.drawing.slack and abs(drawn) < UNSURE * true:
+            one, two = (path[0] + sign * true * path[1] for sign in (1, -1))
+            where = [f"({at.real + 0.0:.4g}, {at.imag + 0.0:.4g}) m" for at in (one, two)]
+            problem = f"is between the two places that the lengths leave to {pin!r}, {' and '.join(where)}"
+            raise StructureError(f"sketch.{pin}", problem, "sketch it nearer to the one that is meant")
+
     def _rrr(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup:
         drawing = self.drawing
         a, b, meet = (
@@ -159,7 +171,9 @@ class Attachment:
         r = abs(b - a)
         foot = 0.5 * (r * r + abs(arms[0]) ** 2 - abs(arms[1]) ** 2) / r if r else 0.0
         if r and abs(foot) <= abs(arms[0]):
-            meet = a + (b - a) / r * complex(foot, side * math.sqrt(abs(arms[0]) ** 2 - foot**2))
+            along, aside = (b - a) / r, math.sqrt(abs(arms[0]) ** 2 - foot**2)
+            self._check_told(inner.name, ((meet - a) / along).imag, aside, (a + along * foot, 1j * along))
+            meet = a + along * complex(foot, side * aside)
             drawing.place(part[0], first.name, a, _turn(meet - a, arms[0]))
             drawing.place(part[1], second.name, b, _turn(meet - b, arms[1]))
         return RRR(part, first.name, second.name, inner.name, side)
@@ -173,7 +187,10 @@ class Attachment:
         side = 1 if ((drawing.spot(inner.name, rod) - a) / along).real >= 0 else -1
         arm, foot = self._span(rod, first.name, inner.name), (a - base) / along
         if abs(foot.imag) <= abs(arm):
-            end = base + along * (foot.real + side * math.sqrt(abs(arm) ** 2 - foot.imag**2))
+            ahead = math.sqrt(abs(arm) ** 2 - foot.imag**2)
+            drawn = ((drawing.spot(inner.name, rod) - base) / along).real - foot.real
+            self._check_told(inner.name, drawn, ahead, (base + along * foot.real, along))
+            end = base + along * (foot.real + side * ahead)
             drawing.place(rod, first.name, a, _turn(end - a, arm))
             drawing.place(block, inner.name, end, along)
         return RRP(rod, block, first.name, inner.name, guide, side)
@@ -226,9 +243,6 @@ class Attachment:
             at = base + along * ((other - base).conjugate() * across).imag / sine
             for block, turn in zip(blocks, (along, across), strict=False):
                 self.drawing.place(block, point, at, turn)
-
-
-Path = tuple[complex, complex]
 
 
 def _turn(true: complex, own: complex) -> complex:

@@ -16,7 +16,7 @@ from linkjax.mechanism._mechanism import Mechanism, StructureError
 from linkjax.mechanism._passive import dispensable, misfit, passive_group
 from linkjax.mechanism._sides import Sides, with_sides
 from linkjax.mechanism._sketched import allowed, check_reach, check_sketch
-from linkjax.mechanism._start import check_guides, settled
+from linkjax.mechanism._start import check_guides, settled, spots_with_crank
 
 MOST_TOLD = 6  # joints in a message
 
@@ -56,7 +56,7 @@ def linkage(
     for name, given in (sides or {}).items():
         if name not in drawing.links:
             raise StructureError(f"links.{name}.sides", "is no link", nearest(name, drawing.links))
-        drawing.links[name] = with_sides(name, drawing.links[name], given, drawing.spots)
+        drawing.links[name] = with_sides(name, drawing.links[name], given, spots_with_crank(drawing, drive))
     check_sketch(drawing, spots)
     drawing.slack = allowed(drawing)
     drive = _of_block(drive, slots)

@@ -12,6 +12,7 @@ from linkjax._types import known as number_of
 from linkjax._vec import Vec
 from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
+from linkjax.mechanism._sketched import ROUGH, UNSURE
 
 Sides = Mapping[tuple[str, str], float]
 FLAT = 1e-9  # of a side: how much longer than the other two together rounding may make it
@@ -96,5 +97,10 @@ def _third(
     if missing:
         problem = f"nothing says on which side of the line from {one!r} to {two!r} the pin {pin!r} lies"
         raise StructureError(where, problem, f"sketch {', '.join(missing)}")
-    left = ((spots[two] - spots[one]).conjugate() * (spots[pin] - spots[one])).imag >= 0
-    return places[one] + base / length * complex(foot, math.sqrt(max(square, 0.0)) * (1 if left else -1))
+    aside, line = math.sqrt(max(square, 0.0)), spots[two] - spots[one]
+    drawn = (line.conjugate() * (spots[pin] - spots[one])).imag / abs(line) if line else 0.0
+    size = max(abs(here - there) for here in spots.values() for there in spots.values())
+    if aside > ROUGH * size and abs(drawn) < UNSURE * aside:
+        problem = f"puts {pin!r} {aside:.4g} m beside the line from {one!r} to {two!r}, and the sketch has it on it"
+        raise StructureError(where, problem, f"sketch {pin!r} on the side that is meant")
+    return places[one] + base / length * complex(foot, aside if drawn >= 0 else -aside)

@@ -13,6 +13,7 @@ from linkjax.mechanism._mechanism import StructureError
 
 OUT_OF_SCALE = 5.0  # how many times too large or too small no rough sketch is; a centimetre has 10 mm, an inch 25.4
 ROUGH = 0.1  # of the drawing's size: how far off a point may be sketched
+UNSURE = 0.1  # of the way to one of two places: where a sketch in the middle tells none of them
 TRUE = 1e-3  # of the drawing's size: and in a drawing that is true to scale
 PLAIN = 0.05  # of the drawing's size: the smallest height of three points that plainly turn one way round
 FAR = 20.0  # times the extent of all else: where no pin can be that something else hangs on

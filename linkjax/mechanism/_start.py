@@ -44,6 +44,18 @@ def settled(drawing, drive: Drive, driven: Pair) -> Drive:
     return found
 
 
+def spots_with_crank(drawing, drive: Drive) -> dict[str, complex]:
+    """Where points are drawn (m), and those of a crank whose length and phase are given."""
+    if drive.phase is None or drive.law is not None or drive.link not in drawing.links:
+        return drawing.spots
+    copy = dataclasses.replace(drawing, links=dict(drawing.links), spots=dict(drawing.spots))
+    try:
+        copy.place_drive(drive)
+    except StructureError:  # it is not known yet, and will be told where it is needed
+        return drawing.spots
+    return copy.spots | drawing.spots
+
+
 def check_guides(drawing) -> None:
     """Raise `StructureError` for a block that is drawn beside its guide."""
     for slot in drawing.slots:

@@ -172,6 +172,8 @@ def from_structure(error: StructureError, source: str, table: Any) -> SceneError
     if isinstance(element, dict):  # a link may have the name of a choice, e.g. "left"
         element = dict(sorted(element.items(), key=lambda item: item[0] in CHOICES))
     inner = _holder(element, quoted[0]) if quoted else None
+    if own := re.match(r"with this (phase|start)\b", error.problem):
+        inner = own.groups()
     return fault(source, table, (*path, *(inner or ())), error.problem, error.remedy)
 
 
@@ -183,8 +185,11 @@ def _element(element: str, table: Any) -> Path:
         return ("slots", next(i for i, slot in enumerate(table["slots"]) if slot["block"] == block))
     if element.startswith(("gear of ", "rack ")):
         name = element.split(" ")[-1]
-        every = [(key, i, entry) for key in ("gears", "racks") for i, entry in enumerate(table.get(key, []))]
-        return next((key, i) for key, i, entry in every if entry["link"] == name or entry["to"] == name)
+        keys = ("racks", "gears") if element.startswith("rack ") else ("gears", "racks")
+        every = [(key, i, entry) for key in keys for i, entry in enumerate(table.get(key, []))]
+        return next((key, i) for end in ("link", "to") for key, i, entry in every if entry[end] == name)
+    if element == "drive.law" and "stroke" in table["drive"]:
+        return ("drive", "stroke")
     steps = re.findall(r"[\w-]+", element.split(" ")[0])
     return tuple(int(step) if step.isdigit() and n == 1 and steps[0] in ("groups", "loads") else step
                  for n, step in enumerate(steps))  # fmt: skip
