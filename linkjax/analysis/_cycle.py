@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.forces import Forces
-from linkjax.groups import FITS, Course, Crank, Gear, General, Pinion, Rack, Track, followed, slow
+from linkjax.groups import FITS, RRP, RRR, Course, Crank, Gear, General, Pinion, Rack, Track, followed, slow
 from linkjax.kinematics import Least, Pose, Reversals, crank_limits, lost_at_start, named_groups, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -194,7 +194,12 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
         where = _where_it_can(cycle)
         names_none = isinstance(named_groups(cycle.scene.mechanism)[group], General)
         return what, (where or "Change lengths of its links.") if names_none else where + LENGTHS
-    return f"has a change point at {place}: its two assemblies meet there, and which it takes is chance", ""
+    remedy = ""
+    if isinstance(named_groups(cycle.scene.mechanism)[group], RRR | RRP):
+        drawn = any(link.pins for link in cycle.scene.mechanism.links.values())
+        where = "at the top of the scene" if drawn else "in the group"
+        remedy = f'Write branch = "continue" {where} to go on smoothly, or change a length.'
+    return f"has a change point at {place}: its two assemblies meet there, and which it takes is chance", remedy
 
 
 def _where_it_can(cycle: Cycle) -> str:

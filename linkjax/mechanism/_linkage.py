@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
@@ -31,6 +32,7 @@ def linkage(
     gears: Iterable[GearPair] = (),
     racks: Iterable[RackPair] = (),
     sides: Mapping[str, Sides] | None = None,
+    branch: Literal["fixed", "continue"] = "fixed",
 ) -> Mechanism:
     """A mechanism from links and joints: mobility is checked, and the Assur groups are found.
 
@@ -42,12 +44,14 @@ def linkage(
     have the drive its phase or the start of its law, gears their phases and racks their starts, where these are None. A
     machine drawn by coordinates alone has every joint where it is drawn. `sides` gives links of three or more pins by
     the distances between their pins (m), e.g. `{"plate": {("E", "F"): 0.25, ("F", "G"): 0.18, ("G", "E"): 0.3}}`; the
-    sketch says on which side the third pin lies.
+    sketch says on which side the third pin lies. With `branch` "continue" dyads go on smoothly through change points.
 
     Raises `StructureError`, naming links and joints, where the parts do not hang together, hold each other fast, are
     left loose or are not driven, where the sketch does not say enough, and where a number that is given disagrees with
     it: in a drawing that is true to scale by more than 1e-3 of its size, in a rough one by more than a tenth.
     """
+    if branch not in ("fixed", "continue"):
+        raise StructureError("branch", f"is {branch!r}", 'write "fixed" or "continue"')
     slots, spots = tuple(slots), {name: complex_of(f"sketch.{name}", at) for name, at in (sketch or {}).items()}
     frame = {name: complex_of(f"fixed.{name}", at) for name, at in fixed.items()}
     ground = {name: Vec(at.real, at.imag) for name, at in frame.items()}
@@ -83,11 +87,12 @@ def linkage(
     for name in drawing.links:
         drawing.measure(name)
     groups = Attachment(drawing, drive).groups(parts)
+    if passive or branch == "continue":
+        groups = [_through(group) for group in groups]
     if passive:
         whole.spots = drawing.spots
         for link in passive:
             whole.measure(link)
-        groups = [_through(group) for group in groups]
         groups += [passive_group(link, whole) for link in passive]
         drawing.links = {name: drawing.links.get(name, whole.links[name]) for name in whole.links}
     return Mechanism(drawing.fixed, drawing.links, groups, flywheel)

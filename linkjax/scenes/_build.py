@@ -119,7 +119,9 @@ def _mechanism(model: file.SceneFile) -> Mechanism:
     slots = [slot.build() for slot in model.slots]
     gears, racks = [gear.build() for gear in model.gears], [rack.build() for rack in model.racks]
     sides = {name: _sides(name, link) for name, link in model.links.items() if link.sides}
-    return linkage(fixed, links, model.drive.build(turns), slots, model.sketch, flywheel, gears, racks, sides)
+    return linkage(
+        fixed, links, model.drive.build(turns), slots, model.sketch, flywheel, gears, racks, sides, model.branch
+    )
 
 
 def _sides(name: str, link: file.Link) -> dict[tuple[str, str], float]:

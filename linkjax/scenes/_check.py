@@ -57,7 +57,7 @@ def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
             for inner, problem, remedy in steep(rack.pressure_angle):
                 yield ("racks", number, *inner), problem, remedy
         return
-    for key in ("slots", "gears", "racks", "sketch"):
+    for key in ("slots", "gears", "racks", "sketch", "branch"):
         if key in model.model_fields_set:
             yield (key,), "has no effect in a scene with groups", f"delete {key}, or write a drive instead of groups"
     for name, link in model.links.items():

@@ -123,6 +123,9 @@ def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]
         table["drive"]["phase"] = in_angle(_phase(mechanism) if drive is None else drive.phase or 0.0)
     if law is not None:
         table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
+    passive = any(isinstance(group, groups.RR | groups.RP) for group in mechanism.groups)  # dyads go on by themselves
+    if not passive and any(getattr(group, "branch", "fixed") == "continue" for group in mechanism.groups):
+        table["branch"] = "continue"
     if slots:
         table["slots"] = [{"block": slot.block, "guide": Guide.keys_of(slot.guide)} for slot in slots]
     wheels = [wheel for group in mechanism.groups for wheel in group.wheels()]

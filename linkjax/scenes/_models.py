@@ -33,7 +33,7 @@ from linkjax.scenes._fields import (
     Turns,
     Weight,
 )
-from linkjax.scenes._groups import Group
+from linkjax.scenes._groups import BRANCH, Branch, Group
 from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._optimise import Optimise
 from linkjax.scenes._wheels import GearPair, RackPair
@@ -169,6 +169,7 @@ class SceneFile(Table):
     links: dict[Name, Link] = Field(description="the links by name")
     flywheel: Wheel = Field(Wheel(), description="rotating inertia on the crank shaft")
     groups: list[Group] = Field([], description="crank and structural groups in their order of attachment")
+    branch: Branch = BRANCH
     drive: Drive | None = Field(None, description="what drives, in a scene without groups")
     slots: list[Slot] = Field([], description="the sliding joints, in a scene without groups")
     gears: list[GearPair] = Field([], description="links in gear, in a scene without groups")

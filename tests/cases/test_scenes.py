@@ -14,7 +14,7 @@ import pytest
 
 import linkjax as lj
 from linkjax.kinematics import crank_limits, pose, prepared
-from linkjax.scenes import load
+from linkjax.scenes import load, loads_text, text_of
 from tests.cases.drawn import Figure
 from tests.physics import oracle
 
@@ -99,6 +99,19 @@ def test_a_crank_goes_as_far_as_its_loops_close(name):
 
 
 def test_a_parallelogram_that_nothing_holds_is_not_run_through_its_change_point():
-    """Two cranks and a coupler alone may go either way where they are stretched: that is said, with the angle."""
-    with pytest.raises(Exception, match=r"change point at 90\.00 degrees of crank angle \(stretched\)"):
+    """Two cranks and a coupler alone may go either way where they are stretched: that is said, with the angle, and with
+    the key that makes it go on as a parallelogram."""
+    told = (
+        r'change point at 90\.00 degrees of crank angle \(stretched\).* Write branch = "continue" at the top of the sce'
+    )
+    with pytest.raises(lj.MachineError, match=told):
         lj.analyse(machine("pyslvs-parallel"))
+    text = (SCENES / "pyslvs-parallel.toml").read_text(encoding="utf-8")
+    smooth = loads_text('branch = "continue"\n' + text)
+    again = loads_text(text_of(smooth))
+    phi = jnp.linspace(0.0, 2 * math.pi, 25)
+    for scene in (smooth, again):
+        ready = prepared(scene.mechanism)
+        points = jax.vmap(lambda phi, ready=ready: pose(ready, phi).points)(phi)
+        np.testing.assert_allclose(points["C"].r.x - points["B"].r.x, 0.1, rtol=1e-12)
+        np.testing.assert_allclose(points["C"].r.y - points["B"].r.y, 0.0, atol=1e-13)
