@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import linkjax as lj
+from linkjax._display import Numbers
 from linkjax.cli._print import print_warnings
 from linkjax.design import _optimise
 from linkjax.design._point import certify, look
@@ -257,8 +258,8 @@ def test_warnings_name_the_machine(capsys):
     """A machine before that does not run, and one after whose checks fail."""
     stuck = {"checks": {"energy_closure": 0.0}, "precision": "float64", "result": {"code": 3, "message": "Stuck."}}
     wrong = {"checks": {"energy_closure": math.nan}, "precision": "float64", "result": {"code": 0, "message": ""}}
-    print_warnings(stuck, "before")
-    print_warnings(wrong, "after")
+    print_warnings(stuck, Numbers(), "before")
+    print_warnings(wrong, Numbers(), "after")
     before, after = capsys.readouterr().out.splitlines()
     assert before == "WARNING: before: Stuck."
     assert after.startswith("WARNING: after: a check is above")

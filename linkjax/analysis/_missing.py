@@ -29,7 +29,8 @@ def massless(scene: Scene) -> bool:
 def only_what_exists(cycle: Cycle) -> Cycle:
     """The cycle, with `missing` and None for everything of the actual motion where that does not exist; under jax
     transformations, which cannot know, the cycle as it is."""
-    if isinstance(cycle.result, Tracer) or cycle.constant_speed or (code := Result(int(cycle.result))) not in NONE:
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle))
+    if traced or cycle.constant_speed or (code := Result(int(cycle.result))) not in NONE:
         return cycle
     wheels, steady = cycle.flywheel, cycle.steady
     needed = None if wheels is None else wheels.for_target_delta

@@ -22,7 +22,7 @@ from linkjax.analysis import (
     uneven,
 )
 from linkjax.cli._console import console
-from linkjax.groups import Crank, General
+from linkjax.groups import Crank, General, Harmonic
 from linkjax.kinematics import Assemblies
 from linkjax.machine import Scene
 from linkjax.mechanism import Mechanism, Structure
@@ -85,7 +85,10 @@ def _drive(mechanism: Mechanism, show: Numbers) -> str:
     phase = 0.0 if slides else float(getattr(drive or driver, "phase", None) or 0.0)
     begins = phase + (0.0 if law is None else law.begins())
     at = show.shown(begins, "m") if slides else show.turned(begins)
-    return f"{mechanism.crank}{on}, at {at} at crank angle zero"
+    ends = ""
+    if isinstance(law, Harmonic):
+        ends = f", to {show.shown(law.stop, 'm') if slides else show.turned(phase + float(law.stop))} and back"
+    return f"{mechanism.crank}{on}, at {at} at crank angle zero{ends}"
 
 
 def print_structure(found: Structure) -> None:
@@ -126,6 +129,8 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks if value is not None)
     console.print(f"\nchecks     {residuals}", highlight=False)
     print_warnings(data, show)
+    if data["model"]["motion"] == "constant speed" and machine.target_delta is not None:
+        console.print("NOTE: at constant speed no flywheel is looked for", highlight=False)
     if moves(data) and run["delta_error"] > max(COARSE * run["delta"], EVEN):
         more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
         console.print(f"WARNING: {more}", style="bold", highlight=False)
@@ -168,7 +173,7 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
     limit, of = check_limit(data), f"{which}: " if which else ""
     if not all(value <= limit for value in data["checks"].values() if value is not None):  # a NaN is no pass either
         console.print(f"WARNING: {of}a check is above {limit:g}; do not trust these figures", style="bold red")
-    message, still = retold(data["result"]["message"], show), data["model"]["motion"] == "none"
+    message, still = retold(data["result"]["message"], show), data.get("model", {}).get("motion") == "none"
     if still and not data["result"]["code"]:
         console.print(f"NOTE: {of}{message}", markup=False, highlight=False)
     elif data["result"]["code"] and (which or not still):  # of one machine that is the last line

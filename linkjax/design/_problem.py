@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import largest, smallest
+from linkjax.analysis import massless
 from linkjax.design._names import DesignError, Number, changed, number
 from linkjax.design._terms import TODAY, Limit, Term, at_least
 from linkjax.machine import Scene
@@ -22,6 +23,7 @@ from linkjax.motion import Rows, watched
 
 ASSEMBLED = 1e-3  # the least assembly margin of a design that counts as assembled
 SLIGHT = 1e-6  # of what the free numbers can do: a bound so close to zero is no measure
+FLYWHEEL = "flywheel_for_target_delta"  # a measure of machines without any inertia, too
 RUNNING = 1e-3  # the least regime margin of one that counts as running
 
 
@@ -110,6 +112,8 @@ class Problem:
         self.asked: list[Limit] = [goal, *limits]
         self._true_motion, self._assembled = False, len(self.asked)
         self._shapes()  # learns whether the true motion is needed
+        if self._true_motion:
+            self._check_moves()
         taken = {limit.name for limit in limits}
         needed = [(smallest_margin, ASSEMBLED), *([(regime_margin, RUNNING)] if self._true_motion else [])]
         for margin, least in needed:
@@ -202,6 +206,23 @@ class Problem:
                 why = f"the unchanged machine does not run, its regime margin is {margins[1]:.3g}"
             if why:
                 raise DesignError(limit.name, f"has no value today: {why}", "write a number as its bound")
+
+    def _check_moves(self) -> None:
+        """Raise `DesignError` for a measure of the actual motion where there is none whatever the design."""
+        scene = self.scene
+        names = [name for v in self.variables for name in (v.name, *(v.tied or ()))]
+        names += [name for case in self.cases for name in case.changes]
+        heavy = any(word in name for name in names for word in ("mass", "inertia", "density", "area", "weights"))
+        lifeless = massless(scene) and not heavy and not scene.mechanism.prescribed
+        if not (scene.constant_speed or lifeless):
+            return
+        asked = [limit for limit in self.asked if limit.name != FLYWHEEL and self._of_motion(limit)]
+        if asked:
+            why, remedy = "nothing has a mass", "give masses, or a flywheel"
+            if scene.constant_speed:
+                why, remedy = "the scene asks for constant speed", "delete constant_speed"
+            problem = f"belongs to the actual motion, but {why}"
+            raise DesignError(asked[0].name, problem, f"{remedy}, or name a measure at constant speed")
 
     def _of_motion(self, limit: Limit) -> bool:
         """Whether a limit asks for the true motion."""

@@ -41,13 +41,13 @@ class GearPair(eqx.Module):
 class RackPair(eqx.Module):
     """The block `link` of a slot as a rack, and the wheel `to` of pitch `radius` (m), which is pinned to what the slot
     is on, to the left of its direction for `side` +1, to the right for -1. The block is `start` (m) along its guide
-    while the wheel, seen from there, is at zero; None: as both are drawn. `pressure_angle` (rad) is that of the teeth.
-    """
+    while the wheel, seen from there, is at zero. Side and start are None: as both are drawn. `pressure_angle` (rad) is
+    that of the teeth."""
 
     link: str = eqx.field(static=True)
     to: str = eqx.field(static=True)
     radius: jnp.ndarray = eqx.field(converter=as_float)
-    side: int = eqx.field(static=True, default=1)
+    side: int | None = eqx.field(static=True, default=None)
     start: Array | None = eqx.field(converter=as_float, default=None)
     pressure_angle: jnp.ndarray = eqx.field(converter=as_float, default=PRESSURE)
 

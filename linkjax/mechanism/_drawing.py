@@ -117,6 +117,7 @@ class Drawing:
         """The same with all that the drive and the sketch say of links; None where the sketch does not say enough."""
         drawn = dataclasses.replace(self, links=dict(self.links), spots=dict(self.spots))
         try:
+            drawn.measure_drawn()
             drawn.place_drive(drive)
             for name in drawn.links:
                 drawn.measure(name)
@@ -228,6 +229,16 @@ class Drawing:
             new = {p: (self.spot(p, name) - origin) / axis for p in missing}
             points = {**link.points, **{p: Vec(at.real, at.imag) for p, at in new.items()}}
             self.links[name] = dataclasses.replace(link, points=points)
+
+    def measure_drawn(self) -> None:
+        """Take from the sketch what links leave open of which all pins are drawn, before numbers put any elsewhere: a
+        length that is taken from the sketch is the distance in the sketch."""
+        for name in self.links:
+            on = name
+            while (guide := self.guide(on)) is not None and guide.on != FRAME:
+                on = guide.on
+            if {*self.links[name].pins, *self.links[on].pins} <= set(self.spots):
+                self.measure(name)
 
     def spot(self, point: str, link: str) -> complex:
         """Where a point is. Raises `StructureError` where the sketch does not say so."""

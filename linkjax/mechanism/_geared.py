@@ -72,10 +72,28 @@ class Wheels:
     """Builds the group of a single link that is in gear with one that is there already."""
 
     def __init__(self, gears: Sequence[GearPair], racks: Sequence[RackPair], drawing, drive: Drive):
-        self.gears, self.racks, self.drawing = gears, racks, drawing
+        self.gears, self.drawing = gears, drawing
+        self.racks, self.sides = racks, {rack.link: self._side(rack) for rack in racks}
         self.counted = {FRAME: 0.0}  # angles with all turns, at crank angle zero
         if drive.on == FRAME and all(slot.block != drive.link for slot in drawing.slots):
             self.counted[drive.link] = drive.begins(slides=False)
+
+    def _side(self, rack: RackPair) -> int:
+        """On which side of the rack its wheel is. Raises `StructureError` where it is drawn on the other one."""
+        guide, centre = self.drawing.guide(rack.link), self._centre(rack)
+        on, known = self.drawing.drawn_axis(guide.on), {guide.through, centre} <= set(self.drawing.spots)
+        if on is None or not known:
+            return 1 if rack.side is None else rack.side
+        away = (self.drawing.spots[centre] - self.drawing.spots[guide.through]) / (
+            on * cmath.exp(1j * float(guide.along))
+        )
+        off = away.imag - float(guide.offset)
+        drawn = 1 if off >= 0 else -1
+        if rack.side is not None and rack.side != drawn and abs(off) > self.drawing.slack:
+            one, other = ("left", "right") if rack.side > 0 else ("right", "left")
+            problem = f"with this side {rack.to!r} is on the {one} of the guide, but it is drawn on the {other}"
+            raise StructureError(f"rack {rack.link}", problem, "delete it for the side drawn, or sketch it so")
+        return drawn if rack.side is None else rack.side
 
     def group(self, link: str, placed: set[str]) -> AbstractGroup:
         """The group; the places of the link's points are found on the way."""
@@ -100,7 +118,10 @@ class Wheels:
         for rack in self.racks:
             guide = self.drawing.guide(rack.link)
             if {rack.link, rack.to, guide.on} <= {*part, *placed, FRAME} and {rack.link, rack.to, guide.on} & set(part):
-                end, rest = self.drawing.links[rack.link].pins[0], (rack.side, rack.start, rack.pressure_angle)
+                end, rest = (
+                    self.drawing.links[rack.link].pins[0],
+                    (self.sides[rack.link], rack.start, rack.pressure_angle),
+                )
                 found.append(Rack(rack.link, end, guide, rack.to, self._centre(rack), rack.radius, *rest))
         for wheel in found:
             if wheel.link not in part:
@@ -226,7 +247,8 @@ class Wheels:
     def _rack(self, rack: RackPair) -> Rack:
         guide, centre = self.drawing.guide(rack.link), self._centre(rack)
         end, (base, along) = self.drawing.links[rack.link].pins[0], self.drawing.path(guide)
-        moved = rack.side * float(rack.radius) * (self.angle(rack.to) - self.angle(guide.on))
+        side = self.sides[rack.link]
+        moved = side * float(rack.radius) * (self.angle(rack.to) - self.angle(guide.on))
         drawn = self._way(rack.link) if end in self.drawing.spots else None
         start = float(rack.start) if rack.start is not None else 0.0 if drawn is None else drawn - moved
         if drawn is not None and abs(drawn - start - moved) > self.drawing.slack:
@@ -234,12 +256,13 @@ class Wheels:
             remedy = f'write start = "{metres(drawn - moved)}", delete it for the start drawn, or sketch it so'
             raise StructureError(f"rack {rack.link}", f"with this start it {where}", remedy)
         self.drawing.place(rack.link, end, base + along * (start + moved), along)
-        return Rack(rack.link, end, guide, rack.to, centre, rack.radius, rack.side, start, rack.pressure_angle)
+        return Rack(rack.link, end, guide, rack.to, centre, rack.radius, side, start, rack.pressure_angle)
 
     def _pinion(self, rack: RackPair) -> Pinion:
         guide, pivot, at = self.drawing.guide(rack.link), self._centre(rack), self.drawing.links[rack.link].pins[0]
         end, drawn = self._end(rack.to, pivot), self.drawing.drawn_axis(rack.to)
-        way, on, per = self._way(rack.link), self.angle(guide.on), rack.side / float(rack.radius)
+        side = self.sides[rack.link]
+        way, on, per = self._way(rack.link), self.angle(guide.on), side / float(rack.radius)
         stands = None if drawn is None else cmath.phase(drawn)
         seen = 0.0 if stands is None else way - math.remainder(stands - on, 2 * math.pi) / per
         start = seen if rack.start is None else float(rack.start)
@@ -249,7 +272,7 @@ class Wheels:
             remedy = f'write start = "{metres(seen)}", delete it for the start drawn, or sketch it so'
             raise StructureError(f"rack {rack.link}", f"{problem}, but drawn at {degrees(stands)}", remedy)
         self._turn(rack.to, pivot, turned)
-        return Pinion(rack.to, pivot, rack.link, at, rack.radius, rack.side, end, 0.0, guide.on, rack.pressure_angle,
+        return Pinion(rack.to, pivot, rack.link, at, rack.radius, side, end, 0.0, guide.on, rack.pressure_angle,
                       guide.through, start)  # fmt: skip
 
     def _centre(self, rack: RackPair) -> str:

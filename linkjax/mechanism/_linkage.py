@@ -17,7 +17,7 @@ from linkjax.mechanism._mechanism import Mechanism, StructureError
 from linkjax.mechanism._passive import dispensable, misfit, passive_group
 from linkjax.mechanism._sides import Sides, with_sides
 from linkjax.mechanism._sketched import allowed, check_reach, check_sketch
-from linkjax.mechanism._start import check_guides, settled, spots_with_crank
+from linkjax.mechanism._start import check_fixed, check_guides, settled, spots_with_crank
 
 MOST_TOLD = 6  # joints in a message
 
@@ -63,6 +63,7 @@ def linkage(
         drawing.links[name] = with_sides(name, drawing.links[name], given, spots_with_crank(drawing, drive))
     check_sketch(drawing, spots)
     drawing.slack = allowed(drawing)
+    check_fixed(drawing, spots)
     drive = _of_block(drive, slots)
     found = drawing.pairs()
     driven = drawing.driven(drive, found)
@@ -82,6 +83,7 @@ def linkage(
             "drive", problem, "leave them out, put their pins under `fixed`, and drive against the frame"
         )
     check_guides(drawing)
+    drawing.measure_drawn()
     drawing.place_drive(drive)
     check_reach(drawing, drive, spots)
     for name in drawing.links:

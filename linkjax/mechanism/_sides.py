@@ -25,13 +25,13 @@ def with_sides(name: str, link: Link, sides: Sides, spots: Mapping[str, complex]
     where, given = f"links.{name}.sides", _given(name, link, sides)
     if (number_of(link.length) or 0) > 0 or link.points.keys() & set(link.pins):
         raise StructureError(where, "the length or a pin's place is given, too", "give the sides alone")
+    if len(link.pins) < 3:
+        raise StructureError(where, f"the link has {len(link.pins)} pins", "give its length instead")
     first, second, *rest = link.pins
     length = _taken(given, first, second)
-    if length is None or not rest:
-        wanted = f"{first}-{second}" if rest else "a third pin"
-        raise StructureError(
-            where, f"has no {wanted}", "give the distance of the first two pins, and two of each other"
-        )
+    if length is None:
+        remedy = "give the distance of the first two pins, and two of each further one"
+        raise StructureError(where, f"has no {first}-{second}", remedy)
     places = {first: 0j, second: complex(length)}
     while rest:
         for pin in rest:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import cmath
 import dataclasses
 import math
+from collections.abc import Mapping
 
 from jaxtyping import Array
 
 from linkjax.groups import FRAME, Drive, Harmonic, Pair
 from linkjax.mechanism._mechanism import StructureError
 
+SAME = 1e-9  # rad, or of the drawing's size: a law that ends so near to where it begins moves nothing
 DIGITS = 10  # of a number that a message proposes
 
 
@@ -35,7 +37,7 @@ def settled(drawing, drive: Drive, driven: Pair) -> Drive:
     slides, law = driven.letter == "P", drive.law
     drawn = _way(drawing, drive.link) if slides else _angle(drawing, drive)
     if isinstance(law, Harmonic) and law.start is None:
-        return _from_drawing(drive, law, slides, drawn)
+        return _from_drawing(drawing, drive, law, slides, drawn)
     if drive.phase is None and law is None:
         return dataclasses.replace(drive, phase=drawn or 0.0)
     found = drive if drive.phase is not None else dataclasses.replace(drive, phase=0.0)
@@ -64,12 +66,42 @@ def check_guides(drawing) -> None:
         if on is None or pin not in drawing.spots or guide.through not in drawing.spots:
             continue
         along = on * cmath.exp(1j * float(guide.along))
+        _check_block(drawing, slot.block, along)
         aside = ((drawing.spots[pin] - drawing.spots[guide.through]) / along).imag
         if abs(aside - float(guide.offset)) > drawing.slack:
             where = f"drawn {metres(aside - float(guide.offset))} to the left of the path"
             problem = f"{pin!r} is {where} that its guide prescribes (offset {metres(float(guide.offset))})"
             remedy = f'write offset = "{metres(aside)}", turn the guide (along), or sketch {pin!r} on it'
             raise StructureError(f"slot of {slot.block}", problem, remedy)
+
+
+def _check_block(drawing, block: str, along: complex) -> None:
+    """Raise `StructureError` where what a block says of its points disagrees with the drawing: its axes are those of
+    its guide, in this direction."""
+    link, unknown = drawing.links[block], drawing.unmeasured(block)
+    origin = drawing.spots[link.pins[0]]
+    for point, at in drawing.places(block).items():
+        if point in unknown or point not in drawing.spots:
+            continue
+        drawn = (drawing.spots[point] - origin) / along
+        if abs(drawn - at) > drawing.slack:
+            key = f"points.{point}" if point in link.points else "length"
+            problem = f"puts {point!r} {_along(at)} its guide from {link.pins[0]!r}, but it is drawn {_along(drawn)} it"
+            remedy = "a block has the axes of its guide: correct it, or omit it for the place drawn"
+            raise StructureError(f"links.{block}.{key}", problem, remedy)
+
+
+def _along(at: complex) -> str:
+    return f"{metres(at.real)} along and {metres(at.imag)} across"
+
+
+def check_fixed(drawing, sketch: Mapping[str, complex]) -> None:
+    """Raise `StructureError` for a point of the frame that is sketched elsewhere."""
+    for name, at in sketch.items():
+        if name in drawing.fixed and abs(at - drawing.spots[name]) > drawing.slack:
+            there = drawing.spots[name]
+            problem = f"is {metres(abs(at - there))} from where [fixed] has it, ({there.real:.6g}, {there.imag:.6g}) m"
+            raise StructureError(f"sketch.{name}", problem, "delete it, or correct one of the two")
 
 
 def _angle(drawing, drive: Drive) -> float | None:
@@ -87,7 +119,7 @@ def _way(drawing, block: str) -> float | None:
     return ((drawing.spots[pin] - drawing.spots[guide.through]) / (on * cmath.exp(1j * float(guide.along)))).real
 
 
-def _from_drawing(drive: Drive, law: Harmonic, slides: bool, drawn: float | None) -> Drive:
+def _from_drawing(drawing, drive: Drive, law: Harmonic, slides: bool, drawn: float | None) -> Drive:
     """The drive whose law begins where it is drawn; of angles, the turn nearest to where the law ends."""
     if drawn is None:
         what = "how far along its guide it is" if slides else f"how it stands to {drive.on!r}"
@@ -95,7 +127,7 @@ def _from_drawing(drive: Drive, law: Harmonic, slides: bool, drawn: float | None
         raise StructureError("drive.law", problem, "write start, or sketch it")
     phase, stop = number(drive.phase), float(law.stop)
     start = drawn if slides else stop + math.remainder(drawn - phase - stop, 2 * math.pi)
-    if start == stop:
+    if abs(stop - start) <= SAME * (drawing.size() if slides else 1.0):
         where = metres(stop) if slides else degrees(drawn)
         raise StructureError("drive.law", f"ends where {drive.link!r} is drawn, at {where}", "write another stop")
     return dataclasses.replace(drive, phase=phase, law=dataclasses.replace(law, start=start))

@@ -172,7 +172,7 @@ def from_structure(error: StructureError, source: str, table: Any) -> SceneError
     if isinstance(element, dict):  # a link may have the name of a choice, e.g. "left"
         element = dict(sorted(element.items(), key=lambda item: item[0] in CHOICES))
     inner = _holder(element, quoted[0]) if quoted else None
-    if own := re.match(r"with this (phase|start)\b", error.problem):
+    if own := re.match(r"with this (phase|start|side)\b", error.problem):
         inner = own.groups()
     return fault(source, table, (*path, *(inner or ())), error.problem, error.remedy)
 

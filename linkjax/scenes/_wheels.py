@@ -91,8 +91,8 @@ class RackPair(Table):
     link: Name = Field(description="the rack, the block of a slot", examples=["rack"])
     to: Name = Field(description="the wheel", examples=["wheel"])
     radius: Radius = Field(description="pitch radius of the wheel", examples=["60 mm"])
-    side: Literal["left", "right"] = Field(
-        "left", description="where the wheel lies, seen along the guide", examples=["right"]
+    side: Literal["left", "right"] | None = Field(
+        None, description="where the wheel lies, seen along the guide; as sketched if omitted", examples=["right"]
     )
     start: Length | None = Field(
         None, description="how far the block is along its guide while the wheel is at zero; as sketched if omitted",
@@ -103,7 +103,7 @@ class RackPair(Table):
     )
 
     def build(self) -> groups.RackPair:
-        side = 1 if self.side == "left" else -1
+        side = None if self.side is None else 1 if self.side == "left" else -1
         return groups.RackPair(self.link, self.to, self.radius, side, self.start, self.pressure_angle)
 
 

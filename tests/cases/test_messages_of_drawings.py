@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
 from linkjax.scenes import SceneError, loads_text
+from tests.physics import oracle
 
 HEAD = 'speed = "60 rpm"\n'
 BARS = (
@@ -120,6 +124,22 @@ CASES = {  # text, key, part of the problem, remedy
     "a rack that disagrees": (edit(RACK, 'radius = "50 mm"', 'radius = "50 mm"\nstart = "1 m"'), "racks[0].start",
         "with this start 'wheel' is at 744.8451337 deg at crank angle zero, but drawn at 90 deg",
         'write start = "0.4285398163 m", delete it for the start drawn, or sketch it so'),
+    "a rack on the other side": (edit(RACK, 'side = "right"', 'side = "left"'), "racks[0].side",
+        "with this side 'wheel' is on the left of the guide, but it is drawn on the right",
+        "delete it for the side drawn, or sketch it so"),
+    "a block with a length the other way": (
+        edit(RAM, 'pins = ["C"]', 'pins = ["C", "W"]\nlength = "40 mm"') + 'W = ["310 mm", 0]\n', "links.ram.length",
+        "puts 'W' 0.04 m along and 0 m across its guide from 'C', but it is drawn -0.04 m along",
+        "a block has the axes of its guide: correct it, or omit it"),
+    "a block with a point on the other side": (
+        edit(RAM, 'pins = ["C"]', 'pins = ["C", "W"]\npoints.W = { along = "40 mm", across = "-30 mm" }')
+        + 'W = ["390 mm", "30 mm"]\n', "links.ram.points.W", "but it is drawn 0.04 m along and 0.03 m across",
+        "a block has the axes of its guide: correct it, or omit it"),
+    "a point of the frame in two places": (BARS + 'D = ["410 mm", 0]\n', "sketch.D",
+        "is 0.01 m from where [fixed] has it, (0.4, 0) m", "delete it, or correct one of the two"),
+    "sides of a link of two pins": (
+        edit(BARS, 'pins = ["A", "B"]', 'pins = ["A", "B"]\nsides = { A-B = "100 mm" }'), "links.crank.sides",
+        "the link has 2 pins", "give its length instead"),
 }
 # fmt: on
 
@@ -138,6 +158,16 @@ def test_the_key_and_the_remedy_are_named(case):
 @pytest.mark.parametrize("text", [BARS, RAM, PLATE, WHEELS, RACK], ids=["bars", "ram", "plate", "wheels", "rack"])
 def test_without_the_mistake_it_is_a_machine(text):
     assert loads_text(text).mechanism.groups
+
+
+def test_a_rack_is_on_the_side_where_its_wheel_is_drawn():
+    """It moves as the rim does where both touch: the wheel below, turned on from 90 to 120 degrees, carries it back."""
+    for text in (RACK, edit(RACK, 'side = "right"\n', "")):
+        text = edit(text, '[drive]\nlink = "crank"', '[drive]\nlink = "wheel"\nlaw = { stop = "120 deg" }')
+        text = edit(text, '[links.crank]\npins = ["A", "B"]\n', "", '[links.rod]\npins = ["B", "C"]\n', "",
+                    'B = ["60 mm", "80 mm"]\n', "")  # fmt: skip
+        ram = oracle.assemble(loads_text(text).mechanism, np.asarray(math.pi))[0]["C"]
+        assert complex(ram) == pytest.approx(0.35 - 0.05 * math.pi / 6, abs=1e-12)
 
 
 def test_the_gear_that_is_wrong_is_named_and_not_one_that_it_drives():

@@ -80,3 +80,14 @@ def test_differentiable():
     machine = scene()
     slope = jax.grad(lambda x: changed(machine, {"links.rod.length": x}).mechanism.links["rod"].length ** 2)
     assert float(slope(jnp.asarray(3.0))) == 6.0
+
+
+@pytest.mark.parametrize("constant_speed", [False, True])
+def test_what_belongs_to_a_motion_that_does_not_exist_is_not_optimised(constant_speed):
+    """Refused before any step, and not certified at zero."""
+    links = {"crank": lj.Link(length=0.1), "rod": lj.Link(length=0.3), "slider": lj.Link(mass=1.0 * constant_speed)}
+    groups = [lj.Crank("crank", "A", "B"), lj.RRP("rod", "slider", "B", "C", lj.Guide("A"))]
+    scene = lj.Scene(lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups), speed=5.0, constant_speed=constant_speed)
+    why = "the scene asks for constant speed" if constant_speed else "nothing has a mass"
+    with pytest.raises(DesignError, match=f"delta: belongs to the actual motion, but {why}"):
+        lj.optimise(scene, free={"links.rod.length": (0.25, 0.35)}, minimise="delta", starts=1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
@@ -68,9 +68,14 @@ class Drawing:
         block, _, through, lean = slot
         return (self.spots[self.pins[block][0]] - self.spots[through]) * cmath.exp(-1j * lean)
 
-    def built(self) -> lj.Mechanism:
-        """The machine: no length, phase or start is given but that of a law's end."""
+    def built(self, measured: Collection[str] = (), longer: float = 1.0) -> lj.Mechanism:
+        """The machine: no length, phase or start is given but that of a law's end, and the lengths of the links
+        `measured`, so many times as long as drawn."""
+        blocks_ = {block for block, *_ in self.slots}
         links = {name: Link(mass=1.0, pins=pins) for name, pins in self.pins.items()}
+        for name in (name for name in measured if len(self.pins[name]) > 1 and name not in blocks_):
+            length = longer * abs(self.spots[self.pins[name][1]] - self.spots[self.pins[name][0]])
+            links[name] = dataclasses.replace(links[name], length=length)
         slots = [
             Slot(slot[0], Guide(slot[2], slot[3] - self.direction(slot[1]), self._along(slot).imag, slot[1]))
             for slot in self.slots

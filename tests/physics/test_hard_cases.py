@@ -162,6 +162,21 @@ def test_nothing_to_set_in_motion(mechanism, where, degrees):
     finite_gradient(scene)
 
 
+@pytest.mark.slow
+def test_gradients_where_there_is_no_steady_motion():
+    """Of what exists at constant speed, through the whole analysis: against differences, and the same under jit."""
+    scene = lj.Scene(four_bar(0.1, 0.4, 0.3, 0.4, 0.0, 0.0), (), lj.Vec(0.0, -9.81), 1.0)
+
+    def peak(mass):
+        links = {**scene.mechanism.links, "coupler": dataclasses.replace(scene.mechanism.links["coupler"], mass=mass)}
+        made = scene.with_mechanism(dataclasses.replace(scene.mechanism, links=links))
+        return lj.analyse(made, angles=4, throw=False).peaks_constant_speed.value[0]
+
+    slope = float(jax.grad(peak)(jnp.asarray(1.0)))
+    assert slope == pytest.approx(float(peak(jnp.asarray(1.001)) - peak(jnp.asarray(0.999))) / 0.002, rel=1e-8)
+    assert slope == pytest.approx(float(jax.jit(jax.grad(peak))(jnp.asarray(1.0))), rel=1e-12)
+
+
 @pytest.mark.parametrize("short", [1e-3, 1e-6])
 def test_least_inertia_beside_a_sharp_peak(short):
     """A heavy rocker that jerks near a change point: the least inertia, over its mean, is what the machine has at the

@@ -69,10 +69,10 @@ WRONG = [  # key, value, part of the problem, part of the remedy
     ("flywheel.mass", "1 kg", "flywheel.mass is not a known key", "known here: inertia"),
     ("fixed.Q", "[0, 0]", "fixed.Q is not a known key", "did you mean 'fixed.F'?"),
     ("fixed.F[2]", "1 m", "fixed.F[2] is not a known key", "did you mean 'fixed.F'?"),
-    ("xyz", "1", "xyz is not a known key", "known here: cycle_turns, drive, fixed"),
+    ("xyz", "1", "xyz is not a known key", "known here: branch, constant_speed, cycle_turns, drive, fixed"),
     ("links.rod.length.x", "1", "links.rod.length has no keys of its own", "set links.rod.length itself"),
     ("", "1", "no key given", "links.rod.length"),
-    ("...", "1", "not a known key", "known here: cycle_turns"),
+    ("...", "1", "not a known key", "known here: branch, constant_speed, cycle_turns"),
     ("links.rod[", "1", "not a known key", "did you mean"),
 ]
 
