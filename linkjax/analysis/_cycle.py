@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Annotated, Any, Optional, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,6 +22,11 @@ INSIDE = 0.1  # of a range of crank angles: how far inside it the law that is pr
 NEARLY = 1e-6  # or within this, where Newton's method closes the loops: at a change point it is slow
 
 Margins = dict[str, dict[str, Least]]
+if TYPE_CHECKING:  # a script that knows of its machine that it moves need not ask whether it does
+    Of = TypeVar("Of")
+    Maybe = Annotated[Any, Of]
+else:
+    Maybe = Optional
 
 
 class Checks(eqx.Module):
@@ -32,7 +38,7 @@ class Checks(eqx.Module):
     """
 
     virtual_power: Array
-    energy_closure: Array | None
+    energy_closure: Maybe[Array]
     force_balance: Array
 
 
@@ -78,17 +84,17 @@ class Cycle(eqx.Module):
     dead_centres: dict[str, Reversals]
     strokes: dict[str, Array]
     reduced: Reduced
-    steady: Steady | None
-    speed: Float[Array, " angles"] | None
-    acceleration: Float[Array, " angles"] | None
-    time: Float[Array, " angles"] | None
-    forces: Forces | None
+    steady: Maybe[Steady]
+    speed: Maybe[Float[Array, " angles"]]
+    acceleration: Maybe[Float[Array, " angles"]]
+    time: Maybe[Float[Array, " angles"]]
+    forces: Maybe[Forces]
     forces_constant_speed: Forces
-    peaks: Peak | None
+    peaks: Maybe[Peak]
     peaks_constant_speed: Peak
     rms_shaking_force_constant_speed: Array
-    flywheel: Flywheels | None
-    work: dict[str, Array] | None
+    flywheel: Maybe[Flywheels]
+    work: Maybe[dict[str, Array]]
     checks: Checks
     assembled: Bool[Array, " angles"]
     result: Int[Array, ""]
@@ -98,22 +104,22 @@ class Cycle(eqx.Module):
     missing: NoMotion | None = None
 
     @property
-    def delta(self) -> Array | None:
+    def delta(self) -> Any:
         """Coefficient of speed fluctuation of the actual motion; None where there is none."""
         return None if self.steady is None else self.steady.delta
 
     @property
-    def delta_error(self) -> Array | None:
+    def delta_error(self) -> Any:
         """Bound of the absolute error of `delta`."""
         return None if self.steady is None else self.steady.delta_error
 
     @property
-    def power(self):
+    def power(self) -> Any:
         """Power of the constant drive torque in the actual motion at `angles` (W); None without one."""
         return None if self.steady is None or self.speed is None else self.steady.drive_torque * self.speed
 
     @property
-    def mean_power(self):
+    def mean_power(self) -> Any:
         """Work of the drive in a cycle over its duration (W); None without actual motion."""
         return None if self.steady is None or self.work is None else self.work["drive"] / self.steady.period
 

@@ -361,6 +361,7 @@ def mirrored(mechanism: Mechanism) -> Mechanism:
 
     def group(old):
         if isinstance(old, Crank) and isinstance(old.law, lj.Harmonic):
+            assert old.law.start is not None
             law = lj.Harmonic(-old.law.start, -old.law.stop)
             return dataclasses.replace(old, law=law, phase=-old.phase)
         if isinstance(old, lj.Slide):
@@ -410,7 +411,7 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
         if isinstance(old, PRP):
             return dataclasses.replace(old, slots=tuple(group(slot) for slot in old.slots))
         if isinstance(old, lj.Slide):
-            assert isinstance(old.law, lj.Harmonic)
+            assert isinstance(old.law, lj.Harmonic) and old.law.start is not None
             law = lj.Harmonic(old.law.start * lengths, old.law.stop * lengths)
             return dataclasses.replace(old, guide=group(old.guide), law=law)
         if isinstance(old, Gear) and isinstance(old.mesh, Belt):
@@ -430,9 +431,10 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             gears = tuple(group(gear) for gear in old.gears)
             drive = old.drive
             if drive is not None and old.driven_slot() is not None:
-                assert isinstance(drive.law, lj.Harmonic)
+                assert isinstance(drive.law, lj.Harmonic) and drive.law.start is not None
                 law = lj.Harmonic(drive.law.start * lengths, drive.law.stop * lengths)
-                drive = dataclasses.replace(drive, phase=drive.phase * lengths, law=law)
+                phase = None if drive.phase is None else drive.phase * lengths
+                drive = dataclasses.replace(drive, phase=phase, law=law)
             sketch = {p: at * lengths for p, at in old.sketch.items()}
             return dataclasses.replace(old, sketch=sketch, slots=slots, gears=gears, drive=drive)
         if isinstance(old, RPR | RPP | Guide):

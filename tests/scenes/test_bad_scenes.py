@@ -435,7 +435,8 @@ def test_impossible_machines(name):
     scene, changes, part = {**IMPOSSIBLE, **SLOW}[name]
     if part in NO_MOTION:  # all else is there
         cycle = lj.analyse(load(scene, changes), angles=4)
-        assert cycle.steady is None and part in cycle.missing.reason and not NOISE.search(cycle.missing.reason)
+        assert cycle.steady is None and cycle.missing is not None
+        assert part in cycle.missing.reason and not NOISE.search(cycle.missing.reason)
         json.dumps(plain(document(cycle)), allow_nan=False)
         return
     with pytest.raises((MachineError, SceneError)) as caught:
