@@ -74,9 +74,10 @@ def test_a_drawing_moved_or_mirrored_is_the_same_machine(numbers):
         for name, link in one.links.items():
             assert float(two.links[name].length) == pytest.approx(float(link.length), rel=NEAR), number
         phi = np.asarray(1e-3)
-        before, after = (oracle.assemble(machine, phi)[0] for machine in (one, two))
+        with np.errstate(invalid="ignore"):  # NaN where a machine drawn at the end of its range does not go on
+            before, after = (oracle.assemble(machine, phi)[0] for machine in (one, two))
         for name in drawing.spots:
-            if np.isfinite(before[name]):  # a machine drawn at the end of its range may not go on
+            if np.isfinite(before[name]):
                 assert abs(after[name] - there(complex(before[name]))) < 1e-7 * drawing.size(), (number, name)
 
 
