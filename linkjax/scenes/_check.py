@@ -12,10 +12,12 @@ from linkjax.scenes._guides import Fault
 from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
 from linkjax.scenes._wheels import steep
 
+FORGOTTEN = 100.0  # times as large: a millimetre that is read as a metre is a thousand times, an inch 39 times
+
 
 def check(model: SceneFile, source: str, table: Any) -> None:
     """Raise `SceneError` at the first contradiction between the keys of a scene."""
-    for problem in _problems(model):
+    for problem in (*_problems(model), *_units_of_sketch(model, table)):
         raise fault(source, table, *problem)
 
 
@@ -30,6 +32,23 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
     for number, load in enumerate(model.loads):
         yield from _load(number, load)
         yield from _window(number, load, 2 * math.pi * model.cycle_turns)
+
+
+def _units_of_sketch(model: SceneFile, table: Any) -> Iterator[Fault]:
+    """A sketch in plain numbers, which are metres, beside points of the frame with units, or the other way round, where
+    one is far larger than the other: a unit is forgotten."""
+    sizes, plain = {}, {}
+    for key, places in (("fixed", model.fixed), ("sketch", model.sketch)):
+        written = [value for name in places for value in table[key][name] if value != 0]
+        sizes[key] = max((abs(value) for at in places.values() for value in at), default=0.0)
+        plain[key] = {not isinstance(value, str) for value in written}
+    if plain["fixed"] | plain["sketch"] != {True, False} or len(plain["fixed"]) != 1 or len(plain["sketch"]) != 1:
+        return
+    small, large = sorted(sizes.values())
+    if sizes["sketch" if plain["sketch"] == {True} else "fixed"] == large > FORGOTTEN * small:
+        key = "sketch" if plain["sketch"] == {True} else "fixed"
+        problem = f"has plain numbers, which are metres, and is {sizes[key]:.4g} m large beside {small:.4g} m"
+        yield (key,), problem, 'write it in the unit of the other points, e.g. ["30 mm", "40 mm"]'
 
 
 def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
