@@ -14,7 +14,7 @@ import numpy as np
 
 import linkjax as lj
 from linkjax.design import Limit, Problem, Variable, as_term, at_most
-from linkjax.measures import peak_shaking_force_constant_speed, smallest_margin
+from linkjax.measures import min_margin, peak_shaking_force_constant_speed
 from linkjax.reduction import mass_sums
 
 MEAN_SPEED = 73.27
@@ -89,7 +89,7 @@ def between_nodes(number: int) -> Problem:
     """Problem 1 or 2 with the peak of the continuous cycle instead of the largest of 360 angles."""
     on_angles = problem(number)
     scene = dataclasses.replace(on_angles.scene, speed=MEAN_SPEED)
-    limits = [limit for limit in on_angles.asked[1:] if limit.term.name != smallest_margin.name]
+    limits = [limit for limit in on_angles.asked[1:] if limit.term.name != min_margin.name]
     return Problem(scene, on_angles.variables, as_term(peak_shaking_force_constant_speed), limits)
 
 
@@ -154,7 +154,7 @@ def demo() -> None:
     """The hay press's own problem, ten numbers free, from ten starts: the scene itself and nine at random."""
     from linkjax.design import descend, settled, slsqp
 
-    scene, asked = lj.load_task("hay-press")
+    scene, asked = lj.load_problem("hay-press")
     asked = settled(scene, **asked)
     posed = Problem(scene, asked["free"], asked["minimise"], asked["limits"])
     span, rng = posed.upper - posed.lower, np.random.default_rng(asked["seed"])

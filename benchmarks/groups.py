@@ -71,7 +71,7 @@ def growth(file: Path | None) -> None:
     for count in COUNTS:
         names = [f"G{i}" for i in range(1, count + 1)]
         links = [f"{side}{i}" for i in range(1, count + 1) for side in "ab"]
-        ours = lj.over_designs(lambda m, names=names, links=links: pins(m, names, links), block=BLOCK)
+        ours = lj.map_designs(lambda m, names=names, links=links: pins(m, names, links), block=BLOCK)
         designs = many(chain(count), DESIGNS // 4)
         runs.append(lambda ours=ours, designs=designs: ours(designs))
     each = np.asarray([np.median(t) for t in by_turns(*runs)]) / (DESIGNS // 4 * NODES) * 1e9
@@ -144,7 +144,7 @@ def numba() -> None:
         designs = base * (1 + SPREAD * rng.normal(size=(DESIGNS, len(base))))
         out = np.empty((DESIGNS, NODES, 6 * len(points) + 2 * len(links)))
         mine = jnp.asarray(designs)
-        ours = lj.over_designs(
+        ours = lj.map_designs(
             lambda d, m=mechanism, name=name, p=points, k=links: pins(with_numbers(m, name, d), p, k), block=BLOCK
         )
         sweep = SWEEPS[name]

@@ -20,7 +20,7 @@ from PIL import Image
 import linkjax as lj
 from benchmarks import float32
 from linkjax._config import use_compilation_cache
-from linkjax.kinematics import crank_limits, margins, pose, prepared
+from linkjax.kinematics import crank_ranges, margins, pose, prepared
 from tests.physics import near_dead, test_change_points, test_degenerate, test_hard_cases, test_scales
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -85,7 +85,7 @@ def change_points() -> Figure:
     return figure
 
 
-def crank_ranges() -> Figure:
+def range_of_a_crank() -> Figure:
     """Margins of a four-bar whose crank does not come round, and the ends found."""
     figure = Figure(figsize=(7.0, 3.4), layout="constrained")
     ax = figure.subplots()
@@ -94,7 +94,7 @@ def crank_ranges() -> Figure:
     for side, margin in found.items():
         ax.plot(np.degrees(phi), margin.value, label=side)
     ax.axhline(0.0, color="0.3", linewidth=0.8)
-    for one in crank_limits(machine):
+    for one in crank_ranges(machine):
         ends = (math.degrees(math.remainder(a, 2 * math.pi)) for a in (one.start, one.stop))
         ax.axvspan(*ends, color="#009E73", alpha=0.15)
         exact = [math.acos((0.25 - r**2) / 0.24) for r in (0.2, 0.5)]
@@ -156,7 +156,7 @@ def single_precision() -> Figure:
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
-    "crank-ranges": crank_ranges,
+    "crank-ranges": range_of_a_crank,
     "change-points": change_points,
     "scales": scales,
     "degenerate": degenerate,

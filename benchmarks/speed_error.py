@@ -22,7 +22,7 @@ import linkjax as lj
 from benchmarks._timing import by_turns
 from benchmarks.baselines.steady_scipy import REFERENCE, shooting, trapezoid
 from linkjax._config import use_compilation_cache
-from linkjax.motion import steady, steady_by_diffrax
+from linkjax.motion import steady_by_diffrax, steady_motion
 
 NODES = (32, 48, 64, 80, 96, 128, 160, 224, 320)
 POSITIONS = (12, 24, 36, 72, 360)
@@ -43,7 +43,7 @@ def panels(precision: str) -> list[Point]:
     """Quadrature on panels, by the number of nodes."""
     scene, points = lj.load("hay-press-slider"), []
     for nodes in NODES:
-        run = jax.jit(lambda scene, nodes=nodes: steady(scene, nodes).delta)
+        run = jax.jit(lambda scene, nodes=nodes: steady_motion(scene, nodes).delta)
         (taken,) = by_turns(lambda run=run: run(scene))
         points.append(Point(f"panels, {precision}", f"{nodes} nodes", float(np.median(taken)), error(run(scene))))
     return points

@@ -36,7 +36,7 @@ def kinematics() -> None:
 
     for count in (1000, 10_000):
         numbers, out = press.designs(count), np.empty((count, press.NODES, 8))
-        ours, mine = lj.over_designs(press.eight, block=BLOCKS["kinematics"]), jnp.asarray(numbers)
+        ours, mine = lj.map_designs(press.eight, block=BLOCKS["kinematics"]), jnp.asarray(numbers)
         peer.sweep(numbers, press.NODES, out)
         differences = [
             float(np.max(np.abs(np.asarray(part) - out[:, :, i])) / np.max(np.abs(out[:, :, i])))
@@ -61,7 +61,7 @@ def cycle() -> None:
 
     count = 10_000
     numbers, out = press.designs(count), np.empty((count, press.NODES, 8))
-    ours, mine = lj.over_designs(whole_cycle, block=BLOCKS["cycle"]), jnp.asarray(numbers)
+    ours, mine = lj.map_designs(whole_cycle, block=BLOCKS["cycle"]), jnp.asarray(numbers)
     a, b = by_turns(lambda: ours(mine), lambda: peer.sweep(numbers, press.NODES, out))
     line("cycle.linkjax", count / np.median(a), "designs/s")
     line("cycle.numba_bare_kinematics", count / np.median(b), "designs/s")
@@ -82,7 +82,7 @@ def one() -> None:
     nodes, error = next((n, e) for n, e in wrong.items() if e <= min(errors.values()))
     ours = program(nodes)
     count = 10_000
-    many = lj.over_designs(lambda design: delta(press.scene_of(design), nodes), block=BLOCKS["cycle"])
+    many = lj.map_designs(lambda design: delta(press.scene_of(design), nodes), block=BLOCKS["cycle"])
     mine = jnp.asarray(press.designs(count))
     times = by_turns(lambda: shooting("LSODA"), lambda: shooting("DOP853"), lambda: ours(scene), lambda: many(mine))
     lsoda, dop853, single, batch = times
@@ -101,13 +101,13 @@ def one() -> None:
 def gradient() -> None:
     """Gradient of the cycle by every number of the design against its value, each with its own best blocks."""
     mine = jnp.asarray(press.designs(4000))
-    value = lj.over_designs(whole_cycle, block=BLOCKS["cycle"])
+    value = lj.map_designs(whole_cycle, block=BLOCKS["cycle"])
 
     def scaled(design):
         found = whole_cycle(design)
         return found["delta"] + 1e-4 * found["peak_shaking_force_constant_speed"]
 
-    slope = lj.over_designs(jax.grad(scaled), block=BLOCKS["gradient"])
+    slope = lj.map_designs(jax.grad(scaled), block=BLOCKS["gradient"])
     a, b = by_turns(lambda: slope(mine), lambda: value(mine))
     line("gradient.gradient", 1e6 * np.median(a) / len(mine), "us/design")
     line("gradient.value", 1e6 * np.median(b) / len(mine), "us/design")

@@ -10,27 +10,27 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from linkjax._config import enable_x64 as enable_x64
     from linkjax._config import use_cpu_devices as use_cpu_devices
-    from linkjax._population import over_designs as over_designs
+    from linkjax._population import map_designs as map_designs
     from linkjax._results import MachineError as MachineError
     from linkjax._results import Result as Result
     from linkjax._vec import Vec as Vec
     from linkjax.analysis import Cycle as Cycle
     from linkjax.analysis import analyse as analyse
+    from linkjax.analysis import analyze as analyze
     from linkjax.design import Case as Case
     from linkjax.design import DesignError as DesignError
     from linkjax.design import Variable as Variable
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
     from linkjax.design import optimise as optimise
+    from linkjax.design import optimize as optimize
     from linkjax.exchange import from_pylinkage as from_pylinkage
     from linkjax.exchange import read_pylinkage as read_pylinkage
     from linkjax.exchange import to_mjcf as to_mjcf
     from linkjax.exchange import to_pylinkage as to_pylinkage
     from linkjax.groups import PRP as PRP
-    from linkjax.groups import RP as RP
     from linkjax.groups import RPP as RPP
     from linkjax.groups import RPR as RPR
-    from linkjax.groups import RR as RR
     from linkjax.groups import RRP as RRP
     from linkjax.groups import RRR as RRR
     from linkjax.groups import Belt as Belt
@@ -41,15 +41,17 @@ if TYPE_CHECKING:
     from linkjax.groups import General as General
     from linkjax.groups import Guide as Guide
     from linkjax.groups import Harmonic as Harmonic
+    from linkjax.groups import LinearDriver as LinearDriver
     from linkjax.groups import Pinion as Pinion
     from linkjax.groups import Rack as Rack
     from linkjax.groups import RackPair as RackPair
-    from linkjax.groups import Slide as Slide
+    from linkjax.groups import RedundantLink as RedundantLink
+    from linkjax.groups import RedundantSlider as RedundantSlider
     from linkjax.groups import Slot as Slot
     from linkjax.groups import Spline as Spline
     from linkjax.groups import Teeth as Teeth
-    from linkjax.kinematics import assemblies as assemblies
-    from linkjax.kinematics import crank_limits as crank_limits
+    from linkjax.kinematics import assembly_modes as assembly_modes
+    from linkjax.kinematics import crank_ranges as crank_ranges
     from linkjax.kinematics import dead_centres as dead_centres
     from linkjax.kinematics import margins as margins
     from linkjax.kinematics import pose as pose
@@ -76,31 +78,31 @@ if TYPE_CHECKING:
     from linkjax.mechanism import linkage as linkage
     from linkjax.mechanism import structure as structure
     from linkjax.motion import flywheel_for as flywheel_for
-    from linkjax.motion import steady as steady
-    from linkjax.reduction import reduce as reduce
+    from linkjax.motion import steady_motion as steady_motion
+    from linkjax.reduction import reduced_model as reduced_model
     from linkjax.rolling import Rolling as Rolling
     from linkjax.rolling import RollingMachine as RollingMachine
     from linkjax.scenes import SceneError as SceneError
     from linkjax.scenes import load as load
+    from linkjax.scenes import load_problem as load_problem
     from linkjax.scenes import load_rolling as load_rolling
-    from linkjax.scenes import load_task as load_task
     from linkjax.scenes import rolling_names as rolling_names
     from linkjax.scenes import scene_names as scene_names
 
 __version__ = "0.1.0"
 
-# Every room with the names it lends to the package; the block above says the same to type checkers.
-_ROOMS: dict[str, tuple[str, ...]] = {
+# Every subpackage with the names that the package takes from it; the block above is for type checkers.
+_SUBPACKAGES: dict[str, tuple[str, ...]] = {
     "_config": ("enable_x64", "use_cpu_devices"),
-    "_population": ("over_designs",),
+    "_population": ("map_designs",),
     "_results": ("MachineError", "Result"),
     "_vec": ("Vec",),
     "groups": (
         "PRP",
-        "RP",
+        "RedundantSlider",
         "RPP",
         "RPR",
-        "RR",
+        "RedundantLink",
         "RRP",
         "RRR",
         "Belt",
@@ -114,15 +116,15 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "Pinion",
         "Rack",
         "RackPair",
-        "Slide",
+        "LinearDriver",
         "Slot",
         "Spline",
         "Teeth",
     ),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError", "linkage", "structure"),
     "kinematics": (
-        "assemblies",
-        "crank_limits",
+        "assembly_modes",
+        "crank_ranges",
         "dead_centres",
         "margins",
         "pose",
@@ -132,19 +134,19 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
-    "reduction": ("reduce",),
-    "motion": ("flywheel_for", "steady"),
+    "reduction": ("reduced_model",),
+    "motion": ("flywheel_for", "steady_motion"),
     "forces": (),
-    "analysis": ("Cycle", "analyse"),
+    "analysis": ("Cycle", "analyse", "analyze"),
     "measures": (),
     "rolling": ("Rolling", "RollingMachine"),
     "exchange": ("from_pylinkage", "read_pylinkage", "to_mjcf", "to_pylinkage"),
-    "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise"),
-    "scenes": ("SceneError", "load", "load_rolling", "load_task", "rolling_names", "scene_names"),
+    "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise", "optimize"),
+    "scenes": ("SceneError", "load", "load_rolling", "load_problem", "rolling_names", "scene_names"),
     "viz": (),
     "report": (),
 }
-_HOMES = {name: room for room, names in _ROOMS.items() for name in names}
+_HOMES = {name: home for home, names in _SUBPACKAGES.items() for name in names}
 
 __all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
 
@@ -152,13 +154,21 @@ __all__ = ["__version__", *_HOMES]  # pyright: ignore[reportUnsupportedDunderAll
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
         value = getattr(import_module(f"linkjax.{_HOMES[name]}"), name)
-    elif name in _ROOMS:
+    elif name in _SUBPACKAGES:
         value = import_module(f"linkjax.{name}")
     else:
-        raise AttributeError(f"module 'linkjax' has no attribute {name!r}")
+        problem = f"module 'linkjax' has no attribute {name!r}"
+        raise AttributeError(problem if name.startswith("_") else f"{problem}; {_hint(name)}")
     globals()[name] = value
     return value
 
 
+def _hint(name: str) -> str:
+    """What to write for a name that does not exist."""
+    from linkjax._units import nearest
+
+    return nearest(name, (*__all__, *_SUBPACKAGES))
+
+
 def __dir__() -> list[str]:
-    return sorted([*__all__, *(room for room in _ROOMS if not room.startswith("_"))])
+    return sorted([*__all__, *(each for each in _SUBPACKAGES if not each.startswith("_"))])

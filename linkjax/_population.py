@@ -14,7 +14,7 @@ from jax.sharding import Mesh, PartitionSpec
 BLOCK = 100  # designs computed together; their intermediate results fit into a core's second-level cache
 
 
-def over_designs(function: Callable[[Any], Any], *, block: int = BLOCK) -> Callable[[Any], Any]:
+def map_designs(function: Callable[[Any], Any], *, block: int = BLOCK) -> Callable[[Any], Any]:
     """Map `function` over the leading axis of every array of its argument, like `jax.vmap`, but fast for thousands.
 
     `function(design)` is any jax function of one design (a pytree: an array of lengths, a mechanism, a scene); the

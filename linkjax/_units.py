@@ -15,6 +15,8 @@ import math
 import re
 from typing import Any, NamedTuple
 
+from linkjax._renamed import renamed
+
 
 class Dimension(NamedTuple):
     """A physical dimension: its SI unit, its name with article, an example and the units that people use."""
@@ -98,7 +100,9 @@ class QuantityError(ValueError):
 
 
 def nearest(name: str, known) -> str:
-    """A hint at the nearest known name, or at all of them when none is near."""
+    """A hint at the name that replaces an old one, at the nearest known name, or at all of them when none is near."""
+    if new := renamed(name, known):
+        return f"it is called {new!r} now"
     close = difflib.get_close_matches(name, list(known), n=1)
     return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(known)) or 'none'}"
 

@@ -21,7 +21,18 @@ from tests.helpers import PACKAGE, ROOT
 RANKS = {
     **dict.fromkeys(
         (
-            *("_types", "_units", "_results", "_numerics", "_lapack", "_vec", "_compile", "_config", "_population"),
+            *(
+                "_types",
+                "_renamed",
+                "_units",
+                "_results",
+                "_numerics",
+                "_lapack",
+                "_vec",
+                "_compile",
+                "_config",
+                "_population",
+            ),
             "_display",
         ),
         0,
@@ -278,7 +289,7 @@ def run(*lines: str, **environment: str) -> str:
 
 
 def test_import_is_light_and_changes_nothing():
-    offered = [r for r in linkjax._ROOMS if RANKS[r] <= RANKS["scenes"] and f"linkjax.{r}" in MODULES]
+    offered = [r for r in linkjax._SUBPACKAGES if RANKS[r] <= RANKS["scenes"] and f"linkjax.{r}" in MODULES]
     out = run(
         "import sys, linkjax",
         f"print([m for m in ('jax', 'diffrax', *{HEAVY}) if m in sys.modules])",

@@ -17,7 +17,7 @@ from linkjax._display import Numbers, number
 from linkjax.cli._app import angle_of
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._print import print_summary
-from linkjax.motion import steady
+from linkjax.motion import steady_motion
 
 
 def run(monkeypatch, capsys, *arguments):
@@ -60,7 +60,7 @@ def test_show_tells_what_the_scene_holds(call):
 def test_new_writes_a_scene_that_loads_and_never_overwrites(call, tmp_path):
     path = tmp_path / "mine"
     assert call("new", path)[0] == 0
-    assert lj.load(tmp_path / "mine.toml").mechanism.crank
+    assert lj.load(tmp_path / "mine.toml").mechanism.driving_link
     code, _, err = call("new", path)
     assert code == 2
     assert "exists already" in err
@@ -102,7 +102,7 @@ def test_analyse_writes_the_whole_document(analysed):
 
 def test_the_document_agrees_with_python(analysed):
     data = json.loads((analysed[1] / "all.json").read_text())
-    motion = compiled_soon(steady)(lj.load("hay-press"))
+    motion = compiled_soon(steady_motion)(lj.load("hay-press"))
     assert math.isclose(data["motion"]["delta"], float(motion.delta), rel_tol=1e-12)
     # dead centres of the slider are those of a crank in line with its guide
     slider = sorted(entry["angle"] for entry in data["dead_centres"] if entry.get("point") == "D")
@@ -165,10 +165,10 @@ def analyse_to_json(call, tmp_path, *words):
 @pytest.mark.slow
 def test_the_roads_to_the_motion_agree(call, tmp_path):
     one, _ = analyse_to_json(call, tmp_path, "--nodes", 128)
-    two, _ = analyse_to_json(call, tmp_path, "--nodes", 128, "--motion", "diffrax")
+    two, _ = analyse_to_json(call, tmp_path, "--nodes", 128, "--method", "diffrax")
     assert one["model"]["nodes"] == two["model"]["nodes"] == 132  # whole panels of at least 128 nodes in all
-    assert "diffrax" in two["model"]["motion"]
-    assert "diffrax" not in one["model"]["motion"]
+    assert "diffrax" in two["model"]["method"]
+    assert "diffrax" not in one["model"]["method"]
     assert math.isclose(one["motion"]["delta"], two["motion"]["delta"], rel_tol=1e-9)
     np.testing.assert_allclose(two["motion"]["speed"], one["motion"]["speed"], rtol=1e-9)
 
@@ -177,7 +177,7 @@ def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path
     """`--at`, `--constant-speed`, `--units` and `--set` in one call, against the document and a hand calculation."""
     words = ("--at", "0.25 rev", "--constant-speed", "--units", "m,rad/s,N m,W", "--set", "speed=600 rpm")
     data, out = analyse_to_json(call, tmp_path, *words)
-    assert data["motion"]["speed"] is None and data["work"] is None and data["model"]["motion"] == "constant speed"
+    assert data["motion"]["speed"] is None and data["work"] is None and data["model"]["method"] == "constant speed"
     assert all(name.endswith("_constant_speed") for name in data["peaks"])
     assert data["forces"] == data["forces_constant_speed"]
     assert "at 90° of crank angle" in out
@@ -220,7 +220,7 @@ def test_nothing_is_written_for_what_is_refused(call, tmp_path):
         (["analyse", "hay-press", "--set", "links.rod.lenght=1 m"], 2, "length"),
         (["analyse", "hay-press", "--set", "links.rod.length"], 2, "KEY=VALUE"),
         (["analyse", "hay-press", "--set", "links.rod.length=-1 m"], 2, "links.rod.length"),
-        (["analyse", "hay-press", "--motion", "magic"], 2, "magic"),
+        (["analyse", "hay-press", "--method", "magic"], 2, "magic"),
         (["analyse", "hay-press", "--at", "nan"], 2, "not a finite number"),
         (["analyse", "hay-press", "--at", "5 kg"], 2, "a mass where an angle is needed"),
         (["analyse", "hay-press", "--at", "1.2 raad"], 2, "did you mean 'rad'"),

@@ -112,7 +112,7 @@ def test_the_whole_story(call, scene, tmp_path):
     assert data["before"]["delta"] == pytest.approx(float(delta(lj.load(scene))), rel=1e-9)
     assert data["kkt_residual"] <= 1e-6
     assert data["before_is"] == "the machine"
-    assert (len(data["starts"]), data["reached"]) == (3, 3)
+    assert (len(data["starts"]), data["starts_at_optimum"]) == (3, 3)
     assert data["evaluations"] > sum(start["evaluations"] for start in data["starts"])
     assert data["result"]["name"] == "optimal"
     assert f"{1e3 * rod['after']:#.6g} mm" in told
@@ -132,7 +132,7 @@ def test_limits_that_clash(call, scene, tmp_path):
     assert "NOT MET" in told
     data = json.loads((tmp_path / "all.json").read_text())
     assert (data["result"]["code"], data["result"]["name"]) == (1, "infeasible")
-    assert set(data["result"]["clash"]) == {"delta", "flywheel.inertia"}
+    assert set(data["result"]["conflicts"]) == {"delta", "flywheel.inertia"}
 
 
 def test_options_take_the_place_of_the_section(call, scene, tmp_path):
@@ -199,9 +199,9 @@ def test_interrupted(call, scene, tmp_path, monkeypatch):
 def test_interrupted_before_anything_is_found(call, scene, tmp_path, monkeypatch):
     """A design that meets the limits had not been reached; that says nothing of the problem."""
 
-    def impatient(problem, z, *, told, **options):
+    def impatient(problem, z, *, callback, **options):
         point = look(problem, z)
-        told(point, certify(point))
+        callback(point, certify(point))
         raise KeyboardInterrupt
 
     monkeypatch.setitem(_optimise.SOLVERS, "cone", impatient)
@@ -214,7 +214,7 @@ def test_ties_stay_with_another_range(call, scene, tmp_path):
     """And so do the changes of the section, which make what is told as before."""
     changes = "optimise.changes={'links.rod.mass_properties' = 'scaled'}"
     tied = "optimise.free={'flywheel.inertia' = '0 to 50 kg m^2', 'links.rod.length' = "
-    tied += "{ range = '± 20 %', tied = ['links.crank.length'] }}"
+    tied += "{ range = '± 20 %', linked = ['links.crank.length'] }}"
     options = ("--set", tied, "--set", changes, "--free", "links.rod.length=± 10 %", "--json", tmp_path / "all.json")
     code, told, _ = call(scene, *options)
     assert code == 0
@@ -223,7 +223,7 @@ def test_ties_stay_with_another_range(call, scene, tmp_path):
     assert f"before: {data['before_is']}" in told
     rod = data["variables"]["links.rod.length"]
     assert rod["upper"] == pytest.approx(0.44)
-    crank = rod["tied"]["links.crank.length"]
+    crank = rod["linked"]["links.crank.length"]
     assert crank["after"] / crank["before"] == pytest.approx(rod["after"] / rod["before"])
     assert "tied: links.crank.length" in told
 
@@ -233,7 +233,7 @@ def test_a_folder_that_cannot_be_written_is_told_at_once(call, scene, tmp_path, 
         raise PermissionError(13, "Permission denied", str(dir))
 
     monkeypatch.setattr("linkjax.cli._options.tempfile.TemporaryFile", refuse)
-    monkeypatch.setattr("linkjax.cli._optimise.optimise", None)
+    monkeypatch.setattr("linkjax.cli._optimise.solve", None)
     code, _, err = call(scene, "--out", tmp_path)
     assert code == 2
     assert "Permission denied" in err

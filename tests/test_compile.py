@@ -13,7 +13,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import _compile
-from linkjax.reduction import reduce
+from linkjax.reduction import reduced_model
 
 
 @pytest.fixture(autouse=True)
@@ -153,7 +153,7 @@ def test_what_users_write_is_never_kept(folder):
 
     scene = lj.load("slider-crank")
     own = dataclasses.replace(scene, loads=(Drag("drag", "piston", "P", magnitude=1.0),))
-    kept = [_compile._ours(reduce, jax.tree.structure({"scene": s})) for s in (scene, own)]
+    kept = [_compile._ours(reduced_model, jax.tree.structure({"scene": s})) for s in (scene, own)]
     assert kept == [True, False]
     assert not _compile._ours(scene.with_mechanism, jax.tree.structure(scene))  # a method knows more than its name says
 

@@ -74,7 +74,13 @@ def test_the_site_has_every_page():
 
 def test_every_kind_of_group_is_in_the_conventions():
     text = (ROOT / "docs/conventions.md").read_text(encoding="utf-8")
-    shown = {"crank": "I1", "slide": "I1", "RR": "passive", "RP": "passive", **KINDS_OF_II}
+    shown = {
+        "crank": "I1",
+        "linear_driver": "I1",
+        "redundant_link": "passive",
+        "redundant_slider": "passive",
+        **KINDS_OF_II,
+    }
     assert [kind for kind in KINDS if f"| `{kind}` | {shown.get(kind, 'G')} |" not in text] == []
 
 

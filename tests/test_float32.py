@@ -11,7 +11,7 @@ from benchmarks.float32 import NAMES, PARTS, digits
 from linkjax.analysis import float32_digits
 from tests.helpers import ROOT
 
-DELTA = "import linkjax as lj; from linkjax.motion import steady; print(float(steady(lj.load('slider-crank')).delta))"
+DELTA = "import linkjax as lj; print(float(lj.steady_motion(lj.load('slider-crank')).delta))"
 NEARLY = """
 import linkjax as lj
 from linkjax import *
@@ -27,7 +27,7 @@ from linkjax import *
 links = {n: Link(length=l) for n, l in (("crank", 0.02), ("wheel", 0.02), ("left", 0.15), ("right", 0.12))}
 groups = [Crank("crank", "A", "B", phase=0.7), Gear("wheel", "D", Teeth((40, 20)), "crank", "A", "C", phase=1.0),
           RRR(("left", "right"), "B", "C", "P")]
-(found,) = lj.crank_limits(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.18, 0.0)}, links, groups), 2)
+(found,) = lj.crank_ranges(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.18, 0.0)}, links, groups), 2)
 print(*found[:2], found[2:] == ("", ""))
 """
 
@@ -62,7 +62,7 @@ def test_digits_of_a_scene():
     found = float32_digits(lj.load("slider-crank"))
     assert all(5.5 < found[part] < 7.5 for part in ("position", "coefficients", "drive_torque"))
     run = subprocess.run([sys.executable, "-c", DELTA], capture_output=True, text=True, check=True)
-    full = float(lj.steady(lj.load("slider-crank")).delta)
+    full = float(lj.steady_motion(lj.load("slider-crank")).delta)
     apart = [full * 10 ** -found["delta"], abs(float(run.stdout) - full)]  # a difference of speeds near one
     assert max(apart) < 8 * 2.0**-23 and min(apart) > 0, apart
 

@@ -19,6 +19,6 @@ def test_single_precision_works_and_warns():
     kind, delta, error = run.stdout.split()
     assert kind == "float32"
     assert "float32" in run.stderr and "linkjax.enable_x64()" in run.stderr
-    full = float(compiled_soon(lj.steady, static=("nodes",))(lj.load("slider-crank"), nodes=48).delta)
+    full = float(compiled_soon(lj.steady_motion, static=("nodes",))(lj.load("slider-crank"), nodes=48).delta)
     assert abs(float(delta) / full - 1) < 1e-4
     assert abs(float(delta) - full) <= float(error) < 1e-3 * full

@@ -26,7 +26,7 @@ def synthetic(force: float, error: float, least: float, torque: float = 0.0, mea
     return {
         "angles": angles, "points": {"B": {"x": np.cos(angles), "y": np.sin(angles)}}, "peaks": peaks,
         "reduced": {"inertia": np.ones(12)}, "model": {"constant_speed": False},
-        "motion": {"mean_speed": 10.0, "drive_torque_mean": mean}, "forces": {"reactions": {"B": {"rod": joint}}},
+        "motion": {"mean_speed": 10.0, "mean_drive_torque": mean}, "forces": {"reactions": {"B": {"rod": joint}}},
     }  # fmt: skip
 
 

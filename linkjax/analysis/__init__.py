@@ -1,6 +1,7 @@
 """The whole working cycle, computed and laid out."""
 
 from linkjax.analysis._analyse import analyse as analyse
+from linkjax.analysis._analyse import analyze as analyze
 from linkjax.analysis._analyse import compile_ahead as compile_ahead
 from linkjax.analysis._cycle import Checks as Checks
 from linkjax.analysis._cycle import Cycle as Cycle

@@ -49,7 +49,7 @@ from linkjax.motion import (
     steady_on,
     textbook_flywheel,
 )
-from linkjax.reduction import Reduced, reduce
+from linkjax.reduction import Reduced, reduced_model
 
 MOTION = 10.0  # times the error of δ: the relative error of a force in the true motion
 FINE = 256  # nodes a turn, to integrate what the inertia of a machine takes that follows a law
@@ -62,14 +62,14 @@ def analyse(
     angles: Any = 360,
     nodes: int = 96,
     constant_speed: bool | None = None,
-    motion: Literal["quadrature", "diffrax"] = "quadrature",
+    method: Literal["quadrature", "diffrax"] = "quadrature",
     throw: bool = True,
 ) -> Cycle:
     """Analyse a working cycle: kinematics, reduction, true motion, forces, peaks, flywheel, checks.
 
     `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` is the number
     of nodes of the cycle grid per crank turn; with `constant_speed` (as the scene says, if omitted) the crank turns at
-    constant nominal speed and the actual motion is left out; `motion` is the road to the actual motion: quadrature of
+    constant nominal speed and the actual motion is left out; `method` is how the actual motion is found: quadrature of
     the energy equation, or the equation of motion solved by diffrax.
     Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled;
     with `throw=False`, and under jax transformations, `result` tells instead. Where the actual motion does not exist,
@@ -86,13 +86,13 @@ def analyse(
             "1e-6; call linkjax.enable_x64() before loading the scene for full precision",
             stacklevel=2,
         )
-    if scene.mechanism.prescribed and motion == "diffrax":
+    if scene.mechanism.prescribed and method == "diffrax":
         problem = "follows a law: its motion is known, and no equation of motion is to be solved"
-        raise StructureError(scene.mechanism.crank, problem, "leave diffrax out, or the law")
-    if motion not in ("quadrature", "diffrax"):
-        raise ValueError(f'motion must be "quadrature" or "diffrax", but is {motion!r}')
+        raise StructureError(scene.mechanism.driving_link, problem, "leave diffrax out, or the law")
+    if method not in ("quadrature", "diffrax"):
+        raise ValueError(f'method must be "quadrature" or "diffrax", but is {method!r}')
     constant_speed = scene.constant_speed if constant_speed is None else constant_speed
-    cycle = only_what_exists(_analyse(scene, angles, nodes, constant_speed, motion, throw))
+    cycle = only_what_exists(_analyse(scene, angles, nodes, constant_speed, method, throw))
     if throw and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         explain(cycle)
     if scene.speed.dtype == jnp.float32 and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
@@ -106,10 +106,13 @@ def analyse(
     return cycle
 
 
-def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, motion: str = "quadrature") -> None:
+analyze = analyse
+
+
+def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, method: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, beside whatever else is done meanwhile."""
     scene = ready(jax.tree.map(as_float, scene))
-    _compile_ahead(scene, _angles(scene, angles), nodes, motion, _moves(scene, scene.constant_speed))
+    _compile_ahead(scene, _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
 
 
 def _angles(scene: Scene, angles: Any) -> Array:
@@ -127,7 +130,7 @@ def _angles(scene: Scene, angles: Any) -> Array:
     return found
 
 
-def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road: str, throw: bool) -> Cycle:
+def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, method: str, throw: bool) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile. The actual
     motion is left out where it is not asked for, or where nothing has a mass."""
     given, scene = scene, ready(scene)
@@ -135,10 +138,10 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
         if throw:
             explain_start(scene)
-        _compile_ahead(scene, angles, nodes, road, moves)
+        _compile_ahead(scene, angles, nodes, method, moves)
     motion, here, work, wheels = None, None, None, None
     if moves:
-        motion, here, work = _motion(scene, nodes, road)
+        motion, here, work = _motion(scene, nodes, method)
         wheels = _flywheels(scene, motion, here)
     regime = Regime(scene, _grid(scene, nodes) if motion is None else motion.grid, motion)
     at_nodes, at = _everywhere(regime, angles)
@@ -153,7 +156,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, road
         forces=None if still else at.forces[-1 if constant_speed else 0], forces_constant_speed=at.forces[-1],
         peaks=tops[0] if moves else None, peaks_constant_speed=tops[-1], rms_shaking_force_constant_speed=rms,
         flywheel=wheels, work=work, checks=checks, assembled=at.assembled,
-        result=merge(code, jnp.where(still, Result.NO_INERTIA, 0)), constant_speed=constant_speed, road=road,
+        result=merge(code, jnp.where(still, Result.NO_INERTIA, 0)), constant_speed=constant_speed, method=method,
         nodes=regime.grid.size,
     )  # fmt: skip
 
@@ -165,11 +168,11 @@ def _moves(scene: Scene, constant_speed: bool) -> bool:
     return scene.mechanism.prescribed or not (constant_speed or lifeless)
 
 
-def _compile_ahead(scene: Scene, angles: Array, nodes: int, road: str, moves: bool) -> None:
+def _compile_ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) -> None:
     """Start compiling all parts at once, each from the shapes that the ones before will give it; the longest first."""
     motion, here = None, None
     if moves:
-        motion, here, _ = _motion.ahead(scene, nodes, road)
+        motion, here, _ = _motion.ahead(scene, nodes, method)
     regime = Regime(scene, _grid.ahead(scene, nodes) if motion is None else motion.grid, motion)
     at_nodes, at = _everywhere.ahead(regime, angles)
     _peaks.ahead(regime, at_nodes)
@@ -198,9 +201,9 @@ def _grid(scene: Scene, nodes: int) -> Grid:
     return make_grid(scene, nodes)
 
 
-@compiled_soon(static=("nodes", "road"))
-def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced, dict[str, Array]]:
-    if road == "diffrax":
+@compiled_soon(static=("nodes", "method"))
+def _motion(scene: Scene, nodes: int, method: str) -> tuple[Steady, Reduced, dict[str, Array]]:
+    if method == "diffrax":
         motion = steady_by_diffrax(scene, nodes)
         here = node_values(scene, motion.grid)
     else:
@@ -209,7 +212,7 @@ def _motion(scene: Scene, nodes: int, road: str) -> tuple[Steady, Reduced, dict[
         motion = steady_on(scene, grid, here)
     weights = motion.grid.half[:, None] * motion.grid.rule.w[None]
     work = {name: jnp.sum(weights * share) for name, share in here.by_load.items()}
-    return motion, here, {"drive": motion.drive_torque * scene.cycle, **work}
+    return motion, here, {"drive": motion.mean_drive_torque * scene.cycle, **work}
 
 
 @compiled_soon
@@ -225,7 +228,7 @@ def _everywhere(regime: Regime, angles: Array) -> tuple[Array, Everywhere]:
         least = [m.value for sides in margins(scene.mechanism, place.phi).values() for m in sides.values()]
         return Everywhere(
             pose(scene.mechanism, place.phi), transmission_angles(scene.mechanism, place.phi),
-            reduce(scene, place.phi, regime.side(place)), _each(forces), _each(speed), _each(acceleration),
+            reduced_model(scene, place.phi, regime.side(place)), _each(forces), _each(speed), _each(acceleration),
             None if motion is None else motion.clock.at(place),
             jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0),
         )  # fmt: skip
@@ -312,8 +315,8 @@ def _checks(
         return Checks(power, None, balance), merge(*codes)
     codes += [
         jnp.where(jnp.isinf(motion.delta_error), Result.INTEGRATION_FAILED, 0),
-        jnp.where(motion.regime_margin > 0, 0, Result.NO_PERIODIC_REGIME),
-        jnp.where(motion.least_inertia > LIGHTEST, 0, Result.NO_INERTIA),
+        jnp.where(motion.steady_state_margin > 0, 0, Result.NO_PERIODIC_REGIME),
+        jnp.where(motion.min_inertia_ratio > LIGHTEST, 0, Result.NO_INERTIA),
     ]
     return Checks(power, _energy_closure(scene, motion, here, angles, at), balance), merge(*codes)
 
@@ -324,7 +327,7 @@ def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
     are those sums, only power is compared, with the reduced machine."""
     forces, speed, acceleration = at.forces[i], at.speed[i], at.acceleration[i]
     forces = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), 0.0, x), forces)  # joints at a change point
-    crank = at.pose.links[scene.mechanism.crank].w
+    crank = at.pose.links[scene.mechanism.driving_link].w
     inertia, slope, torque = at.reduced[:3]
     parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
     power, reach = jnp.abs(forces.drive_torque - sum(parts)), jnp.zeros_like(speed)
@@ -357,7 +360,7 @@ def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, 
     """Every link's kinetic energy from its own velocities against every load's work, integrated by itself, and the
     drive's: that of its constant torque, or of the torque that the law of the driver takes."""
     speed, grid = at.speed[0], motion.grid
-    spin = at.pose.links[scene.mechanism.crank].w * speed
+    spin = at.pose.links[scene.mechanism.driving_link].w * speed
     kinetic = 0.5 * scene.mechanism.flywheel.inertia * spin**2
     for name, place, body in at.pose.heavy():
         v, w = at.pose.points[place].dr * speed, at.pose.links[name].w * speed
@@ -366,10 +369,10 @@ def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, 
     if scene.mechanism.prescribed:
         torques += [(grid, -torque) for torque in here.by_load.values()]  # the drive makes up for the loads
         grid = make_grid(scene, FINE)
-        slope = jax.vmap(lambda phi: reduce(scene, phi).slope)(grid.nodes.ravel()).reshape(grid.nodes.shape)
+        slope = jax.vmap(lambda phi: reduced_model(scene, phi).slope)(grid.nodes.ravel()).reshape(grid.nodes.shape)
         torques.append((grid, 0.5 * slope * scene.speed**2))
     else:
-        torques.append((grid, jnp.broadcast_to(motion.drive_torque, grid.nodes.shape)))
+        torques.append((grid, jnp.broadcast_to(motion.mean_drive_torque, grid.nodes.shape)))
     work = jnp.zeros_like(speed)
     for grid, torque in torques:
         series = primitive(grid, torque)

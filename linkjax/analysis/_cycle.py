@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.forces import Forces
 from linkjax.groups import FITS, RRP, RRR, Course, Crank, Gear, General, Pinion, Rack, Track, followed, slow
-from linkjax.kinematics import Least, Pose, Reversals, crank_limits, lost_at_start, named_groups, shortfall
+from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, lost_at_start, named_groups, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
@@ -57,8 +57,8 @@ class NoMotion(eqx.Module):
 
     reason: str = eqx.field(static=True)
     fails: bool = eqx.field(static=True)
-    regime_margin: Array | None
-    lowest_mean_speed: Array | None
+    steady_state_margin: Array | None
+    min_mean_speed: Array | None
 
 
 class Cycle(eqx.Module):
@@ -99,7 +99,7 @@ class Cycle(eqx.Module):
     assembled: Bool[Array, " angles"]
     result: Int[Array, ""]
     constant_speed: bool = eqx.field(static=True)
-    road: str = eqx.field(static=True, default="quadrature")
+    method: str = eqx.field(static=True, default="quadrature")
     nodes: int = eqx.field(static=True, default=0)
     missing: NoMotion | None = None
 
@@ -116,7 +116,7 @@ class Cycle(eqx.Module):
     @property
     def power(self) -> Any:
         """Power of the constant drive torque in the actual motion at `angles` (W); None without one."""
-        return None if self.steady is None or self.speed is None else self.steady.drive_torque * self.speed
+        return None if self.steady is None or self.speed is None else self.steady.mean_drive_torque * self.speed
 
     @property
     def mean_power(self) -> Any:
@@ -215,7 +215,7 @@ def _where_it_can(cycle: Cycle) -> str:
     crank = mechanism.groups[0]
     if not isinstance(crank, Crank):
         return ""
-    ranges = crank_limits(mechanism, cycle.scene.cycle_turns)
+    ranges = crank_ranges(mechanism, cycle.scene.cycle_turns)
     if not ranges:
         return "It can be assembled at no crank angle. "
     if not ranges[0].at_start and not ranges[0].at_stop:
@@ -232,7 +232,7 @@ def _where_it_can(cycle: Cycle) -> str:
             general = any(isinstance(group, General) and group.sketch for group in mechanism.groups)
             drawn = f", and {'draw it' if general else 'give phases and sides'} where that begins"
     law = ", ".join(
-        f'{key} = "{math.degrees(end * crank.turns) + 0.0:.4f} deg"'
+        f'{key} = "{math.degrees(end * crank.sense) + 0.0:.4f} deg"'
         for key, end in zip(("start", "stop"), ends, strict=True)
     )
     key = "drive.law" if any(link.pins for link in mechanism.links.values()) else "groups[0].law"
@@ -249,7 +249,7 @@ def _trouble(cycle: Cycle, name: str) -> str:
     path = getattr(group, "path", None)
     if isinstance(group, General | Gear | Rack | Pinion):
         wound = path.wound if isinstance(path, Track) else path
-        if wound is not None and bool(wound.too_fast(group.turns)):
+        if wound is not None and bool(wound.too_fast(group.cycle_turns)):
             return "too fast"
     return path.trouble() if isinstance(path, Course | Track) else ""
 

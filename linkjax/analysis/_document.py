@@ -80,13 +80,14 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
 def _model(cycle: Cycle) -> dict[str, Any]:
     """How the figures were found, and why so."""
     scene = cycle.scene
-    road = "prescribed" if scene.mechanism.prescribed else cycle.road
-    why = WHY[road]
+    method = "prescribed" if scene.mechanism.prescribed else cycle.method
+    why = WHY[method]
     if cycle.steady is None:
-        road = "constant speed" if cycle.constant_speed else "none"
-        why = WHY[road] if cycle.missing is None else cycle.missing.reason
+        method = "constant speed" if cycle.constant_speed else "none"
+        why = WHY[method] if cycle.missing is None else cycle.missing.reason
     return {
-        "motion": road, "nodes": cycle.nodes, "evaluations": None if cycle.steady is None else cycle.steady.evaluations,
+        "method": method, "nodes": cycle.nodes,
+        "evaluations": None if cycle.steady is None else cycle.steady.evaluations,
         "mean": scene.mean, "why": why, "constant_speed": cycle.constant_speed,
         "indeterminate": list(indeterminate(scene.mechanism)),
     }  # fmt: skip
@@ -97,15 +98,12 @@ def _motion(cycle: Cycle) -> dict[str, Any]:
     motion, missing = cycle.steady, cycle.missing
     series = {"speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time, "power": cycle.power}
     found = {
-        key: None if motion is None else float(getattr(motion, name))
-        for key, name in {
-            "mean_speed": "mean_speed", "delta": "delta", "delta_error": "delta_error", "speed_max": "speed_max",
-            "speed_min": "speed_min", "angle_of_max": "angle_of_max", "angle_of_min": "angle_of_min",
-            "drive_torque_mean": "drive_torque", "period": "period",
-        }.items()
+        name: None if motion is None else float(getattr(motion, name))
+        for name in ("mean_speed", "delta", "delta_error", "max_speed", "min_speed", "angle_of_max", "angle_of_min",
+                     "mean_drive_torque", "period")
     }  # fmt: skip
     ends = motion if missing is None else missing
-    margins = {key: _maybe(ends and getattr(ends, key)) for key in ("regime_margin", "lowest_mean_speed")}
+    margins = {key: _maybe(ends and getattr(ends, key)) for key in ("steady_state_margin", "min_mean_speed")}
     return {**series, **found, "mean_power": _maybe(cycle.mean_power), **margins}
 
 

@@ -12,7 +12,7 @@ from linkjax.analysis._cycle import Cycle
 from linkjax.measures import MEASURES, no_transmission_angle, peak_names
 
 NONE: Any = SimpleNamespace(
-    delta=None, speed_max=None, speed_min=None, regime_margin=None, least_inertia=None, drive_torque=None
+    delta=None, max_speed=None, min_speed=None, steady_state_margin=None, min_inertia_ratio=None, mean_drive_torque=None
 )
 
 
@@ -26,14 +26,14 @@ def measured(cycle: Cycle) -> dict[str, float]:
     none = no_transmission_angle(cycle.scene.mechanism)
     found = {
         "delta": motion.delta,
-        "largest_speed": motion.speed_max,
-        "smallest_speed": motion.speed_min,
-        "regime_margin": motion.regime_margin,
-        "least_inertia": motion.least_inertia,
-        "mean_drive_torque": motion.drive_torque,
+        "max_crank_speed": motion.max_speed,
+        "min_crank_speed": motion.min_speed,
+        "steady_state_margin": motion.steady_state_margin,
+        "min_inertia_ratio": motion.min_inertia_ratio,
+        "mean_drive_torque": motion.mean_drive_torque,
         "flywheel_for_target_delta": wheel and wheel.for_target_delta,
-        "smallest_margin": min(limits, default=1.0),
-        "smallest_transmission_angle": (
+        "min_margin": min(limits, default=1.0),
+        "min_transmission_angle": (
             None if none else np.min(0.5 * np.pi - np.abs(turned - 0.5 * np.pi), initial=0.5 * np.pi)
         ),
         "rms_shaking_force_constant_speed": cycle.rms_shaking_force_constant_speed,

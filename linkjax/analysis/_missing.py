@@ -39,8 +39,8 @@ def only_what_exists(cycle: Cycle) -> Cycle:
     missing = NoMotion(
         _reason(cycle, code, "" if needed is None else _wheel(cycle, float(needed))),
         fails=code is not Result.NO_INERTIA or not massless(cycle.scene),
-        regime_margin=None if steady is None else steady.regime_margin,
-        lowest_mean_speed=None if steady is None or code is not Result.NO_PERIODIC_REGIME else steady.lowest_mean_speed,
+        steady_state_margin=None if steady is None else steady.steady_state_margin,
+        min_mean_speed=None if steady is None or code is not Result.NO_PERIODIC_REGIME else steady.min_mean_speed,
     )
     result = cycle.result if missing.fails else jnp.zeros_like(cycle.result)
     return dataclasses.replace(
@@ -62,14 +62,14 @@ def _reason(cycle: Cycle, code: Result, wheel: str) -> str:
         if steady is None or not bool(jnp.any(cycle.reduced.inertia > 0)):
             why = "no actual motion: nothing has a mass; forces at constant speed are those of statics"
         else:
-            degrees = float(jnp.degrees(steady.angle_of_least_inertia))
+            degrees = float(jnp.degrees(steady.angle_of_min_inertia))
             why = f"no actual motion: no reduced inertia at {degrees:.2f} degrees of crank angle"
             why += f", so that the {'crank ' if shaft else ''}speed has no bound there"
         return f"{why}. Give {'the crank or the flywheel' if shaft else 'what the drive moves'} an inertia{wheel}."
     if code is Result.INTEGRATION_FAILED or steady is None:
         return f"no actual motion: {MESSAGES[Result.INTEGRATION_FAILED]}"
-    nominal, lowest = (f"{float(speed):.6g} rad/s" for speed in (cycle.scene.speed, steady.lowest_mean_speed))
-    degrees = float(jnp.degrees(steady.angle_of_least_work))
+    nominal, lowest = (f"{float(speed):.6g} rad/s" for speed in (cycle.scene.speed, steady.min_mean_speed))
+    degrees = float(jnp.degrees(steady.angle_of_min_work))
     add = "add a flywheel" if shaft else "add inertia to what the drive moves"
     return (
         f"no periodic regime at a mean speed of {nominal}: the kinetic energy runs out at {degrees:.2f} degrees; "

@@ -15,7 +15,7 @@ from linkjax.analysis._cycle import Cycle
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import pose, scan_angles
 from linkjax.machine import Scene, ready
-from linkjax.motion import steady
+from linkjax.motion import steady_motion
 
 FEWEST = 4  # digits, below which single precision is warned of
 SCAN = 90  # crank angles a turn that are compared
@@ -57,7 +57,7 @@ def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
         )  # fmt: skip
 
     rows = jax.jit(jax.vmap(at, out_axes=1))(phi)
-    return (*rows, jax.jit(lambda scene: steady(scene, nodes).delta)(scene)[None, None])
+    return (*rows, jax.jit(lambda scene: steady_motion(scene, nodes).delta)(scene)[None, None])
 
 
 def _digits(exact: np.ndarray, rough: np.ndarray) -> float:

@@ -81,10 +81,10 @@ def _least(data: Data, name: str, suffix: str) -> float:
 
     The mean of the drive torque is that of its work, in any motion; it equals the peak of a constant torque only.
     """
-    if name == "drive_torque" and data["motion"].get("drive_torque_mean") is None:
+    if name == "drive_torque" and data["motion"].get("mean_drive_torque") is None:
         return float(np.min(np.abs(data["forces_constant_speed"]["drive_torque"])))
     if name == "drive_torque":
-        return abs(float(data["motion"].get("drive_torque_mean") or 0.0))
+        return abs(float(data["motion"].get("mean_drive_torque") or 0.0))
     if np.size(data["angles"]) < ENOUGH or (not suffix and data["model"]["constant_speed"]):
         return -math.inf
     forces = data["forces_constant_speed" if suffix else "forces"]

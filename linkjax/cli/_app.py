@@ -39,7 +39,7 @@ from linkjax.cli._print_at import print_at
 from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling, structure_of
 from linkjax.cli._said import messages_in, units_for
 from linkjax.cli._write import write_csv, write_out
-from linkjax.kinematics import assemblies, open_at_start
+from linkjax.kinematics import assembly_modes, open_at_start
 from linkjax.mechanism import structure
 from linkjax.rolling import RollingMachine
 from linkjax.scenes import (
@@ -61,7 +61,7 @@ from linkjax.scenes import (
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
-class Road(StrEnum):
+class Method(StrEnum):
     """How the true motion is found."""
 
     quadrature = "quadrature"
@@ -150,11 +150,12 @@ def structure_command(scene: SceneName, units: Units = "", set_: Set = None) -> 
     with messages_in(shown):
         mechanism = load(scene, changes_of(scene, set_)).mechanism
     print_structure(structure(mechanism))
-    print_assemblies(assemblies(mechanism), shown)
+    print_assemblies(assembly_modes(mechanism), shown)
     if missing := open_at_start(mechanism):
         console.print(f"WARNING: {retold(missing, shown)}", style="bold", highlight=False, markup=False)
 
 
+@app.command(name="analyze", hidden=True)
 @app.command(name="analyse")
 def analyse_command(
     scene: SceneName,
@@ -175,7 +176,7 @@ def analyse_command(
     constant_speed: Annotated[
         bool, typer.Option("--constant-speed", help="The crank at constant nominal speed, without the actual motion.")
     ] = False,
-    motion: Annotated[Road, typer.Option(help="How the true motion is found.")] = Road.quadrature,
+    method: Annotated[Method, typer.Option(help="How the actual motion is found.")] = Method.quadrature,
     nodes: Nodes = NODES,
     units: Units = "",
     set_: Set = None,
@@ -186,7 +187,7 @@ def analyse_command(
     changes = changes_of(scene, set_)
     if load_document(scene).rolling:
         refuse(scene, {"--at": bool(at), "--acceleration": acceleration is not None, "--nodes": nodes != NODES,
-                       "--constant-speed": constant_speed, "--motion": motion is not Road.quadrature})  # fmt: skip
+                       "--constant-speed": constant_speed, "--method": method is not Method.quadrature})  # fmt: skip
         bodies, units = load_rolling(scene, changes), units_for(scene, changes, units)
         check_places(out, csv_folder, json_file)
         with messages_in(shown := Numbers(display_units(units))):
@@ -201,7 +202,7 @@ def analyse_command(
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     with elapsed("analysing"), messages_in(shown):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed or None,
-                        motion=motion.value, throw=not (json_file or csv_folder))  # fmt: skip
+                        method=method.value, throw=not (json_file or csv_folder))  # fmt: skip
         cycle = pick(whole, slice(0, angles))
         data = document(cycle, scene, __version__)
     if json_file:

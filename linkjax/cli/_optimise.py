@@ -26,8 +26,8 @@ from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
 from linkjax.cli._said import messages_in, units_for
 from linkjax.cli._write import write_out
-from linkjax.design import DesignError, Progress, document, limit, optimise, settled
-from linkjax.scenes import load, load_task, text_of
+from linkjax.design import DesignError, Progress, document, limit, settled, solve
+from linkjax.scenes import load, load_problem, text_of
 
 ANGLES = 360
 CHANGED = "the machine with the changes of its section [optimise]"
@@ -42,10 +42,11 @@ Free = Annotated[
 ]
 Minimise = Annotated[str | None, typer.Option(metavar="NAME", help="Measure, or number of the scene, to make small.")]
 Maximise = Annotated[str | None, typer.Option(metavar="NAME", help="The same to make large.")]
-Solver = Annotated[str | None, typer.Option(help="cone, slsqp, trust-constr or many.")]
+Solver = Annotated[str | None, typer.Option(help="cone, slsqp, trust-constr or multistart.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the optimised scene, report and figures.")]
 
 
+@app.command(name="optimize", hidden=True)
 @app.command(name="optimise")
 def optimise_command(
     scene: SceneName,
@@ -66,7 +67,7 @@ def optimise_command(
     """Optimise a machine as the section [optimise] of its scene asks, or as the options do."""
     console.quiet = quiet
     display_units(units)  # what is no unit is refused first
-    machine, asked = load_task(scene, changes_of(scene, set_))
+    machine, asked = load_problem(scene, changes_of(scene, set_))
     units = units_for(scene, changes_of(scene, set_), units)
     shown = Numbers(display_units(units))
     _change(asked, limits, free)
@@ -83,9 +84,9 @@ def optimise_command(
         console.print(f"before: {CHANGED}", highlight=False, markup=False)
     check_places(out, None, json_file)
     clock = time.perf_counter()
-    with messages_in(shown), _Told(shown) as told:
+    with messages_in(shown), _Progress(shown) as progress:
         analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
-        found = optimise(machine, **asked, nodes=nodes, told=told, meanwhile=analysis)
+        found = solve(machine, **asked, nodes=nodes, callback=progress, meanwhile=analysis)
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
     data = document(found, before, after, scene, __version__) | {"before_is": CHANGED if changed else "the machine"}
     _print(data, shown, time.perf_counter() - clock)
@@ -126,7 +127,7 @@ def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | N
             del asked["free"][name]
 
 
-class _Told:
+class _Progress:
     """Progress on the screen: a line that changes on a terminal, one line for every start elsewhere."""
 
     def __init__(self, shown: Numbers):
@@ -134,7 +135,7 @@ class _Told:
         self.status = console.status("compiling …") if console.is_terminal else None
         self.last: Progress | None = None
 
-    def __enter__(self) -> _Told:
+    def __enter__(self) -> _Progress:
         if self.status is not None:
             self.status.start()
         return self

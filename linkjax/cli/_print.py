@@ -23,7 +23,7 @@ from linkjax.analysis import (
 )
 from linkjax.cli._console import console
 from linkjax.groups import Crank, General, Harmonic
-from linkjax.kinematics import Assemblies
+from linkjax.kinematics import AssemblyModes
 from linkjax.machine import Scene
 from linkjax.mechanism import Mechanism, Structure
 
@@ -88,7 +88,7 @@ def _drive(mechanism: Mechanism, show: Numbers) -> str:
     ends = ""
     if isinstance(law, Harmonic):
         ends = f", to {show.shown(law.stop, 'm') if slides else show.turned(phase + float(law.stop))} and back"
-    return f"{mechanism.crank}{on}, at {at} at crank angle zero{ends}"
+    return f"{mechanism.driving_link}{on}, at {at} at crank angle zero{ends}"
 
 
 def print_structure(found: Structure) -> None:
@@ -105,7 +105,7 @@ def print_structure(found: Structure) -> None:
     console.print(table)
 
 
-def print_assemblies(found: dict[str, Assemblies], show: Numbers) -> None:
+def print_assemblies(found: dict[str, AssemblyModes], show: Numbers) -> None:
     """The ways to assemble general groups at crank angle zero, as sketches."""
     for name, ways in found.items():
         several = "1 way" if len(ways.sketches) == 1 else f"{len(ways.sketches)} ways"
@@ -129,7 +129,7 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks if value is not None)
     console.print(f"\nchecks     {residuals}", highlight=False)
     print_warnings(data, show)
-    if data["model"]["motion"] == "constant speed" and machine.target_delta is not None:
+    if data["model"]["method"] == "constant speed" and machine.target_delta is not None:
         console.print("NOTE: at constant speed no flywheel is looked for", highlight=False)
     if moves(data) and run["delta_error"] > max(COARSE * run["delta"], EVEN):
         more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
@@ -138,8 +138,8 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
         joints = ", ".join(model["indeterminate"])
         more = "depend on how tight the passive links fit; given are those of links that do not help the others"
         console.print(f"NOTE: reactions at {joints} {more}", highlight=False, markup=False)
-    none = model["motion"] == "none"
-    how = "constant speed alone" if none else model["motion"]
+    none = model["method"] == "none"
+    how = "constant speed alone" if none else model["method"]
     why = "" if none else f": {model['why']}"
     console.print(f"model      {how}, {model['nodes']} nodes{why}", highlight=False, markup=False)
 
@@ -152,9 +152,9 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     rows = [("crank speed", f"{show.speed(float(machine.speed))}, constant")] if not moves(data) else [
         ("speed fluctuation δ", f"{_digits(run['delta'], run['delta_error'])}  ± {run['delta_error']:.1e}"),
         ("mean speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
-        ("largest speed", f"{show.speed(run['speed_max'])}{fastest}"),
-        ("smallest speed", f"{show.speed(run['speed_min'])}{slowest}"),
-        ("constant drive torque", show.quantity(run["drive_torque_mean"], "N·m", 6, torque_scale(data))),
+        ("largest speed", f"{show.speed(run['max_speed'])}{fastest}"),
+        ("smallest speed", f"{show.speed(run['min_speed'])}{slowest}"),
+        ("constant drive torque", show.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))),
         ("mean power", show.quantity(run["mean_power"], "W", 6, power_scale(data))),
     ]  # fmt: skip
     rows.append(("flywheel given", show.shown(wheel["given"], "kg·m²")))
@@ -173,7 +173,7 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
     limit, of = check_limit(data), f"{which}: " if which else ""
     if not all(value <= limit for value in data["checks"].values() if value is not None):  # a NaN is no pass either
         console.print(f"WARNING: {of}a check is above {limit:g}; do not trust these figures", style="bold red")
-    message, still = retold(data["result"]["message"], show), data.get("model", {}).get("motion") == "none"
+    message, still = retold(data["result"]["message"], show), data.get("model", {}).get("method") == "none"
     if still and not data["result"]["code"]:
         console.print(f"NOTE: {of}{message}", markup=False, highlight=False)
     elif data["result"]["code"] and (which or not still):  # of one machine that is the last line

@@ -54,7 +54,7 @@ def _motion(data: Data, machine: Scene, given: bool) -> tuple[float, float, str]
         return float(run["speed"][0]), float(run["acceleration"][0]), "nominal speed and the acceleration given"
     if model["constant_speed"] or run["speed"] is None:
         return float(machine.speed), 0.0, "constant nominal speed"
-    what = "motion as the law prescribes" if model["motion"] == "prescribed" else "actual motion"
+    what = "motion as the law prescribes" if model["method"] == "prescribed" else "actual motion"
     return float(run["speed"][0]), float(run["acceleration"][0]), what
 
 

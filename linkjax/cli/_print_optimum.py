@@ -31,19 +31,19 @@ def print_optimum(data: Data, show: Numbers, seconds: float) -> None:
     goal, result = data["objective"], data["result"]
     style = "bold" if result["code"] == 0 else "bold red"
     console.print(Text(f"\n{result['message']}", style=style))
-    if result["clash"]:
-        console.print(f"these clash: {', '.join(result['clash'])}", highlight=False, markup=False)
+    if result["conflicts"]:
+        console.print(f"these clash: {', '.join(result['conflicts'])}", highlight=False, markup=False)
     _print_limits(data, show)
     _print_variables(data, show)
     _print_measures(data, show)
     _print_trade_off(data, show)
     starts = len(data["starts"])
-    reached = f"{data['reached']} of {starts} starts reached it, " if starts > 1 else ""
-    tied = _angles(goal["tied_angles"], show)
+    reached = f"{data['starts_at_optimum']} of {starts} starts reached it, " if starts > 1 else ""
+    tied = _angles(goal["peak_angles"], show)
     console.print(f"\n{reached}{data['evaluations']} evaluations, KKT residual {data['kkt_residual']:.1e}, "
                   f"{seconds:.1f} s", highlight=False)  # fmt: skip
     if tied:
-        how = "peaks tie at" if len(goal["tied_angles"]) > 1 else "its peak is at"
+        how = "peaks tie at" if len(goal["peak_angles"]) > 1 else "its peak is at"
         console.print(f"{goal['name']}: {how} {tied}", highlight=False)
     console.print(f"solver     {data['solver']['name']}: {data['solver']['why']}", highlight=False)
 
@@ -69,7 +69,7 @@ def _price(limit: Data, unit: str, show: Numbers) -> str:
     if not limit["active"]:
         return ""
     own = "" if limit["unit"] == "1" else f" per {limit['unit']}"
-    tied = _angles(limit["tied_angles"], show)
+    tied = _angles(limit["peak_angles"], show)
     return f"{limit['multiplier']:.5g} {unit}{own}" + (f" (tied at {tied})" if tied else "")
 
 
@@ -79,9 +79,9 @@ def _print_variables(data: Data, show: Numbers) -> None:
     for name, v in data["variables"].items():
         parts = show.told([v["before"], v["after"]], v["unit"], 6)
         parts += [show.bound(v[key], v["unit"]) for key in ("lower", "upper")]
-        price = f"{v['active']}: {v['pull']:.5g} {unit} per {v['unit']}" if v["active"] else ""
-        table.add_row(name, *parts, price or ("no effect on the optimum" if v["idle"] else ""))
-        for tie, values in v["tied"].items():
+        price = f"{v['active']}: {v['bound_multiplier']:.5g} {unit} per {v['unit']}" if v["active"] else ""
+        table.add_row(name, *parts, price or ("no effect on the optimum" if v["no_effect"] else ""))
+        for tie, values in v["linked"].items():
             table.add_row(f"  tied: {tie}", *show.told([values["before"], values["after"]], values["unit"], 6))
     console.print()
     console.print(table, highlight=False)
@@ -104,7 +104,7 @@ def _print_trade_off(data: Data, show: Numbers) -> None:
     table = _table(f"with {trade['limit']}", data["objective"]["name"])
     for point in trade["points"]:
         value = amount(point["objective"], trade["objective_unit"], show)
-        table.add_row(show.bound(point["limit"], trade["unit"]), value if point["feasible"] else "no design")
+        table.add_row(show.bound(point["bound"], trade["unit"]), value if point["feasible"] else "no design")
     console.print()
     console.print(table, highlight=False)
 

@@ -83,8 +83,8 @@ def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
     console.print(Text(machine.title or data["scene"], style="bold"))
     console.print(f"{structure_of(machine)}\n", highlight=False)
     inner, outer, e = show.told([rings[key] for key in ("inner_radius", "outer_radius", "eccentricity")], "m", 9)
-    largest, smallest = show.told([limits["largest_radius"], limits["smallest_radius"]], "m", 9)
-    apart = limits["least_clearance"]
+    largest, smallest = show.told([limits["max_radius"], limits["min_radius"]], "m", 9)
+    apart = limits["min_clearance"]
     rows = [
         ("radius of the inner ring", inner),
         ("radius of the outer ring", outer),

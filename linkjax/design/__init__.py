@@ -3,14 +3,16 @@
 from linkjax.design._cone import descend as descend
 from linkjax.design._document import document as document
 from linkjax.design._document import outcome as outcome
-from linkjax.design._many import many as many
+from linkjax.design._multistart import multistart as multistart
 from linkjax.design._names import DesignError as DesignError
 from linkjax.design._names import changed as changed
 from linkjax.design._names import number as number
 from linkjax.design._names import numbers as numbers
 from linkjax.design._optimise import Optimum as Optimum
 from linkjax.design._optimise import optimise as optimise
+from linkjax.design._optimise import optimize as optimize
 from linkjax.design._optimise import settled as settled
+from linkjax.design._optimise import solve as solve
 from linkjax.design._problem import Case as Case
 from linkjax.design._problem import Problem as Problem
 from linkjax.design._problem import Variable as Variable

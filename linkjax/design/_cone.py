@@ -36,16 +36,16 @@ class Path:
 
 
 def descend(
-    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, told: Callable | None = None
+    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, callback: Callable | None = None
 ) -> Path:
     """Go from a design, in units of the variables' ranges, to a local optimum.
 
-    A design that cannot be assembled, or does not run, is first made sound. `told(point, certificate)` hears of every
+    A design that cannot be assembled, or does not run, is first made sound. `callback(point, certificate)` hears of every
     step. Ends with a certificate of residual `tolerance`, after so many steps, or where no step improves any more.
     """
     path, bend = begin(problem, z, steps), np.zeros((z.size, z.size))
     if path.point.unsound <= 0:
-        bend = _down(problem, path, bend, tolerance, steps, told)
+        bend = _down(problem, path, bend, tolerance, steps, callback)
     for point, certificate in polished(problem, path.point, path.certificate, bend, tolerance):
         path.point, path.certificate = point, certificate
         path.history.append((point.value, point.violation))
@@ -54,7 +54,7 @@ def descend(
 
 
 def _down(
-    problem: Problem, path: Path, bend: np.ndarray, wanted: float, steps: int, told: Callable | None
+    problem: Problem, path: Path, bend: np.ndarray, wanted: float, steps: int, callback: Callable | None
 ) -> np.ndarray:
     """Follow a path down as long as it gains, or until its residual is as wanted; the curvature gathered."""
     point, step, tolerance = path.point, None, ROUGH
@@ -62,8 +62,8 @@ def _down(
     for _ in range(steps):
         if not np.isfinite(point.value + point.violation):
             return bend
-        if told is not None:
-            told(point, path.certificate)
+        if callback is not None:
+            callback(point, path.certificate)
         if path.certificate.residual <= wanted and point.violation <= MET:
             return bend
         if path.certificate.residual <= NEAR:

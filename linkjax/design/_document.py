@@ -17,7 +17,7 @@ WHY = {
     "cone": "peaks are kept as vectors over the continuous cycle, linearised, their lengths exact: second-order cones",
     "slsqp": "asked for: SciPy's SLSQP on every row of every peak, exact derivatives",
     "trust-constr": "asked for: SciPy's trust-constr on every row of every peak, exact derivatives",
-    "many": "asked for: a crowd of starts at once by optax, the best finished by the cone solver",
+    "multistart": "asked for: a crowd of starts at once by optax, the best finished by the cone solver",
 }
 MESSAGES = {
     "optimal": "An optimum is found: every limit is met, and its multipliers certify the first-order conditions.",
@@ -55,22 +55,22 @@ def document(
     goal = next(kind for kind in problem.kinds if kind.role == "objective")
     first = {kind.label: block.value for kind, block in zip(problem.kinds, problem.first, strict=True)}
     asked = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
-    missed = set(found.missed)
+    missed = set(found.violated)
     return {
         "scene": name or found.before.title,
         "linkjax_version": version,
         "precision": str(np.asarray(found.before.speed).dtype),
         "objective": {
             "name": goal.name, "unit": goal.unit, "sense": "minimise" if goal.sign > 0 else "maximise",
-            "before": found.objective_before, "after": found.objective, "tied_angles": list(found.tied_angles),
+            "before": found.objective_before, "after": found.objective, "peak_angles": list(found.peak_angles),
         },
         "variables": {v.name: _variable(found, i) for i, v in enumerate(problem.variables)},
         "limits": {
             label: {
-                "value": met.value, "before": first[label], "limit": met.bound,
+                "value": met.value, "before": first[label], "bound": met.bound,
                 "sense": "at most" if asked[label].sign > 0 else "at least", "unit": asked[label].unit,
                 "met": label not in missed, "multiplier": met.multiplier, "active": met.multiplier > 0,
-                "tied_angles": list(met.tied_angles),
+                "peak_angles": list(met.peak_angles),
             }
             for label, met in found.limits.items()
         },
@@ -81,7 +81,7 @@ def document(
                     for a, b in found.history],
         "evaluations": found.evaluations,
         "starts": [start._asdict() for start in found.starts],
-        "reached": found.reached,
+        "starts_at_optimum": found.starts_at_optimum,
         "kkt_residual": found.kkt_residual,
         "trade_off": _trade_off(found, goal.unit),
         "cases": [_case_name(case, i) for i, case in enumerate(problem.cases, 1)
@@ -89,7 +89,8 @@ def document(
         "solver": {"name": found.solver, "why": WHY[found.solver]},
         "scene_after": scene_after,
         "result": {
-            "code": 0 if found.feasible else 1, "name": word, "message": MESSAGES[word], "clash": list(found.clash),
+            "code": 0 if found.feasible else 1, "name": word, "message": MESSAGES[word],
+            "conflicts": list(found.conflicts),
         },
     }  # fmt: skip
 
@@ -100,23 +101,25 @@ def _case_name(case: Case, place: int) -> str:
 
 def _variable(found: Optimum, i: int) -> dict[str, Any]:
     problem = found.problem
-    name, pull = problem.variables[i].name, found.pull.get(problem.variables[i].name, 0.0)
+    name, multiplier = problem.variables[i].name, found.bound_multiplier.get(problem.variables[i].name, 0.0)
     low, high = float(problem.lower[i]), float(problem.upper[i])
     return {
         "before": float(problem.start[i]), "after": float(found.x[i]), "lower": low, "upper": high,
-        "active": _active(found, name, float(found.x[i]), low, high), "unit": problem.numbers[i].unit, "pull": pull,
-        "idle": name in found.idle, "tied": {tie: _tied(found, tie) for tie in problem.variables[i].tied},
+        "active": _active(found, name, float(found.x[i]), low, high), "unit": problem.numbers[i].unit,
+        "bound_multiplier": multiplier,
+        "no_effect": name in found.no_effect,
+        "linked": {other: _linked(found, other) for other in problem.variables[i].linked},
     }  # fmt: skip
 
 
-def _tied(found: Optimum, name: str) -> dict[str, Any]:
+def _linked(found: Optimum, name: str) -> dict[str, Any]:
     at = number(found.before, name)
     return {"before": float(at.read(found.before)), "after": float(at.read(found.after)), "unit": at.unit}
 
 
 def _active(found: Optimum, name: str, value: float, low: float, high: float) -> str:
     """The bound that carries a multiplier."""
-    if name not in found.pull:
+    if name not in found.bound_multiplier:
         return ""
     return "lower" if value - low < high - value else "upper"
 
@@ -127,9 +130,9 @@ def _trade_off(found: Optimum, unit: str) -> dict[str, Any] | None:
     names = [v.name for v in found.problem.variables]
     limit = next(kind for kind in found.problem.kinds if kind.name == found.traded and kind.role == "limit")
     every = [
-        {"limit": limit.bound, "objective": found.objective, "feasible": found.feasible,
+        {"bound": limit.bound, "objective": found.objective, "feasible": found.feasible,
          "variables": dict(zip(names, map(float, found.x), strict=True))},
-        *({"limit": point.bound, "objective": point.objective, "feasible": point.feasible,
+        *({"bound": point.bound, "objective": point.objective, "feasible": point.feasible,
            "variables": dict(zip(names, point.x, strict=True))} for point in found.trade_off),
     ]  # fmt: skip
     return {"limit": found.traded, "unit": limit.unit, "objective_unit": unit, "points": every}

@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, General, Guide, Rack, Slide, Slot, Teeth
+from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, General, Guide, LinearDriver, Rack, Slot, Teeth
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -129,7 +129,9 @@ def _group(
 ) -> Iterator[Number]:
     """The numbers of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
     drive does."""
-    slides = slides or isinstance(group, Slide) or (isinstance(group, General) and group.driven_slot() is not None)
+    slides = (
+        slides or isinstance(group, LinearDriver) or (isinstance(group, General) and group.driven_slot() is not None)
+    )
     rack = isinstance(group, Rack) and ".gears[" in name  # its guide is that of a slot
     for field in dataclasses.fields(group):
         value = getattr(group, field.name)

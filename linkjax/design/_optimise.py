@@ -10,38 +10,43 @@ import numpy as np
 
 from linkjax._units import nearest
 from linkjax.design._cone import Path, descend
-from linkjax.design._many import many
+from linkjax.design._multistart import multistart
 from linkjax.design._names import DesignError, numbers
 from linkjax.design._point import HELD, Point, obstacles, placed, rank
 from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
 from linkjax.design._starts import Progress, Run, Start, Traded, feasible, objective, trade, violated
-from linkjax.design._terms import Asked, Limit
+from linkjax.design._terms import Asked, Limit, Term
 from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene, check_scene
 from linkjax.measures import MEASURES, NODES
 
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
 OTHERS = 5  # starts whose ends the points of a trade-off begin from
-SOLVERS: dict[str, Callable[..., Path]] = {"cone": descend, "slsqp": slsqp, "trust-constr": trust, "many": many}
+SOLVERS: dict[str, Callable[..., Path]] = {
+    "cone": descend,
+    "slsqp": slsqp,
+    "trust-constr": trust,
+    "multistart": multistart,
+}
 
 
-class Met(NamedTuple):
+class ConstraintResult(NamedTuple):
     """A limit at the optimum: its value, its bound, its multiplier (what the objective gains per unit that the bound
     gives way, in their SI units), and the crank angles (rad) at which it is tied."""
 
     value: float
     bound: float
     multiplier: float
-    tied_angles: tuple[float, ...]
+    peak_angles: tuple[float, ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class Optimum:
     """The best design found, beside the one it began with.
 
-    `limits` by label, `missed` those not met, `idle` the free numbers on which neither the objective nor an active
-    limit depends, `pull` what the objective would gain (SI) per unit of room at an active bound, `history` the
+    `limits` by label, `violated` those not met, `no_effect` the free numbers on which neither the objective nor an active
+    limit depends, `bound_multiplier` what the objective would gain (SI) per unit of room at an active bound, `history` the
     objective and violation, scaled, of every step of the best start, `trade_off` the optima for other bounds of one
     limit.
     """
@@ -52,14 +57,14 @@ class Optimum:
     x: np.ndarray
     objective_before: float
     objective: float
-    limits: dict[str, Met]
-    tied_angles: tuple[float, ...]
-    pull: dict[str, float]
+    limits: dict[str, ConstraintResult]
+    peak_angles: tuple[float, ...]
+    bound_multiplier: dict[str, float]
     kkt_residual: float
     feasible: bool
-    clash: tuple[str, ...]
-    missed: tuple[str, ...]
-    idle: tuple[str, ...]
+    conflicts: tuple[str, ...]
+    violated: tuple[str, ...]
+    no_effect: tuple[str, ...]
     starts: tuple[Start, ...]
     history: tuple[tuple[float, float], ...]
     evaluations: int
@@ -75,7 +80,7 @@ class Optimum:
         return {v.name: (float(a), float(b)) for v, a, b in zip(p.variables, p.start, self.x, strict=True)}
 
     @property
-    def reached(self) -> int:
+    def starts_at_optimum(self) -> int:
         """How many starts came to the same objective."""
         before = abs(self.objective_before) if np.isfinite(self.objective_before) else 0.0
         close = REACHED * max(abs(self.objective), 1e-3 * before)
@@ -96,49 +101,61 @@ def optimise(
     solver: str = "cone",
     trade_off: tuple[str, Sequence[float | str]] | None = None,
     nodes: int = NODES,
-    told: Callable[[Progress], None] | None = None,
-    meanwhile: Callable[[], None] | None = None,
+    callback: Callable[[Progress], None] | None = None,
 ) -> Optimum:
     """Change the free numbers of a scene until the objective is as small (or large) as the limits allow.
 
     `free` gives ranges by name: `("0.95 m", "1.1 m")`, `"0 to 40 kg m^2"`, `"± 8 %"`, or SI numbers. An objective or
     limit is a measure, the name of one or of a number of the scene, or any jax function of the scene; limits come from
-    `at_most` and `at_least`, or are texts: `"delta <= 0.15"`, `"smallest_transmission_angle >= today"`. Every limit
+    `at_most` and `at_least`, or are texts: `"delta <= 0.15"`, `"min_transmission_angle >= initial"`. Every limit
     holds in every one of the `cases`, and the worst of them counts. The first start is the scene itself, the others are
-    drawn at random, from `seed`, within the bounds. `solver` is "cone", "slsqp", "trust-constr" or "many" (a crowd,
+    drawn at random, from `seed`, within the bounds. `solver` is "cone", "slsqp", "trust-constr" or "multistart" (a crowd,
     drawn anew from every start); `nodes` are those of the cycle grid, per crank turn. `trade_off` names a limit and
     further bounds for it, each optimised by the cone solver from the design before and the ends of the best starts.
     Machines that cannot be assembled, or do not run, are led back; nothing throws. The optimum of a problem without a
-    feasible design is the least violated one; `feasible` and `clash` tell. `told` hears of every step, `meanwhile` is
-    called while the problem compiles; interrupted (Ctrl-C), the best design so far is returned, or
+    feasible design is the least violated one; `feasible` and `conflicts` tell. `callback` is
+    called with the `Progress` after every step; interrupted (Ctrl-C), the best design so far is returned, or
     `KeyboardInterrupt` raised where there is none. Raises `DesignError` for what cannot be asked. Source: see
     `linkjax.design.descend`.
     """
     check_scene(scene)
+    asked = settled(scene, free, minimise, maximise, limits, cases, solver, trade_off)
+    return solve(scene, **asked, starts=starts, seed=seed, nodes=nodes, callback=callback)
+
+
+optimize = optimise
+
+
+def solve(
+    scene: Scene, free: Sequence[Variable], minimise: Term | None, maximise: Term | None, limits: Sequence[Limit],
+    cases: Sequence[Case], solver: str, trade_off: tuple[str, Sequence[float]] | None, *, starts: int = 1,
+    seed: int = 0, nodes: int = NODES, callback: Callable[[Progress], None] | None = None,
+    meanwhile: Callable[[], None] | None = None,
+) -> Optimum:  # fmt: skip
+    """`optimise` for arguments that are `settled` already; `meanwhile` is called while the problem compiles."""
     if starts < 1:
         raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
     if seed < 0:
         raise DesignError("seed", f"is {seed}", "write a whole number of zero or more")
-    asked = settled(scene, free, minimise, maximise, limits, cases, solver, trade_off)
-    goal, traded, descend = asked["maximise"] or asked["minimise"], asked["trade_off"], SOLVERS[solver]
-    problem = Problem(scene, asked["free"], goal, asked["limits"], asked["cases"], maximise is not None, nodes,
-                      meanwhile)  # fmt: skip
-    run = Run(problem, starts, told)
+    goal = minimise if maximise is None else maximise
+    assert goal is not None
+    problem = Problem(scene, free, goal, limits, cases, maximise is not None, nodes, meanwhile)
+    run = Run(problem, starts, callback)
     rng = np.random.default_rng(seed)
     first = np.clip(_unit(problem, problem.start), 0.0, 1.0)
     try:
         for number in range(starts):
-            run.follow(descend, first if number == 0 else rng.random(first.size), number)
+            run.follow(SOLVERS[solver], first if number == 0 else rng.random(first.size), number)
     except KeyboardInterrupt:
         run.interrupted()
     best = run.best()
     found = _optimum(problem, best, tuple(run.ended))
     points, stopped = (), run.stopped
-    if traded is not None and not stopped:
+    if trade_off is not None and not stopped:
         ends = _different(run.paths)[:OTHERS]
-        points, stopped = trade(problem, ends, traded[0], traded[1], told)
+        points, stopped = trade(problem, ends, trade_off[0], list(trade_off[1]), callback)
     return dataclasses.replace(
-        found, solver=solver, interrupted=stopped, trade_off=points, traded=traded[0] if traded else "",
+        found, solver=solver, interrupted=stopped, trade_off=points, traded=trade_off[0] if trade_off else "",
         evaluations=problem.evaluations,
     )  # fmt: skip
 
@@ -172,7 +189,7 @@ def settled(
 
 def _check_cases(variables: Sequence[Variable], cases: Sequence[Case]) -> None:
     """Raise `DesignError` where a case changes what is free."""
-    free = {name for v in variables for name in (v.name, *v.tied)}
+    free = {name for v in variables for name in (v.name, *v.linked)}
     for case in cases:
         for name in case.changes:
             if name in free:
@@ -214,7 +231,7 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
     order = [i for role in roles for i, kind in enumerate(problem.kinds) if kind.role == role]
     goal = problem.kinds[order[0]]
     angles: list[float] = []
-    limits: dict[str, Met] = {}
+    limits: dict[str, ConstraintResult] = {}
     for i, weights in zip(order, certificate.weights, strict=True):
         kind, block = problem.kinds[i], point.blocks[i]
         weights = np.where(weights > HELD, weights, 0.0)
@@ -223,15 +240,16 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
             angles += at
         else:
             multiplier = float(np.sum(weights)) * goal.scale / kind.scale
-            limits[kind.label] = Met(block.value, kind.bound, multiplier, tuple(sorted(set(at))))
+            limits[kind.label] = ConstraintResult(block.value, kind.bound, multiplier, tuple(sorted(set(at))))
     missed = violated(problem, point)
     held = certificate.lower + certificate.upper
     pulls = np.where(held > HELD, held, 0.0) * goal.scale / (problem.upper - problem.lower)
     return Optimum(
         problem.scene, problem.design(x), problem, x, objective(problem, begin), objective(problem, point), limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
-        certificate.residual, feasible(problem, point), _clash(problem, point, missed),
-        tuple(kind.label for kind in missed), _idle(problem, path), starts, tuple(path.history), problem.evaluations,
+        certificate.residual, feasible(problem, point), _conflicts(problem, point, missed),
+        tuple(kind.label for kind in missed), _no_effect(problem, path), starts, tuple(path.history),
+        problem.evaluations,
     )  # fmt: skip
 
 
@@ -250,7 +268,7 @@ def _unit(problem: Problem, x: np.ndarray) -> np.ndarray:
     return (x - problem.lower) / (problem.upper - problem.lower)
 
 
-def _idle(problem: Problem, path: Path) -> tuple[str, ...]:
+def _no_effect(problem: Problem, path: Path) -> tuple[str, ...]:
     """The free numbers on which neither the objective nor a limit that holds it depends."""
     every, goals = path.point.every, len(path.point.goals)
     held = [block for i, (block, weights) in enumerate(zip(every, path.certificate.weights, strict=True))
@@ -258,7 +276,7 @@ def _idle(problem: Problem, path: Path) -> tuple[str, ...]:
     return tuple(v.name for j, v in enumerate(problem.variables) if not any(np.any(b.slope[..., j]) for b in held))
 
 
-def _clash(problem: Problem, point: Point, missed: list[Kind]) -> tuple[str, ...]:
+def _conflicts(problem: Problem, point: Point, missed: list[Kind]) -> tuple[str, ...]:
     """The limits that stand against each other: those violated, and those that keep the violation from shrinking."""
     if not missed:
         return ()

@@ -16,9 +16,9 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import largest, smallest
 from linkjax.analysis import massless
 from linkjax.design._names import DesignError, Number, changed, number
-from linkjax.design._terms import TODAY, Limit, Term, at_least
+from linkjax.design._terms import INITIAL, Limit, Term, at_least
 from linkjax.machine import Scene
-from linkjax.measures import NODES, Parts, regime_margin, smallest_margin
+from linkjax.measures import NODES, Parts, min_margin, steady_state_margin
 from linkjax.motion import Rows, watched
 
 ASSEMBLED = 1e-3  # the least assembly margin of a design that counts as assembled
@@ -35,7 +35,7 @@ class Variable:
     name: str
     lower: float | str
     upper: float | str
-    tied: tuple[str, ...] = ()
+    linked: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Problem:
         self.lower = np.asarray([v.lower for v in self.variables], float)
         self.upper = np.asarray([v.upper for v in self.variables], float)
         self.start = np.asarray([float(at.read(scene)) for at in self.numbers])
-        self._ties = [_tied(scene, v, at) for v, at in zip(self.variables, self.numbers, strict=True)]
+        self._ties = [_linked(scene, v, at) for v, at in zip(self.variables, self.numbers, strict=True)]
         goal = Limit(objective, "at least" if maximise else "at most", 0.0, objective.name)
         self.asked: list[Limit] = [goal, *limits]
         self._true_motion, self._assembled = False, len(self.asked)
@@ -115,7 +115,7 @@ class Problem:
         if self._true_motion:
             self._check_moves()
         taken = {limit.name for limit in limits}
-        needed = [(smallest_margin, ASSEMBLED), *([(regime_margin, RUNNING)] if self._true_motion else [])]
+        needed = [(min_margin, ASSEMBLED), *([(steady_state_margin, RUNNING)] if self._true_motion else [])]
         for margin, least in needed:
             name = f"{margin.name} at all" if margin.name in taken else margin.name
             self.asked.append(at_least(margin, least, name=name))
@@ -191,12 +191,12 @@ class Problem:
         """Measure the objective by another value (SI)."""
         self.kinds = [dataclasses.replace(k, scale=value) if k.role == "objective" else k for k in self.kinds]
 
-    def _check_today(self, blocks: list[Block]) -> None:
+    def _check_initial(self, blocks: list[Block]) -> None:
         """Raise `DesignError` where a limit is what the unchanged machine has, and it has none."""
         count = len(self.asked)
         for i, block in enumerate(blocks):
             limit, first = self.asked[i % count], i - i % count
-            if limit.bound != TODAY:
+            if limit.bound != INITIAL:
                 continue
             margins = [each.value for each in blocks[first + self._assembled : first + count]]
             why = "" if np.isfinite(block.value) else f"it is {block.value}"
@@ -205,12 +205,12 @@ class Problem:
             elif not all(margin >= 0 for margin in margins) and self._of_motion(limit):
                 why = f"the unchanged machine does not run, its regime margin is {margins[1]:.3g}"
             if why:
-                raise DesignError(limit.name, f"has no value today: {why}", "write a number as its bound")
+                raise DesignError(limit.name, f"has no initial value: {why}", "write a number as its bound")
 
     def _check_moves(self) -> None:
         """Raise `DesignError` for a measure of the actual motion where there is none whatever the design."""
         scene = self.scene
-        names = [name for v in self.variables for name in (v.name, *(v.tied or ()))]
+        names = [name for v in self.variables for name in (v.name, *(v.linked or ()))]
         names += [name for case in self.cases for name in case.changes]
         heavy = any(word in name for name in names for word in ("mass", "inertia", "density", "area", "weights"))
         lifeless = massless(scene) and not heavy and not scene.mechanism.prescribed
@@ -233,12 +233,12 @@ class Problem:
     def _kinds(self, limits: int) -> list[Kind]:
         """Bounds and scales, from values and slopes at the start."""
         found, span = [], self.upper - self.lower
-        self._check_today(self.first)
+        self._check_initial(self.first)
         for i, (block, (rows, _)) in enumerate(zip(self.first, self._kept, strict=True)):
             j = i % len(self.asked)
             limit, case = self.asked[j], self.cases[i // len(self.asked)].name
             role = "objective" if j == 0 else "limit" if j <= limits else "sound"
-            bound = block.value if limit.bound == TODAY else float(limit.bound)
+            bound = block.value if limit.bound == INITIAL else float(limit.bound)
             sign = 1.0 if limit.sense == "at most" else -1.0
             sizes = block.vectors[:, 0] * sign if rows.signed else np.linalg.norm(block.vectors, axis=1)
             effect = float(np.max(np.abs(block.slope[int(np.argmax(sizes))] * span)))
@@ -264,9 +264,9 @@ def _rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
     return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
 
 
-def _tied(scene: Scene, variable: Variable, at: Number) -> list[tuple[Number, float]]:
+def _linked(scene: Scene, variable: Variable, at: Number) -> list[tuple[Number, float]]:
     found, value = [], float(at.read(scene))
-    for name in variable.tied:
+    for name in variable.linked:
         if value == 0:
             raise DesignError(variable.name, f"is zero, so {name} has no ratio to it", "start from another value")
         other = number(scene, name)
@@ -280,7 +280,7 @@ def check(variables: Sequence[Variable]) -> None:
         raise DesignError("free", "nothing is free", 'name a number, e.g. {"flywheel.inertia": (0, 40)}')
     seen: set[str] = set()
     for v in variables:
-        for name in (v.name, *v.tied):
+        for name in (v.name, *v.linked):
             if name in seen:
                 raise DesignError(name, "is freed twice", "name every number once, or tie it to one other")
             seen.add(name)

@@ -26,28 +26,28 @@ AGAIN = 6  # runs, each from the best design of those before
 
 
 def slsqp(
-    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, told: Callable | None = None
+    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, callback: Callable | None = None
 ) -> Path:
     """Go from a design, in units of the variables' ranges, to a local optimum by SLSQP.
 
-    As `descend`: an unsound design is first made sound, `told(point, certificate)` hears of every step, and the path
+    As `descend`: an unsound design is first made sound, `callback(point, certificate)` hears of every step, and the path
     ends with a certificate of residual `tolerance`, after so many steps of one run, or where no run improves any more.
     """
-    return _followed(_run_slsqp, problem, z, tolerance, steps, told)
+    return _followed(_run_slsqp, problem, z, tolerance, steps, callback)
 
 
 def trust(
-    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 400, told: Callable | None = None
+    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 400, callback: Callable | None = None
 ) -> Path:
     """Go from a design, in units of the variables' ranges, to a local optimum by trust-constr; as `slsqp`."""
-    return _followed(_run_trust, problem, z, tolerance, steps, told)
+    return _followed(_run_trust, problem, z, tolerance, steps, callback)
 
 
 class _Epigraph:
     """The rows of a problem as functions of (z, t); `best` is the best design seen, by limits first."""
 
-    def __init__(self, problem: Problem, path: Path, tolerance: float, told: Callable | None):
-        self.problem, self.path, self.tolerance, self.told = problem, path, tolerance, told
+    def __init__(self, problem: Problem, path: Path, tolerance: float, callback: Callable | None):
+        self.problem, self.path, self.tolerance, self.callback = problem, path, tolerance, callback
         self.point = self.best = path.point
 
     def at(self, z: np.ndarray) -> Point:
@@ -77,19 +77,19 @@ class _Epigraph:
     def heard(self, x: np.ndarray, *_) -> None:
         """A step was taken."""
         point = arrived(self.path, self.at(x[:-1]))
-        if self.told is not None:
-            self.told(point, self.path.certificate)
+        if self.callback is not None:
+            self.callback(point, self.path.certificate)
         if self.path.certificate.residual <= self.tolerance and point.violation <= MET:
             raise StopIteration
 
 
-def _followed(run: Callable, problem: Problem, z, tolerance: float, steps: int, told) -> Path:
+def _followed(run: Callable, problem: Problem, z, tolerance: float, steps: int, callback) -> Path:
     """Runs of a solver, one after the other, until the certificate is good or nothing improves. Where the limits clash
     these solvers stop anywhere: what violates least is left to `descend`."""
     path = begin(problem, z, steps)
-    if told is not None and path.point.unsound <= 0:
-        told(path.point, path.certificate)
-    epigraph = _Epigraph(problem, path, tolerance, told)
+    if callback is not None and path.point.unsound <= 0:
+        callback(path.point, path.certificate)
+    epigraph = _Epigraph(problem, path, tolerance, callback)
     for _ in range(AGAIN):
         residual = path.certificate.residual
         if path.point.unsound > 0 or residual <= tolerance:
@@ -102,7 +102,7 @@ def _followed(run: Callable, problem: Problem, z, tolerance: float, steps: int, 
             break
     path.converged = path.certificate.residual <= tolerance
     if path.point.violation > MET:
-        rest = descend(problem, path.point.z, tolerance=tolerance, steps=steps, told=told)
+        rest = descend(problem, path.point.z, tolerance=tolerance, steps=steps, callback=callback)
         return dataclasses.replace(rest, history=[*path.history, *rest.history[1:]])
     return path
 

@@ -63,8 +63,8 @@ Descent = Callable[..., Path]
 class Run:
     """Many starts, one after the other, and the best design seen on the way."""
 
-    def __init__(self, problem: Problem, starts: int, told: Callable[[Progress], None] | None):
-        self.problem, self.starts, self.told = problem, starts, told
+    def __init__(self, problem: Problem, starts: int, callback: Callable[[Progress], None] | None):
+        self.problem, self.starts, self.callback = problem, starts, callback
         self.paths: list[Path] = []
         self.ended: list[Start] = []
         self.seen: Point | None = None
@@ -73,11 +73,11 @@ class Run:
     def follow(self, descend: Descent, z: np.ndarray, number: int) -> None:
         """One start to its end."""
         before, self.number, self.step = self.problem.evaluations, number, 0
-        self.paths.append(descend(self.problem, z, told=self._told))
+        self.paths.append(descend(self.problem, z, callback=self._callback))
         self._moved_inside(descend)
         self._measured_anew()
         path = self.paths[-1]
-        self._told(path.point, path.certificate)
+        self._callback(path.point, path.certificate)
         self.ended.append(
             Start(objective(self.problem, path.point), feasible(self.problem, path.point),
                   path.certificate.residual, self.problem.evaluations - before)
@@ -110,7 +110,7 @@ class Run:
         matters = (moves > IDLE) | (idle.size > 1) | ~np.isfinite(point.value)
         if idle.size and np.any((inside != point.z) & matters):
             sides = (look(self.problem, z) for z in _mirrored(inside, idle))
-            self._taken(descend(self.problem, min(sides, key=rank).z, told=self._told))
+            self._taken(descend(self.problem, min(sides, key=rank).z, callback=self._callback))
 
     def _measured_anew(self) -> None:
         """An objective that has become small, or large, beside its measure is given another, and followed further by
@@ -125,7 +125,7 @@ class Run:
             if old / NEAR <= new <= NEAR * old or size <= NOTHING * first:
                 return
             self._rescale(new)
-            self._taken(descend(self.problem, point.z, told=self._told))
+            self._taken(descend(self.problem, point.z, callback=self._callback))
             path = self.paths[-1]
             gained = size - abs(objective(self.problem, path.point))
             if path.certificate.residual > CERTIFIED and abs(gained) <= max(GAINED * size, 1e-9 * first):
@@ -156,11 +156,11 @@ class Run:
         if self.seen is None or rank(point) < rank(self.seen):
             self.seen = point
 
-    def _told(self, point: Point, certificate: Certificate) -> None:
+    def _callback(self, point: Point, certificate: Certificate) -> None:
         self._see(point)
         self.step += 1
-        if self.told is not None and self.seen is not None:
-            self.told(_progress(self.problem, point, self.seen, certificate)._replace(
+        if self.callback is not None and self.seen is not None:
+            self.callback(_progress(self.problem, point, self.seen, certificate)._replace(
                 start=self.number, starts=self.starts, step=self.step))  # fmt: skip
 
 
@@ -209,7 +209,11 @@ def feasible(problem: Problem, point: Point) -> bool:
 
 
 def trade(
-    problem: Problem, paths: list[Path], name: str, bounds: list[float], told: Callable[[Progress], None] | None = None
+    problem: Problem,
+    paths: list[Path],
+    name: str,
+    bounds: list[float],
+    callback: Callable[[Progress], None] | None = None,
 ) -> tuple[tuple[Traded, ...], bool]:
     """The optimum for every bound of one limit, each from the design before and from the ends of several starts, and
     whether it was interrupted."""
@@ -220,8 +224,8 @@ def trade(
             problem.kinds = [
                 kind.bounded(bound) if kind.name == name and kind.role == "limit" else kind for kind in kinds
             ]
-            heard = _heard(problem, told, number, len(bounds), name)
-            ways = (descend(problem, each, told=heard) for each in (*before, *ends))
+            heard = _heard(problem, callback, number, len(bounds), name)
+            ways = (descend(problem, each, callback=heard) for each in (*before, *ends))
             point, certificate = min(((path.point, path.certificate) for path in ways), key=lambda of: rank(of[0]))
             x, before = problem.lower + point.z * span, [point.z]
             found.append(Traded(bound, objective(problem, point), feasible(problem, point), tuple(map(float, x))))
@@ -233,7 +237,9 @@ def trade(
     return tuple(found), stopped
 
 
-def _heard(problem: Problem, told: Callable[[Progress], None] | None, number: int, bounds: int, name: str) -> Callable:
+def _heard(
+    problem: Problem, callback: Callable[[Progress], None] | None, number: int, bounds: int, name: str
+) -> Callable:
     """What tells of every step towards one point of a trade-off."""
     best, step = [], 0
 
@@ -241,8 +247,8 @@ def _heard(problem: Problem, told: Callable[[Progress], None] | None, number: in
         nonlocal step
         step += 1
         best[:] = [min((*best, point), key=rank)]
-        if told is not None:
-            told(_progress(problem, point, best[0], certificate)._replace(
+        if callback is not None:
+            callback(_progress(problem, point, best[0], certificate)._replace(
                 start=number, starts=bounds, step=step, traded=name))  # fmt: skip
 
     return heard

@@ -16,7 +16,7 @@ from linkjax.measures import MEASURES, Measure, Parts
 from linkjax.motion import Rows
 
 Sense = Literal["at most", "at least"]
-TODAY = "today"
+INITIAL = "initial"
 UNSETTLED = "?"  # the unit of a number of the scene until the scene is known
 
 
@@ -36,7 +36,7 @@ Asked = Measure | Callable[[Scene], Array] | str | Term
 
 @dataclasses.dataclass(frozen=True)
 class Limit:
-    """A bound on a term in every case: a number (SI), or "today", what the unchanged scene has; a text with a unit
+    """A bound on a term in every case: a number (SI), or "initial", what the unchanged scene has; a text with a unit
     until the scene is known."""
 
     term: Term
@@ -74,7 +74,7 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
 
 def at_most(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:
     """The limit `asked <= bound`: of a measure, a number of the scene by name, or an own function; the bound in SI, or
-    a text ("19.23 kg m^2"), or "today". `unit` and `name` are those of an own function."""
+    a text ("19.23 kg m^2"), or "initial". `unit` and `name` are those of an own function."""
     term = as_term(asked, unit, name)
     return Limit(term, "at most", bound, name or term.name)
 

@@ -11,7 +11,7 @@ from typing import Any
 from linkjax._units import DIMENSIONS, QuantityError, nearest, quantity
 from linkjax.design._names import DesignError, Number, number, numbers
 from linkjax.design._problem import Case, Variable
-from linkjax.design._terms import TODAY, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
+from linkjax.design._terms import INITIAL, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES
 
@@ -46,23 +46,23 @@ def amount(value: Any, unit: str, element: str) -> float:
     return found
 
 
-def variable(scene: Scene, name: str, given: Range, tied: tuple[str, ...] = ()) -> Variable:
-    """A free number between two bounds, `("0.95 m", "1.1 m")` or `"0.95 to 1.1 m"`, or about today's value, `"± 8 %"`
+def variable(scene: Scene, name: str, given: Range, linked: tuple[str, ...] = ()) -> Variable:
+    """A free number between two bounds, `("0.95 m", "1.1 m")` or `"0.95 to 1.1 m"`, or about the initial value, `"± 8 %"`
     or `"± 20 mm"`. Numbers without unit are SI. Raises `DesignError`."""
     at = number(scene, name)
     if not isinstance(given, str):
         if not isinstance(given, tuple | list) or len(given) != 2:
             raise DesignError(name, f"{given!r} are no bounds", 'write two, e.g. ("0.95 m", "1.1 m"), or "± 8 %"')
-        return _possible(Variable(name, amount(given[0], at.unit, name), amount(given[1], at.unit, name), tied), at)
+        return _possible(Variable(name, amount(given[0], at.unit, name), amount(given[1], at.unit, name), linked), at)
     text = given.replace("−", "-").strip()
     if about := AROUND.fullmatch(text):
         low, high = _around(about[1].strip(), float(at.read(scene)), at)
-        return Variable(name, max(low, at.least), high, tied)
+        return Variable(name, max(low, at.least), high, linked)
     if ends := FROM_TO.fullmatch(text):
         low, high = ends[1].strip(), ends[2].strip()
         if re.fullmatch(r"[\d._eE+-]+", low):  # the unit stands once, behind the second
             low += re.sub(r"^[+-]?[\d_]*\.?[\d_]*(?:[eE][+-]?\d+)?", "", high)
-        return _possible(Variable(name, amount(low, at.unit, name), amount(high, at.unit, name), tied), at)
+        return _possible(Variable(name, amount(low, at.unit, name), amount(high, at.unit, name), linked), at)
     raise DesignError(name, f"{given!r} is no range", 'write e.g. "0 to 40 kg m^2", "± 8 %" or "± 20 mm"')
 
 
@@ -90,10 +90,10 @@ def _around(text: str, value: float, at: Number) -> tuple[float, float]:
 
 
 def limit(text: str) -> Limit:
-    """The limit written as `"delta <= 0.15"`, `"flywheel.inertia <= 19.23 kg m^2"`, `"smallest_margin >= today"`."""
+    """The limit written as `"delta <= 0.15"`, `"flywheel.inertia <= 19.23 kg m^2"`, `"min_margin >= initial"`."""
     found = RELATION.fullmatch(text.strip())
     if found is None:
-        raise DesignError(text, "is no limit", 'write e.g. "delta <= 0.15" or "smallest_transmission_angle >= today"')
+        raise DesignError(text, "is no limit", 'write e.g. "delta <= 0.15" or "min_transmission_angle >= initial"')
     name, relation, bound = found.groups()
     return SENSES[relation](name, bound)
 
@@ -111,12 +111,12 @@ def settled_term(scene: Scene, asked: Asked) -> Term:
 
 
 def settled_limit(scene: Scene, given: Limit | str) -> Limit:
-    """A limit with its unit known and its bound a number (SI), or "today"."""
+    """A limit with its unit known and its bound a number (SI), or "initial"."""
     if not isinstance(given, Limit | str):
         raise DesignError("limits", f"{given!r} is no limit", 'write at_most(function, bound), or "delta <= 0.15"')
     asked = limit(given) if isinstance(given, str) else given
     term = settled_term(scene, asked.term)
-    bound = TODAY if asked.bound == TODAY else amount(asked.bound, term.unit, asked.name)
+    bound = INITIAL if asked.bound == INITIAL else amount(asked.bound, term.unit, asked.name)
     return dataclasses.replace(asked, term=term, bound=bound)
 
 
@@ -133,20 +133,22 @@ def settled_case(scene: Scene, case: Case) -> Case:
 
 def _check_range(name: str, given: Mapping[str, Any]) -> None:
     """Raise `DesignError` where a mapping is no range with what is tied to it."""
-    unknown, tied = sorted(set(given) - {"range", "tied"}), given.get("tied", ())
+    unknown, linked = sorted(set(given) - {"range", "linked"}), given.get("linked", ())
     if unknown or "range" not in given:
         problem = f"unknown key {unknown[0]!r}" if unknown else "no range"
-        raise DesignError(name, problem, 'write {"range": "± 8 %", "tied": ["links.link4.length"]}')
-    if isinstance(tied, str) or not all(isinstance(other, str) for other in tied):
-        raise DesignError(name, f"tied is {tied!r}, no list of names", 'write e.g. "tied": ["links.link4.length"]')
+        raise DesignError(name, problem, 'write {"range": "± 8 %", "linked": ["links.link4.length"]}')
+    if isinstance(linked, str) or not all(isinstance(other, str) for other in linked):
+        raise DesignError(
+            name, f"linked is {linked!r}, no list of names", 'write e.g. "linked": ["links.link4.length"]'
+        )
 
 
 def settled_free(scene: Scene, free: Mapping[str, Range] | Any) -> list[Variable]:
     """The free numbers with bounds in SI: of a mapping from names to ranges (or to a range and
-    what is tied to it, `{"range": "± 8 %", "tied": [...]}`), or of variables."""
+    what is tied to it, `{"range": "± 8 %", "linked": [...]}`), or of variables."""
     if isinstance(free, Mapping):
         full = {name: given if isinstance(given, Mapping) else {"range": given} for name, given in free.items()}
         for name, each in full.items():
             _check_range(name, each)
-        return [variable(scene, name, each["range"], tuple(each.get("tied", ()))) for name, each in full.items()]
-    return [variable(scene, v.name, (v.lower, v.upper), v.tied) for v in free]
+        return [variable(scene, name, each["range"], tuple(each.get("linked", ()))) for name, each in full.items()]
+    return [variable(scene, v.name, (v.lower, v.upper), v.linked) for v in free]

@@ -252,7 +252,7 @@ class _Reader:
         spots = {points[joint]: (at.real, at.imag) for joint, at in self.spots.items()}
         fixed = {points[joint]: spots[points[joint]] for joint in self.on[GROUND]}
         moving = {point: at for point, at in spots.items() if point not in fixed}
-        drive = Drive(links[self.bar["id"]], FRAME, motion.turns, motion.phase, motion.law)
+        drive = Drive(links[self.bar["id"]], FRAME, motion.rotation, motion.phase, motion.law)
         slots = [Slot(blocks[joint], self.guide(joint, points, links)) for joint in self.slides]
         mechanism = linkage(fixed, made, drive, slots, moving)
         own = {self.slider(joint): block for joint, block in blocks.items() if self.slider(joint)}

@@ -190,7 +190,7 @@ def _site(body: ET.Element, link: str, point: str, tree: Tree) -> str:
 
 def _drive(model: ET.Element, mechanism: Mechanism, bodies: dict[str, ET.Element], tree: Tree) -> None:
     """A motor on the driver, and the flywheel."""
-    driver, joint = mechanism.driver, mechanism.crank
+    driver, joint = mechanism.driver, mechanism.driving_link
     motor = ET.SubElement(ET.SubElement(model, "actuator"), "motor", name="drive")
     if isinstance(driver, General) and driver.drive is not None:
         link, on = driver.drive.link, driver.drive.on

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkjax.groups import AbstractLaw, Harmonic, Spline
+from linkjax.groups import AbstractLaw, Harmonic, Rotation, Spline
 from linkjax.mechanism import StructureError
 
 Drawn = Mapping[str, Any]
@@ -21,10 +21,10 @@ KNOTS = 16  # of the law of an arc driver that begins inside its arc, in one cyc
 
 
 class Motion(NamedTuple):
-    """The sense of a driver (1 or -1), its angle (rad) at crank angle zero, its law where it oscillates, and a note for
+    """The rotation of a driver ("ccw" or "cw"), its angle (rad) at crank angle zero, its law where it oscillates, and a note for
     the user, or an empty string."""
 
-    turns: int
+    rotation: Rotation
     phase: float
     law: AbstractLaw | None
     note: str
@@ -62,9 +62,9 @@ def motion_of(bar: Drawn, end: str, arm: complex, size: float) -> Motion:
                 raise StructureError(bar["id"], problem, remedy)
             note = f"{bar['id']}: starts where it is drawn, {steps} steps after its initial_angle of {given:.6g} rad"
     if arc is None:
-        return Motion(1 if speed > 0 else -1, seen, None, note)
+        return Motion("ccw" if speed > 0 else "cw", seen, None, note)
     said = f"{bar['id']}: moves between {arc[0]:.6g} and {arc[1]:.6g} rad as a cosine, not at constant speed"
-    return Motion(1, 0.0, _law(seen, arc, speed > 0), "; ".join(filter(None, (said, note))))
+    return Motion("ccw", 0.0, _law(seen, arc, speed > 0), "; ".join(filter(None, (said, note))))
 
 
 def _steps_between(given: float, seen: float, speed: float, arc: tuple[float, float] | None) -> int | None:

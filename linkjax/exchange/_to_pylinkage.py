@@ -85,7 +85,7 @@ def _joint(point: str, kind: str, here: Pose) -> Document:
 def _driver(crank: Crank, steps: int) -> Document:
     return {
         "id": crank.link, "type": "driver", "joints": [crank.pivot, crank.end], "motor_joint": crank.pivot,
-        "angular_velocity": crank.turns * math.tau / steps, "initial_angle": float(crank.phase),
+        "angular_velocity": crank.sense * math.tau / steps, "initial_angle": float(crank.phase),
     }  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from linkjax._compile import compiled_soon
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups import PRP, RP, RPP, RPR, RRP, AbstractGroup, General, Guide, Joint, Rack, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, AbstractGroup, General, Guide, Joint, LinearDriver, Rack, RedundantSlider
 from linkjax.kinematics import Pose, margins, pose
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -107,9 +107,9 @@ def ways_of(group: AbstractGroup, places: Places, owners: Mapping[str, str], her
         along = complex(np.exp(1j * float(guide.along)))
         return Way(guide.on, places[guide.on][guide.through] + 1j * float(guide.offset) * along, along)
 
-    if isinstance(group, RRP | RP):
+    if isinstance(group, RRP | RedundantSlider):
         return {group.block: way(group.guide)}
-    if isinstance(group, Slide | Rack):
+    if isinstance(group, LinearDriver | Rack):
         return {group.link: way(group.guide)}
     if isinstance(group, PRP):
         return {block: way(slot) for block, slot in zip(group.blocks, group.slots, strict=True)}

@@ -92,7 +92,9 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
     if lost is not None:  # the whole tells what its joints do not
         whole = -_power(here, [*inertia, *weight, *working])
         drive = jnp.where(lost, whole, drive)
-        own_torque = zero().x if driven_by_joint(scene.mechanism) else here.links[scene.mechanism.crank].w * whole
+        own_torque = (
+            zero().x if driven_by_joint(scene.mechanism) else here.links[scene.mechanism.driving_link].w * whole
+        )
         total = JointForce(*(a + b + c for a, b, c in zip(*sources, strict=True)))
         total = total._replace(moment=total.moment + own_torque)
         frame = JointForce(*(jnp.where(lost, a, b) for a, b in zip(total, frame, strict=True)))
@@ -126,7 +128,7 @@ def _applied(scene: Scene, here: Pose, at: Instant, speed, acceleration):
         spin = turn.e * speed**2 + turn.w * acceleration
         inertia.append((name, place, a * (-body.mass), -body.inertia * spin))
         weight.append((name, place, scene.gravity * body.mass, jnp.zeros_like(spin)))
-    crank = scene.mechanism.crank
+    crank = scene.mechanism.driving_link
     spin = here.links[crank].e * speed**2 + here.links[crank].w * acceleration
     inertia.append((crank, None, zero(), -scene.mechanism.flywheel.inertia * spin))
     for load in scene.loads:

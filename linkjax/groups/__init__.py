@@ -17,7 +17,7 @@ from linkjax.groups._drawn import RackPair as RackPair
 from linkjax.groups._drawn import Slot as Slot
 from linkjax.groups._driver import AbstractDriver as AbstractDriver
 from linkjax.groups._driver import Crank as Crank
-from linkjax.groups._driver import Slide as Slide
+from linkjax.groups._driver import LinearDriver as LinearDriver
 from linkjax.groups._followed import Path as Path
 from linkjax.groups._followed import followed as followed
 from linkjax.groups._followed import with_path as with_path
@@ -27,6 +27,7 @@ from linkjax.groups._general import General as General
 from linkjax.groups._guide import Guide as Guide
 from linkjax.groups._law import AbstractLaw as AbstractLaw
 from linkjax.groups._law import Harmonic as Harmonic
+from linkjax.groups._law import Rotation as Rotation
 from linkjax.groups._law import Spline as Spline
 from linkjax.groups._mesh import PRESSURE as PRESSURE
 from linkjax.groups._mesh import Belt as Belt
@@ -35,8 +36,8 @@ from linkjax.groups._mesh import Teeth as Teeth
 from linkjax.groups._pairs import FRAME as FRAME
 from linkjax.groups._pairs import Pair as Pair
 from linkjax.groups._passive import FITS as FITS
-from linkjax.groups._passive import RP as RP
-from linkjax.groups._passive import RR as RR
+from linkjax.groups._passive import RedundantLink as RedundantLink
+from linkjax.groups._passive import RedundantSlider as RedundantSlider
 from linkjax.groups._prp import PRP as PRP
 from linkjax.groups._rack import Pinion as Pinion
 from linkjax.groups._rack import Rack as Rack
@@ -60,4 +61,7 @@ from linkjax.groups._track import slow as slow
 from linkjax.groups._winding import Winding as Winding
 from linkjax.groups._winding import unwound as unwound
 
-KINDS = {group.kind: group for group in (Crank, Slide, RRR, RRP, RPR, PRP, RPP, Gear, Rack, Pinion, RR, RP)}
+KINDS = {
+    group.kind: group
+    for group in (Crank, LinearDriver, RRR, RRP, RPR, PRP, RPP, Gear, Rack, Pinion, RedundantLink, RedundantSlider)
+}

@@ -44,9 +44,9 @@ class Course(NamedTuple):
     passed: Array  # (slots,), one or zero
     series: Array  # (slots, 2, DEGREE + 1)
 
-    def flips(self, phi: Array, turns: int) -> Array:
+    def flips(self, phi: Array, cycle_turns: int) -> Array:
         """+1 where the dyad is on the side that it is on just after crank angle zero, -1 on the other."""
-        place = wrapped(phi, 2 * jnp.pi * turns)
+        place = wrapped(phi, 2 * jnp.pi * cycle_turns)
         return 1.0 - 2.0 * (jnp.sum(jnp.where((self.at > 0.0) & (self.at <= place), self.passed, 0.0)) % 2)
 
     def comes_back(self) -> Array:
@@ -61,10 +61,10 @@ class Course(NamedTuple):
         """Whether there is any change point."""
         return jnp.any(jnp.isfinite(self.at))
 
-    def near(self, phi: Array, turns: int) -> Near:
+    def near(self, phi: Array, cycle_turns: int) -> Near:
         """The crossing as the nearest polynomial has it."""
         found = jnp.isfinite(self.at)
-        away = nearest_turn(phi - jnp.where(found, self.at, 0.0), 2 * jnp.pi * turns)
+        away = nearest_turn(phi - jnp.where(found, self.at, 0.0), 2 * jnp.pi * cycle_turns)
         away = jnp.where(found, away, jnp.inf)
         k = jnp.argmin(jnp.abs(away))
         distance = jnp.abs(away[k])
@@ -101,12 +101,12 @@ def check_branch(kind: str, branch: str) -> None:
         raise ValueError(f'branch of an {kind} must be "fixed" or "continue", but is {branch!r}')
 
 
-def course_of(gaps: Any, crossing: Any, steps: int, turns: int) -> Course:
+def course_of(gaps: Any, crossing: Any, steps: int, cycle_turns: int) -> Course:
     """Change points over some turns: where one of the `gaps` (value, slope, bend and what counts as zero at a crank
     angle, for each) touches zero; `crossing` gives the two coordinates at a crank angle for a side that is +1 just
     after crank angle zero."""
-    whole = 2 * jnp.pi * turns
-    scan = jnp.arange(steps * turns, dtype=float) * (whole / (steps * turns))
+    whole = 2 * jnp.pi * cycle_turns
+    scan = jnp.arange(steps * cycle_turns, dtype=float) * (whole / (steps * cycle_turns))
     _, slope, bend, _ = jax.vmap(gaps)(scan)  # (scan, gaps)
     sharp = BLUNTEST * jnp.max(jnp.abs(bend), axis=0)
     ahead = jnp.roll(slope, -1, axis=0)
@@ -123,7 +123,7 @@ def course_of(gaps: Any, crossing: Any, steps: int, turns: int) -> Course:
 
     guess = jax.vmap(lambda phi: gaps(phi)[0])(start.ravel())
     guess = jnp.diagonal(guess.reshape((*start.shape, -1)), axis1=1, axis2=2)  # each gap at its own guess
-    order = jnp.argsort(jnp.where(least, guess, jnp.inf).ravel())[: SLOTS * turns]
+    order = jnp.argsort(jnp.where(least, guess, jnp.inf).ravel())[: SLOTS * cycle_turns]
     phi, touches, crosses = jax.vmap(sharpened)(start.ravel()[order], columns.ravel()[order])
     phi = wrapped(phi, whole)
     phi = jnp.where(jnp.minimum(phi, whole - phi) < TOUCHING, 0.0, phi)
@@ -133,5 +133,5 @@ def course_of(gaps: Any, crossing: Any, steps: int, turns: int) -> Course:
     course = Course(at, passed, jnp.zeros((at.size, 2, DEGREE + 1)))
     centre = jnp.where(jnp.isfinite(at), at, 0.0)
     angles = centre[:, None] + REACH * jnp.asarray(NODES)[None]
-    values = jax.vmap(jax.vmap(lambda phi: crossing(phi, course.flips(phi, turns))))(angles)  # (slots, nodes, 2)
+    values = jax.vmap(jax.vmap(lambda phi: crossing(phi, course.flips(phi, cycle_turns))))(angles)  # (slots, nodes, 2)
     return course._replace(series=jnp.einsum("kn,snc->sck", jnp.asarray(_powers()), values))

@@ -14,7 +14,7 @@ from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec, unit
 from linkjax.groups._guide import Guide, as_guide
-from linkjax.groups._law import AbstractLaw, check_law
+from linkjax.groups._law import SENSES, AbstractLaw, Rotation, check_law, check_rotation
 from linkjax.groups._mesh import PRESSURE, Mesh
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState
@@ -55,25 +55,27 @@ class RackPair(eqx.Module):
 class Drive(eqx.Module):
     """Where the drive is: it moves `link` against what it is `on` ("frame" or another link).
 
-    Two links pinned to each other turn: the direction of `link` is at `phase + turns φ` (rad) to that of `on`, or
-    at `phase + law(φ)`. The block of a slot slides: it is `law(φ)` (m) along its guide, and needs a law. Without a
+    Two links pinned to each other turn: the angle of `link` relative to `on` is `phase + φ` (rad), `phase - φ` with the
+    `rotation` "cw" (clockwise), or `phase + law(φ)`. The block of a slot slides: it is `law(φ)` (m) along its guide, and needs a law. Without a
     `phase` or a law the link is where the sketch of a `linkage` has it at crank angle zero, and so it is with a
-    `Harmonic` law without a start; where nothing is sketched the phase is zero. Raises `ValueError` for a sense that is
-    none.
+    `Harmonic` law without a start; where nothing is sketched the phase is zero. Raises `ValueError` for
+    another rotation, and for "cw" beside a law.
     """
 
     link: str = eqx.field(static=True)
     on: str = eqx.field(static=True, default="frame")
-    turns: int = eqx.field(static=True, default=1)
+    rotation: Rotation = eqx.field(static=True, default="ccw")
     phase: Array | None = eqx.field(converter=as_float, default=None)
     law: AbstractLaw | None = None
 
     def __check_init__(self):
-        if self.turns not in (1, -1):
-            raise ValueError(f"turns of a drive must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
         check_law(self.law, drawn=True)
-        if self.law is not None and self.turns != 1:
-            raise ValueError("a drive that follows a law has no sense of rotation; leave turns out")
+        check_rotation("drive", self.rotation, self.law)
+
+    @property
+    def sense(self) -> int:
+        """+1 for a counter-clockwise and -1 for a clockwise drive."""
+        return SENSES[self.rotation]
 
     def at(self, phi: Array, slides: bool) -> tuple[Array, Array, Array]:
         """Where it is at a crank angle, with its first and second derivative."""
@@ -81,7 +83,7 @@ class Drive(eqx.Module):
         if self.law is not None:
             s, d, dd = self.law.at(phi)
             return (s if slides else s + phase), d, dd
-        return phase + self.turns * phi, jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
+        return phase + self.sense * phi, jnp.full_like(phi, self.sense), jnp.zeros_like(phi)
 
     def begins(self, slides: bool) -> float:
         """Where it is at crank angle zero (rad, or m)."""

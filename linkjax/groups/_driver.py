@@ -11,7 +11,7 @@ from linkjax._types import as_float
 from linkjax._vec import unit, zero
 from linkjax.groups._base import AbstractGroup, Joint, Wrench
 from linkjax.groups._guide import Guide, as_guide
-from linkjax.groups._law import AbstractLaw, check_law
+from linkjax.groups._law import SENSES, AbstractLaw, Rotation, check_law, check_rotation
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -37,8 +37,9 @@ class AbstractDriver(AbstractGroup):
 class Crank(AbstractDriver):
     """A crank `link` turning about `pivot`, with its far pin called `end`.
 
-    `turns` is +1 for counter-clockwise and -1 for clockwise rotation; the crank angle φ always grows in time, and the
-    link stands at `phase + turns φ` (`phase` in rad). With a `law` it stands at `phase + law(φ)` instead.
+    `rotation` is "ccw" (counter-clockwise) or "cw". The crank angle φ always grows in time; the angle of the link is
+    `phase + φ` (rad), clockwise `phase - φ`, and with a motion `law` it is `phase + law(φ)`. Raises `ValueError` for
+    another rotation, and for "cw" beside a law, which has its own sense.
     """
 
     kind: ClassVar[str] = "crank"
@@ -46,16 +47,18 @@ class Crank(AbstractDriver):
     link: str = eqx.field(static=True)
     pivot: str = eqx.field(static=True)
     end: str = eqx.field(static=True)
-    turns: int = eqx.field(static=True, default=1)
+    rotation: Rotation = eqx.field(static=True, default="ccw")
     phase: jnp.ndarray = eqx.field(converter=as_float, default=0.0)
     law: AbstractLaw | None = None
 
     def __check_init__(self):
-        if self.turns not in (1, -1):
-            raise ValueError(f"turns of a crank must be 1 (counter-clockwise) or -1, but is {self.turns!r}")
         check_law(self.law)
-        if self.law is not None and self.turns != 1:
-            raise ValueError("a crank that follows a law has no sense of rotation; leave turns out")
+        check_rotation("crank", self.rotation, self.law)
+
+    @property
+    def sense(self) -> int:
+        """+1 for a counter-clockwise and -1 for a clockwise crank."""
+        return SENSES[self.rotation]
 
     def follows(self):
         return self.law
@@ -74,7 +77,7 @@ class Crank(AbstractDriver):
 
     def solve(self, links, states, points, phi):
         if self.law is None:
-            angle, w, e = self.turns * phi, jnp.full_like(phi, self.turns), jnp.zeros_like(phi)
+            angle, w, e = self.sense * phi, jnp.full_like(phi, self.sense), jnp.zeros_like(phi)
         else:
             angle, w, e = self.law.at(phi)
         angle = self.phase + angle
@@ -93,18 +96,18 @@ class Crank(AbstractDriver):
         load = loads[self.link]
         pivot = Wrench(-load.force, jnp.zeros_like(load.moment))
         if self.law is None:
-            return (pivot,), -self.turns * load.moment
+            return (pivot,), -self.sense * load.moment
         return (pivot, Wrench(zero(), -load.moment)), -load.moment * states[self.link].w
 
 
-class Slide(AbstractDriver):
+class LinearDriver(AbstractDriver):
     """A driving `link` that moves along a `guide` of the frame (or the name of a frame point through which it runs
     along x): a hydraulic cylinder's rod, a rack.
 
     Its own point `end`, the origin of its axes, is `law(φ)` (m) ahead of the foot of `through` on the path.
     """
 
-    kind: ClassVar[str] = "slide"
+    kind: ClassVar[str] = "linear_driver"
 
     link: str = eqx.field(static=True)
     end: str = eqx.field(static=True)

@@ -39,10 +39,10 @@ def followed(groups: Sequence[AbstractGroup]) -> list[int]:
     return found
 
 
-def with_path(group: AbstractGroup, path: Path | None, turns: int = 1) -> AbstractGroup:
+def with_path(group: AbstractGroup, path: Path | None, cycle_turns: int = 1) -> AbstractGroup:
     """A group that is followed, with another reference path over so many turns, or none."""
     assert isinstance(group, General | RRR | RRP | Gear | Rack | Pinion)
-    return dataclasses.replace(group, **{"path": path, "turns": turns})
+    return dataclasses.replace(group, **{"path": path, "cycle_turns": cycle_turns})
 
 
 def without_path(group: AbstractGroup) -> AbstractGroup:

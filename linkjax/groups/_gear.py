@@ -59,7 +59,7 @@ class Gear(AbstractWheel):
     Both points belong to the `carrier`, the frame or a link that is there already. Seen from it the wheel stands at
     `phase` (rad) while `to` stands at zero, and turns in the ratio of the `mesh`. Where `to` is no crank and no wheel,
     its angle is counted from that within half a turn of zero at crank angle zero. `end` names a pin of the wheel at its
-    length, if it has one. `path` and `turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a mesh
+    length, if it has one. `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a mesh
     that is none, and for a wheel in gear with its own carrier.
     """
 
@@ -74,7 +74,7 @@ class Gear(AbstractWheel):
     phase: Array = eqx.field(converter=as_float, default=0.0)
     carrier: str = eqx.field(static=True, default=FRAME)
     path: Winding | None = None
-    turns: int = eqx.field(static=True, default=1)
+    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         if not isinstance(self.mesh, Teeth | Belt):
@@ -107,7 +107,7 @@ class Gear(AbstractWheel):
         return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {})
 
     def solve(self, links, states, points, phi):
-        there, on = (counted(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
+        there, on = (counted(name, k, states, self.path, phi, self.cycle_turns) for k, name in enumerate(self.mates()))
         ratio = self.mesh.ratio()
         angle, w, e = (b + ratio * (a - b) for a, b in zip(there, on, strict=True))
         return self.placed(self.end, links, points, angle + self.phase, w, e)
@@ -123,7 +123,7 @@ class Gear(AbstractWheel):
         if self.path is None:
             return None
         there, on = self.path.covered()
-        return nothing(self.path.missed(on + self.mesh.ratio() * (there - on), self.turns))
+        return nothing(self.path.missed(on + self.mesh.ratio() * (there - on), self.cycle_turns))
 
     def react(self, loads, states, points):
         load = loads[self.link]

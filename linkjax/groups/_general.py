@@ -44,14 +44,14 @@ class General(AbstractChain):
     the axes of its guide. `gears` are the wheels and racks in gear whose `link` is a member, written as they would be
     by themselves; a rack is the block of a slot. `sketch` says roughly where points are at crank angle zero, which
     chooses the assembly: of every link two points, of a block one, and of a wheel that is pinned once and not driven.
-    With a `drive` the group stands first and moves by itself. `path` and `turns` are filled in by
+    With a `drive` the group stands first and moves by itself. `path` and `cycle_turns` are filled in by
     `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "general"
 
     path: Track | None = None
-    turns: int = eqx.field(static=True, default=1)
+    cycle_turns: int = eqx.field(static=True, default=1)
 
     def _geared_pairs(self) -> list[Gear]:
         return [gear for gear in self.gears if isinstance(gear, Gear)]
@@ -134,7 +134,9 @@ class General(AbstractChain):
         wound = None if self.path is None else self.path.wound
         angles = {}
         if phi is not None:
-            angles = {name: counted(name, k, states, wound, phi, self.turns) for k, name in enumerate(self.mates())}
+            angles = {
+                name: counted(name, k, states, wound, phi, self.cycle_turns) for k, name in enumerate(self.mates())
+            }
         return Known(
             {name: points[name].r + points[name].dr * t + points[name].ddr * half for name in self.needs()},
             {name: s.u + s.u.perp() * (s.w * t + s.e * half) - s.u * (s.w * s.w * half) for name, s in links.items()},
@@ -247,8 +249,8 @@ class General(AbstractChain):
         assert self.path is not None  # see `kinematics.prepared`
         web, (places, c) = self._web(), self._at(links, states, points, phi)
         still, path, at = jax.lax.stop_gradient((c, self.path, phi))
-        start = self._following(path.at(at, self.turns), jax.lax.stop_gradient(places), still)
-        here = web.near(placed(start), still, path.sense_at(at, self.turns))
+        start = self._following(path.at(at, self.cycle_turns), jax.lax.stop_gradient(places), still)
+        here = web.near(placed(start), still, path.sense_at(at, self.cycle_turns))
         here, sound = self._polished(web, here, still)
         here = web.implicit(here, c, sound)
         matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))
@@ -322,7 +324,7 @@ class General(AbstractChain):
         value, d, dd = least_singular(matrix, *jax.lax.stop_gradient((first, second)))
         gap = safe_sqrt(jnp.sum(web.opened(here, c) ** 2)) / c.size
         lost, astern = gap > closed_to(gap.dtype), web.reversed(here, c)
-        beyond = jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.turns)
+        beyond = jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.cycle_turns)
         value = jnp.where(value < met(value.dtype), value - met(value.dtype), value)
         value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
         found = {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
@@ -336,7 +338,7 @@ class General(AbstractChain):
     def returns(self):
         if self.path is None:
             return None
-        fast = jnp.asarray(False) if self.path.wound is None else self.path.wound.too_fast(self.turns)
+        fast = jnp.asarray(False) if self.path.wound is None else self.path.wound.too_fast(self.cycle_turns)
         return ~(self.path.ends() | self.path.astray() | fast)
 
     def transmission(self, states, points):

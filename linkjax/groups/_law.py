@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import abc
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,6 +16,9 @@ from jaxtyping import Array
 
 from linkjax._numerics import once, sincos, wrapped
 from linkjax._types import as_float
+
+Rotation = Literal["ccw", "cw"]
+SENSES = {"ccw": 1, "cw": -1}
 
 
 class Moved(NamedTuple):
@@ -53,6 +56,14 @@ def check_law(law: object, drawn: bool = False) -> None:
         raise TypeError(f"a law of motion is a Harmonic or a Spline, but is {law!r}")
     if isinstance(law, Harmonic) and law.start is None and not drawn:
         raise ValueError("a harmonic law needs a start, unless it belongs to the drive of a drawn linkage; give it one")
+
+
+def check_rotation(what: str, rotation: object, law: AbstractLaw | None) -> None:
+    """Raise `ValueError` for a rotation that is neither "ccw" nor "cw", and for "cw" beside a motion law."""
+    if rotation not in SENSES:
+        raise ValueError(f'rotation of a {what} must be "ccw" (counter-clockwise) or "cw", but is {rotation!r}')
+    if law is not None and rotation != "ccw":
+        raise ValueError(f"a {what} that follows a motion law takes its sense from the law; omit rotation")
 
 
 class Harmonic(AbstractLaw):

@@ -45,13 +45,13 @@ def _whole(teeth: Any) -> Any:
 class Teeth(eqx.Module):
     """Two toothed wheels in mesh: `teeth` of the wheel itself and of the other one.
 
-    Only their ratio counts: the pitch circles follow from the distance of the axes. `inside` says that the smaller one
+    Only their ratio counts: the pitch circles follow from the distance of the axes. `internal` says that the smaller one
     runs inside the larger. `pressure_angle` (rad) is that of the line of action. Raises `ValueError` for numbers of
     teeth that are no whole numbers above zero, and for two equal ones of which one is inside the other.
     """
 
     teeth: tuple[int, int] = eqx.field(static=True, converter=_whole)
-    inside: bool = eqx.field(static=True, default=False)
+    internal: bool = eqx.field(static=True, default=False)
     pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
 
     def __check_init__(self):
@@ -60,16 +60,16 @@ class Teeth(eqx.Module):
             told = f"must be two whole numbers, but are {self.teeth!r}"
             raise ValueError(f"teeth of the wheel and of the other {told}")
         check_pressure("wheel", self.pressure_angle)
-        if self.inside and self.teeth[0] == self.teeth[1]:
+        if self.internal and self.teeth[0] == self.teeth[1]:
             raise ValueError(f"of two wheels with {self.teeth[0]} teeth each none can run inside the other")
 
     def ratio(self) -> Array:
         """Turns of the wheel for one of the other, as seen from the link that carries both."""
-        return as_float((1 if self.inside else -1) * self.teeth[1] / self.teeth[0])
+        return as_float((1 if self.internal else -1) * self.teeth[1] / self.teeth[0])
 
     def turned_round(self) -> Teeth:
         """The same, seen from the other wheel."""
-        return Teeth((self.teeth[1], self.teeth[0]), self.inside, self.pressure_angle)
+        return Teeth((self.teeth[1], self.teeth[0]), self.internal, self.pressure_angle)
 
     def apart(self, span: Vec) -> Margin:
         """How far the axes are from coinciding: pitch circles are found for any distance."""
@@ -83,7 +83,7 @@ class Teeth(eqx.Module):
         radius = safe_sqrt(span.squared()) * to_pitch
         along = span * safe_divide(jnp.ones_like(radius), safe_sqrt(span.squared()))
         pull = safe_divide(moment, radius)
-        away = push(pull, self.pressure_angle) * (1.0 if self.inside else -1.0)
+        away = push(pull, self.pressure_angle) * (1.0 if self.internal else -1.0)
         return Wrench(along.perp() * pull + along * away, moment)
 
 

@@ -28,14 +28,14 @@ def fit(off, size) -> Margin:
     return Margin(1 - jnp.abs(value), -sign * d, -sign * dd)
 
 
-class RR(AbstractGroup):
+class RedundantLink(AbstractGroup):
     """A `link` between the points `from_` and `to` that are there already, whose distance is always its length.
 
     At `to` it only takes what is across its axis, so that it carries its own weight, inertia and loads and nothing
     else. Where the distance changes, its margin `fits` is negative.
     """
 
-    kind: ClassVar[str] = "RR"
+    kind: ClassVar[str] = "redundant_link"
 
     link: str = eqx.field(static=True)
     from_: str = eqx.field(static=True)
@@ -99,14 +99,14 @@ class RR(AbstractGroup):
         return (Wrench(-(load.force + across), none), Wrench(across, none)), None
 
 
-class RP(AbstractGroup):
+class RedundantSlider(AbstractGroup):
     """A `block` pinned to the point `from_` that is there already and always keeps to the `guide`.
 
     The guide only takes a couple, so that the block carries its own weight, inertia and loads and nothing else. Where
     the point leaves the guide, its margin `fits` is negative.
     """
 
-    kind: ClassVar[str] = "RP"
+    kind: ClassVar[str] = "redundant_slider"
 
     block: str = eqx.field(static=True)
     from_: str = eqx.field(static=True)

@@ -34,7 +34,7 @@ class Rack(AbstractGroup):
     The wheel's centre is a point of the link (or frame) that the guide is on, and lies to the left of the guide's
     direction for `side` +1, to the right for -1. The rack's own point `end`, the origin of its axes, is `start` (m)
     ahead of the foot of `through` on the path while the wheel stands at zero, as seen from there. A belt or cable that
-    pulls a slide is a rack with the `pressure_angle` zero. `path` and `turns` are filled in by `kinematics.prepared`.
+    pulls a slide is a rack with the `pressure_angle` zero. `path` and `cycle_turns` are filled in by `kinematics.prepared`.
     Raises `ValueError` for a radius or side that is none.
     """
 
@@ -50,7 +50,7 @@ class Rack(AbstractGroup):
     start: Array = eqx.field(converter=as_float, default=0.0)
     pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
     path: Winding | None = None
-    turns: int = eqx.field(static=True, default=1)
+    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -96,7 +96,7 @@ class Rack(AbstractGroup):
         return Coupling({self.to: -rolled, self.guide.on: rolled}, {self.link: jnp.ones_like(rolled)})
 
     def solve(self, links, states, points, phi):
-        there, on = (counted(name, k, states, self.path, phi, self.turns) for k, name in enumerate(self.mates()))
+        there, on = (counted(name, k, states, self.path, phi, self.cycle_turns) for k, name in enumerate(self.mates()))
         rolled = [self.side * self.radius * (a - b) for a, b in zip(there, on, strict=True)]
         line = self.guide.line(states, points)
         return {self.link: line.state}, {self.end: line.point(self.start + rolled[0], rolled[1], rolled[2])}
@@ -111,7 +111,7 @@ class Rack(AbstractGroup):
         if self.path is None:
             return None
         there, on = self.path.covered()
-        return nothing(jnp.where(self.path.too_fast(self.turns), jnp.inf, jnp.abs(there - on)))
+        return nothing(jnp.where(self.path.too_fast(self.cycle_turns), jnp.inf, jnp.abs(there - on)))
 
     def transmission(self, states, points):
         return None
@@ -144,7 +144,7 @@ class Pinion(AbstractWheel):
     rack's direction for `side` +1, to the right for -1. Seen from the carrier the wheel stands at `phase` (rad) while
     the rack's point `at` is `start` (m) ahead of `through`, another point of the carrier, along the rack; abreast of
     the pivot, if these are left out. Its turns are counted as those of a `Gear`. `end` names a pin of the wheel at its
-    length, if it has one. `path` and `turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a radius,
+    length, if it has one. `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a radius,
     side or pressure angle that is none.
     """
 
@@ -163,7 +163,7 @@ class Pinion(AbstractWheel):
     through: str = eqx.field(static=True, default="")
     start: Array = eqx.field(converter=as_float, default=0.0)
     path: Winding | None = None
-    turns: int = eqx.field(static=True, default=1)
+    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -201,7 +201,7 @@ class Pinion(AbstractWheel):
         rack, base = states[self.to], points[self.through or self.pivot]
         s, d, dd = Line(base, rack.u, jnp.zeros_like(phi), rack).along(points[self.at])
         s, d, dd = (self.side * x / self.radius for x in (s - self.start, d, dd))
-        on, w, e = counted(self.carrier, 0, states, self.path, phi, self.turns)
+        on, w, e = counted(self.carrier, 0, states, self.path, phi, self.cycle_turns)
         return self.placed(self.end, links, points, on + self.phase + s, w + d, e + dd)
 
     def dead_positions(self):

@@ -21,7 +21,7 @@ class RRP(AbstractGroup):
 
     `side` is +1 when the pin lies ahead of the foot of the perpendicular on the path, -1 when behind. The block's axes
     are along the path and to its left. With `branch` "continue" the side is so just after crank angle zero, and motion
-    goes on smoothly through change points, where it turns round; `path` and `turns` are then filled in by
+    goes on smoothly through change points, where it turns round; `path` and `cycle_turns` are then filled in by
     `kinematics.prepared`.
     """
 
@@ -35,7 +35,7 @@ class RRP(AbstractGroup):
     side: int = eqx.field(static=True, default=1)
     branch: str = eqx.field(static=True, default="fixed")
     path: Course | None = None
-    turns: int = eqx.field(static=True, default=1)
+    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -62,14 +62,16 @@ class RRP(AbstractGroup):
         t, n = line.t, line.t.perp()
         height, along = line.height(b), line.along(b)
         q = once(height.value)
-        h = self._reach(length, q) * (self.side if self.path is None else self.side * self.path.flips(phi, self.turns))
+        h = self._reach(length, q) * (
+            self.side if self.path is None else self.side * self.path.flips(phi, self.cycle_turns)
+        )
         over = h
         if self.path is not None:  # zero at a change point
             over = jnp.where(jnp.abs(h) < 1e-12 * length, 1e-12 * length, h)
         w = -height.d / over  # as seen from the guide the pin does not move across it: height' + w h = 0
         e = -(height.dd + w * w * q) / over
         if self.path is not None:
-            near = self.path.near(phi, self.turns)
+            near = self.path.near(phi, self.cycle_turns)
             turning = (q * near.d[0] - near.value[0] * height.d) / length**2
             bending = (q * near.dd[0] - near.value[0] * height.dd) / length**2
             h, w, e = near.instead((h, w, e), (near.value[0], turning, bending))

@@ -23,7 +23,7 @@ class RRR(AbstractGroup):
 
     `side` is +1 when `meet` lies to the left of the directed line from `from_` to `to`, -1 when to the right. With
     `branch` "continue" it is so just after crank angle zero, and motion goes on smoothly through change points, where
-    the side turns round; `path` and `turns` are then filled in by `kinematics.prepared`.
+    the side turns round; `path` and `cycle_turns` are then filled in by `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "RRR"
@@ -35,7 +35,7 @@ class RRR(AbstractGroup):
     side: int = eqx.field(static=True, default=1)
     branch: str = eqx.field(static=True, default="fixed")
     path: Course | None = None
-    turns: int = eqx.field(static=True, default=1)
+    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -54,7 +54,7 @@ class RRR(AbstractGroup):
     def solve(self, links, states, points, phi):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
-        side = self.side if self.path is None else self.side * self.path.flips(phi, self.turns)
+        side = self.side if self.path is None else self.side * self.path.flips(phi, self.cycle_turns)
         p, q, h, r = self._crossing(links, points, side)
         det = side * h * r
         if self.path is not None:  # zero at a change point
@@ -65,7 +65,7 @@ class RRR(AbstractGroup):
         da = a.ddr - b.ddr - p * (w1 * w1) + q * (w2 * w2)
         e1, e2 = -da.dot(q) / det, -da.dot(p) / det
         if self.path is not None:
-            near, span = self.path.near(phi, self.turns), b.r - a.r
+            near, span = self.path.near(phi, self.cycle_turns), b.r - a.r
             arm, first, second = (Vec(*part) for part in (near.value, near.d, near.dd))
             other = arm - span, first + dv, second - (b.ddr - a.ddr)
             turning = arm.cross(first) / l1**2, other[0].cross(other[1]) / l2**2

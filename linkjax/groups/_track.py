@@ -47,19 +47,19 @@ class Track(NamedTuple):
     tips: Array | None = None
     tips_at: Array | None = None
 
-    def place(self, phi: Array, turns: int) -> tuple[Array, Array]:
+    def place(self, phi: Array, cycle_turns: int) -> tuple[Array, Array]:
         """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
-        count, span = self.sense.size - 1, 2 * jnp.pi * turns
+        count, span = self.sense.size - 1, 2 * jnp.pi * cycle_turns
         place = wrapped(phi, span) * (count / span)
         whole = jnp.clip(jnp.floor(place), 0, count - 1)
         return whole.astype(int), place - whole
 
-    def nearby(self, phi: Array, turns: int) -> tuple[Array, Array]:
+    def nearby(self, phi: Array, cycle_turns: int) -> tuple[Array, Array]:
         """Four places of the path near a crank angle, on one side of where the group does not close (below zero, or
         beyond the last, they go on at the other end), and how far the angle is from the first of them, in steps."""
-        i, rest = self.place(phi, turns)
+        i, rest = self.place(phi, cycle_turns)
         assert self.first is not None
-        span = 2 * jnp.pi * turns
+        span = 2 * jnp.pi * cycle_turns
         beyond = wrapped(phi, span) - self.middle()
         within = self.ends() & (jnp.abs(beyond) < span / (self.sense.size - 1))
         first = self.first[jnp.where(within, beyond > 0, rest > 0.5).astype(int), i].astype(int)
@@ -71,17 +71,17 @@ class Track(NamedTuple):
         rounds = (four > last).astype(int) - (four < 0).astype(int)
         return four - rounds * last, rounds
 
-    def sense_at(self, phi: Array, turns: int) -> Array:
+    def sense_at(self, phi: Array, cycle_turns: int) -> Array:
         """The sense of the Jacobian's determinant at a crank angle."""
-        return jnp.sign(self.sense[self._round(self.nearby(phi, turns)[0])[0][1]])
+        return jnp.sign(self.sense[self._round(self.nearby(phi, cycle_turns)[0])[0][1]])
 
-    def at(self, phi: Array, turns: int) -> Array:
+    def at(self, phi: Array, cycle_turns: int) -> Array:
         """The configuration at a crank angle, roughly: a cubic through four places of the path, or through those of
         them that were reached and where it ends nearby."""
-        four, x = self.nearby(phi, turns)
+        four, x = self.nearby(phi, cycle_turns)
         rows, ahead = self._round(four)
         assert self.tips is not None
-        span = 2 * jnp.pi * turns
+        span = 2 * jnp.pi * cycle_turns
         place = four.astype(phi.dtype)
         z, down = jnp.concatenate([self.z[rows], self.tips]), self._before_zero(place, span)
         if self.z.shape[2] == 3:  # angles go on from turn to turn
@@ -117,12 +117,12 @@ class Track(NamedTuple):
         eased = jnp.arccos(jnp.clip((low + high - 2 * at) / (high - low), -1.0, 1.0))
         return _lagrange(jnp.where(eases, eased, at), there)
 
-    def elsewhere(self, phi: Array, turns: int) -> Array:
+    def elsewhere(self, phi: Array, cycle_turns: int) -> Array:
         """Whether the group is where it was not followed to, or in another assembly than it began with."""
         assert self.lost is not None
-        here = wrapped(phi, 2 * jnp.pi * turns)
+        here = wrapped(phi, 2 * jnp.pi * cycle_turns)
         unknown = (here > self.lost[0]) & (here < self.lost[1])
-        return unknown | (self.sense_at(phi, turns) * self.sense[0] < 0)
+        return unknown | (self.sense_at(phi, cycle_turns) * self.sense[0] < 0)
 
     def ends(self) -> Array:
         """Whether it cannot be followed all the way."""

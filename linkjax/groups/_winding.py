@@ -24,9 +24,9 @@ class Winding(NamedTuple):
     at: Array
     w: Array
 
-    def angle(self, number: int, u: Vec, phi: Array, turns: int) -> Array:
+    def angle(self, number: int, u: Vec, phi: Array, cycle_turns: int) -> Array:
         """The angle of a link whose direction is `u`: to the last digit, and in the right turn."""
-        count, span = self.at.shape[1] - 1, 2 * jnp.pi * turns
+        count, span = self.at.shape[1] - 1, 2 * jnp.pi * cycle_turns
         here = wrapped(phi, span)
         place = here * (count / span)
         start = jnp.clip(jnp.floor(place), 0, count - 1)
@@ -44,9 +44,9 @@ class Winding(NamedTuple):
         circle; infinite where the links are too fast for their turns to be counted."""
         return jnp.where(self.too_fast(path_turns), jnp.inf, 2 * jnp.abs(jnp.sin(0.5 * turns)))
 
-    def too_fast(self, turns: int) -> Array:
+    def too_fast(self, cycle_turns: int) -> Array:
         """Whether links turn so fast that their turns cannot be counted."""
-        step = 2 * jnp.pi * turns / (self.at.shape[1] - 1)
+        step = 2 * jnp.pi * cycle_turns / (self.at.shape[1] - 1)
         return jnp.max(jnp.abs(self.w)) * step > FASTEST
 
     def covered(self) -> Array:
@@ -91,7 +91,7 @@ def nothing(missed: Array) -> Array:
 
 
 def counted(
-    name: str, number: int, states: Mapping[str, LinkState], path: Winding | None, phi: Array, turns: int
+    name: str, number: int, states: Mapping[str, LinkState], path: Winding | None, phi: Array, cycle_turns: int
 ) -> tuple[Array, Array, Array]:
     """Angle of a link, or of the frame, unwound, and its rates."""
     none = jnp.zeros_like(phi)
@@ -101,4 +101,4 @@ def counted(
     if state.angle is not None:
         return state.angle, state.w, state.e
     assert path is not None  # see `kinematics.prepared`
-    return path.angle(number, state.u, phi, turns), state.w, state.e
+    return path.angle(number, state.u, phi, cycle_turns), state.w, state.e

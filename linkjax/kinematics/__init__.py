@@ -1,18 +1,18 @@
 """Pose, kinematic coefficients, margins and dead centres of a mechanism."""
 
-from linkjax.kinematics._assemblies import Assemblies as Assemblies
-from linkjax.kinematics._assemblies import assemblies as assemblies
+from linkjax.kinematics._assembly_modes import AssemblyModes as AssemblyModes
+from linkjax.kinematics._assembly_modes import assembly_modes as assembly_modes
 from linkjax.kinematics._cycle import Least as Least
 from linkjax.kinematics._cycle import Motion as Motion
 from linkjax.kinematics._cycle import Reversals as Reversals
 from linkjax.kinematics._cycle import assembly_margins as assembly_margins
 from linkjax.kinematics._cycle import dead_centres as dead_centres
 from linkjax.kinematics._cycle import find_reversals as find_reversals
-from linkjax.kinematics._cycle import least_margin as least_margin
+from linkjax.kinematics._cycle import min_margin as min_margin
 from linkjax.kinematics._cycle import scan_angles as scan_angles
 from linkjax.kinematics._cycle import strokes as strokes
-from linkjax.kinematics._limits import CrankRange as CrankRange
-from linkjax.kinematics._limits import crank_limits as crank_limits
+from linkjax.kinematics._ranges import CrankRange as CrankRange
+from linkjax.kinematics._ranges import crank_ranges as crank_ranges
 from linkjax.kinematics._pose import Pose as Pose
 from linkjax.kinematics._pose import margins as margins
 from linkjax.kinematics._pose import named_groups as named_groups

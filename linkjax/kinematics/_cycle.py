@@ -118,38 +118,40 @@ def _double_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Arr
     return dips, jnp.clip(x - reach, 0.0, 1.0), jnp.clip(x + reach, 0.0, 1.0)
 
 
-def scan_angles(turns: int, points: int) -> Float[Array, " scan"]:
-    """Uniform crank angles over `turns` turns, `points` a turn, the end not repeated."""
-    return jnp.arange(points * turns, dtype=float) * (2 * math.pi / points)
+def scan_angles(cycle_turns: int, points: int) -> Float[Array, " scan"]:
+    """Uniform crank angles over `cycle_turns` turns, `points` a turn, the end not repeated."""
+    return jnp.arange(points * cycle_turns, dtype=float) * (2 * math.pi / points)
 
 
-def dead_centres(mechanism: Mechanism, turns: int = 1) -> dict[str, Reversals]:
+def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Reversals]:
     """Dead centres over the cycle: where a slider stops (by the name of its pin) or a link turning about a frame point
     stops (by its name). Angles in rad, sharpened to rounding."""
     ends = _stopping_ends(mechanism)
     if not ends:
         return {}
-    mechanism = prepared(mechanism, turns)
-    scan = scan_angles(turns, 2 * MARGIN_SCAN)
+    mechanism = prepared(mechanism, cycle_turns)
+    scan = scan_angles(cycle_turns, 2 * MARGIN_SCAN)
     whole = jax.vmap(lambda phi: _motions(mechanism, ends, phi))(scan)  # leaves (scan, ends)
 
     def one(number):
         def motion(phi):
             return jax.tree.map(lambda leaf: leaf[number], _motions(mechanism, ends, phi))
 
-        return find_reversals(motion, jax.tree.map(lambda leaf: leaf[:, number], whole), scan, DEAD_CENTRES * turns, 3)
+        return find_reversals(
+            motion, jax.tree.map(lambda leaf: leaf[:, number], whole), scan, DEAD_CENTRES * cycle_turns, 3
+        )
 
     found = jax.vmap(one)(jnp.arange(len(ends)))
     return {name: Reversals(*(leaf[i] for leaf in found)) for i, name in enumerate(ends)}
 
 
-def strokes(mechanism: Mechanism, found: dict[str, Reversals], turns: int = 1) -> dict[str, Array]:
+def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int = 1) -> dict[str, Array]:
     """What the ends of `dead_centres` cover between them: a slider's pin the distance of its outermost dead centres
     (m), a link its swing (rad): NaN where it also comes round. Zero for what never stops."""
     if not found:
         return {}
-    mechanism, ends = prepared(mechanism, turns), _stopping_ends(mechanism)
-    scan = scan_angles(turns, 2 * MARGIN_SCAN)
+    mechanism, ends = prepared(mechanism, cycle_turns), _stopping_ends(mechanism)
+    scan = scan_angles(cycle_turns, 2 * MARGIN_SCAN)
     whole = jax.vmap(lambda phi: _places(mechanism, ends, phi))(scan)  # (scan, ends, 2)
     at = jnp.stack([found[name].angle for name in ends])
     there = jax.vmap(jax.vmap(lambda phi: _places(mechanism, ends, phi)))(at)  # (ends, slots, ends, 2)
@@ -212,7 +214,7 @@ class Least(NamedTuple):
     angle: Array
 
 
-def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str, Least]]:
+def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, dict[str, Least]]:
     """Least signed margin of every group to each of its dead positions over the continuous cycle.
 
     Dimensionless; negative where the group cannot be assembled, by how much it falls short. Values and gradients are
@@ -221,8 +223,8 @@ def assembly_margins(mechanism: Mechanism, turns: int = 1) -> dict[str, dict[str
     names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.dead_positions()]
     if not names:
         return {}
-    mechanism = prepared(mechanism, turns)
-    scan = scan_angles(turns, MARGIN_SCAN)
+    mechanism = prepared(mechanism, cycle_turns)
+    scan = scan_angles(cycle_turns, MARGIN_SCAN)
     step = scan[1] - scan[0]
     fixed = jax.lax.stop_gradient(mechanism)
     scanned = jax.vmap(lambda phi: stacked(fixed, phi))(scan)  # leaves (scan, margins)
@@ -270,7 +272,7 @@ def _lowest(margin: Margin, scan: Array) -> Array:
     return scan[best] + move[best]
 
 
-def least_margin(mechanism: Mechanism, turns: int = 1) -> Array:
+def min_margin(mechanism: Mechanism, cycle_turns: int = 1) -> Array:
     """The smallest of all assembly margins over the continuous cycle (positive: the machine can be assembled)."""
-    every = [least.value for sides in assembly_margins(mechanism, turns).values() for least in sides.values()]
+    every = [least.value for sides in assembly_margins(mechanism, cycle_turns).values() for least in sides.values()]
     return smallest(jnp.stack(every)) if every else jnp.asarray(jnp.inf)

@@ -42,7 +42,7 @@ def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple
     links = mechanism.held_by(group)
     size, free = group.size(links, before_group(mechanism, number, inside)[1]), 3 * len(group.members)
     start, *_ = group.closed(
-        links, *before_group(mechanism, number, inside), inside, group.path.at(inside, group.turns), STEPS
+        links, *before_group(mechanism, number, inside), inside, group.path.at(inside, group.cycle_turns), STEPS
     )
 
     def opened(move, phi):

@@ -103,9 +103,9 @@ def _in_own_axes(link: LinkState, axis: Vec) -> LinkState:
     return link._replace(u=link.u.turned(Vec(axis.x, -axis.y)), angle=angle)
 
 
-def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
+def prepared(mechanism: Mechanism, cycle_turns: int | None = None) -> Mechanism:
     """The mechanism with a reference path for each of its general groups, of its dyads that continue through change
-    points, and of wheels in gear with links whose turns must be counted, over `turns` turns of the crank (as many as a
+    points, and of wheels in gear with links whose turns must be counted, over `cycle_turns` turns of the crank (as many as a
     law of the driver takes, or one): from the sketch to crank angle zero, and on in small steps. Others are handed back
     as they are.
 
@@ -115,19 +115,21 @@ def prepared(mechanism: Mechanism, turns: int | None = None) -> Mechanism:
     """
     groups: list[Any] = [mechanism.groups[number] for number in followed(mechanism.groups)]
     law = mechanism.driver.follows()
-    turns = max(turns or 1, 1 if law is None else round(law.period() / (2 * math.pi)))
-    if all(group.path is not None and group.turns % turns == 0 for group in groups):
+    cycle_turns = max(cycle_turns or 1, 1 if law is None else round(law.period() / (2 * math.pi)))
+    if all(group.path is not None and group.cycle_turns % cycle_turns == 0 for group in groups):
         return mechanism
-    return _prepared(mechanism, turns)
+    return _prepared(mechanism, cycle_turns)
 
 
-@functools.partial(jax.jit, static_argnames="turns")
-def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
+@functools.partial(jax.jit, static_argnames="cycle_turns")
+def _prepared(mechanism: Mechanism, cycle_turns: int) -> Mechanism:
     groups: list[AbstractGroup] = []
     paths: dict[int, Path] = {}
     needed = followed(mechanism.groups)
     fixed = jax.lax.stop_gradient(mechanism)
-    angles, counting = (jnp.linspace(0.0, 2 * math.pi * turns, steps * turns + 1) for steps in (STEPS, COUNTS))
+    angles, counting = (
+        jnp.linspace(0.0, 2 * math.pi * cycle_turns, steps * cycle_turns + 1) for steps in (STEPS, COUNTS)
+    )
     for group in fixed.groups:
         if len(groups) in needed:
 
@@ -138,16 +140,18 @@ def _prepared(mechanism: Mechanism, turns: int) -> Mechanism:
             if isinstance(group, General):
                 wound = _winding(group, before, counting) if group.mates() else None
                 none = jnp.zeros(0)
-                begun = dataclasses.replace(group, path=Track(none, none, none, wound), turns=turns)
+                begun = dataclasses.replace(group, path=Track(none, none, none, wound), cycle_turns=cycle_turns)
                 path = path_of(begun, fixed.links, before, angles)._replace(wound=wound)
             elif isinstance(group, Gear | Rack | Pinion):
                 path = _winding(group, before, counting)
             else:
-                path = _course(group, fixed, before, turns)
+                path = _course(group, fixed, before, cycle_turns)
             paths[len(groups)] = jax.lax.stop_gradient(path)
-            group = with_path(group, paths[len(groups)], turns)
+            group = with_path(group, paths[len(groups)], cycle_turns)
         groups.append(group)
-    made = [with_path(group, paths[i], turns) if i in paths else group for i, group in enumerate(mechanism.groups)]
+    made = [
+        with_path(group, paths[i], cycle_turns) if i in paths else group for i, group in enumerate(mechanism.groups)
+    ]
     return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would drop the paths
 
 
@@ -164,7 +168,7 @@ def before_group(mechanism: Mechanism, number: int, phi: Scalar) -> tuple[dict[s
     return here[1], here[0]
 
 
-def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int) -> Path:
+def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, cycle_turns: int) -> Path:
     """The course of a dyad through its change points."""
     assert isinstance(group, RRR | RRP)
     held = fixed.held_by(group)
@@ -173,7 +177,7 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, turns: int
         states, points, _ = before(phi)
         return group.coordinates(held, states, points, sense)
 
-    return course_of(lambda phi: group.gaps(held, *before(phi)[:2]), coordinates, SCANNED, turns)
+    return course_of(lambda phi: group.gaps(held, *before(phi)[:2]), coordinates, SCANNED, cycle_turns)
 
 
 def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:

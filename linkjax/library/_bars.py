@@ -5,7 +5,7 @@ from __future__ import annotations
 from jax.typing import ArrayLike
 
 from linkjax._vec import Vec
-from linkjax.groups import RRR, Crank
+from linkjax.groups import RRR, Crank, Rotation
 from linkjax.library._parts import Links, Place, check_closes, check_positive, origin, parts, vec
 from linkjax.mechanism import Flywheel, Mechanism
 
@@ -19,12 +19,12 @@ CARRIERS: dict[str, tuple[str, str]] = {  # the link that E is on, and the one t
 
 def four_bar(
     crank: ArrayLike, coupler: ArrayLike, rocker: ArrayLike, frame: ArrayLike, *,
-    side: int = 1, turns: int = 1, links: Links = None, flywheel: ArrayLike = 0.0,
+    side: int = 1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
     """A four-bar linkage with the bars `crank` A–B, `coupler` B–C, `rocker` D–C and the distance A–D `frame` (m).
 
     A is the origin, D lies on the x axis. C is to the left of the line from B to D, or to its right with `side=-1`;
-    `turns=-1` is a crank that turns clockwise. `links` says what else there is to a link: `{"coupler": Link(mass=1.2,
+    `rotation="cw"` is a crank that turns clockwise. `links` says what else there is to a link: `{"coupler": Link(mass=1.2,
     points={"E": Vec(0.1, 0.05)})}`, without length. `flywheel` is its inertia (kg m²).
     Whether the crank can turn fully is for `linkjax.margins` to say. Raises `ValueError` for lengths that are none, and
     where one bar is longer than the other three together.
@@ -32,13 +32,13 @@ def four_bar(
     check_positive("four_bar", crank=crank, coupler=coupler, rocker=rocker, frame=frame)
     check_closes("four_bar", crank=crank, coupler=coupler, rocker=rocker, frame=frame)
     bars = parts("four_bar", {"crank": crank, "coupler": coupler, "rocker": rocker}, links)
-    return Mechanism({"A": origin(), "D": Vec(frame, 0.0)}, bars, _four(side, turns), Flywheel(flywheel))
+    return Mechanism({"A": origin(), "D": Vec(frame, 0.0)}, bars, _four(side, rotation), Flywheel(flywheel))
 
 
 def six_bar(
     kind: str, crank: ArrayLike, coupler: ArrayLike, rocker: ArrayLike, frame: ArrayLike,
     rod: ArrayLike, lever: ArrayLike, e: Place, f: Place, *,
-    side: int = 1, second_side: int = 1, turns: int = 1, links: Links = None, flywheel: ArrayLike = 0.0,
+    side: int = 1, second_side: int = 1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
     """A six-bar linkage driven from its crank on the frame: a `four_bar` with points A B C D, and two bars more, `rod`
     E–G and `lever` F–G (m).
@@ -61,9 +61,9 @@ def six_bar(
         marks.setdefault(link, {})[point] = vec(at)
     lengths = {"crank": crank, "coupler": coupler, "rocker": rocker, "rod": rod, "lever": lever}
     fixed = {"A": origin(), "D": Vec(frame, 0.0), **marks.pop("frame", {})}
-    groups = [*_four(side, turns), RRR(("rod", "lever"), "E", "F", "G", second_side)]
+    groups = [*_four(side, rotation), RRR(("rod", "lever"), "E", "F", "G", second_side)]
     return Mechanism(fixed, parts("six_bar", lengths, links, marks), groups, Flywheel(flywheel))
 
 
-def _four(side: int, turns: int) -> list:
-    return [Crank("crank", "A", "B", turns), RRR(("coupler", "rocker"), "B", "D", "C", side)]
+def _four(side: int, rotation: Rotation) -> list:
+    return [Crank("crank", "A", "B", rotation), RRR(("coupler", "rocker"), "B", "D", "C", side)]

@@ -9,18 +9,18 @@ from jax.typing import ArrayLike
 from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups import RPP, RPR, RRP, RRR, Crank, Guide
+from linkjax.groups import RPP, RPR, RRP, RRR, Crank, Guide, Rotation
 from linkjax.library._parts import Links, Place, check_closes, check_positive, numbers, origin, parts, vec
 from linkjax.mechanism import Flywheel, Mechanism
 
 
 def slider_crank(
     crank: ArrayLike, rod: ArrayLike, offset: ArrayLike = 0.0, *,
-    side: int = 1, turns: int = 1, links: Links = None, flywheel: ArrayLike = 0.0,
+    side: int = 1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
     """A slider-crank: `crank` A–B, `rod` B–D (m), and a block `slider` pinned at D, which runs along x.
 
-    A is the origin; the path of D is `offset` (m) above it. D is ahead of B, or behind it with `side=-1`; `turns=-1` is
+    A is the origin; the path of D is `offset` (m) above it. D is ahead of B, or behind it with `side=-1`; `rotation="cw"` is
     a crank that turns clockwise. `links` says what else there is to a link, `{"slider": Link(mass=3.0)}`, without
     length; `flywheel` is its inertia (kg m²).
     Raises `ValueError` for lengths that are none, and where the rod can reach the path at no crank angle.
@@ -33,35 +33,35 @@ def slider_crank(
             f"{values[0] + values[1]:g}; bring the path nearer, or lengthen the rod"
         )
     links = parts("slider_crank", {"crank": crank, "rod": rod, "slider": 0.0}, links)
-    groups = [Crank("crank", "A", "B", turns), RRP("rod", "slider", "B", "D", Guide("A", 0.0, offset), side)]
+    groups = [Crank("crank", "A", "B", rotation), RRP("rod", "slider", "B", "D", Guide("A", 0.0, offset), side)]
     return Mechanism({"A": origin()}, links, groups, Flywheel(flywheel))
 
 
 def scotch_yoke(
-    crank: ArrayLike, *, turns: int = 1, links: Links = None, flywheel: ArrayLike = 0.0
+    crank: ArrayLike, *, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0
 ) -> Mechanism:  # fmt: skip
     """A Scotch yoke: the pin B of the `crank` (m) turns a block `die` in the upright slot of a `yoke`, which runs along
     x as a pure cosine: its point E is at (crank cos φ, 0).
 
-    A, the origin, is where the crank turns. `turns`, `links` and `flywheel` as for `slider_crank`.
+    A, the origin, is where the crank turns. `rotation`, `links` and `flywheel` as for `slider_crank`.
     Raises `ValueError` for a length that is none.
     """
     check_positive("scotch_yoke", crank=crank)
     links = parts("scotch_yoke", {"crank": crank, "yoke": 0.0, "die": 0.0}, links)
-    groups = [Crank("crank", "A", "B", turns), RPP("yoke", "die", "B", "E", Guide("A"))]
+    groups = [Crank("crank", "A", "B", rotation), RPP("yoke", "die", "B", "E", Guide("A"))]
     return Mechanism({"A": origin()}, links, groups, Flywheel(flywheel))
 
 
 def quick_return(
     crank: ArrayLike, distance: ArrayLike, lever: ArrayLike, rod: ArrayLike, height: ArrayLike, *,
-    side: int = -1, turns: int = 1, links: Links = None, flywheel: ArrayLike = 0.0,
+    side: int = -1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
     """A quick-return drive: the pin B of the `crank` O–B moves a block `die` in a slotted `lever` P–E, whose end moves
     a `ram` through a `rod` E–R.
 
     O is the origin, P lies `distance` (m) below it. The path of R runs along x, `height` (m) above O, through the
     point T above it; R is behind E, or ahead of it with `side=1`. With a crank shorter than the distance the lever
-    swings (the shaper's drive), with a longer one it turns (Whitworth's). `turns`, `links` and `flywheel` as for
+    swings (the shaper's drive), with a longer one it turns (Whitworth's). `rotation`, `links` and `flywheel` as for
     `slider_crank`. Raises `ValueError` for lengths that are none, and where crank and distance are equal.
     """
     check_positive("quick_return", crank=crank, distance=distance, lever=lever, rod=rod)
@@ -74,7 +74,7 @@ def quick_return(
     links = parts("quick_return", {"crank": crank, "lever": lever, "die": 0.0, "rod": rod, "ram": 0.0}, links)
     fixed = {"O": origin(), "P": Vec(0.0, -as_float(distance)), "T": Vec(0.0, height)}
     groups = [
-        Crank("crank", "O", "B", turns),
+        Crank("crank", "O", "B", rotation),
         RPR("lever", "die", "B", "P", "E"),
         RRP("rod", "ram", "E", "R", Guide("T"), side),
     ]
@@ -83,13 +83,13 @@ def quick_return(
 
 def toggle_press(
     crank: ArrayLike, rod: ArrayLike, upper: ArrayLike, lower: ArrayLike, pivot: Place, *,
-    side: int = 1, turns: int = 1, links: Links = None, flywheel: ArrayLike = 0.0,
+    side: int = 1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
     """A toggle press: `crank` A–B and `rod` B–C stretch and fold a knee of the bars `upper` D–C and `lower` C–E, which
     moves a `ram`, pinned at E, up and down.
 
     A is the origin, D the frame's point `pivot` (m), and E runs straight below it. C is to the left of the line from B
-    to D, or to its right with `side=-1`. `turns`, `links` and `flywheel` as for `slider_crank`.
+    to D, or to its right with `side=-1`. `rotation`, `links` and `flywheel` as for `slider_crank`.
     Raises `ValueError` for lengths that are none, and where crank and rod can hold the knee at no crank angle.
     """
     check_positive("toggle_press", crank=crank, rod=rod, upper=upper, lower=lower)
@@ -97,7 +97,7 @@ def toggle_press(
     check_closes("toggle_press", crank=crank, rod=rod, upper=upper, pivot=safe_sqrt(pivot.squared()))
     lengths = {"crank": crank, "rod": rod, "upper": upper, "lower": lower, "ram": 0.0}
     groups = [
-        Crank("crank", "A", "B", turns),
+        Crank("crank", "A", "B", rotation),
         RRR(("rod", "upper"), "B", "D", "C", side),
         RRP("lower", "ram", "C", "E", Guide("D", -math.pi / 2)),
     ]

@@ -56,7 +56,9 @@ class Scene(eqx.Module):
         for name in ("speed", "target_delta"):
             value = known(getattr(self, name))
             if value is not None and not np.all(value > 0):
-                raise StructureError(name, f"is {value}", "write a number above zero; Crank(turns=-1) turns clockwise")
+                raise StructureError(
+                    name, f"is {value}", 'write a number above zero; Crank(rotation="cw") turns clockwise'
+                )
         law = self.mechanism.driver.follows()
         if law is not None and abs(self.cycle / law.period() - round(self.cycle / law.period())) > 1e-9:
             problem = (

@@ -18,7 +18,7 @@ def check_turns(mechanism: Mechanism, cycle_turns: int) -> None:
     """Raise StructureError for wheels that are not where they began, and for racks that never come back."""
     crank, turns = mechanism.driver, {"frame": 0.0}
     if isinstance(crank, Crank):
-        turns[crank.link] = float(cycle_turns * crank.turns) if crank.law is None else 0.0
+        turns[crank.link] = float(cycle_turns * crank.sense) if crank.law is None else 0.0
     for group in mechanism.groups:
         rows = [_angles(wheel) for wheel in group.wheels()]
         if all(row is not None for row in rows):

@@ -34,7 +34,7 @@ from linkjax.motion import (
     summits,
     with_flywheel,
 )
-from linkjax.reduction import Reduced, governing, reduce
+from linkjax.reduction import Reduced, governing, reduced_model
 
 SLOW = 0.1  # of the fastest: the least rate at which a flywheel counts as calming a pair of speeds
 
@@ -96,7 +96,7 @@ def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> d
 
 def _extreme_speeds(of: Parts) -> tuple[Rows, Rows]:
     """Crank speeds of the true motion that may be the largest, and those that may be the smallest."""
-    above = 2 * jax.lax.stop_gradient(of.steady.speed_max)
+    above = 2 * jax.lax.stop_gradient(of.steady.max_speed)
 
     def speeds(regime: Regime, place: Place) -> Array:
         speed, _ = regime.crank(place)
@@ -125,15 +125,15 @@ def delta(of: Parts) -> Array:
 
 
 @measure("rad/s", lambda of: _extreme_speeds(of)[0])
-def largest_speed(of: Parts) -> Array:
+def max_crank_speed(of: Parts) -> Array:
     """Largest crank speed of the true motion."""
-    return of.steady.speed_max
+    return of.steady.max_speed
 
 
 @measure("rad/s", lambda of: _extreme_speeds(of)[1], smallest=True)
-def smallest_speed(of: Parts) -> Array:
+def min_crank_speed(of: Parts) -> Array:
     """Smallest crank speed of the true motion."""
-    return of.steady.speed_min
+    return of.steady.min_speed
 
 
 def _least_energies(of: Parts) -> Rows:
@@ -153,9 +153,9 @@ def _least_energies(of: Parts) -> Rows:
 
 
 @measure("1", _least_energies, smallest=True)
-def regime_margin(of: Parts) -> Array:
+def steady_state_margin(of: Parts) -> Array:
     """Least kinetic energy of the true motion over ½ J̄ ω², less the least that counts as running."""
-    return of.steady.regime_margin
+    return of.steady.steady_state_margin
 
 
 def _mean(of: Parts, at_nodes: Array) -> Array:
@@ -169,9 +169,9 @@ def _light_places(of: Parts) -> Rows:
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
 
     def missing(regime: Regime, place: Place) -> Array:
-        return (above - governing(regime.scene, reduce(regime.scene, place.phi, regime.side(place))).inertia).reshape(
-            (1, 1)
-        )
+        return (
+            above - governing(regime.scene, reduced_model(regime.scene, place.phi, regime.side(place))).inertia
+        ).reshape((1, 1))
 
     found = summits(of.constant_speed, missing, (above - inertia)[None, None])
     light = safe_divide(above - found.vectors[0], mean)
@@ -179,15 +179,15 @@ def _light_places(of: Parts) -> Rows:
 
 
 @measure("1", _light_places, smallest=True)
-def least_inertia(of: Parts) -> Array:
+def min_inertia_ratio(of: Parts) -> Array:
     """Least reduced inertia over its mean: near zero the crank all but stops mattering there, and its speed runs up."""
-    return of.steady.least_inertia
+    return of.steady.min_inertia_ratio
 
 
 @measure("N m")
 def mean_drive_torque(of: Parts) -> Array:
     """Constant drive torque that balances the cycle."""
-    return of.steady.drive_torque
+    return of.steady.mean_drive_torque
 
 
 def _flywheels(of: Parts) -> Rows:
@@ -221,7 +221,7 @@ def flywheel_for_target_delta(of: Parts) -> Array:
 
 
 @smallest("1")
-def smallest_margin(of: Parts) -> Rows:
+def min_margin(of: Parts) -> Rows:
     """Smallest signed assembly margin of all groups over the continuous cycle; negative: it cannot be assembled."""
     limits = assembly_margins(of.scene.mechanism, of.scene.cycle_turns)
     found = [least for sides in limits.values() for least in sides.values()]
@@ -236,13 +236,13 @@ def no_transmission_angle(mechanism: Mechanism) -> bool:
 
 
 @smallest("rad")
-def smallest_transmission_angle(of: Parts) -> Rows:
+def min_transmission_angle(of: Parts) -> Rows:
     """Smallest of all transmission angles over the cycle, an obtuse one counted by what it lacks to 180 degrees: a
     right angle transmits best, and zero is a dead position. General groups have none; `StructureError` where no other
     group is there."""
     if no_transmission_angle(of.scene.mechanism):
         problem = "this machine has none: all its groups are general ones"
-        raise StructureError("smallest_transmission_angle", problem, "leave it out")
+        raise StructureError("min_transmission_angle", problem, "leave it out")
 
     def off_square(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)

@@ -25,9 +25,9 @@ from linkjax.groups import (
     Crank,
     Drive,
     General,
+    LinearDriver,
     LinkState,
     Pair,
-    Slide,
     Slot,
     at_rest,
     closed_to,
@@ -70,14 +70,14 @@ class Attachment:
             return self._general(part, {FRAME}, drive)
         pins, guide = self.drawing.links[drive.link].pins, self.drawing.guide(drive.link)
         if guide is not None and guide.on == FRAME and drive.law is not None:
-            return Slide(drive.link, pins[0], guide, drive.law)
+            return LinearDriver(drive.link, pins[0], guide, drive.law)
         pivot = next(p for p in pins if p in self.drawing.fixed)
         end = next((p for p in pins if p != pivot), None)
         if end is None:
             raise StructureError(f"links.{drive.link}", "a crank needs a second pin", "name one, and give its length")
         places = self.drawing.places(drive.link)
         phase = number(drive.phase) + cmath.phase(places[end] - places[pivot])  # the crank is held at these two
-        return Crank(drive.link, pivot, end, drive.turns, phase, drive.law)
+        return Crank(drive.link, pivot, end, drive.rotation, phase, drive.law)
 
     def _general(self, part: tuple[str, ...], placed: set[str], drive: Drive | None = None) -> General:
         """Links that are closed together by Newton's method."""

@@ -53,7 +53,7 @@ class Mechanism(eqx.Module):
         return self.groups[0]
 
     @property
-    def crank(self) -> str:
+    def driving_link(self) -> str:
         """Name of the driving link."""
         return self.driver.driving() or self.driver.link_names()[0]
 
@@ -116,7 +116,9 @@ def _named(link: Link, name: str) -> Link:
 def check_structure(mechanism: Mechanism) -> None:
     """Raise `StructureError` at the first thing wrong with the composition."""
     if not mechanism.groups or mechanism.groups[0].driving() is None:
-        raise StructureError("groups", "the first group must be the driver", 'begin with kind = "crank" or "slide"')
+        raise StructureError(
+            "groups", "the first group must be the driver", 'begin with kind = "crank" or "linear_driver"'
+        )
     flywheel = number_of(mechanism.flywheel.inertia)
     if not isinstance(mechanism.groups[0], Crank) and flywheel is not None and np.any(flywheel != 0):
         raise StructureError("flywheel", "there is no shaft for it: no crank drives", "delete it")
@@ -166,7 +168,7 @@ def check_structure(mechanism: Mechanism) -> None:
 
 def _check_driven(mechanism: Mechanism) -> None:
     """A driver of one link moves a group, where there are any."""
-    (driver, *rest), crank = structure(mechanism).parts, mechanism.crank
+    (driver, *rest), crank = structure(mechanism).parts, mechanism.driving_link
     if rest and driver.links == (crank,) and not any(crank in pair.ends for part in rest for pair in part.outer):
         problem = (
             f"the driver moves {crank!r} alone, while {', '.join(rest[0].links)} hang on the frame and stand still"

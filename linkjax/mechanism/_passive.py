@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from linkjax.groups import FRAME, RP, RR, AbstractGroup, Pair
+from linkjax.groups import FRAME, AbstractGroup, Pair, RedundantLink, RedundantSlider
 from linkjax.mechanism._freedom import freedom
 
 STEPS = (0.05, 0.1)  # rad, or of the size: how far the drive is moved
@@ -77,7 +77,7 @@ def passive_group(link: str, drawing) -> AbstractGroup:
     """The group of a passive link."""
     pins = drawing.links[link].pins
     guide = next((slot.guide for slot in drawing.slots if slot.block == link), None)
-    return RR(link, pins[0], pins[1]) if guide is None else RP(link, pins[0], guide)
+    return RedundantLink(link, pins[0], pins[1]) if guide is None else RedundantSlider(link, pins[0], guide)
 
 
 def _places(drawing, found: Sequence[Pair], driven: Pair) -> list[dict[str, complex]]:

@@ -25,6 +25,6 @@ from linkjax.motion._steady import Steady as Steady
 from linkjax.motion._steady import asked_for as asked_for
 from linkjax.motion._steady import node_poses as node_poses
 from linkjax.motion._steady import node_values as node_values
-from linkjax.motion._steady import steady as steady
+from linkjax.motion._steady import steady_motion as steady_motion
 from linkjax.motion._steady import steady_on as steady_on
 from linkjax.motion._steady import watched as watched

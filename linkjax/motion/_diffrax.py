@@ -25,7 +25,7 @@ from linkjax.mechanism import StructureError
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, make_grid
 from linkjax.motion._steady import Steady, conclude, node_values, steady_on
-from linkjax.reduction import governing, reduce
+from linkjax.reduction import governing, reduced_model
 
 MOST_CYCLES = 8  # steps end at the switches of this many cycles from the start; beyond, step control alone finds them
 MOST_STEPS = 16**4
@@ -52,7 +52,7 @@ def _free(scene: Scene) -> Scene:
     """The scene. Raises `StructureError` where its driver follows a law: no equation of motion is to be solved."""
     if scene.mechanism.prescribed:
         problem = "follows a law: its motion is known, and no equation of motion is to be solved"
-        raise StructureError(scene.mechanism.crank, problem, "leave diffrax out, or the law")
+        raise StructureError(scene.mechanism.driving_link, problem, "leave diffrax out, or the law")
     return scene
 
 
@@ -113,7 +113,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
         at = grid.edges[panel] + (s - jnp.floor(s)) * width
-        return width, governing(scene, reduce(scene, at, sides[panel]))
+        return width, governing(scene, reduced_model(scene, at, sides[panel]))
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
     first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)
@@ -224,7 +224,7 @@ def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, 
 
 def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar) -> Scalar:
     """Angular acceleration of the crank (rad/s²)."""
-    here = governing(scene, reduce(scene, phi))
+    here = governing(scene, reduced_model(scene, phi))
     return (here.torque + drive_torque - 0.5 * here.slope * speed**2) / here.inertia
 
 
@@ -242,7 +242,7 @@ def steady_by_diffrax(
 ) -> Steady:
     """The steady periodic regime by the general road: one cycle, integrated from the start that gives the wanted mean.
 
-    The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady`
+    The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady_motion`
     within the tolerance, and where there is no regime the same altogether. `delta_error` is that of the quadrature and
     the difference between the two, infinite where the integration failed; evaluations are not counted. The tolerance is
     held above thirty roundings of the precision in force. A driver that follows a law is refused by a `StructureError`.
@@ -259,7 +259,7 @@ def steady_by_diffrax(
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)
     along = jnp.concatenate([jnp.zeros(1), places.ravel(), jnp.asarray([float(grid.half.size)])])
     adjoint = adjoint or diffrax.ForwardMode()
-    inertia = governing(scene, reduce(scene, grid.edges[0], grid.middle[0])).inertia
+    inertia = governing(scene, reduced_model(scene, grid.edges[0], grid.middle[0])).inertia
     pace = jax.lax.stop_gradient(scene.speed)
     unit = jax.lax.stop_gradient(inertia) * pace**2
     wanted = scene.cycle * pace / scene.speed
@@ -284,7 +284,7 @@ def steady_by_diffrax(
     other = steady_on(scene, grid, here)
     error = other.delta_error + jax.lax.stop_gradient(jnp.abs(found.delta - other.delta))
     found = dataclasses.replace(found, delta_error=error, evaluations=None)
-    runs, whole = other.regime_margin > 0, jnp.all(jnp.isfinite(states))
+    runs, whole = other.steady_state_margin > 0, jnp.all(jnp.isfinite(states))
     lost = jnp.where(runs & ~whole, jnp.inf, other.delta_error)
     other = dataclasses.replace(other, delta_error=lost, evaluations=None)
     return jax.tree.map(lambda a, b: jnp.where(runs & whole, a, b), found, other)

@@ -19,7 +19,7 @@ from linkjax.machine import Scene
 from linkjax.motion._extremum import Pieces, best_piece, newton, phi_at, pieces
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
-from linkjax.reduction import Reduced, governing, reduce
+from linkjax.reduction import Reduced, governing, reduced_model
 
 LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a regime that counts as running (ω_min / ω_m about 1e-3)
 NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as none
@@ -183,7 +183,7 @@ class Flow(eqx.Module):
         )
         return jnp.maximum(inertia, self.floor), slope
 
-    def least_inertia(self) -> tuple[Array, Array]:
+    def min_inertia_ratio(self) -> tuple[Array, Array]:
         """Least reduced inertia over the continuous cycle, relative to its mean, and its angle (rad)."""
         ends, slopes, half = *self._inertia_at_ends(), self.grid.half[:, None]
         value, slope = _between(ends, self.inertia), _between(slopes, half * self.here.slope)
@@ -192,7 +192,7 @@ class Flow(eqx.Module):
 
         def at(x):
             phi = phi_at(self.grid, panel, x)
-            return phi, governing(self.scene, reduce(self.scene, phi, self.grid.middle[panel]))
+            return phi, governing(self.scene, reduced_model(self.scene, phi, self.grid.middle[panel]))
 
         phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
         first = jnp.argmin(jax.lax.stop_gradient(self.inertia))  # a peak too sharp to be seen between nodes is at one
@@ -245,7 +245,7 @@ class Flow(eqx.Module):
     def _at(self, panel: Array, x: Array, energy: Array) -> tuple[Place, Array, Reduced, Array]:
         """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J by x."""
         place = Place(panel, x, phi_at(self.grid, panel, x))
-        here = governing(self.scene, reduce(self.scene, place.phi, self.grid.middle[panel]))
+        here = governing(self.scene, reduced_model(self.scene, place.phi, self.grid.middle[panel]))
         here = here._replace(inertia=jnp.maximum(here.inertia, self.floor))
         height = (energy + self.work.at(place)) / here.inertia
         return place, height, here, self.grid.half[panel] * self.rise(here, height)

@@ -23,7 +23,7 @@ from linkjax.machine import Scene, ready
 from linkjax.motion._error import delta_error
 from linkjax.motion._flow import LEAST, Flow, Primitive, primitive
 from linkjax.motion._grid import Grid, Place, make_grid
-from linkjax.reduction import Reduced, governing, reduce, reduce_pose
+from linkjax.reduction import Reduced, governing, reduce_pose, reduced_model
 
 _WATCHED: contextvars.ContextVar[list[Scene] | None] = contextvars.ContextVar("watched", default=None)
 
@@ -49,29 +49,29 @@ def asked_for(scene: Scene) -> None:
 class Steady(eqx.Module):
     """Steady periodic regime. Speeds in rad/s, angles in rad, torque in N m, energies in J, period in s.
 
-    `delta_error` bounds the absolute error of `delta`; `regime_margin` is the least kinetic energy over ½ J̄ ω_m² less
+    `delta_error` bounds the absolute error of `delta`; `steady_state_margin` is the least kinetic energy over ½ J̄ ω_m² less
     the least that counts as running: negative means that there is no periodic regime at this mean speed, and
-    `lowest_mean_speed` is the lowest that has one. `least_inertia` is the least reduced inertia over its mean: where it
+    `min_mean_speed` is the lowest that has one. `min_inertia_ratio` is the least reduced inertia over its mean: where it
     vanishes the speed has no bound, and values are those of a machine with `inertia_floor` (kg m²) there.
     """
 
     work: Primitive
     clock: Primitive
     energy: Array
-    drive_torque: Array
+    mean_drive_torque: Array
     period: Array
     mean_speed: Array
     delta: Array
     delta_error: Array
-    speed_max: Array
-    speed_min: Array
+    max_speed: Array
+    min_speed: Array
     angle_of_max: Array
     angle_of_min: Array
-    regime_margin: Array
-    angle_of_least_work: Array
-    lowest_mean_speed: Array
-    least_inertia: Array
-    angle_of_least_inertia: Array
+    steady_state_margin: Array
+    angle_of_min_work: Array
+    min_mean_speed: Array
+    min_inertia_ratio: Array
+    angle_of_min_inertia: Array
     inertia_floor: Array
     evaluations: int | None = eqx.field(static=True)
 
@@ -84,17 +84,17 @@ class Steady(eqx.Module):
         """Crank speed (rad/s) and acceleration (rad/s²) at a place of the grid."""
         if scene.mechanism.prescribed:
             return scene.speed * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
-        here = reduce(scene, place.phi, self.grid.middle[place.panel])
+        here = reduced_model(scene, place.phi, self.grid.middle[place.panel])
         here = here._replace(inertia=jnp.maximum(here.inertia, self.inertia_floor))
         floor = LEAST * 0.5 * here.inertia * scene.speed**2
         speed = jnp.sqrt(2 * jnp.maximum(self.energy + self.work.at(place), floor) / here.inertia)
-        return speed, (here.torque + self.drive_torque - 0.5 * here.slope * speed**2) / here.inertia
+        return speed, (here.torque + self.mean_drive_torque - 0.5 * here.slope * speed**2) / here.inertia
 
 
-def steady(scene: Scene, nodes: int = 96) -> Steady:
+def steady_motion(scene: Scene, nodes: int = 96) -> Steady:
     """Steady periodic motion of a scene, with about `nodes` nodes a crank turn on the cycle grid.
 
-    Never raises: where there is no regime, `regime_margin` is negative and every value finite.
+    Never raises: where there is no regime, `steady_state_margin` is negative and every value finite.
     """
     asked_for(scene)
     scene = ready(scene)
@@ -122,7 +122,7 @@ def node_values(scene: Scene, grid: Grid, poses: Pose | None = None) -> Reduced:
 
 @jax.jit  # traced once, however often a flywheel search calls it
 def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
-    """Steady periodic motion from the node values; see `steady`."""
+    """Steady periodic motion from the node values; see `steady_motion`."""
     drive = -jnp.sum(grid.half[:, None] * grid.rule.w[None] * here.torque) / scene.cycle
     flow = Flow(scene, grid, here, primitive(grid, here.torque + drive), drive)
     energy = flow.energy_for_time_mean()
@@ -132,7 +132,7 @@ def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
         return found
     shares = sum(here.by_load.values(), jnp.zeros_like(here.torque))
     mean = -jnp.sum(flow.weights * shares) / scene.cycle  # inertia takes and gives back the same over a cycle
-    return eqx.tree_at(lambda s: (s.drive_torque, s.delta_error), found, (mean, jnp.zeros_like(mean)))
+    return eqx.tree_at(lambda s: (s.mean_drive_torque, s.delta_error), found, (mean, jnp.zeros_like(mean)))
 
 
 def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
@@ -151,7 +151,7 @@ def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
     error = delta_error(flow, energy, ends)
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (fastest + slowest)
-    (least, angle), (light, lightest) = flow.work.extreme(-1), flow.least_inertia()
+    (least, angle), (light, lightest) = flow.work.extreme(-1), flow.min_inertia_ratio()
     bare = LEAST * flow.scale - least  # the energy with which the crank only just gets round
     lowest = scene.cycle / flow.period(bare)
     if scene.mean == "midrange":

@@ -3,5 +3,5 @@
 from linkjax.reduction._reduction import Reduced as Reduced
 from linkjax.reduction._reduction import governing as governing
 from linkjax.reduction._reduction import mass_sums as mass_sums
-from linkjax.reduction._reduction import reduce as reduce
 from linkjax.reduction._reduction import reduce_pose as reduce_pose
+from linkjax.reduction._reduction import reduced_model as reduced_model

@@ -29,10 +29,10 @@ class Reduced(NamedTuple):
 
 
 def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
-    """Reduce a pose that is known already; see `reduce`."""
+    """Reduce a pose that is known already; see `reduced_model`."""
     inertia, half_slope, weight = scene.mechanism.flywheel.inertia, jnp.zeros_like(at.phi), jnp.zeros_like(at.phi)
     if scene.mechanism.prescribed:
-        turn = here.links[scene.mechanism.crank]
+        turn = here.links[scene.mechanism.driving_link]
         inertia, half_slope = inertia * turn.w * turn.w, inertia * turn.w * turn.e
     for name, place, body in here.heavy():
         point, turn = here.points[place], here.links[name]
@@ -43,7 +43,7 @@ def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
     return Reduced(inertia, 2 * half_slope, sum(by_load.values(), jnp.zeros_like(at.phi)), by_load)
 
 
-def reduce(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
+def reduced_model(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
     """Reduced inertia, slope and torque at the crank angle `phi` (rad); scalar in, scalar out, `vmap` for more.
 
     At a jump of a load the value is the limit from the side of the angle `side` (default: from increasing φ).

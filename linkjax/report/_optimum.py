@@ -45,17 +45,17 @@ def measures(show: Cells, optimum: Data) -> str:
 
 def variables(show: Cells, optimum: Data) -> str:
     """The free numbers: before, after, their bounds, and which bound holds them."""
-    held = any(v["active"] or v["idle"] for v in optimum["variables"].values())
+    held = any(v["active"] or v["no_effect"] for v in optimum["variables"].values())
     rows = []
     for name, v in optimum["variables"].items():
         row = [words(name), *show.several([v["before"], v["after"]], v["unit"], 6)]
         row += [Cell(show.bound(v[end], v["unit"]), True) for end in ("lower", "upper")]
         if held:
-            idle = "no effect" if v["idle"] else ""
+            idle = "no effect" if v["no_effect"] else ""
             row.append(Cell(f"at {v['active']} bound" if v["active"] else idle, look="s"))
-            row.append(Cell(_plain_number(show, v["pull"]) if v["active"] else "", True))
+            row.append(Cell(_plain_number(show, v["bound_multiplier"]) if v["active"] else "", True))
         rows.append(row)
-        for tie, values in v["tied"].items():
+        for tie, values in v["linked"].items():
             row = [words(f"tied to it: {tie}"), *show.several([values["before"], values["after"]], values["unit"], 6)]
             rows.append([*row, *[Cell("")] * (len(rows[-1]) - len(row))])
     head = ["free number", "before", "after", "lower bound", "upper bound"]
@@ -71,7 +71,7 @@ def limits(show: Cells, optimum: Data) -> str:
         cells.append(Cell(f"{limit['sense']} {show.bound(limit['limit'], limit['unit'])}", True))
         price = Cell(_plain_number(show, limit["multiplier"]) if feasible else "", True)
         state = Cell("not met" if not limit["met"] else "active" if limit["active"] and feasible else "")
-        rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit["tied_angles"]))])
+        rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit["peak_angles"]))])
     head = ["limit", "before", "after", "bound", "multiplier (SI)", "", "tied at"]
     return table(head, rows, "Limits") if rows else ""
 
@@ -83,11 +83,11 @@ def outcome(show: Cells, optimum: Data) -> str:
             ["evaluations of a cycle", str(optimum["evaluations"])]]  # fmt: skip
     if starts:
         feasible = sum(bool(start["feasible"]) for start in starts)
-        text = f"{optimum['reached']} of {len(starts)} reached the best; {feasible} met every limit"
+        text = f"{optimum['starts_at_optimum']} of {len(starts)} reached the best; {feasible} met every limit"
         rows.append(["starts", text])
-    if goal["tied_angles"]:
-        how = "ties" if len(goal["tied_angles"]) > 1 else "peaks"
-        rows.append([f"the objective {how} at", angles(show, goal["tied_angles"])])
+    if goal["peak_angles"]:
+        how = "ties" if len(goal["peak_angles"]) > 1 else "peaks"
+        rows.append([f"the objective {how} at", angles(show, goal["peak_angles"])])
     if optimum["scene_after"]:
         rows.append(["scene of the new machine", str(optimum["scene_after"])])
     text = table(["search", ""], [[words(name), words(value)] for name, value in rows])
@@ -102,9 +102,9 @@ def outcome(show: Cells, optimum: Data) -> str:
     return text
 
 
-def clash(optimum: Data) -> str:
+def conflicts(optimum: Data) -> str:
     """The limits that cannot hold together, in a list; nothing when there are none."""
-    names = optimum["result"]["clash"]
+    names = optimum["result"]["conflicts"]
     rows = [[words(plain(name)), words(_missed(optimum["limits"].get(name)))] for name in names]
     return table(["limits that clash", ""], rows) if rows else ""
 

@@ -154,7 +154,7 @@ def _verdicts(show: Cells, optimum: Data | None, data: Data, before: tuple[Data,
 
 def _optimisation(show: Cells, optimum: Data) -> str:
     """What was asked, what came of it, and how it was found."""
-    tables = (_optimum.asked(show, optimum), _optimum.clash(optimum), _optimum.measures(show, optimum),
+    tables = (_optimum.asked(show, optimum), _optimum.conflicts(optimum), _optimum.measures(show, optimum),
               _optimum.variables(show, optimum), _optimum.limits(show, optimum))  # fmt: skip
     figures = [figure_html(svg(of.name, figure), of.name, of.caption) for of, figure in courses(optimum, show.units)]
     return "".join((*tables, *figures)) + _optimum.outcome(show, optimum)

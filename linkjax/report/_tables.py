@@ -43,10 +43,10 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
                 0
             ],
             "mean speed": show.speed(motion["mean_speed"]),
-            "largest speed": show.speed(motion["speed_max"]),
-            "smallest speed": show.speed(motion["speed_min"]),
+            "largest speed": show.speed(motion["max_speed"]),
+            "smallest speed": show.speed(motion["min_speed"]),
             "drive torque, constant": show.quantity(
-                float(motion["drive_torque_mean"]), "N·m", beside=torque_scale(data)
+                float(motion["mean_drive_torque"]), "N·m", beside=torque_scale(data)
             ),
         }
     )
@@ -59,10 +59,10 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
         found["flywheel, needed"] = show.quantity(need, "kg·m²") if need > 0 else "none"
     if wheel.get("textbook") is not None:
         found["flywheel by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
-    if motion.get("regime_margin") is not None:
-        found["regime margin"] = show.quantity(float(motion["regime_margin"]), digits=4)
-    if motion.get("speed") is None and motion.get("lowest_mean_speed") is not None:
-        found["lowest mean speed"] = show.speed(motion["lowest_mean_speed"])
+    if motion.get("steady_state_margin") is not None:
+        found["regime margin"] = show.quantity(float(motion["steady_state_margin"]), digits=4)
+    if motion.get("speed") is None and motion.get("min_mean_speed") is not None:
+        found["lowest mean speed"] = show.speed(motion["min_mean_speed"])
     return found
 
 
@@ -72,7 +72,7 @@ def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
     error = show.measured(float(motion["delta"]), float(motion["delta_error"]))[1] if runs else ""
     mean = "mean over time" if scene.mean == "time" else "mean of largest and smallest"
     wanted = data.get("flywheel", {}).get("target_delta", scene.target_delta)
-    steady = (motion.get("regime_margin") or 0.0) > 0
+    steady = (motion.get("steady_state_margin") or 0.0) > 0
     need = data.get("flywheel", {}).get("for_target_delta") or 0.0
     exactly = "exactly" if need > 0 else "it is steadier without"
     return {

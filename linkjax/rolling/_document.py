@@ -123,12 +123,12 @@ def _limits(design: Rolling, found: _Computed, judged: Closing) -> dict[str, Any
     """What bounds the chain, and what would close it."""
     inner, outer, e = (float(x) for x in (design.inner_radius, design.outer_radius, design.eccentricity))
     return {
-        "largest_radius": 0.5 * (outer + abs(e) - inner), "smallest_radius": 0.5 * (outer - abs(e) - inner),
+        "max_radius": 0.5 * (outer + abs(e) - inner), "min_radius": 0.5 * (outer - abs(e) - inner),
         "ring_margin": judged.margins.rings, "closing_margin": judged.margins.closing,
         "closing_outer_radius": judged.outer_radius,
         "closing_eccentricity": judged.eccentricity if float(judged.margins.closing) >= 0 else None,
         "fitting_bodies": judged.bodies,
-        "least_clearance": float(jnp.min(found.apart)) if found.apart.size else None,
+        "min_clearance": float(jnp.min(found.apart)) if found.apart.size else None,
     }  # fmt: skip
 
 

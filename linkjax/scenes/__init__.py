@@ -6,7 +6,7 @@ from linkjax.scenes._build import build as build
 from linkjax.scenes._build import build_task as build_task
 from linkjax.scenes._build import json_schema as json_schema
 from linkjax.scenes._build import load as load
-from linkjax.scenes._build import load_task as load_task
+from linkjax.scenes._build import load_problem as load_problem
 from linkjax.scenes._build import loads_text as loads_text
 from linkjax.scenes._build import starter as starter
 from linkjax.scenes._build_rolling import build_rolling as build_rolling

@@ -32,7 +32,7 @@ def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None
     return build(overridden(load_document(name_or_path), changes))
 
 
-def load_task(
+def load_problem(
     name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None
 ) -> tuple[Scene, dict[str, Any]]:
     """The scene of a built-in name or file, and what its section `[optimise]` asks: `optimise(scene, **asked)`.
@@ -44,7 +44,7 @@ def load_task(
 
 
 def build_task(document: Document, changes: Mapping[str, Any] | None = None) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a raw document as it is optimised, and the arguments of `optimise`; see `load_task`."""
+    """The scene of a raw document as it is optimised, and the arguments of `optimise`; see `load_problem`."""
     _linkage(document)
     given = dict(changes or {})
     own = {key: given.pop(key) for key in list(given) if split(key)[:1] == ("optimise",)}
@@ -113,14 +113,14 @@ def build(document: Document) -> Scene:
 def _mechanism(model: file.SceneFile) -> Mechanism:
     fixed = {name: Vec(*at) for name, at in model.fixed.items()}
     links = {name: _link(link) for name, link in model.links.items()}
-    turns, flywheel = 1 if model.rotation == "ccw" else -1, Flywheel(model.flywheel.inertia)
+    rotation, flywheel = model.rotation, Flywheel(model.flywheel.inertia)
     if model.drive is None:
-        return Mechanism(fixed, links, [group.build(turns) for group in model.groups], flywheel)
+        return Mechanism(fixed, links, [group.build(rotation) for group in model.groups], flywheel)
     slots = [slot.build() for slot in model.slots]
     gears, racks = [gear.build() for gear in model.gears], [rack.build() for rack in model.racks]
     sides = {name: _sides(name, link) for name, link in model.links.items() if link.sides}
     return linkage(
-        fixed, links, model.drive.build(turns), slots, model.sketch, flywheel, gears, racks, sides, model.branch
+        fixed, links, model.drive.build(rotation), slots, model.sketch, flywheel, gears, racks, sides, model.branch
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from linkjax.scenes._explain import fault
-from linkjax.scenes._groups import CrankTable, GroupTable, SlideTable
+from linkjax.scenes._groups import CrankTable, GroupTable, LinearDriverTable
 from linkjax.scenes._guides import Fault
 from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
 from linkjax.scenes._wheels import steep
@@ -139,17 +139,17 @@ def _centre_names(model: SceneFile) -> Iterator[Fault]:
 
 def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
     path = ("groups", number)
-    if isinstance(group, CrankTable | SlideTable) == bool(number):
+    if isinstance(group, CrankTable | LinearDriverTable) == bool(number):
         problem = "there is more than one driver" if number else "the first group must be the driver"
         one = "keep one: linkjax has one drive, so the mobility is one; a second crank may be coupled to it by gears"
-        remedy = one if number else 'begin with kind = "crank" or "slide"'
+        remedy = one if number else 'begin with kind = "crank" or "linear_driver"'
         yield (*path, "kind"), problem, remedy
-    if isinstance(group, CrankTable | SlideTable) and group.law is not None and model.rotation == "cw":
+    if isinstance(group, CrankTable | LinearDriverTable) and group.law is not None and model.rotation == "cw":
         problem = "the driver follows a law, which says which way it moves"
         yield ("rotation",), problem, "delete rotation"
-    if isinstance(group, SlideTable) and model.flywheel.inertia > 0:
+    if isinstance(group, LinearDriverTable) and model.flywheel.inertia > 0:
         yield ("flywheel",), "there is no shaft for it: a slide drives", "delete it"
-    if isinstance(group, SlideTable) and group.guide.on != "frame":
+    if isinstance(group, LinearDriverTable) and group.guide.on != "frame":
         yield (*path, "guide", "on"), "a driving slide is on the frame", "delete `on`"
     for name in group.bars():
         if name in model.links and model.links[name].length == 0:

@@ -158,7 +158,7 @@ def _addition(table: Any, path: Path) -> str:
     if len(path) == 1 and path[0] in ADD:
         return ADD[str(path[0])]
     if path[-1] == "kind":
-        return 'add kind = "crank", "slide", "RRR", "RRP", "RPR", "PRP", "RPP", "gear", "rack" or "pinion"'
+        return 'add kind = "crank", "linear_driver", "RRR", "RRP", "RPR", "PRP", "RPP", "gear", "rack" or "pinion"'
     return f"add {path[-1]} = {_example(table, path)}"
 
 

@@ -14,7 +14,7 @@ from pydantic import Discriminator, Field, Tag
 from linkjax import groups
 from linkjax.scenes._fields import Angle, Length, Name, Pair
 from linkjax.scenes._guides import AngleLaw, Fault, GroupTable, Guide, LengthLaw, in_angle, in_length, law_keys
-from linkjax.scenes._passive import RPTable, RRTable
+from linkjax.scenes._passive import RedundantLinkTable, RedundantSliderTable
 from linkjax.scenes._wheels import GearTable, PinionTable, RackTable
 
 Branch = Literal["fixed", "continue"]
@@ -38,9 +38,9 @@ class CrankTable(GroupTable):
     phase: Angle = Field(0.0, description="angle of the link at crank angle zero", examples=["90 deg"])
     law: AngleLaw | None = Field(None, description="how it swings", examples=[{"start": "20 deg", "stop": "140 deg"}])
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         law = None if self.law is None else self.law.build()
-        return groups.Crank(self.link, self.pivot, self.end, turns, self.phase, law)
+        return groups.Crank(self.link, self.pivot, self.end, rotation, self.phase, law)
 
     @staticmethod
     def keys_of(group: groups.Crank) -> dict[str, Any]:
@@ -57,20 +57,22 @@ class CrankTable(GroupTable):
         return (self.link,)
 
 
-class SlideTable(GroupTable):
+class LinearDriverTable(GroupTable):
     """A driving slide, the first of the groups."""
 
-    kind: Literal["slide"] = Field(description="the driver, along a guide of the frame", examples=["slide"])
+    kind: Literal["linear_driver"] = Field(
+        description="the driver, along a guide of the frame", examples=["linear_driver"]
+    )
     link: Name = Field(description="the link that slides", examples=["piston"])
     end: Name = Field(description="name for its own point on the path", examples=["B"])
     guide: Guide = Field(description="the guide of the frame", examples=[{"through": "A"}])
     law: LengthLaw = Field(description="how far along the guide it is", examples=[{"start": "0 mm", "stop": "120 mm"}])
 
-    def build(self, turns: int) -> groups.AbstractGroup:
-        return groups.Slide(self.link, self.end, self.guide.build(), self.law.build())
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
+        return groups.LinearDriver(self.link, self.end, self.guide.build(), self.law.build())
 
     @staticmethod
-    def keys_of(group: groups.Slide) -> dict[str, Any]:
+    def keys_of(group: groups.LinearDriver) -> dict[str, Any]:
         return {"link": group.link, "end": group.end, "guide": Guide.keys_of(group.guide),
                 "law": law_keys(group.law, in_length)}  # fmt: skip
 
@@ -102,7 +104,7 @@ class RRPTable(GroupTable):
     )
     branch: Branch = BRANCH
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         side = 1 if self.side == "+" else -1
         return groups.RRP(self.link, self.block, self.from_, self.end, self.guide.build(), side, self.branch)
 
@@ -138,7 +140,7 @@ class RRRTable(GroupTable):
     )
     branch: Branch = BRANCH
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         side = 1 if self.side == "left" else -1
         return groups.RRR(self.links, self.from_, self.to, self.meet, side, self.branch)
 
@@ -174,7 +176,7 @@ class RPRTable(GroupTable):
         "+", description="pin ahead of (+) or behind (-) the lever's first pin", examples=["-"]
     )
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         side = 1 if self.side == "+" else -1
         return groups.RPR(self.link, self.block, self.from_, self.about, self.end, side, self.offset)
 
@@ -210,7 +212,7 @@ class PRPTable(GroupTable):
         "left", description="where the second slot points, seen along the first", examples=["right"]
     )
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         one, two = self.slots
         return groups.PRP(self.blocks, self.meet, (one.build(), two.build()), 1 if self.side == "left" else -1)
 
@@ -250,7 +252,7 @@ class RPPTable(GroupTable):
         0.0, description="shift of the slot to the left of its direction, away from `end`", examples=["10 mm"]
     )
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         guide = self.guide.build()
         return groups.RPP(self.link, self.block, self.from_, self.end, guide, self.slot, self.offset)
 
@@ -276,7 +278,7 @@ class RPPTable(GroupTable):
 
 TABLES: dict[str, type[GroupTable]] = {
     "crank": CrankTable,
-    "slide": SlideTable,
+    "linear_driver": LinearDriverTable,
     "RRP": RRPTable,
     "RRR": RRRTable,
     "RPR": RPRTable,
@@ -285,8 +287,8 @@ TABLES: dict[str, type[GroupTable]] = {
     "gear": GearTable,
     "rack": RackTable,
     "pinion": PinionTable,
-    "RR": RRTable,
-    "RP": RPTable,
+    "redundant_link": RedundantLinkTable,
+    "redundant_slider": RedundantSliderTable,
 }
 
 
@@ -297,7 +299,7 @@ def _kind(value: Any) -> str | None:
 
 Group = Annotated[
     Annotated[CrankTable, Tag("#crank")]
-    | Annotated[SlideTable, Tag("#slide")]
+    | Annotated[LinearDriverTable, Tag("#linear_driver")]
     | Annotated[RRPTable, Tag("#RRP")]
     | Annotated[RRRTable, Tag("#RRR")]
     | Annotated[RPRTable, Tag("#RPR")]
@@ -306,7 +308,7 @@ Group = Annotated[
     | Annotated[GearTable, Tag("#gear")]
     | Annotated[RackTable, Tag("#rack")]
     | Annotated[PinionTable, Tag("#pinion")]
-    | Annotated[RRTable, Tag("#RR")]
-    | Annotated[RPTable, Tag("#RP")],
+    | Annotated[RedundantLinkTable, Tag("#redundant_link")]
+    | Annotated[RedundantSliderTable, Tag("#redundant_slider")],
     Discriminator(_kind),
 ]

@@ -33,8 +33,8 @@ class GroupTable(Table, abc.ABC):
     """A group of any kind."""
 
     @abc.abstractmethod
-    def build(self, turns: int) -> groups.AbstractGroup:
-        """The group itself; `turns` is the sense of the crank, +1 for counter-clockwise."""
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
+        """The group itself; `rotation` is the sense of the crank."""
 
     @staticmethod
     @abc.abstractmethod

@@ -45,10 +45,12 @@ class Drive(Table):
         None, description="how far along its guide a block is", examples=[{"start": "0 mm", "stop": "120 mm"}]
     )
 
-    def build(self, turns: int) -> groups.Drive:
-        """The drive itself; `turns` is its sense, +1 for counter-clockwise."""
+    def build(self, rotation: groups.Rotation) -> groups.Drive:
+        """The drive itself; `rotation` is its sense."""
         law = self.law or self.stroke
-        return groups.Drive(self.link, self.on, 1 if law else turns, self.phase, None if law is None else law.build())
+        return groups.Drive(
+            self.link, self.on, "ccw" if law else rotation, self.phase, None if law is None else law.build()
+        )
 
     def faults(self, slots: list[Slot], clockwise: bool) -> Iterator[Fault]:
         """What does not fit together, given the slots of the machine, if each of them is sound."""
@@ -113,9 +115,9 @@ def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]
     `as_sketched`."""
     first = mechanism.driver
     slots = [slot for group in mechanism.groups for slot in _slots(group)]
-    table: dict[str, Any] = {"drive": {"link": mechanism.crank}}
+    table: dict[str, Any] = {"drive": {"link": mechanism.driving_link}}
     drive, law = getattr(first, "drive", None), first.follows()
-    slides = isinstance(first, groups.Slide)
+    slides = isinstance(first, groups.LinearDriver)
     if drive is not None:
         table["drive"]["on"] = drive.on
         slides = any((slot.block, slot.guide.on) == (drive.link, drive.on) for slot in slots)
@@ -123,7 +125,9 @@ def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]
         table["drive"]["phase"] = in_angle(_phase(mechanism) if drive is None else drive.phase or 0.0)
     if law is not None:
         table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
-    passive = any(isinstance(group, groups.RR | groups.RP) for group in mechanism.groups)  # dyads go on by themselves
+    passive = any(
+        isinstance(group, groups.RedundantLink | groups.RedundantSlider) for group in mechanism.groups
+    )  # dyads go on by themselves
     if not passive and any(getattr(group, "branch", "fixed") == "continue" for group in mechanism.groups):
         table["branch"] = "continue"
     if slots:
@@ -181,9 +185,9 @@ def _slots(group: groups.AbstractGroup) -> tuple[groups.Slot, ...]:
     """The sliding joints of a group."""
     if isinstance(group, groups.General):
         return group.slots
-    if isinstance(group, groups.RRP | groups.RP):
+    if isinstance(group, groups.RRP | groups.RedundantSlider):
         return (groups.Slot(group.block, group.guide),)
-    if isinstance(group, groups.Slide | groups.Rack):
+    if isinstance(group, groups.LinearDriver | groups.Rack):
         return (groups.Slot(group.link, group.guide),)
     if isinstance(group, groups.PRP):
         one, two = (groups.Slot(block, guide) for block, guide in zip(group.blocks, group.slots, strict=True))

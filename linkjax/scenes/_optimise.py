@@ -17,13 +17,13 @@ def _range(value: Any) -> Any:
     if isinstance(value, str) or pair:
         return value
     if isinstance(value, dict):
-        unknown = set(value) - {"range", "tied"}
+        unknown = set(value) - {"range", "linked"}
         if unknown or "range" not in value:
             problem = f"unknown key {sorted(unknown)[0]!r}" if unknown else "no range"
-            raise wrong(problem, 'write { range = "± 8 %", tied = ["links.link4.length"] }')
-        tied = value.get("tied", [])
-        if not isinstance(tied, list) or not all(isinstance(name, str) for name in tied):
-            raise wrong("`tied` is no list of names", 'write e.g. tied = ["links.link4.length"]')
+            raise wrong(problem, 'write { range = "± 8 %", linked = ["links.link4.length"] }')
+        linked = value.get("linked", [])
+        if not isinstance(linked, list) or not all(isinstance(name, str) for name in linked):
+            raise wrong("`linked` is no list of names", 'write e.g. linked = ["links.link4.length"]')
         _range(value["range"])
         return value
     raise wrong(f"{kind_of(value)} where a range is needed", RANGES)
@@ -57,7 +57,7 @@ TIED = {
     "type": "object", "required": ["range"], "additionalProperties": False,
     "properties": {
         "range": {"anyOf": [{"type": "string"}, PAIR], "description": "from where to where"},
-        "tied": {"type": "array", "items": {"type": "string"}, "description": "numbers that keep their ratio to it"},
+        "linked": {"type": "array", "items": {"type": "string"}, "description": "numbers that keep their ratio to it"},
     },
 }  # fmt: skip
 Range = Annotated[Any, PlainValidator(_range), WithJsonSchema({"anyOf": [{"type": "string"}, PAIR, TIED]})]
@@ -90,7 +90,7 @@ class Optimise(Table):
     minimise: str | None = Field(
         default=None, description="measure, or number of the scene, to make small", examples=["delta"]
     )
-    maximise: str | None = Field(default=None, description="the same to make large", examples=["smallest_margin"])
+    maximise: str | None = Field(default=None, description="the same to make large", examples=["min_margin"])
     free: dict[str, Range] = Field(
         default={},
         description="the free numbers by name, each with its range",

@@ -35,7 +35,7 @@ class Toothed(Table):
     teeth: Annotated[tuple[Count, Count], Pair] | None = Field(
         None, description="teeth of the wheel and of the other one", examples=[[40, 20]]
     )
-    inside: StrictBool = Field(False, description="whether the smaller runs inside the larger", examples=[True])
+    internal: StrictBool = Field(False, description="whether the smaller runs inside the larger", examples=[True])
     pressure_angle: Angle = Field(groups.PRESSURE, description="of the teeth", examples=["25 deg"])
     belt: BeltTable | None = Field(
         None, description="instead of teeth: a belt round both", examples=[{"radii": ["40 mm", "80 mm"]}]
@@ -46,7 +46,7 @@ class Toothed(Table):
         if self.belt is not None:
             return groups.Belt(*self.belt.radii, self.belt.crossed, self.belt.tension)
         assert self.teeth is not None  # see `mesh_faults`
-        return groups.Teeth(self.teeth, self.inside, self.pressure_angle)
+        return groups.Teeth(self.teeth, self.internal, self.pressure_angle)
 
     def mesh_faults(self) -> Iterator[Fault]:
         """What does not fit together."""
@@ -55,18 +55,18 @@ class Toothed(Table):
         elif self.teeth is None and self.belt is None:
             remedy = 'add teeth = [40, 20], or belt = { radii = ["40 mm", "80 mm"] }'
             yield ("teeth",), "missing (a wheel has teeth, or a belt)", remedy
-        for key in ("inside", "pressure_angle") if self.belt is not None else ():
+        for key in ("internal", "pressure_angle") if self.belt is not None else ():
             if key in self.model_fields_set:
                 yield (key,), "has no effect: a belt has no teeth", f"delete {key}"
-        if self.inside and self.teeth is not None and self.teeth[0] == self.teeth[1]:
-            yield ("inside",), "both wheels have as many teeth, so none runs inside the other", "change one of them"
+        if self.internal and self.teeth is not None and self.teeth[0] == self.teeth[1]:
+            yield ("internal",), "both wheels have as many teeth, so none runs inside the other", "change one of them"
         yield from steep(self.pressure_angle)
 
 
 def mesh_keys(mesh: groups.Mesh) -> dict[str, Any]:
     """The keys of what keeps two wheels in gear."""
     if isinstance(mesh, groups.Teeth):
-        return {"teeth": list(mesh.teeth), "inside": mesh.inside, "pressure_angle": in_angle(mesh.pressure_angle)}
+        return {"teeth": list(mesh.teeth), "internal": mesh.internal, "pressure_angle": in_angle(mesh.pressure_angle)}
     radii = [in_length(mesh.radius), in_length(mesh.other)]
     return {"belt": {"radii": radii, "crossed": mesh.crossed, "tension": f"{float(mesh.tension)!r} N"}}
 
@@ -119,7 +119,7 @@ class GearTable(Toothed, GroupTable):
     phase: Angle = Field(0.0, description="angle of the wheel while the other one stands at zero", examples=["90 deg"])
     carrier: Name = Field("frame", description="the link that both turn on", examples=["arm"])
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         return groups.Gear(self.link, self.pivot, self.mesh(), self.to, self.centre, self.end, self.phase, self.carrier)
 
     @staticmethod
@@ -166,7 +166,7 @@ class RackTable(GroupTable):
         groups.PRESSURE, description="of the teeth; zero for a belt that pulls", examples=["25 deg"]
     )
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         side = 1 if self.side == "left" else -1
         guide, rest = self.guide.build(), (self.radius, side, self.start, self.pressure_angle)
         return groups.Rack(self.link, self.end, guide, self.to, self.centre, *rest)
@@ -215,7 +215,7 @@ class PinionTable(GroupTable):
     start: Length = Field(0.0, description="how far `at` is ahead while the wheel is at phase", examples=["250 mm"])
     pressure_angle: Angle = Field(groups.PRESSURE, description="of the teeth", examples=["25 deg"])
 
-    def build(self, turns: int) -> groups.AbstractGroup:
+    def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         side = 1 if self.side == "left" else -1
         rest = (self.radius, side, self.end, self.phase, self.carrier, self.pressure_angle)
         return groups.Pinion(self.link, self.pivot, self.to, self.at, *rest, self.through or "", self.start)

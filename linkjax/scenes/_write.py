@@ -42,7 +42,7 @@ def table_of(scene: Scene) -> Table:
         table["constant_speed"] = True
     if scene.cycle_turns != 1:
         table["cycle_turns"] = scene.cycle_turns
-    if getattr(getattr(mechanism.driver, "drive", None) or mechanism.driver, "turns", 1) == -1:
+    if getattr(getattr(mechanism.driver, "drive", None) or mechanism.driver, "rotation", "ccw") == "cw":
         table["rotation"] = "cw"
     if scene.target_delta is not None:
         table["target_delta"] = _number(scene.target_delta)

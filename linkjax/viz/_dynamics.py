@@ -43,7 +43,7 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
     """
     phi, reduced, runs = degrees(data, scene), data["reduced"], moves(data)
     before = before if before and moves(before) == runs else None
-    drive = float(data["motion"]["drive_torque_mean"]) if runs else 0.0
+    drive = float(data["motion"]["mean_drive_torque"]) if runs else 0.0
     loads = {name: closed(data, share) for name, share in reduced["torque_by_load"].items()}
     loads = {name: share for name, share in loads.items() if largest([share]) > 0}
     looks = {name: line(i) for i, name in enumerate(loads)}

@@ -73,7 +73,7 @@ def trade_off_figure(optimum: dict[str, Any], units: Units | None = None) -> Fig
     """The best objective over the bound of one limit; bounds that no design meets are crosses."""
     trade, objective = optimum["trade_off"], optimum["objective"]
     points = trade["points"]
-    bounds, bound_unit = scaled([point["limit"] for point in points], trade["unit"], units)
+    bounds, bound_unit = scaled([point["bound"] for point in points], trade["unit"], units)
     values, shown = scaled([point["objective"] for point in points], trade["objective_unit"], units)
     met = np.array([bool(point["feasible"]) for point in points])
     keys = [key("every limit met", color=BLUE, marker="o", linewidth=1.4, markersize=4.5)]

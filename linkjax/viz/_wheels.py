@@ -53,7 +53,7 @@ def wheels_of(scene: Scene, paths) -> tuple[tuple[Wheel, ...], tuple[Strands, ..
                 radii = float(group.mesh.radius), float(group.mesh.other)
             else:
                 mine, other = group.mesh.teeth
-                whole = abs(mine - other) if group.mesh.inside else mine + other
+                whole = abs(mine - other) if group.mesh.internal else mine + other
                 radii = apart * mine / whole, apart * other / whole
             pair = Wheel(group.link, group.pivot, radii[0]), Wheel(group.to, group.centre, radii[1])
             wheels += pair

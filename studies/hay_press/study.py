@@ -21,7 +21,7 @@ BLUE, GREY = "#0072B2", "#8a8a8a"
 
 def compared(press: lj.Scene) -> list[tuple[str, jax.Array, float, float]]:
     """All that the thesis prints for 45 degrees, but for its misprints: name, ours, printed, what it may differ by."""
-    parts = jax.jit(lambda scene, phi: (lj.pose(scene.mechanism, phi), lj.reduce(scene, phi).inertia))
+    parts = jax.jit(lambda scene, phi: (lj.pose(scene.mechanism, phi), lj.reduced_model(scene, phi).inertia))
     at, inertia = parts(press, jnp.radians(45.0))
     rows = []
     for order, coefficient, mark in (("positions", "r", ""), ("first", "dr", "'"), ("second", "ddr", "''")):
@@ -57,7 +57,7 @@ def main(out: Path = HERE) -> None:
     print(f"{'at 45 degrees':18s}{'linkjax':>12s}{'printed':>12s}{'difference':>13s}")
     for name, ours, printed, _ in compared(lj.load("hay-press")):
         print(f"{name:18s}{ours:12.6f}{printed:12.4f}{ours - printed:13.1e}")
-    scene, asked = lj.load_task("hay-press")
+    scene, asked = lj.load_problem("hay-press")
     best = lj.optimise(scene, **asked)
     before, after = lj.analyse(best.before, angles=720), lj.analyse(best.after, angles=720)
     was, became = lj.analysis.measured(before), lj.analysis.measured(after)
@@ -69,7 +69,7 @@ def main(out: Path = HERE) -> None:
         print(f"{name:42s}{was_at:12.5g}{is_at:12.5g}")
     for point in best.trade_off:
         print(f"with {best.traded} <= {point.bound:<18g}{'':12s}{point.objective:12.5g} N")
-    print(f"\n{best.reached} of {len(best.starts)} starts reached it, KKT residual {best.kkt_residual:.0e}")
+    print(f"\n{best.starts_at_optimum} of {len(best.starts)} starts reached it, KKT residual {best.kkt_residual:.0e}")
     out.mkdir(parents=True, exist_ok=True)
     draw(before, after, out / "shaking_force.png")
 

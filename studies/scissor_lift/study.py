@@ -130,7 +130,7 @@ def lengths(anchors, alpha):
     at = lj.pose(scene.mechanism, alpha).points["E"]
     off = at.r - lj.Vec(x, y)
     length = jnp.sqrt(off.squared())
-    return length, off.dot(at.dr) / length, -lj.reduce(scene, alpha).torque
+    return length, off.dot(at.dr) / length, -lj.reduced_model(scene, alpha).torque
 
 
 @jax.jit

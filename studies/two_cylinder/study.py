@@ -36,7 +36,7 @@ class Sums(NamedTuple):
 def sums(scene: lj.Scene, positions: int = 12) -> Sums:
     """The coursework's way: reduced torque at so many positions, trapezoids between them."""
     angles = np.linspace(0.0, 2 * np.pi, positions + 1)
-    torque = np.asarray(jax.vmap(lambda phi: lj.reduce(scene, phi).torque)(jnp.asarray(angles)))
+    torque = np.asarray(jax.vmap(lambda phi: lj.reduced_model(scene, phi).torque)(jnp.asarray(angles)))
     work = np.concatenate([[0.0], np.cumsum(0.5 * (torque[1:] + torque[:-1]) * (2 * np.pi / positions))])
     drive = float(-work[-1] / (2 * np.pi))
     return Sums(angles, torque, work, drive, drive * angles, drive * angles + work)
@@ -48,7 +48,7 @@ def exact(scene: lj.Scene, angles: int = 720) -> Sums:
     ends = np.linspace(0.0, 2 * np.pi, angles + 1)
     energy = np.asarray(0.5 * cycle.reduced.inertia * cycle.speed**2)
     energy, torque = (np.append(values, values[0]) for values in (energy - energy[0], np.asarray(cycle.reduced.torque)))
-    drive = float(cycle.steady.drive_torque)
+    drive = float(cycle.steady.mean_drive_torque)
     return Sums(ends, torque, energy - drive * ends, drive, drive * ends, energy)
 
 

@@ -57,7 +57,7 @@ class Figure:
         self.turns = -1 if table.get("rotation") == "cw" else 1
         sign = {False: -1.0, True: 1.0}
         self.ratios = [
-            (gear["link"], gear["to"], sign[gear.get("inside", False)] * gear["teeth"][1] / gear["teeth"][0])
+            (gear["link"], gear["to"], sign[gear.get("internal", False)] * gear["teeth"][1] / gear["teeth"][0])
             for gear in table.get("gears", [])
         ]
         self.racks = [

@@ -17,7 +17,7 @@ import linkjax as lj
 from linkjax.analysis import document
 from linkjax.cli import main
 from linkjax.cli._console import console
-from linkjax.kinematics import crank_limits, pose, prepared
+from linkjax.kinematics import crank_ranges, pose, prepared
 from linkjax.scenes import load, loads_text
 from tests.cases.drawn import circles
 
@@ -64,7 +64,7 @@ def test_a_four_bar_in_centimetres_has_the_range_its_lengths_allow():
     """PMKS, issue 91: the coupler is no longer than it is drawn; the crank stops where the other two are stretched."""
     machine = scene("c10-pmks91")
     assert lengths(machine)["CBE"] == pytest.approx(43.471e-3, abs=5e-7)
-    (only,) = crank_limits(machine.mechanism)
+    (only,) = crank_ranges(machine.mechanism)
     assert [math.degrees(end) for end in (only.start, only.stop)] == pytest.approx([-163.5440, 124.4662], abs=5e-5)
     a, b, c, d = 41 + 37.5j, 12.44 + 1.96j, -23.2 - 22.93j, 1.65 + 13.22j  # mm
     crank, reach, frame = abs(b - a), abs(c - b) + abs(d - c), abs(d - a)
@@ -98,7 +98,7 @@ def test_a_machine_without_masses_has_the_torque_of_its_load(static):
 def test_a_machine_without_masses_has_no_number_of_a_motion(static):
     assert static.missing.reason.startswith("no actual motion: nothing has a mass")
     data = document(static)
-    for key in ("speed", "acceleration", "delta", "speed_max", "speed_min", "period", "regime_margin"):
+    for key in ("speed", "acceleration", "delta", "max_speed", "min_speed", "period", "steady_state_margin"):
         assert data["motion"][key] is None, key
     assert data["forces"] is None
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax.kinematics import crank_limits, pose, prepared
+from linkjax.kinematics import crank_ranges, pose, prepared
 from linkjax.scenes import load, loads_text, text_of
 from tests.cases.drawn import Figure
 from tests.physics import oracle
@@ -90,7 +90,7 @@ def test_every_joint_is_where_the_closed_loops_have_it(name):
 @pytest.mark.parametrize("name", some((name for name in EVERY if not figure(name).law), frozenset(EVERY) - {*FEW}))
 def test_a_crank_goes_as_far_as_its_loops_close(name):
     """The range that holds crank angle zero: a whole turn, or from one fold to the other."""
-    drawing, found = figure(name), crank_limits(machine(name).mechanism)[0]
+    drawing, found = figure(name), crank_ranges(machine(name).mechanism)[0]
     if name in CHANGES or drawing.walk(2 * math.pi)[1] is None:
         assert tuple(found) == (0.0, 2 * math.pi, "", "")
     else:

@@ -11,13 +11,13 @@ import pytest
 
 import linkjax as lj
 from linkjax.design import Problem, as_term, settled
-from linkjax.measures import MEASURES, evaluate, regime_margin, smallest_margin
+from linkjax.measures import MEASURES, evaluate, min_margin, steady_state_margin
 
 COUNT, NODES = 100, 160
 GROUPS = (
-    ("delta", "largest_speed", "smallest_speed", "regime_margin", "least_inertia", "mean_drive_torque"),
-    ("peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed", "smallest_margin"),
-    ("peak_drive_torque_constant_speed", "peak_reaction_constant_speed", "smallest_transmission_angle"),
+    ("delta", "max_crank_speed", "min_crank_speed", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque"),
+    ("peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed", "min_margin"),
+    ("peak_drive_torque_constant_speed", "peak_reaction_constant_speed", "min_transmission_angle"),
     ("peak_shaking_force", "peak_reaction"),
     ("flywheel_for_target_delta",),
 )
@@ -26,7 +26,7 @@ GROUPS = (
 @functools.cache
 def posed() -> tuple[Problem, jax.Array]:
     """The demo's free numbers, and designs at random between their bounds, from 0 to 1."""
-    scene, asked = lj.load_task("hay-press")
+    scene, asked = lj.load_problem("hay-press")
     free = settled(scene, asked["free"], "flywheel.inertia")["free"]
     problem = Problem(scene, free, as_term(lambda scene: scene.mechanism.flywheel.inertia))
     return problem, jnp.asarray(np.random.default_rng(0).random((COUNT, len(free))))
@@ -48,7 +48,7 @@ def over(function, points: jax.Array) -> np.ndarray:
 def sound() -> np.ndarray:
     """Designs that can be assembled and run, with room for the steps of the differences."""
     _, z = posed()
-    margins = over(lambda z: numbers((smallest_margin.name, regime_margin.name), z), z)
+    margins = over(lambda z: numbers((min_margin.name, steady_state_margin.name), z), z)
     return np.asarray(np.min(margins, axis=1) > 0.02)
 
 

@@ -9,19 +9,19 @@ import linkjax as lj
 from benchmarks import balance
 from benchmarks.baselines import optimise_slsqp as baseline
 from linkjax import DesignError, Variable, at_most
-from linkjax.design import Problem, _many, as_term, descend, many, slsqp, trust
+from linkjax.design import Problem, _multistart, as_term, descend, multistart, slsqp, trust
 from linkjax.design._point import look
-from linkjax.measures import delta, peak_shaking_force_constant_speed, smallest_transmission_angle
+from linkjax.measures import delta, min_transmission_angle, peak_shaking_force_constant_speed
 from tests.design.test_optimise import AT, rotor
 
-SOLVERS = ("cone", "slsqp", "trust-constr", "many")
+SOLVERS = ("cone", "slsqp", "trust-constr", "multistart")
 
 
 @pytest.fixture
 def few(monkeypatch):
     """A small crowd: these problems are easy."""
-    monkeypatch.setattr(_many, "CROWD", 8)
-    monkeypatch.setattr(_many, "TURNS", 30)
+    monkeypatch.setattr(_multistart, "CROWD", 8)
+    monkeypatch.setattr(_multistart, "TURNS", 30)
 
 
 def counted(problem: Problem) -> list[None]:
@@ -54,7 +54,7 @@ def test_the_baselines_problems(number, best, cone, sqp, few):
     for the same method with exact slopes; all counted truly. One start by the two that need more."""
     problem, starts = posed(number)
     calls = counted(problem)
-    for solver, count, most in ((descend, 10, cone), (slsqp, 10, sqp), (trust, 1, 1000), (many, 1, None)):
+    for solver, count, most in ((descend, 10, cone), (slsqp, 10, sqp), (trust, 1, 1000), (multistart, 1, None)):
         before = problem.evaluations
         calls.clear()
         for z in starts[:count]:
@@ -64,7 +64,7 @@ def test_the_baselines_problems(number, best, cone, sqp, few):
             assert path.certificate.residual < 1e-6
             assert path.converged
         evaluations = problem.evaluations - before
-        crowd = 0 if most else _many.CROWD * (_many.TURNS + 1)
+        crowd = 0 if most else _multistart.CROWD * (_multistart.TURNS + 1)
         assert evaluations == len(calls) + crowd
         assert most is None or evaluations <= most
 
@@ -79,16 +79,16 @@ def test_a_rotor_is_balanced(solver, few):
     assert found.objective == pytest.approx(0.01 * 400, rel=1e-6)
     np.testing.assert_allclose(found.x, [-0.05, -0.02], rtol=0, atol=1e-5)
     assert found.kkt_residual < 1e-6
-    assert found.pull[f"{AT}.along"] == pytest.approx(400.0, rel=1e-4)  # N per m of the bound: m ω²
+    assert found.bound_multiplier[f"{AT}.along"] == pytest.approx(400.0, rel=1e-4)  # N per m of the bound: m ω²
 
 
 def test_lost_machines_are_led_back(few):
     """Coupler and rocker far too short: every solver makes them long enough, and none throws or loses itself."""
     free = [Variable(f"links.{name}.length", 0.02, 0.6) for name in ("coupler", "rocker")]
-    problem = Problem(lj.load("four-bar"), free, as_term(smallest_transmission_angle), maximise=True)
+    problem = Problem(lj.load("four-bar"), free, as_term(min_transmission_angle), maximise=True)
     for z in (np.zeros(2), np.array([0.05, 0.02])):
         assert look(problem, z).unsound > 1
-        for solver in (descend, slsqp, trust, many):
+        for solver in (descend, slsqp, trust, multistart):
             path = solver(problem, z, steps=60)
             assert path.point.unsound <= 1e-8
             assert np.isfinite(path.point.value)
@@ -97,7 +97,7 @@ def test_lost_machines_are_led_back(few):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("solver", ["slsqp", "many"])
+@pytest.mark.parametrize("solver", ["slsqp", "multistart"])
 def test_no_feasible_design(solver, few):
     """δ and the flywheel clash, by name; what is found violates least: it is what the cone solver finds."""
 
@@ -107,7 +107,7 @@ def test_no_feasible_design(solver, few):
     found = lj.optimise(lj.load("slider-crank"), {"flywheel.inertia": (0.0, 50.0)}, wheel, solver=solver,
                         limits=[at_most(delta, 1e-4), at_most(wheel, 0.01, name="flywheel")])  # fmt: skip
     assert not found.feasible
-    assert set(found.clash) == {"delta", "flywheel"}
+    assert set(found.conflicts) == {"delta", "flywheel"}
     least = descend(found.problem, np.array([0.5])).point
     z = (found.x - found.problem.lower) / (found.problem.upper - found.problem.lower)
     assert look(found.problem, z).violation == pytest.approx(least.violation, rel=1e-6)

@@ -63,7 +63,7 @@ class Road:
         driver = self.scene.mechanism.driver
         if self.law is None:
             assert isinstance(driver, Crank)
-            return driver.turns * (phi - self.start)
+            return driver.sense * (phi - self.start)
         return float(oracle.prescribed(self.law, phi) - oracle.prescribed(self.law, self.start))
 
     def rates(self, phi: float) -> tuple[float, float]:
@@ -73,7 +73,7 @@ class Road:
             first, second = oracle.swinging(self.law, phi)
             return float(first), float(second)
         assert isinstance(driver, Crank)
-        return driver.turns, 0.0
+        return driver.sense, 0.0
 
     def closures(self) -> tuple[np.ndarray, np.ndarray]:
         """What the constraints leave open, and their Jacobian with a last row for the drive."""

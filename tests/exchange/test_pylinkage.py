@@ -106,7 +106,7 @@ def test_read_what_was_drawn_by_hand():
     mechanism = from_pylinkage(drawn())
     assert mechanism.formula() == "I1(crank) → II1(rocker, coupler) → II2(rod, P_block)"
     crank = mechanism.driver
-    assert isinstance(crank, lj.Crank) and crank.turns == -1 and float(crank.phase) == math.pi / 2
+    assert isinstance(crank, lj.Crank) and crank.rotation == "cw" and float(crank.phase) == math.pi / 2
     assert float(mechanism.links["coupler"].length) == pytest.approx(math.hypot(0.3, 0.2), rel=1e-15)
     assert set(mechanism.links["coupler"].points) == {"E", "T"}
     theirs, ours = stepped(drawn()), places(mechanism)

@@ -40,7 +40,7 @@ MADE: dict[str, Callable[[], Mechanism]] = {
         "watt-2", 0.1, 0.35, 0.25, 0.38, 0.5, 0.3, (0.2, -0.1), (0.75, 0.1), links=heavy(*SIX), flywheel=0.5
     ),
     "stephenson-1": lambda: lj.six_bar(
-        "stephenson-1", 0.1, 0.35, 0.25, 0.38, 0.4, 0.3, (0.05, 0.06), (0.1, -0.1), links=heavy(*SIX), turns=-1,
+        "stephenson-1", 0.1, 0.35, 0.25, 0.38, 0.4, 0.3, (0.05, 0.06), (0.1, -0.1), links=heavy(*SIX), rotation="cw",
         flywheel=0.5,
     ),
     "stephenson-3": lambda: lj.six_bar(

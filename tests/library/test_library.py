@@ -30,7 +30,7 @@ def places(mechanism) -> dict[str, np.ndarray]:
 def test_four_bar(side, turns):
     """Freudenstein's equation: K1 cos ψ − K2 cos φ + K3 = cos(φ − ψ)."""
     a, b, c, d = 0.1, 0.35, 0.25, 0.38
-    at = places(lj.four_bar(a, b, c, d, side=side, turns=turns))
+    at = places(lj.four_bar(a, b, c, d, side=side, rotation="ccw" if turns > 0 else "cw"))
     np.testing.assert_allclose(at["B"], a * np.exp(1j * turns * PHI), **EXACT)
     phi, psi = turns * PHI, np.angle(at["C"] - at["D"])
     k1, k2, k3 = d / a, d / c, (a**2 - b**2 + c**2 + d**2) / (2 * a * c)
@@ -85,8 +85,8 @@ def test_six_bar(kind):
     """The four-bar is as it was alone; E and F are where they were put; G by the law of cosines."""
     mechanism = MADE[kind]()
     assert mechanism.formula() == "I1(crank) → II1(coupler, rocker) → II1(rod, lever)"
-    turns = -1 if kind == "stephenson-1" else 1
-    at, alone = places(mechanism), places(lj.four_bar(0.1, 0.35, 0.25, 0.38, turns=turns))
+    rotation = "cw" if kind == "stephenson-1" else "ccw"
+    at, alone = places(mechanism), places(lj.four_bar(0.1, 0.35, 0.25, 0.38, rotation=rotation))
     for point in "ABCD":
         np.testing.assert_array_equal(at[point], alone[point])
     u = {"crank": (at["A"], at["B"]), "coupler": (at["B"], at["C"]), "rocker": (at["D"], at["C"])}

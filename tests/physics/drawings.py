@@ -86,7 +86,7 @@ class Drawing:
             law = lj.Harmonic(None, self._along(driven).real + PUSH)
         else:
             law = lj.Harmonic(None, self.direction(link) - self.direction(on) + self.turns * PUSH) if self.law else None
-        drive = Drive(link, on, 1 if law is not None else self.turns, law=law)
+        drive = Drive(link, on, "cw" if law is None and self.turns < 0 else "ccw", law=law)
         gears = [GearPair(wheel, to, mesh) for wheel, to, mesh in self.gears]
         racks = []
         for rack, wheel, side in self.racks:
@@ -158,7 +158,7 @@ def _with_sliders(chain, ground: int, edge, sliders, rng: np.random.Generator) -
 def geared(rng: np.random.Generator) -> Drawing:
     """A machine with gears, belts or a rack, of one of five kinds."""
     spots = {name: complex(*rng.uniform(-1, 1, 2)) for name in "ABCDEFGPQST"}
-    teeth = Teeth((int(rng.integers(12, 60)), int(rng.integers(61, 90))), inside=bool(rng.random() < 0.3))
+    teeth = Teeth((int(rng.integers(12, 60)), int(rng.integers(61, 90))), internal=bool(rng.random() < 0.3))
     mesh = Belt(0.03, float(rng.uniform(0.04, 0.06)), crossed=bool(rng.random() < 0.5)) if rng.random() < 0.3 else teeth
     turns, law = int(rng.choice([1, -1])), bool(rng.random() < 0.3)
     dyad = {"left": ("B", "P"), "right": ("C", "P")}
@@ -178,7 +178,7 @@ def geared(rng: np.random.Generator) -> Drawing:
         return _only(spots, "AD", pins, (), ("crank", FRAME), turns, law, (("planet", FRAME, teeth),))
     if kind == 3:  # a sun drives planet and arm together
         pins = {"sun": ("A", "S"), "arm": ("A", "B"), "planet": ("B", "Q"), "left": ("Q", "P"), "right": ("D", "P")}
-        gears = (("planet", "sun", Teeth((20, 40))), ("planet", FRAME, Teeth((20, 80), inside=True)))
+        gears = (("planet", "sun", Teeth((20, 40))), ("planet", FRAME, Teeth((20, 80), internal=True)))
         return _only(spots, "AD", pins, (), ("sun", FRAME), turns, law, gears[:: int(rng.choice([1, -1]))])
     # a four-bar whose rocker is a pinion, and its rack; or the rack drives
     lean, side = float(rng.uniform(-3, 3)), int(rng.choice([1, -1]))

@@ -32,7 +32,7 @@ import numpy as np
 
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, Pinion, Rack, Slide, with_path
+from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, LinearDriver, Pinion, Rack, with_path
 from linkjax.kinematics import pose, prepared
 from tests.physics import newton_euler, oracle
 from tests.physics.random_machines import Batch
@@ -326,9 +326,9 @@ def closure(batch: Batch, found: dict[str, np.ndarray]) -> np.ndarray:
                 gaps.append(np.abs(points[far] - points[origin] - here.length[link] * here.axis[link] * u[link]))
             gaps += [np.abs(points[p] - points[origin] - at * u[link]) for p, at in here.bodies[link].places.items()]
         if isinstance(g, Crank):
-            angle = g.turns * batch.phi if g.law is None else oracle.prescribed(g.law, batch.phi)
+            angle = g.sense * batch.phi if g.law is None else oracle.prescribed(g.law, batch.phi)
             gaps.append(reach * np.abs(u[g.link] * here.axis[g.link] - np.exp(1j * (g.phase + angle))))
-        elif isinstance(g, Slide):
+        elif isinstance(g, LinearDriver):
             on_guide(g.guide, g.end, g.link)
         elif isinstance(g, RRP):
             on_guide(g.guide, g.end, g.block)
@@ -367,7 +367,7 @@ def driven(g: General, phi, points, u, reach) -> np.ndarray:
 def in_gear(g, batch: Batch, points, u) -> list[np.ndarray]:
     """What wheels leave open, as differences of unit vectors: of crank, planet and wheels that follow the crank."""
     crank = batch.scene.mechanism.groups[0]
-    turned = crank.turns * batch.phi if crank.law is None else oracle.prescribed(crank.law, batch.phi)
+    turned = crank.sense * batch.phi if crank.law is None else oracle.prescribed(crank.law, batch.phi)
     counted = {"frame": 0.0, "crank": crank.phase + turned}
     for each in batch.scene.mechanism.groups:
         if isinstance(each, Gear):

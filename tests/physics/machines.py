@@ -31,7 +31,7 @@ from linkjax import (
     Window,
 )
 from linkjax.groups import Belt, Gear, General, Pinion, Rack, Slot, Teeth
-from linkjax.kinematics import least_margin
+from linkjax.kinematics import min_margin
 
 BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")
 COMPOSED = (
@@ -118,7 +118,7 @@ def _clockwise() -> lj.Scene:
         "rocker": Link(length=0.24, area=6e-4, density=7850.0, mass_properties="section"),
     }  # fmt: skip
     groups = [
-        Crank("crank", "O", "B", -1, phase=0.7),
+        Crank("crank", "O", "B", "cw", phase=0.7),
         RRP("rod", "block", "B", "D", Guide("O", turn(35.0), 0.012), -1),
         RRR(("bar", "rocker"), "E", "F", "G", -1),
     ]
@@ -253,7 +253,7 @@ def _hydraulic() -> lj.Scene:
         "die": Link(mass=0.4, inertia=0.001, centre=Vec(0.01, 0.0)),
     }
     groups = [
-        lj.Slide("ram", "B", Guide("A", 0.2, 0.1), lj.Harmonic(0.02, 0.14)),
+        lj.LinearDriver("ram", "B", Guide("A", 0.2, 0.1), lj.Harmonic(0.02, 0.14)),
         RRR(("bar", "lever"), "B", "D", "C"),
         RPR("arm", "die", "K", "F", "G", -1, 0.02),
     ]
@@ -284,7 +284,7 @@ def _geared() -> lj.Scene:
         Crank("crank", "A", "B"),
         Gear("wheel", "D", Teeth((30, 30)), "crank", "A", "C", 0.4),
         RRR(("left", "right"), "B", "C", "P", 1),
-        Gear("planet", "B", Teeth((20, 40), inside=True), "frame", "A", "Q", 0.3, "crank"),
+        Gear("planet", "B", Teeth((20, 40), internal=True), "frame", "A", "Q", 0.3, "crank"),
         RRR(("coupler", "lever"), "P", "E", "R", -1),
         Gear("pulley", "F", Belt(0.03, 0.05, tension=40.0), "lever", "E", "T", 0.2),
         Rack("rack", "U", Guide("F", -0.3, 0.02), "pulley", "F", 0.03, -1, 0.1),
@@ -364,10 +364,10 @@ def mirrored(mechanism: Mechanism) -> Mechanism:
             assert old.law.start is not None
             law = lj.Harmonic(-old.law.start, -old.law.stop)
             return dataclasses.replace(old, law=law, phase=-old.phase)
-        if isinstance(old, lj.Slide):
+        if isinstance(old, lj.LinearDriver):
             return dataclasses.replace(old, guide=flipped(old.guide))
         if isinstance(old, Crank):
-            return dataclasses.replace(old, turns=-old.turns, phase=-old.phase)
+            return dataclasses.replace(old, rotation="cw" if old.rotation == "ccw" else "ccw", phase=-old.phase)
         if isinstance(old, RRP):
             return dataclasses.replace(old, guide=flipped(old.guide))
         if isinstance(old, RPR):
@@ -410,7 +410,7 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
     def group(old):
         if isinstance(old, PRP):
             return dataclasses.replace(old, slots=tuple(group(slot) for slot in old.slots))
-        if isinstance(old, lj.Slide):
+        if isinstance(old, lj.LinearDriver):
             assert isinstance(old.law, lj.Harmonic) and old.law.start is not None
             law = lj.Harmonic(old.law.start * lengths, old.law.stop * lengths)
             return dataclasses.replace(old, guide=group(old.guide), law=law)
@@ -497,7 +497,7 @@ class Drawn(NamedTuple):
 def composed_at_random(seed: int) -> lj.Scene:
     """A crank and two or three groups of random kinds on random points, that can be assembled with room to spare."""
     rng = np.random.default_rng(seed)
-    count, margin = int(rng.integers(2, 4)), jax.jit(least_margin)
+    count, margin = int(rng.integers(2, 4)), jax.jit(min_margin)
     structure = [
         Drawn(str(rng.choice(["RRR", "RRP"])), f"P{rng.integers(0, i + 1)}", int(rng.choice([-1, 1])))
         for i in range(count)

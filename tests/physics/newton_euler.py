@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import mpmath
 import numpy as np
 
-from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, Pinion, Rack, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, LinearDriver, Pinion, Rack
 from tests.physics import oracle, wheels
 
 
@@ -43,7 +43,7 @@ def joints(mechanism) -> list[Joint]:
         elif isinstance(g, Rack):
             found.append(Joint(f"{g.link}.guide", g.end, g.link, g.guide.on, guide=True))
             owner[g.end] = g.link
-        elif isinstance(g, Slide):
+        elif isinstance(g, LinearDriver):
             found.append(Joint(f"{g.link}.guide", g.end, g.link, "frame", guide=True))
             found.append(Joint(f"{g.link}.drive", g.end, g.link, "frame", drive=True))
             owner[g.end] = g.link
@@ -153,16 +153,16 @@ def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = Non
         act(inside.link, point, size - 1, along, couple)
         act(inside.on, point, size - 1, -along, -couple)
         pace = oracle.drive_rates(inside, phi, m)[0]
-    elif isinstance(crank, Slide):
+    elif isinstance(crank, LinearDriver):
         act(crank.link, crank.end, size - 1, here.links[crank.link].r)
         pace = (here.points[crank.end].v / here.links[crank.link].r).real
     else:
         assert isinstance(crank, Crank)
-        act(crank.link, crank.pivot, size - 1, none, float(crank.turns))
+        act(crank.link, crank.pivot, size - 1, none, float(crank.sense))
         pace = here.links[crank.link].v if crank.law is not None else pace
     rate, spin = {}, {}
     for name, b in bodies.items():
-        inertia = b.inertia + (n(mechanism.flywheel.inertia) if name == mechanism.crank else 0.0)
+        inertia = b.inertia + (n(mechanism.flywheel.inertia) if name == mechanism.driving_link else 0.0)
         rate[name] = b.mass * (centre[name].a * speed**2 + centre[name].v * acceleration)
         spin[name] = inertia * (here.links[name].a * speed**2 + here.links[name].v * acceleration)
         right[..., row[name] : row[name] + 3] = np.stack([rate[name].real, rate[name].imag, spin[name]], -1)
@@ -192,7 +192,7 @@ def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = Non
             if link != "frame":
                 force = sign * push * (none if turns else at), sign * push * float(turns)
                 reactions[f"{inside.link}.drive", link] = force
-    elif isinstance(crank, Slide):
+    elif isinstance(crank, LinearDriver):
         reactions[f"{crank.link}.drive", crank.link] = push * here.links[crank.link].r, 0 * push
     elif isinstance(crank, Crank) and crank.law is not None:
         reactions[f"{crank.link}.drive", crank.link] = none, push

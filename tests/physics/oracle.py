@@ -18,7 +18,7 @@ import mpmath
 import numpy as np
 from scipy.optimize import brentq
 
-from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, Harmonic, Pinion, Rack, Slide
+from linkjax.groups import PRP, RPP, RPR, RRP, RRR, Crank, Gear, General, Harmonic, LinearDriver, Pinion, Rack
 from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.mechanism import Mechanism
 from tests.physics import wheels
@@ -165,12 +165,12 @@ def open_joints(g: General, places, points, directions, x, m=np, phi=0.0) -> lis
 
 def stands(drive, phi, m=np):
     """How far a drive inside a group has moved, without its phase."""
-    return drive.turns * phi if drive.law is None else prescribed(drive.law, phi, m)
+    return drive.sense * phi if drive.law is None else prescribed(drive.law, phi, m)
 
 
 def drive_rates(drive, phi, m=np):
     """First and second derivatives of that."""
-    return (drive.turns + 0 * phi, 0 * phi) if drive.law is None else swinging(drive.law, phi, m)
+    return (drive.sense + 0 * phi, 0 * phi) if drive.law is None else swinging(drive.law, phi, m)
 
 
 def in_axes(g: General, mechanism: Mechanism, m=np) -> dict[str, dict[str, Any]]:
@@ -284,7 +284,7 @@ def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, An
 
     for number, g in enumerate(groups):
         if isinstance(g, Crank):
-            turned = g.turns * phi if g.law is None else prescribed(g.law, phi, m)
+            turned = g.sense * phi if g.law is None else prescribed(g.law, phi, m)
             counted[g.link] = n(g.phase) + turned
             new = {g.link: (g.pivot, m.exp(1j * counted[g.link]))}
             points[g.end] = points[g.pivot] + length[g.link] * new[g.link][1]
@@ -302,7 +302,7 @@ def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, An
             rolled = g.side * n(g.radius) * (angle(g.to) - angle(g.guide.on))
             points[g.end] = base + along * (n(g.start) + rolled + 1j * offset)
             new = {g.link: (g.end, along + 0 * points[g.end])}
-        elif isinstance(g, Slide):
+        elif isinstance(g, LinearDriver):
             base, along, offset, _ = way(g.guide, points, directions, m)
             points[g.end] = base + along * (prescribed(g.law, phi, m) + 1j * offset)
             new = {g.link: (g.end, along + 0 * points[g.end])}
@@ -414,9 +414,9 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
 
     for g, held in zip(mechanism.groups, pins, strict=True):
         if isinstance(g, Crank):
-            w, e = (none + g.turns, none) if g.law is None else swinging(g.law, phi)
+            w, e = (none + g.sense, none) if g.law is None else swinging(g.law, phi)
             links[g.link] = Jet(directions[g.link], w, e)
-        elif isinstance(g, Slide):
+        elif isinstance(g, LinearDriver):
             (s, s2), along = swinging(g.law, phi), directions[g.link]
             points[g.end], links[g.link] = Jet(at[g.end], s * along, s2 * along), Jet(along, none, none)
         elif isinstance(g, Gear):
@@ -631,7 +631,7 @@ def reduction(scene, phi, m=np, here: Rates | None = None) -> Reduction:
     """Kinetic energy and power at unit crank speed; with the rates there, where they are not NumPy's."""
     phi = reader(m)(phi)
     here = rates(scene.mechanism, phi) if here is None else here
-    shaft = here.links[scene.mechanism.crank]
+    shaft = here.links[scene.mechanism.driving_link]
     wheel = reader(m)(scene.mechanism.flywheel.inertia)
     inertia = wheel * shaft.v**2
     slope = 2 * wheel * shaft.v * shaft.a

@@ -155,12 +155,12 @@ def _one_link(driver: str, choose, dice: Dice):
     if driver == "slides":
         guide = Guide("A", dice.between(-3, 3), dice.between(-0.05, 0.05))
         law = lj.Harmonic(dice.between(-0.1, 0.1), dice.between(-0.1, 0.1))
-        return lj.Slide("crank", "B", guide, law), dice.link(0.0, "K0")
+        return lj.LinearDriver("crank", "B", guide, law), dice.link(0.0, "K0")
     link = dice.link(dice.between(0.05, 0.15), "K0")
     if driver == "swings":
         law = lj.Harmonic(dice.between(-1, 1), dice.between(-1, 1))
         return Crank("crank", "A", "B", phase=dice.between(0, 6), law=law), link
-    return Crank("crank", "A", "B", int(choose.choice((1, -1))), dice.between(0, 6)), link
+    return Crank("crank", "A", "B", "ccw" if choose.choice((1, -1)) == 1 else "cw", dice.between(0, 6)), link
 
 
 def _ask(choose, fixed, moving, general: bool) -> Asked:
@@ -316,9 +316,9 @@ def _drawn_one(scene: lj.Scene, phi: float, choose: np.random.Generator) -> lj.S
     crank = m.groups[0]
     assert isinstance(crank, Crank) and crank.law is None
     phase = crank.phase + cmath.phase(turned["crank"])
-    found = linkage(m.fixed, links, Drive("crank", turns=crank.turns, phase=phase + crank.turns * phi), slots, sketch,
-                    m.flywheel)  # fmt: skip
-    first = dataclasses.replace(found.groups[0], phase=found.groups[0].phase - crank.turns * phi)
+    found = linkage(m.fixed, links, Drive("crank", rotation=crank.rotation, phase=phase + crank.sense * phi), slots,
+                    sketch, m.flywheel)  # fmt: skip
+    first = dataclasses.replace(found.groups[0], phase=found.groups[0].phase - crank.sense * phi)
     ordered = {name: found.links[name] for name in found.link_names}
     found = Mechanism(found.fixed, ordered, [first, *found.groups[1:]], found.flywheel)
     assert sorted(g.kind for g in found.groups) == sorted(g.kind for g in m.groups)

@@ -16,7 +16,7 @@ import pytest
 from linkjax._compile import compiled_soon
 from linkjax.groups import PRP, RPP, RPR, RRP, Crank
 from linkjax.kinematics import assembly_margins
-from linkjax.measures import delta, peak_shaking_force_constant_speed, smallest_margin
+from linkjax.measures import delta, min_margin, peak_shaking_force_constant_speed
 from linkjax.mechanism import Mechanism
 from tests.physics import machines, oracle
 from tests.physics.machines import machine
@@ -138,7 +138,7 @@ def test_assembles_or_not(name, count):
     assert 0.05 <= np.mean(flags > 0) <= 0.95  # both kinds are there, else this would show nothing
 
 
-THREE = (delta, peak_shaking_force_constant_speed, smallest_margin)
+THREE = (delta, peak_shaking_force_constant_speed, min_margin)
 
 
 def values_and_gradients(scene, lengths: jax.Array):
@@ -182,9 +182,7 @@ def led_back(scene, lengths: jax.Array):
 
     def one(lengths):
         def step(_, at):
-            value, slope = jax.value_and_grad(
-                lambda x: smallest_margin(scene.with_mechanism(sized(scene.mechanism, x)))
-            )(at)
+            value, slope = jax.value_and_grad(lambda x: min_margin(scene.with_mechanism(sized(scene.mechanism, x))))(at)
             size = jnp.sqrt(jnp.sum(slope**2))
             return jnp.where(value > 0, at, at + 0.01 * jnp.sqrt(jnp.sum(lengths**2)) * slope / size)
 

@@ -19,7 +19,7 @@ import linkjax as lj
 from linkjax import RRR, Crank, Flywheel, Gear, Harmonic, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General
-from linkjax.kinematics import crank_limits, pose, prepared
+from linkjax.kinematics import crank_ranges, pose, prepared
 from tests.physics.test_folds import least
 from tests.physics.test_followed import Made, angles_of, drawn, followed, on_legs, point, triad
 
@@ -101,7 +101,7 @@ def test_random_triads_beside_their_ends(rng):
     told as open, and nothing is no number anywhere."""
     ended, worst = 0, 0.0
     for made in [*(drawn(rng, False) for _ in range(40)), *BENT]:
-        found = crank_limits(made.mechanism)[0]
+        found = crank_ranges(made.mechanism)[0]
         if not found.at_start or found.stop - found.start > 2 * math.pi - 0.06:
             continue
         ended += 1
@@ -237,7 +237,7 @@ def test_behind_another_group(make):
     """Ends of the range to 1e-6 rad, and places in it, all told as sound."""
     made = make()
     (low, below), (high, above) = (followed(made, way) for way in (-1.0, 1.0))
-    found = crank_limits(made.mechanism)[0]
+    found = crank_ranges(made.mechanism)[0]
     np.testing.assert_allclose((found.start, found.stop), (low, high), atol=1e-6)
     seen = {at: x for at, x in {**below, **above}.items() if low + 1e-3 < at < high - 1e-3}
     at = np.resize(list(seen), 256)
@@ -321,7 +321,7 @@ def test_ranges_of_a_crank_that_follows_a_law(rng):
         driven = dataclasses.replace(crank, law=Harmonic(begin, begin + 0.02))
         drawn_there = dataclasses.replace(group, sketch=dict(zip("PQR", map(point, moved), strict=True)))
         machine = Mechanism(each.mechanism.fixed, each.mechanism.links, [driven, drawn_there])
-        found = crank_limits(machine)[0]
+        found = crank_ranges(machine)[0]
         np.testing.assert_allclose((found.start, found.stop), (low, high), atol=1e-6)
 
 

@@ -127,7 +127,7 @@ def out_of_balance(scene: lj.Scene, here, forces) -> float:
         rows = [(pull_x, pull_y, couple, centre.r)]
         rows += [(float(f.fx), float(f.fy), float(f.moment), at[joint])
                  for joint, sides in forces.reactions.items() for on, f in sides.items() if on == name]  # fmt: skip
-        if name == mechanism.crank and not any(joint.endswith(".drive") for joint in forces.reactions):
+        if name == mechanism.driving_link and not any(joint.endswith(".drive") for joint in forces.reactions):
             rows.append((0.0, 0.0, float(forces.drive_torque), centre.r))  # cranks turn counter-clockwise
         sums = np.array([(x, y, m + float(r.x) * y - float(r.y) * x) for x, y, m, r in rows])
         left.append(np.abs(sums.sum(axis=0)).max())

@@ -10,7 +10,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import RRP, RRR, Belt, Crank, Flywheel, Gear, Link, Mechanism, OpposingTorque, Torque, Vec
-from linkjax.kinematics import least_margin, pose, prepared
+from linkjax.kinematics import min_margin, pose, prepared
 
 PLACES = np.concatenate([at + s * 10.0 ** -np.arange(1.0, 13.0) for at in (0.0, math.pi) for s in (1, -1)])
 ANGLES = np.concatenate([np.linspace(0.0, 2 * math.pi, 73), np.mod(PLACES, 2 * math.pi)])
@@ -87,7 +87,7 @@ def test_a_kite_on_its_own_line_needs_two_turns():
     reach = 0.3 * np.cos(phi / 2) + np.sqrt(0.16 - 0.09 * np.sin(phi / 2) ** 2)
     c = here.points["C"].r
     np.testing.assert_allclose(c.x + 1j * c.y, reach * np.exp(0.5j * phi), atol=1e-14)
-    assert float(least_margin(machine, 2)) > 0 > float(least_margin(four_bar(0.3, 0.4, 0.4, 0.3)))
+    assert float(min_margin(machine, 2)) > 0 > float(min_margin(four_bar(0.3, 0.4, 0.4, 0.3)))
 
 
 def test_a_slider_with_a_rod_as_long_as_its_crank():
@@ -158,7 +158,7 @@ def test_a_fixed_side_at_a_bifurcation(machine, places):
     assert told.value.result is lj.Result.CANNOT_BE_ASSEMBLED
     at = float(str(told.value).split("change point at ")[1].split()[0])
     assert min(abs(math.remainder(at - place, 360)) for place in places) < 0.01
-    assert abs(float(least_margin(machine))) < 1e-9
+    assert abs(float(min_margin(machine))) < 1e-9
 
 
 @pytest.mark.slow
@@ -186,7 +186,7 @@ def test_a_law_that_turns_back_at_a_change_point(law):
     rocker, crank = here.links["rocker"], here.links["crank"]
     np.testing.assert_allclose((rocker.u.x, rocker.u.y), (crank.u.x, crank.u.y), atol=1e-11)
     np.testing.assert_allclose(rocker.w, crank.w, atol=1e-10)
-    assert float(least_margin(machine)) > 0
+    assert float(min_margin(machine)) > 0
 
 
 def test_a_wheel_on_a_kite_that_is_nearly_one():

@@ -8,6 +8,7 @@ import json
 import math
 import subprocess
 import sys
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -19,7 +20,7 @@ import linkjax as lj
 from linkjax import RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, OpposingForce, OpposingTorque, Vec
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document, plain
-from linkjax.motion import _diffrax, steady, steady_by_diffrax
+from linkjax.motion import _diffrax, steady_by_diffrax, steady_motion
 from tests.physics import newton_euler, oracle, shooting
 from tests.physics.machines import machine
 
@@ -92,10 +93,10 @@ def test_the_general_road_states_its_own_error():
 def test_no_regime_on_the_general_road():
     """The same answer as by quadrature, and the document can be written."""
     slow = dataclasses.replace(machine("hay-press"), speed=jnp.asarray(15.0))
-    one, two = (lj.analyse(slow, motion=road, throw=False, angles=8) for road in ("quadrature", "diffrax"))
+    one, two = (lj.analyse(slow, method=road, throw=False, angles=8) for road in ("quadrature", "diffrax"))
     assert int(one.result) == int(two.result) == lj.Result.NO_PERIODIC_REGIME
     assert one.missing is not None and two.missing is not None and one.missing.reason == two.missing.reason
-    for field in ("regime_margin", "lowest_mean_speed"):
+    for field in ("steady_state_margin", "min_mean_speed"):
         assert float(getattr(one.missing, field)) == float(getattr(two.missing, field))
     json.dumps(plain(document(two, "slow", "0")), allow_nan=False)
 
@@ -104,11 +105,11 @@ def test_no_regime_on_the_general_road():
 def test_lowest_midrange_speed():
     """Just below there is no regime, just above there is one: the mean meant is the scene's own."""
     scene = dataclasses.replace(machine("hay-press"), mean="midrange", speed=jnp.asarray(15.0))
-    run = compiled_soon(steady)
-    lowest = run(scene).lowest_mean_speed
+    run = compiled_soon(steady_motion)
+    lowest = run(scene).min_mean_speed
     for _ in range(3):
-        lowest = run(dataclasses.replace(scene, speed=lowest)).lowest_mean_speed
-    margins = [float(run(dataclasses.replace(scene, speed=lowest * k)).regime_margin) for k in (0.98, 1.02)]
+        lowest = run(dataclasses.replace(scene, speed=lowest)).min_mean_speed
+    margins = [float(run(dataclasses.replace(scene, speed=lowest * k)).steady_state_margin) for k in (0.98, 1.02)]
     assert margins[0] < 0 < margins[1]
 
 
@@ -116,7 +117,7 @@ def test_designs_are_changed_by_plain_numbers():
     scene = machine("hay-press-slider")
     one = scene.with_mechanism(eqx.tree_at(lambda m: m.links["rod"].length, scene.mechanism, 1.05))
     two = eqx.tree_at(lambda s: s.mechanism.links["rod"].length, scene, jnp.asarray(1.05))
-    run = compiled_soon(steady)
+    run = compiled_soon(steady_motion)
     assert float(run(one).delta) == float(run(two).delta)
     heavier = dataclasses.replace(scene.mechanism, flywheel=Flywheel(41.0))
     assert heavier.link_names == scene.mechanism.link_names
@@ -185,7 +186,7 @@ def test_work_and_power(name):
     assert abs(sum(work.values())) <= 1e-12 * work["drive"]
     assert abs(work["gravity"]) <= 1e-9 * work["drive"]
     assert float(cycle.mean_power) == pytest.approx(-total / float(cycle.steady.period), rel=1e-9)
-    np.testing.assert_allclose(cycle.power, float(cycle.steady.drive_torque) * np.asarray(cycle.speed), rtol=1e-14)
+    np.testing.assert_allclose(cycle.power, float(cycle.steady.mean_drive_torque) * np.asarray(cycle.speed), rtol=1e-14)
 
 
 @pytest.mark.slow
@@ -244,11 +245,11 @@ def test_a_flywheel_for_what_runs_steadily_by_itself():
 @pytest.mark.slow
 def test_an_integration_that_fails_is_told(monkeypatch):
     monkeypatch.setattr(_diffrax, "MOST_STEPS", 16)
-    cycle = lj.analyse(machine("four-bar"), motion="diffrax", throw=False, angles=8)
+    cycle = lj.analyse(machine("four-bar"), method="diffrax", throw=False, angles=8)
     assert int(cycle.result) == lj.Result.INTEGRATION_FAILED
     assert float(cycle.delta_error) == np.inf
     with pytest.raises(lj.MachineError, match="looser tolerance"):
-        lj.analyse(machine("four-bar"), motion="diffrax", angles=8)
+        lj.analyse(machine("four-bar"), method="diffrax", angles=8)
 
 
 @pytest.mark.slow
@@ -275,7 +276,7 @@ def test_a_jump_at_a_whole_degree():
     ("wrong", "says"),
     [
         (lambda: RRR(("a", "b"), "A", "C", "B", 2), "side of an RRR must be 1 or -1"),
-        (lambda: Crank("crank", "O", "A", 2), "turns of a crank must be 1"),
+        (lambda: Crank("crank", "O", "A", cast(Any, "left")), "rotation of a crank must be"),
         (lambda: Link(length=-0.1), "length of a link must not be negative"),
         (lambda: dataclasses.replace(rotor(), speed=-3.0), "speed: is -3.0"),
         (lambda: dataclasses.replace(rotor(), target_delta=0.0), "target_delta: is 0.0"),

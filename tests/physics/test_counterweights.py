@@ -16,7 +16,7 @@ from linkjax import Counterweight, Link, StructureError, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import pose
-from linkjax.reduction import reduce
+from linkjax.reduction import reduced_model
 from tests.physics.machines import machine
 
 W = dict[str, dict[str, Counterweight]]
@@ -55,7 +55,11 @@ def loaded(scene: lj.Scene, angles: jax.Array, acceleration: jax.Array):
     """Pose, reduction and forces at the nominal speed."""
 
     def at(phi):
-        return pose(scene.mechanism, phi), reduce(scene, phi), kinetostatics(scene, phi, scene.speed, acceleration)
+        return (
+            pose(scene.mechanism, phi),
+            reduced_model(scene, phi),
+            kinetostatics(scene, phi, scene.speed, acceleration),
+        )
 
     return jax.vmap(at)(angles)
 

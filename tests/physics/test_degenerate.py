@@ -11,7 +11,7 @@ import pytest
 import linkjax as lj
 from linkjax import RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
 from linkjax.groups import General
-from linkjax.kinematics import least_margin, pose
+from linkjax.kinematics import min_margin, pose
 from tests.physics import oracle
 from tests.physics.near_dead import PHI, Judged, judge
 
@@ -148,7 +148,7 @@ def test_a_plate_with_three_pins_in_line():
     fixed = {"A": Vec(0.0, 0.0), "C": Vec(0.55, -0.05), "D": Vec(0.6, 0.3)}
     mechanism = Mechanism(fixed, links, [Crank("crank", "A", "B"), triad])
     phi = np.asarray([0.4, 2.2, 4.9])
-    assert float(least_margin(mechanism)) > 0.01
+    assert float(min_margin(mechanism)) > 0.01
     here, truth = at(mechanism, phi), oracle.rates(mechanism, phi)
     for p in "EFG":
         for part, exact in zip(here.points[p], truth.points[p], strict=True):

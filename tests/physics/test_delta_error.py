@@ -13,8 +13,8 @@ import pytest
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
-from linkjax.kinematics import least_margin
-from linkjax.motion import Steady, steady
+from linkjax.kinematics import min_margin
+from linkjax.motion import Steady, steady_motion
 from tests.physics import shooting
 from tests.physics.machines import BUILT_IN, machine
 
@@ -46,8 +46,8 @@ def found(scene: lj.Scene, numbers: list[jax.Array], nodes: int):
 
     def one(numbers):
         here = design(scene, numbers)
-        motion = steady(here, nodes)
-        runs = (motion.regime_margin > 0) & (least_margin(here.mechanism) > 0) & ~motion.grid.overflow
+        motion = steady_motion(here, nodes)
+        runs = (motion.steady_state_margin > 0) & (min_margin(here.mechanism) > 0) & ~motion.grid.overflow
         return motion.delta, motion.delta_error, runs
 
     return jax.lax.map(one, numbers, batch_size=50)
@@ -109,7 +109,7 @@ def test_the_truth_is_confirmed_by_another_road(name):
 
 @compiled_soon(static=("nodes",))
 def one_cycle(scene: lj.Scene, nodes: int) -> Steady:
-    return steady(scene, nodes)
+    return steady_motion(scene, nodes)
 
 
 @pytest.mark.slow

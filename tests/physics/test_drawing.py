@@ -16,7 +16,16 @@ import linkjax as lj
 from linkjax import RRR, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import Crank, Drive, General, Guide, Slot
-from linkjax.kinematics import Assemblies, assemblies, dead_centres, margins, open_at_start, pose, prepared, strokes
+from linkjax.kinematics import (
+    AssemblyModes,
+    assembly_modes,
+    dead_centres,
+    margins,
+    open_at_start,
+    pose,
+    prepared,
+    strokes,
+)
 from linkjax.mechanism import Link, StructureError, linkage
 from linkjax.scenes import loads_text, text_of
 
@@ -237,7 +246,7 @@ def test_a_cylinder_named_the_other_way_round():
     text = text_of(lj.Scene(one, speed=1.0))
     turned = text.replace('link = "rod"', 'link = "barrel"').replace('on = "barrel"', 'on = "rod"', 1)
     assert text.index("[drive]") < text.index('on = "barrel"') < text.index("[[slots]]") and turned != text
-    assert loads_text(turned).mechanism.crank == "rod"
+    assert loads_text(turned).mechanism.driving_link == "rod"
 
 
 @pytest.mark.parametrize(
@@ -283,14 +292,14 @@ def test_dead_centres_where_two_links_are_driven_against_each_other():
     assert not np.any(found["crank"].true)
 
 
-def triad(base, plate) -> Assemblies:
+def triad(base, plate) -> AssemblyModes:
     """The ways to put a plate on three legs, given where they stand in one of them."""
     at = dict(zip("BCDEFG", (*base, *plate), strict=True))
     links = {"crank": Link(pins=("A", "B"), length=0.3), "plate": Link(pins=("E", "F", "G")),
              "leg1": Link(pins=("B", "E")), "leg2": Link(pins=("C", "F")), "leg3": Link(pins=("D", "G"))}  # fmt: skip
     fixed = {"A": xy(at["B"] - 0.3), "C": xy(at["C"]), "D": xy(at["D"])}
     made = linkage(fixed, links, Drive("crank"), sketch={p: xy(at[p]) for p in "BEFG"})
-    return assemblies(made)["plate-leg1-leg2-leg3"]
+    return assembly_modes(made)["plate-leg1-leg2-leg3"]
 
 
 def test_a_triad_that_can_move_by_itself():

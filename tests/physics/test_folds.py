@@ -17,7 +17,7 @@ import linkjax as lj
 from linkjax import PRP, RRR, Crank, Flywheel, Gear, Guide, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General, Slot
-from linkjax.kinematics import crank_limits, margins, pose, prepared
+from linkjax.kinematics import crank_ranges, margins, pose, prepared
 
 STEP = math.radians(1.0)  # of the path
 EPS = float(np.finfo(float).eps)
@@ -114,7 +114,7 @@ def test_a_fold_anywhere_in_a_step(rng):
 
 
 def ends(mechanism: Mechanism) -> list[tuple[float, float]]:
-    return [(each.start, each.stop) for each in crank_limits(mechanism)]
+    return [(each.start, each.stop) for each in crank_ranges(mechanism)]
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ import linkjax as lj
 from linkjax import Crank, Flywheel, Gear, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General
-from linkjax.kinematics import crank_limits, least_margin, pose, prepared
+from linkjax.kinematics import crank_ranges, min_margin, pose, prepared
 from tests.physics.test_folds import STEP, beyond, ends, four_bar, least, places
 
 LONGEST = 4 * math.pi  # rad that the continuation goes either way
@@ -163,13 +163,13 @@ def test_ranges_of_random_machines(rng, wheel):
     longer = 0
     for made in [*(drawn(rng, wheel) for _ in range(24)), *([] if wheel else [NEARLY])]:
         (low, below), (high, above) = (followed(made, way) for way in (-1.0, 1.0))
-        found = crank_limits(made.mechanism)[0]
+        found = crank_ranges(made.mechanism)[0]
         assert bool(found.at_start) == math.isfinite(low + high)
         if not found.at_start:
             continue
         longer += high - low > 2 * math.pi
         np.testing.assert_allclose((found.start, found.stop), (low, high), atol=1e-6)
-        assert float(least_margin(made.mechanism)) < 0
+        assert float(min_margin(made.mechanism)) < 0
         first = max(low, high - 2 * math.pi + 2 * STEP)  # what the path over one turn can hold
         seen = {at: x for at, x in {**below, **above}.items() if first + 1e-3 < at < min(high, 2 * math.pi) - 1e-3}
         at = np.resize(list(seen), 256)

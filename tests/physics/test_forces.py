@@ -94,7 +94,7 @@ def test_shaking_is_the_loss_of_momentum(name):
 
     def momentum(phi):
         here = oracle.rates(mechanism, phi)
-        linear, angular = 0j, float(mechanism.flywheel.inertia) * here.links[mechanism.crank].v
+        linear, angular = 0j, float(mechanism.flywheel.inertia) * here.links[mechanism.driving_link].v
         for link, b in oracle.numbers(mechanism).bodies.items():
             s = here.points[next(iter(b.places))]
             linear = linear + b.mass * s.v
@@ -139,7 +139,7 @@ def test_what_the_frame_feels(name):
         np.testing.assert_allclose(value.moment, couple + 0 * phi, rtol=0, atol=1e-12 * reach)
         total = type(total)(*(a + b for a, b in zip(total, value, strict=True)))
     np.testing.assert_allclose(plane(got.frame), plane(total), rtol=0, atol=1e-12 * size)
-    turns = 0 if mechanism.prescribed else mechanism.groups[0].turns  # a law's drive is a joint of the frame
+    turns = 0 if mechanism.prescribed else mechanism.groups[0].sense  # a law's drive is a joint of the frame
     np.testing.assert_allclose(got.frame.moment, total.moment + turns * got.drive_torque, rtol=0, atol=1e-11 * reach)
     net = plane(got.frame) - sum(f for _, _, f, _ in own)
     np.testing.assert_allclose(plane(got.net_frame), net, rtol=0, atol=1e-12 * size)

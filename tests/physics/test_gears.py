@@ -45,7 +45,7 @@ FIXED = {"A": Vec(0.0, 0.0), "D": Vec(0.3, 0.0)}
 def test_cardans_wheels():
     """A wheel inside a ring of twice its size: a point of its pitch circle keeps to a diameter."""
     links = {"arm": Link(length=0.1, mass=1.0), "planet": Link(length=0.1, mass=2.0)}
-    planet = Gear("planet", "B", Teeth((20, 40), inside=True), "frame", "A", "Q", carrier="arm")
+    planet = Gear("planet", "B", Teeth((20, 40), internal=True), "frame", "A", "Q", carrier="arm")
     mechanism = Mechanism({"A": Vec(0.0, 0.0)}, links, [Crank("arm", "A", "B"), planet])
     q, wheel = at(mechanism).points["Q"], at(mechanism).links["planet"]
     np.testing.assert_allclose(q.r.x, 0.2 * np.cos(ANGLES), atol=1e-16)
@@ -71,7 +71,7 @@ def test_willis(teeth, inside, ratio):
     found = at(Mechanism(FIXED, links, [Crank("arm", "A", "B"), wheel])).links["wheel"]
     np.testing.assert_allclose(found.w, 1 - ratio, rtol=1e-15)
     wheel = Gear("wheel", "D", Teeth(teeth, inside), "arm", "A", phase=0.2)
-    found = at(Mechanism(FIXED, links, [Crank("arm", "A", "B", -1, 0.7), wheel])).links["wheel"]
+    found = at(Mechanism(FIXED, links, [Crank("arm", "A", "B", "cw", 0.7), wheel])).links["wheel"]
     np.testing.assert_allclose(found.angle, 0.2 + ratio * (0.7 - ANGLES), rtol=1e-14)
 
 
@@ -127,7 +127,7 @@ def test_what_does_not_come_back_is_told():
 
 def least(mechanism: Mechanism, turns: int = 1) -> dict[str, float]:
     """Whether wheels come round, as margins over the cycle."""
-    found = compiled_soon(assembly_margins, static=("turns",))(mechanism, turns=turns)
+    found = compiled_soon(assembly_margins, static=("cycle_turns",))(mechanism, cycle_turns=turns)
     return {group: float(sides["turns"].value) for group, sides in found.items() if "turns" in sides}
 
 
@@ -249,7 +249,7 @@ CRANK = Crank("crank", "A", "B")
     ("make", "told"),
     [
         (lambda: Teeth((20, 0)), r"must be two whole numbers, but are \(20, 0\)"),
-        (lambda: Teeth((20, 20), inside=True), "20 teeth each none can run inside"),
+        (lambda: Teeth((20, 20), internal=True), "20 teeth each none can run inside"),
         (lambda: Belt(0.0, 0.1), "radius of a belt must be above zero, but is 0.0 m"),
         (lambda: Rack("rack", "R", "A", "crank", "A", -0.1), "radius of a rack must be above zero"),
         (lambda: Pinion("wheel", "D", "rack", "R", 0.1, side=2), "side of a pinion must be 1 or -1"),
@@ -308,7 +308,7 @@ def test_drawn_with_gears():
     found = structure(mechanism)
     assert found.mobility == 1 and found.mobility_told() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
     assert found.formula(letters=True).startswith("R(crank) → RG(wheel) → RRR(left, right)")
-    other = drawn(Drive("wheel", turns=-1, phase=0.35))
+    other = drawn(Drive("wheel", rotation="cw", phase=0.35))
     assert other.formula().startswith("I1(wheel) → G(crank) → II1(left, right)")
     one, two = at(mechanism), at(other)
     for name in ("B", "C", "P", "U", "V"):

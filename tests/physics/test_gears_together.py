@@ -49,7 +49,7 @@ def epicyclic(drive: Drive, **changes) -> Mechanism:
     planet = {"phase": 0.3, **changes}
     gears = [
         GearPair("planet", "sun", Teeth((20, 40)), **planet),
-        GearPair("planet", "frame", Teeth((20, 80), inside=True), 0.0),
+        GearPair("planet", "frame", Teeth((20, 80), internal=True), 0.0),
     ]
     sketch = {"B": (0.1, 0.0)}
     return linkage({"A": Vec(0.0, 0.0)}, SUN, drive, (), sketch, gears=gears)
@@ -78,7 +78,7 @@ def test_phases_and_sketch_that_contradict_each_other():
     found = re.search(r'phase = "(.*) deg" for that of', str(told.value))
     assert found is not None
     gears = [GearPair("planet", "sun", Teeth((20, 40)), 3.0),
-             GearPair("planet", "frame", Teeth((20, 80), inside=True), math.radians(float(found[1])))]  # fmt: skip
+             GearPair("planet", "frame", Teeth((20, 80), internal=True), math.radians(float(found[1])))]  # fmt: skip
     made = linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun"), (), {"B": (0.1, 0.0)}, gears=gears)
     assert float(at(made, jnp.zeros(1)).links["arm"].angle[0]) == pytest.approx(0.0, abs=1e-5)
 
@@ -114,7 +114,7 @@ def test_the_remedy_is_for_what_was_drawn():
     sketch = {"B": (0.001, 0.1)}
 
     def made(phase: float) -> Mechanism:
-        gears = [GearPair("planet", "frame", Teeth((20, 80), inside=True), 0.0),
+        gears = [GearPair("planet", "frame", Teeth((20, 80), internal=True), 0.0),
                  GearPair("sun", "planet", Teeth((40, 20)), phase)]  # fmt: skip
         return linkage({"A": Vec(0.0, 0.0)}, SUN, Drive("sun"), (), sketch, gears=gears)
 
@@ -356,7 +356,7 @@ def test_loose_wheels_do_not_make_ranges_longer():
     fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0), "E": Vec(-0.5, 0.0)}
     crank, dyad = Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C")
     wheel = General((("wheel", ("E",)),), ("E",), {}, gears=(Gear("wheel", "E", Teeth((20, 33)), "crank", "A"),))
-    alone = lj.crank_limits(Mechanism(fixed, links, [crank, dyad]))
-    found = lj.crank_limits(Mechanism(fixed, {**links, "wheel": Link()}, [crank, wheel, dyad]))
+    alone = lj.crank_ranges(Mechanism(fixed, links, [crank, dyad]))
+    found = lj.crank_ranges(Mechanism(fixed, {**links, "wheel": Link()}, [crank, wheel, dyad]))
     assert len(found) == len(alone) == 1
     np.testing.assert_allclose(found[0][:2], alone[0][:2], atol=1e-12)

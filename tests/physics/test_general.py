@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax import RRR, Crank, Force, Guide, Harmonic, Link, Mechanism, StructureError, Vec
+from linkjax import RRR, Crank, Force, Guide, Harmonic, Link, Mechanism, StructureError, Vec, kinematics
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.groups import Drive, General, Slot
 from linkjax.groups._closure import NEAR
 from linkjax.groups._general import LAST
-from linkjax.kinematics import least_margin, margins, pose, prepared
-from linkjax.measures import smallest_margin
-from linkjax.motion import steady
+from linkjax.kinematics import margins, pose, prepared
+from linkjax.measures import min_margin
+from linkjax.motion import steady_motion
 from tests.physics.machines import machine
 from tests.physics.oracle import assemble, in_axes, open_joints
 from tests.physics.twins import all_loosely
@@ -66,7 +66,7 @@ def test_class_two_by_newtons_method(name):
 @compiled_soon
 def followed(mechanism, phi):
     """Points and links, and where Newton's method begins, of every general group."""
-    begun = [(g.path, g.turns) for g in mechanism.groups if isinstance(g, General) and g.path is not None]
+    begun = [(g.path, g.cycle_turns) for g in mechanism.groups if isinstance(g, General) and g.path is not None]
     return jax.vmap(lambda phi: (pose(mechanism, phi), [path.at(phi, turns) for path, turns in begun]))(phi)
 
 
@@ -125,7 +125,7 @@ def test_gradients_of_a_cycle():
         m = scene.mechanism
         links = {n: dataclasses.replace(m.links[n], length=m.links[n].length * (1 + by * w))
                  for n, w in zip(names, ways, strict=True)}  # fmt: skip
-        return steady(scene.with_mechanism(Mechanism(m.fixed, links, m.groups, m.flywheel)), 64).delta
+        return steady_motion(scene.with_mechanism(Mechanism(m.fixed, links, m.groups, m.flywheel)), 64).delta
 
     @compiled_soon
     def both(by):
@@ -138,9 +138,9 @@ def test_gradients_of_a_cycle():
 @pytest.mark.slow
 def test_reverse_mode_agrees():
     scene = machine("triad")
-    reverse = jax.jit(jax.grad(lambda m: steady(scene.with_mechanism(m), 64).delta))(scene.mechanism)
+    reverse = jax.jit(jax.grad(lambda m: steady_motion(scene.with_mechanism(m), 64).delta))(scene.mechanism)
     tangent = jax.tree.map(jnp.ones_like, scene.mechanism)
-    forward = jax.jvp(lambda m: steady(scene.with_mechanism(m), 64).delta, (scene.mechanism,), (tangent,))[1]
+    forward = jax.jvp(lambda m: steady_motion(scene.with_mechanism(m), 64).delta, (scene.mechanism,), (tangent,))[1]
     total = sum(jnp.sum(leaf) for leaf in jax.tree.leaves(reverse))
     assert float(total) == pytest.approx(float(forward), rel=1e-9)
 
@@ -203,9 +203,7 @@ def test_where_it_cannot_be_assembled():
         lj.MachineError, match=r"'lever-barrel-rod' cannot be assembled at 1[0-9.]+ degrees .* \(loops\)"
     ):
         lj.analyse(scene, angles=8)
-    value, slope = compiled_soon(jax.value_and_grad(lambda m: smallest_margin(scene.with_mechanism(m))))(
-        scene.mechanism
-    )
+    value, slope = compiled_soon(jax.value_and_grad(lambda m: min_margin(scene.with_mechanism(m))))(scene.mechanism)
     assert float(value) < 0
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slope))
     assert float(slope.groups[0].drive.law.stop) < 0 < float(slope.links["lever"].length)
@@ -248,13 +246,15 @@ def four_bar(crank=0.1, coupler=0.3, rocker=0.25, far=0.4, phase=0.0, law=None) 
     """A four-bar whose dyad is a general group."""
     links = {"crank": Link(length=crank), "coupler": Link(length=coupler), "rocker": Link(length=rocker)}
     group = General((("coupler", ("B", "C")), ("rocker", ("D", "C"))), ("B", "D"), {"C": Vec(0.3, 0.2)})
-    return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(far, 0.0)}, links, [Crank("crank", "A", "B", 1, phase, law), group])
+    return Mechanism(
+        {"A": Vec(0.0, 0.0), "D": Vec(far, 0.0)}, links, [Crank("crank", "A", "B", "ccw", phase, law), group]
+    )
 
 
 @pytest.fixture(scope="module")
 def least():
     """Least margin of a four-bar, and its slope by the coupler's length, by one program."""
-    return jax.jit(jax.value_and_grad(lambda coupler, m: least_margin(
+    return jax.jit(jax.value_and_grad(lambda coupler, m: kinematics.min_margin(
         dataclasses.replace(m, links={**m.links, "coupler": Link(length=coupler)}))))  # fmt: skip
 
 
@@ -317,7 +317,7 @@ def test_single_precision(least):
     with jax.enable_x64(False), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         links = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), four_bar())
-        assert float(jax.jit(least_margin)(links)) == pytest.approx(exact, rel=1e-5)
+        assert float(jax.jit(kinematics.min_margin)(links)) == pytest.approx(exact, rel=1e-5)
 
 
 def test_a_path_belongs_to_its_numbers():
@@ -350,7 +350,7 @@ def test_a_sketch_of_many_designs():
         group = General(members, ("B", "D"), sketch, (Slot("block", Guide("D", 1.0)),))
         return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.5, 0.0)}, links, [Crank("crank", "A", "B"), group])
 
-    assert made([0.3, 0.4]).crank == "crank"
+    assert made([0.3, 0.4]).driving_link == "crank"
     with pytest.raises(StructureError, match="puts 'E' and 'F' of link 'plate' on one place"):
         made([0.3, 0.1])
 

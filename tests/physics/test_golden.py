@@ -19,8 +19,8 @@ from linkjax import RRP, Crank, Force, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import dead_centres, pose
-from linkjax.motion import flywheel_for, make_grid, node_values, steady
-from linkjax.reduction import reduce
+from linkjax.motion import flywheel_for, make_grid, node_values, steady_motion
+from linkjax.reduction import reduced_model
 from tests.helpers import ROOT
 from tests.physics import oracle
 from tests.physics.machines import machine
@@ -34,7 +34,11 @@ NOMINAL = 700 * math.pi / 30
 @compiled_soon
 def story(scene, phi, speed):
     def at(phi, speed):
-        return pose(scene.mechanism, phi), reduce(scene, phi), kinetostatics(scene, phi, speed, jnp.zeros_like(speed))
+        return (
+            pose(scene.mechanism, phi),
+            reduced_model(scene, phi),
+            kinetostatics(scene, phi, speed, jnp.zeros_like(speed)),
+        )
 
     return jax.vmap(at)(phi, speed)
 
@@ -166,7 +170,7 @@ def regime():
     def turn(scene, target):
         grid = make_grid(scene, 192)
         here = node_values(scene, grid)
-        return steady(scene, 192), here, flywheel_for(scene, target, 192)
+        return steady_motion(scene, 192), here, flywheel_for(scene, target, 192)
 
     return turn(machine("hay-press"), jnp.asarray(0.15))
 
@@ -176,8 +180,8 @@ def test_g9_steady_cycle_and_flywheel(regime):
     golden = GOLDEN["press.dynamics"]
     assert float(motion.delta) == pytest.approx(1.1215, rel=5e-4)
     assert float(flywheel) == pytest.approx(19.231, rel=5e-4)
-    known = {"delta0": motion.delta, "IM_for_0p15": flywheel, "mean_drive_torque": motion.drive_torque}
-    known |= {"wmax0": motion.speed_max, "wmin0": motion.speed_min}
+    known = {"delta0": motion.delta, "IM_for_0p15": flywheel, "mean_drive_torque": motion.mean_drive_torque}
+    known |= {"wmax0": motion.max_speed, "wmin0": motion.min_speed}
     for name, value in known.items():
         assert float(value) == pytest.approx(golden[name], rel=5e-4), name
     assert golden["I_min"] < float(jnp.min(here.inertia)) < float(jnp.max(here.inertia)) < golden["I_max"] * (1 + 1e-6)

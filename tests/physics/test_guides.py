@@ -70,7 +70,7 @@ def test_the_built_in_yoke():
     np.testing.assert_allclose(cycle.reduced.by_load["pressure"][out], 3000 * 0.08 * np.sin(phi[out]), atol=1e-11)
     assert not np.any(cycle.reduced.by_load["pressure"][~out])
     assert float(cycle.work["pressure"]) == pytest.approx(-2 * 3000 * 0.08, rel=1e-13)
-    assert float(cycle.steady.drive_torque) == pytest.approx(2 * 3000 * 0.08 / (2 * math.pi), rel=1e-13)
+    assert float(cycle.steady.mean_drive_torque) == pytest.approx(2 * 3000 * 0.08 / (2 * math.pi), rel=1e-13)
     assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-10
     # the guide holds what the slot's push turns: the piston's force runs through A, the slot's through the pin
     w = float(scene.speed)
@@ -129,7 +129,7 @@ def test_slots_that_become_parallel_are_told():
     )  # fmt: skip
     with pytest.raises(lj.MachineError, match=r"'one-two' cannot be assembled over the cycle: at 180\.00 degrees"):
         lj.analyse(lj.Scene(turning, speed=3.0), angles=8)
-    slope = jax.grad(lambda m: lj.measures.smallest_margin(lj.Scene(m)))(turning)
+    slope = jax.grad(lambda m: lj.measures.min_margin(lj.Scene(m)))(turning)
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slope))
 
 

@@ -18,11 +18,11 @@ import linkjax as lj
 from linkjax import RRP, RRR, Crank, Flywheel, Force, Link, Mechanism, Torque, Vec, Window
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document, plain
-from linkjax.motion import steady
+from linkjax.motion import steady_motion
 from tests.physics import oracle, shooting
 from tests.physics.machines import machine
 
-slopes = compiled_soon(jax.grad(lambda m, scene: steady(scene.with_mechanism(m)).delta))
+slopes = compiled_soon(jax.grad(lambda m, scene: steady_motion(scene.with_mechanism(m)).delta))
 
 
 def four_bar(crank: float, coupler: float, rocker: float, frame: float, mass: float = 1.0, wheel: float = 1.0):
@@ -95,7 +95,7 @@ def test_no_loads_at_all():
     scene = lj.Scene(four_bar(0.1, 0.4, 0.3, 0.4), speed=10.0)
     got = told(scene)
     assert int(got.result) == 0
-    assert abs(float(got.steady.drive_torque)) < 1e-12
+    assert abs(float(got.steady.mean_drive_torque)) < 1e-12
     phi = np.linspace(0.0, 2 * math.pi, 4000, endpoint=False)
     inertia = oracle.reduction(scene, phi).inertia
 
@@ -117,7 +117,7 @@ def test_a_crank_alone():
     got = told(scene)
     assert int(got.result) == 0
     assert float(got.delta) < 1e-14
-    assert float(got.steady.drive_torque) == pytest.approx(3.0, rel=1e-14)
+    assert float(got.steady.mean_drive_torque) == pytest.approx(3.0, rel=1e-14)
     finite_gradient(scene)
 
 
@@ -184,7 +184,7 @@ def test_least_inertia_beside_a_sharp_peak(short):
     mechanism = four_bar(0.1, 0.3, 0.2 * (1 + short), 0.4)
     rocker = dataclasses.replace(mechanism.links["rocker"], inertia=1.0)
     scene = lj.Scene(dataclasses.replace(mechanism, links={**mechanism.links, "rocker": rocker}), (), speed=5.0)
-    found = compiled_soon(steady)(scene)
+    found = compiled_soon(steady_motion)(scene)
 
     def inertia(angles):
         here = jax.vmap(lambda phi: lj.kinematics.pose(scene.mechanism, phi))(jnp.asarray(angles))
@@ -195,8 +195,8 @@ def test_least_inertia_beside_a_sharp_peak(short):
         return np.asarray(total)
 
     mean = np.mean(inertia(np.linspace(0.0, 2 * np.pi, 20000, endpoint=False)))
-    (there,) = inertia([found.angle_of_least_inertia])
-    assert float(found.least_inertia) * mean == pytest.approx(there, rel=1e-3)
+    (there,) = inertia([found.angle_of_min_inertia])
+    assert float(found.min_inertia_ratio) * mean == pytest.approx(there, rel=1e-3)
 
 
 def test_two_turns_a_cycle():
@@ -204,12 +204,12 @@ def test_two_turns_a_cycle():
     scene = machine("hay-press-slider")
     load = dataclasses.replace(scene.loads[0], window=window(90.0, 335.0 + 180.0))
     scene = dataclasses.replace(scene, cycle_turns=2, loads=(load,))
-    got, known = compiled_soon(steady)(scene), shooting.shoot(scene)
+    got, known = compiled_soon(steady_motion)(scene), shooting.shoot(scene)
     wrong = abs(float(got.delta) - known.delta)
     assert wrong < 1e-8
     assert wrong <= float(got.delta_error) + 1e-11
     assert float(got.period) == pytest.approx(4 * math.pi / float(scene.speed), rel=1e-12)
-    assert float(got.drive_torque) == pytest.approx(known.drive, rel=1e-8)
+    assert float(got.mean_drive_torque) == pytest.approx(known.drive, rel=1e-8)
     assert abs(math.remainder(float(got.angle_of_min) - known.slowest[1], 4 * math.pi)) < 1e-6
 
 
@@ -232,7 +232,7 @@ def test_windows_that_touch():
 
     split = (press, torque("one", -20.0, 90.0, 335.0), torque("two", -10.0, 335.0, 90.0))
     whole = (press, torque("more", -10.0, 90.0, 335.0), torque("always", -10.0))
-    one, two = (compiled_soon(steady)(dataclasses.replace(scene, loads=loads)) for loads in (split, whole))
+    one, two = (compiled_soon(steady_motion)(dataclasses.replace(scene, loads=loads)) for loads in (split, whole))
     assert abs(float(one.delta - two.delta)) <= float(one.delta_error + two.delta_error)
     assert float(one.delta) == pytest.approx(float(two.delta), rel=1e-7)
     assert float(one.drive_torque) == pytest.approx(float(two.drive_torque), rel=1e-9)
@@ -245,5 +245,5 @@ def test_a_window_without_width():
         dataclasses.replace(scene, loads=(dataclasses.replace(scene.loads[0], window=window(90.0, 90.0)),))
     closed = eqx.tree_at(lambda s: s.loads[0].window, scene, window(90.0, 90.0))
     without = dataclasses.replace(scene, loads=(Force("none", "slider", "D", force=Vec(0.0, 0.0)),))
-    one, two = (compiled_soon(steady)(s) for s in (closed, without))
+    one, two = (compiled_soon(steady_motion)(s) for s in (closed, without))
     assert abs(float(one.delta - two.delta)) <= float(one.delta_error + two.delta_error)

@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import linkjax as lj
-from linkjax import RRP, Crank, Flywheel, Guide, Harmonic, Link, Mechanism, Slide, Spline, StructureError, Vec
+from linkjax import RRP, Crank, Flywheel, Guide, Harmonic, LinearDriver, Link, Mechanism, Spline, StructureError, Vec
 from linkjax.analysis import document
 from linkjax.design import number
 from linkjax.measures import MEASURES, evaluate
@@ -63,7 +63,7 @@ def test_the_analysis(name):
     np.testing.assert_allclose(one.angle, other.angle, rtol=1e-9)
     rounding = 1e-12 * np.asarray(other.value)  # errors are differences of such values
     assert np.all(np.abs(np.asarray(one.error) - other.error) <= 1e-9 * np.asarray(other.error) + rounding)
-    driver = scene.mechanism.crank
+    driver = scene.mechanism.driving_link
     (drive,) = cycle.forces.reactions[f"{driver}.drive"].values()
     if name == "hydraulic":
         v = cycle.pose.points["B"].dr
@@ -78,7 +78,7 @@ def test_the_analysis(name):
     np.testing.assert_allclose(cycle.forces.drive_torque, power, rtol=0, atol=1e-14 * size)
     assert float(cycle.work["drive"]) == pytest.approx(-sum(float(v) for k, v in cycle.work.items() if k != "drive"))
     data = document(cycle)
-    assert data["model"]["motion"] == "prescribed" and "follows a law" in data["model"]["why"]
+    assert data["model"]["method"] == "prescribed" and "follows a law" in data["model"]["why"]
     assert {("point" if "point" in at else "link", next(iter(at.values()))) for at in data["dead_centres"]} >= {
         ("point", "B") if name == "hydraulic" else ("link", "crank")
     }
@@ -101,7 +101,7 @@ def test_every_measure_has_a_value_and_a_slope(name):
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slopes))
     got = dict(zip(sorted(MEASURES), values.tolist(), strict=True))
     assert got["delta"] == got["flywheel_for_target_delta"] == 0.0
-    assert got["largest_speed"] == pytest.approx(float(scene.speed)) == got["smallest_speed"]
+    assert got["max_crank_speed"] == pytest.approx(float(scene.speed)) == got["min_crank_speed"]
     assert got["peak_reaction"] == pytest.approx(got["peak_reaction_constant_speed"], rel=1e-12)
 
 
@@ -109,10 +109,10 @@ def test_every_measure_has_a_value_and_a_slope(name):
 def test_a_spline_drives_as_the_law_that_it_follows():
     scene = machine("hydraulic")
     driver = scene.mechanism.groups[0]
-    assert isinstance(driver, Slide)
+    assert isinstance(driver, LinearDriver)
     knots = np.arange(48) * (2 * math.pi / 48)
     law = Spline(tuple(knots), jax.vmap(driver.law.at)(jnp.asarray(knots)).value)
-    groups = [Slide(driver.link, driver.end, driver.guide, law), *scene.mechanism.groups[1:]]
+    groups = [LinearDriver(driver.link, driver.end, driver.guide, law), *scene.mechanism.groups[1:]]
     m = scene.mechanism
     twin = scene.with_mechanism(Mechanism(m.fixed, {n: m.links[n] for n in m.link_names}, groups))
     at = np.linspace(0.05, 6.2, 30)
@@ -126,7 +126,7 @@ def test_the_trammel():
     """Two blocks on crossed guides of the frame, the one driven: every point of the bar runs on an ellipse."""
     links = {"shoe": Link(), "bar": Link(length=0.5, points={"T": Vec(0.2, 0.0), "U": Vec(0.7, 0.0)}), "block": Link()}
     law = Harmonic(0.4, -0.4)
-    groups = [Slide("shoe", "P", "O", law), RRP("bar", "block", "P", "Q", Guide("O", math.pi / 2))]
+    groups = [LinearDriver("shoe", "P", "O", law), RRP("bar", "block", "P", "Q", Guide("O", math.pi / 2))]
     mechanism = Mechanism({"O": Vec(0.0, 0.0)}, links, groups)
     here = jax.vmap(lambda phi: lj.pose(mechanism, phi))(jnp.linspace(0.0, 6.0, 31))
     for point, reach in (("T", 0.2), ("U", 0.7)):
@@ -145,9 +145,9 @@ def test_what_is_refused():
     with pytest.raises(StructureError, match="target_delta: has no effect: the driver follows a law"):
         lj.Scene(swinging, target_delta=0.1)
     with pytest.raises(ValueError, match="no sense of rotation"):
-        simple(law=Harmonic(0.0, 1.0), turns=-1)
+        simple(law=Harmonic(0.0, 1.0), rotation="cw")
     with pytest.raises(ValueError, match="no equation of motion is to be solved"):
-        lj.analyse(lj.Scene(swinging), motion="diffrax")
+        lj.analyse(lj.Scene(swinging), method="diffrax")
     with pytest.raises(StructureError, match=r"the cycle of 6\.28319 rad is no multiple of the period of the law"):
         lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)))
     assert lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)), cycle_turns=2).cycle_turns == 2
@@ -157,12 +157,14 @@ def test_what_is_refused():
         Spline((0.0, 1.0, 7.0), [0.0, 1.0, 0.5])
     with pytest.raises(ValueError, match="a value at each of its 3 angles"):
         Spline((0.0, 1.0, 2.0), [0.0, 1.0])
-    slide = [Slide("block", "D", "A", Harmonic(0.0, 0.1))]
+    slide = [LinearDriver("block", "D", "A", Harmonic(0.0, 0.1))]
     with pytest.raises(StructureError, match="flywheel: there is no shaft for it: no crank drives"):
         Mechanism({"A": Vec(0, 0)}, {"block": Link()}, slide, Flywheel(1.0))
     with pytest.raises(StructureError, match="the guide is on 'block', a link of the group itself"):
         Mechanism(
-            {"A": Vec(0, 0)}, {"block": Link()}, [Slide("block", "D", Guide("A", on="block"), Harmonic(0.0, 0.1))]
+            {"A": Vec(0, 0)},
+            {"block": Link()},
+            [LinearDriver("block", "D", Guide("A", on="block"), Harmonic(0.0, 0.1))],
         )
 
 
@@ -182,7 +184,7 @@ length = "300 mm"
 [links.block]
 mass = "1 kg"
 [[groups]]
-kind = "slide"
+kind = "linear_driver"
 link = "piston"
 end = "B"
 guide = { through = "A" }

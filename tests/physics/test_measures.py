@@ -33,7 +33,14 @@ def varied(scene: lj.Scene, by: jax.Array) -> lj.Scene:
 
 
 GROUPS = {  # measures that share most of their work, compiled together; the last takes what is left
-    "motion": ("delta", "largest_speed", "smallest_speed", "regime_margin", "least_inertia", "mean_drive_torque"),
+    "motion": (
+        "delta",
+        "max_crank_speed",
+        "min_crank_speed",
+        "steady_state_margin",
+        "min_inertia_ratio",
+        "mean_drive_torque",
+    ),
     "shaking": ("peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed"),
     "constant": ("peak_drive_torque_constant_speed", "peak_reaction_constant_speed"),
     "true shaking": ("peak_shaking_force",),
@@ -70,9 +77,9 @@ ZERO = {"Andrews' squeezer": 3e-5}  # what its share is taken of where a number 
 EVEN = {  # measures without slope
     "andrews-squeezer": ("mean_drive_torque",),  # without loads
     "scissor-lift": (  # a law holds the crank's speed, weights and inertia count for nothing beside the load
-        "delta", "regime_margin", "least_inertia", "mean_drive_torque", "flywheel_for_target_delta",
+        "delta", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque", "flywheel_for_target_delta",
         "peak_shaking_force", "peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed",
-        "smallest_transmission_angle",
+        "min_transmission_angle",
     ),
 }  # fmt: skip
 
@@ -92,7 +99,7 @@ def names_of(name: str, group: str = "") -> tuple[str, ...]:
     """The measures of a group, of all if none is named, that a scene has."""
     none = measures.no_transmission_angle(machine(name).mechanism)
     names = GROUPS[group] if group else NAMES
-    return tuple(n for n in names if not (none and n == "smallest_transmission_angle"))
+    return tuple(n for n in names if not (none and n == "min_transmission_angle"))
 
 
 def every(scene: lj.Scene, names: tuple[str, ...], nodes: int) -> jax.Array:
@@ -280,7 +287,7 @@ def test_diffrax_sees_single_windows_that_switch_together():
 SLOW_ROWS = [pytest.param(name, marks=pytest.mark.slow) for name in ("delta", "peak_shaking_force", "peak_reaction")]
 
 
-@pytest.mark.parametrize("name", ["least_inertia", *SLOW_ROWS])
+@pytest.mark.parametrize("name", ["min_inertia_ratio", *SLOW_ROWS])
 def test_rows_where_windows_switch_together(name):
     """In a panel without width nothing can be found that is no number; the extreme row is the measure itself."""
     measure = MEASURES[name]
@@ -343,7 +350,7 @@ def test_a_measure_of_ones_own():
         @measures.measure("rad/s")
         def speed_range(of: measures.Parts) -> jax.Array:
             """Difference between the largest and the smallest speed."""
-            return of.steady.speed_max - of.steady.speed_min
+            return of.steady.max_speed - of.steady.min_speed
 
         scene = machine("four-bar")
         got = compiled_soon(lambda scene: measures.evaluate(scene, [MEASURES[name], measures.delta], 32))(scene)

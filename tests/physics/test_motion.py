@@ -19,7 +19,7 @@ from scipy.optimize import brentq, minimize_scalar
 import linkjax as lj
 from linkjax import Crank, Mechanism
 from linkjax._compile import compiled_soon
-from linkjax.motion import Steady, flywheel_for, steady, steady_by_diffrax, textbook_flywheel
+from linkjax.motion import Steady, flywheel_for, steady_by_diffrax, steady_motion, textbook_flywheel
 from linkjax.motion import with_flywheel as refitted
 from tests.physics import oracle, shooting
 from tests.physics.machines import BUILT_IN, COMPOSED, machine
@@ -40,7 +40,7 @@ MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name in LATER else nam
 FINE = 352
 TRUTH = 0.0903376816582  # δ of hay-press-slider, by DOP853 with shooting at rtol 1e-13 and by panels: see the issue
 
-quadrature = compiled_soon(steady, static=("nodes",))
+quadrature = compiled_soon(steady_motion, static=("nodes",))
 
 
 @compiled_soon
@@ -83,7 +83,7 @@ def test_quadrature_and_diffrax_agree(name):
     scene = machine(name)
     nodes = 192 if name in ("geared", "rolling") else 96  # its wheels turn faster than the crank
     one, two = regime(name), compiled_soon(lambda scene: steady_by_diffrax(scene, nodes))(scene)
-    for field in ("delta", "speed_max", "speed_min", "drive_torque", "mean_speed", "period", "energy"):
+    for field in ("delta", "max_speed", "min_speed", "drive_torque", "mean_speed", "period", "energy"):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), rel=1e-9), field
     for field in ("angle_of_max", "angle_of_min"):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), abs=1e-6), field
@@ -98,11 +98,11 @@ def test_shooting_with_scipy(name):
     assert known.misfit < 1e-11
     if name == "hay-press-slider":
         assert known.delta == pytest.approx(TRUTH, rel=1e-10)
-    assert float(got.drive_torque) == pytest.approx(known.drive, rel=1e-11)
+    assert float(got.mean_drive_torque) == pytest.approx(known.drive, rel=1e-11)
     assert float(got.delta) == pytest.approx(known.delta, rel=1e-9)
     for speed, angle, (top, where) in (
-        (got.speed_max, got.angle_of_max, known.fastest),
-        (got.speed_min, got.angle_of_min, known.slowest),
+        (got.max_speed, got.angle_of_max, known.fastest),
+        (got.min_speed, got.angle_of_min, known.slowest),
     ):
         assert float(speed) == pytest.approx(top, rel=1e-10)
         assert float(angle) == pytest.approx(where % (2 * math.pi), abs=1e-6)
@@ -139,7 +139,7 @@ def test_evaluations_are_counted_honestly(name, mean, monkeypatch):
     links = {n: dataclasses.replace(m.links[n], centre_name=renamed[m.links[n].centre_name]) for n in m.link_names}
     loads = tuple(dataclasses.replace(load, point=renamed.get(load.point, load.point)) for load in scene.loads)
     twin = dataclasses.replace(scene, mechanism=Mechanism(m.fixed, links, m.groups, m.flywheel), loads=loads, mean=mean)
-    got = jax.block_until_ready(jax.jit(steady, static_argnames="nodes")(twin, nodes=48))
+    got = jax.block_until_ready(jax.jit(steady_motion, static_argnames="nodes")(twin, nodes=48))
     jax.effects_barrier()
     assert len(seen) > got.grid.nodes.size
     assert len(seen) == got.evaluations
@@ -189,7 +189,7 @@ def test_energy_closes(name):
     parts = panels(name)
     ends = np.asarray([a for a, _ in parts] + [parts[-1][1] - 1e-12])
     energy = 0.5 * oracle.reduction(scene, ends).inertia * at(name, ends)[0] ** 2
-    gained = [shooting.work(scene, a, b) + float(got.drive_torque) * (b - a) for a, b in parts]
+    gained = [shooting.work(scene, a, b) + float(got.mean_drive_torque) * (b - a) for a, b in parts]
     assert abs(sum(gained)) <= 1e-10 * np.max(energy)
     np.testing.assert_allclose(np.diff(energy), gained, rtol=0, atol=1e-10 * np.max(energy))
 
@@ -200,7 +200,7 @@ def test_the_equation_of_motion_holds(name):
     scene, got = machine(name), regime(name)
     phi = np.concatenate([np.linspace(a, b, 7)[1:-1] for a, b in panels(name)])
     reduced, (speed, acceleration) = oracle.reduction(scene, phi), at(name, phi)
-    right = reduced.torque + float(got.drive_torque)
+    right = reduced.torque + float(got.mean_drive_torque)
     left = reduced.inertia * acceleration + 0.5 * reduced.slope * speed**2
     np.testing.assert_allclose(left, right, rtol=0, atol=1e-11 * np.max(np.abs(reduced.inertia * acceleration)))
     h = 1e-3
@@ -217,22 +217,24 @@ def test_no_periodic_regime(name):
     slow = dataclasses.replace(scene, speed=0.05 * scene.speed)
     margin_and_slope = compiled_soon(
         lambda scene: (
-            steady(scene),
-            jax.grad(lambda m: steady(scene.with_mechanism(m)).regime_margin)(scene.mechanism),
+            steady_motion(scene),
+            jax.grad(lambda m: steady_motion(scene.with_mechanism(m)).steady_state_margin)(scene.mechanism),
         )
     )
     got, gradient = margin_and_slope(slow)
-    assert float(got.regime_margin) < 0
+    assert float(got.steady_state_margin) < 0
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves((got, gradient)))
-    lowest = got.lowest_mean_speed
+    lowest = got.min_mean_speed
     assert float(lowest) > float(slow.speed)
     for _ in range(3):  # what counts as running is in proportion to the speed asked for
-        lowest = margin_and_slope(dataclasses.replace(scene, speed=lowest))[0].lowest_mean_speed
-    margins = [margin_and_slope(dataclasses.replace(scene, speed=lowest * k))[0].regime_margin for k in (0.98, 1.02)]
+        lowest = margin_and_slope(dataclasses.replace(scene, speed=lowest))[0].min_mean_speed
+    margins = [
+        margin_and_slope(dataclasses.replace(scene, speed=lowest * k))[0].steady_state_margin for k in (0.98, 1.02)
+    ]
     assert margins[0] < 0 < margins[1]
     phi, weights = along(name, 200)
-    excess = np.cumsum(weights * (oracle.reduction(scene, phi).torque + float(got.drive_torque)))
-    where = np.mod(phi[np.argmin(excess)] - float(got.angle_of_least_work) + 0.5, 2 * math.pi) - 0.5
+    excess = np.cumsum(weights * (oracle.reduction(scene, phi).torque + float(got.mean_drive_torque)))
+    where = np.mod(phi[np.argmin(excess)] - float(got.angle_of_min_work) + 0.5, 2 * math.pi) - 0.5
     assert abs(where) < 0.1
 
 

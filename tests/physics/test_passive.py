@@ -8,7 +8,21 @@ import numpy as np
 import pytest
 
 import linkjax as lj
-from linkjax import RP, RR, RRR, Crank, Drive, Flywheel, Guide, Link, Mechanism, Slot, StructureError, Vec, linkage
+from linkjax import (
+    RRR,
+    Crank,
+    Drive,
+    Flywheel,
+    Guide,
+    Link,
+    Mechanism,
+    RedundantLink,
+    RedundantSlider,
+    Slot,
+    StructureError,
+    Vec,
+    linkage,
+)
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document
 from linkjax.forces import indeterminate, kinetostatics
@@ -184,7 +198,7 @@ def test_a_misfit_is_told():
 
     def scene(length: float) -> lj.Scene:
         own = {**links, "tie": Link(length=length, mass=0.5)}
-        groups = [Crank("crank", "A", "B"), RRR(("rod", "arm"), "B", "D", "C"), RR("tie", "D", "F")]
+        groups = [Crank("crank", "A", "B"), RRR(("rod", "arm"), "B", "D", "C"), RedundantLink("tie", "D", "F")]
         return lj.Scene(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.35, 0.0)}, own, groups, Flywheel(1.0)), (), speed=5.0)
 
     for off, value in ((0.0, 1.0), (1e-7, 1 - 1e-7 / (0.25 + 1e-7) / 1e-6)):
@@ -194,8 +208,8 @@ def test_a_misfit_is_told():
         lj.MachineError, match=r"group 'tie' does not fit: at .* degrees it is off by 0.00398 of its length"
     ):
         lj.analyse(scene(0.251), angles=12)
-    with pytest.raises(ValueError, match="both ends of an RR hang on the point 'D'"):
-        RR("tie", "D", "D")
+    with pytest.raises(ValueError, match="both ends of an RedundantLink hang on the point 'D'"):
+        RedundantLink("tie", "D", "D")
 
 
 def test_written_and_read_back():
@@ -204,7 +218,8 @@ def test_written_and_read_back():
         {"A": Vec(0.0, 0.0), "H": Vec(0.0, 0.05)},
         {"crank": Link(length=0.1, mass=1.0), "rod": Link(length=0.4, mass=2.0),
          "ram": Link(mass=3.0, points={"K": Vec(0.1, 0.05)}), "shoe": Link(mass=0.2)},
-        [Crank("crank", "A", "B"), lj.RRP("rod", "ram", "B", "U", Guide("A")), RP("shoe", "K", Guide("H"))],
+        [Crank("crank", "A", "B"), lj.RRP("rod", "ram", "B", "U", Guide("A")), 
+         RedundantSlider("shoe", "K", Guide("H"))],
     )  # fmt: skip
     for mechanism in (parallel({"F": 0.2}), press(), plain):
         scene = lj.Scene(mechanism, (), speed=5.0)

@@ -17,7 +17,7 @@ from linkjax._compile import compiled_soon
 from linkjax.analysis import document
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import assembly_margins, pose, transmission_angles
-from linkjax.measures import smallest_margin
+from linkjax.measures import min_margin
 from linkjax.viz import machine_view
 from linkjax.viz._skeleton import places, skeleton
 
@@ -84,7 +84,7 @@ def test_where_it_cannot_be(crank, apart, offset):
     assert float(least.value) == pytest.approx((abs(crank - apart) - offset) / 0.5, abs=1e-9)
     assert float(least.value) <= 0 or (offset == 0 and float(least.value) < 1e-9)
     scene = lj.Scene(mechanism, speed=10.0)
-    slope = compiled_soon(jax.grad(lambda s: smallest_margin(s)))(scene).mechanism
+    slope = compiled_soon(jax.grad(lambda s: min_margin(s)))(scene).mechanism
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
     if offset:
         assert float(slope.groups[1].offset) == pytest.approx(-1 / 0.5, rel=1e-9)
@@ -117,7 +117,7 @@ def test_the_pin_right_on_the_pivot(offset):
 def test_the_offset_that_transmits_best():
     """None at all: the transmission angle is acute on one side and obtuse on the other, and its rows know both."""
     scene = lj.Scene(geneva(0.1, 0.3), speed=10.0)
-    found = lj.optimise(scene, {"groups.lever-die.offset": "-20 to 50 mm"}, maximise="smallest_transmission_angle",
+    found = lj.optimise(scene, {"groups.lever-die.offset": "-20 to 50 mm"}, maximise="min_transmission_angle",
                         starts=2)  # fmt: skip
     assert found.objective == pytest.approx(math.pi / 2, abs=1e-8)
     assert float(found.x[0]) == pytest.approx(0.0, abs=1e-9)

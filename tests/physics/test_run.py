@@ -16,7 +16,7 @@ from scipy.optimize import root_scalar
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
-from linkjax.motion import run_in_angle, run_in_time, steady, steady_by_diffrax
+from linkjax.motion import run_in_angle, run_in_time, steady_by_diffrax, steady_motion
 from tests.physics import oracle, shooting
 from tests.physics.machines import machine
 
@@ -65,10 +65,10 @@ def test_both_roads_from_any_state(name, angle, speed, drive):
 def test_the_steady_regime_repeats_itself():
     """Started in the steady regime, the general road stays there: three cycles on, the same speed and three periods."""
     scene = machine("hay-press-slider")
-    motion = compiled_soon(steady)(scene)
+    motion = compiled_soon(steady_motion)(scene)
     start = jnp.asarray(1.0)
     speed, _ = compiled_soon(lambda motion, scene, phi: motion.at(scene, motion.grid.place(phi)))(motion, scene, start)
-    got = in_angle(scene, start + scene.cycle * jnp.arange(4.0), speed, motion.drive_torque)
+    got = in_angle(scene, start + scene.cycle * jnp.arange(4.0), speed, motion.mean_drive_torque)
     np.testing.assert_allclose(got.speed, float(speed), rtol=1e-8)
     np.testing.assert_allclose(got.time, float(motion.period) * np.arange(4.0), rtol=1e-8)
 
@@ -192,6 +192,6 @@ def test_derivatives_of_the_steady_regime_by_diffrax(adjoint):
         return road(changed, **options).delta
 
     origin = jnp.ones(2)
-    known = jax.jit(jax.grad(lambda x: delta(x, steady, nodes=160)))(origin)
+    known = jax.jit(jax.grad(lambda x: delta(x, steady_motion, nodes=160)))(origin)
     got = jax.jit(lambda x: _sensitivity(lambda x, adjoint: delta(x, steady_by_diffrax, adjoint=adjoint), adjoint, x))
     np.testing.assert_allclose(got(origin), known, rtol=1e-6)

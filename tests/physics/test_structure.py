@@ -16,7 +16,7 @@ import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.analysis import analyse
 from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Crank, Drive, General, Guide, Pair, Slot, classified
-from linkjax.kinematics import assemblies, pose, prepared
+from linkjax.kinematics import assembly_modes, pose, prepared
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage, structure
 from linkjax.mechanism._freedom import blocks, freedom
 from linkjax.scenes import load, loads_text, text_of
@@ -157,7 +157,7 @@ def drawn(mechanism: Mechanism, **changes) -> Mechanism:
     links = {n: dataclasses.replace(mechanism.links[n], pins=pins[n], centre_name="") for n in mechanism.link_names}
     sketch = {p: here[p].r for names in pins.values() for p in names if p not in mechanism.fixed}
     given = {
-        "drive": Drive(crank.link, turns=crank.turns, phase=crank.phase, law=crank.law),
+        "drive": Drive(crank.link, rotation=crank.rotation, phase=crank.phase, law=crank.law),
         "slots": slots,
         "sketch": sketch,
     }
@@ -360,7 +360,7 @@ def test_links_that_hold_each_other_fast_count_as_one():
 
 @pytest.mark.slow
 def test_a_drawn_machine_is_written_and_read_back():
-    for drive in (Drive("crank", turns=-1, phase=0.3), Drive("coupler", "crank", phase=0.8)):
+    for drive in (Drive("crank", rotation="cw", phase=0.3), Drive("coupler", "crank", phase=0.8)):
         scene = lj.Scene(six_bar(drive), speed=3.0)
         again = loads_text(text_of(scene))
         assert again.mechanism.formula() == scene.mechanism.formula()
@@ -400,7 +400,7 @@ def test_a_drive_between_two_links_in_true_motion():
     done = analyse(scene)
     checks = done.checks
     assert max(float(checks.virtual_power), float(checks.energy_closure), float(checks.force_balance)) < 1e-12
-    assert found.crank == "disc" and structure(found).formula(numbers=True) == "I1+II1(0,1,2,3)"
+    assert found.driving_link == "disc" and structure(found).formula(numbers=True) == "I1+II1(0,1,2,3)"
 
 
 def test_formulas():
@@ -440,7 +440,7 @@ def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:
 def test_all_assemblies_of_a_triad(phi):
     """All roots of its sextic: as many as a search over the angle of the plate finds, at the same places."""
     mechanism = machine("triad").mechanism
-    (found,) = assemblies(mechanism, phi).values()
+    (found,) = assembly_modes(mechanism, phi).values()
     turns = [math.atan2(*(float(v) for v in ((s["F"] - s["E"]).y, (s["F"] - s["E"]).x))) for s in found.sketches]
     np.testing.assert_allclose(sorted(turns), plate_angles(prepared(mechanism), phi), atol=1e-9)
     assert found.all_found and found.at_most == 6 and len(turns) >= 2
@@ -472,7 +472,7 @@ def test_a_triad_in_six_ways(rng):
     fixed = {"A": (-1.0, 0.0), "C": (15.91, 0.0), "D": (0.0, 10.0)}
     sketch = {"E": (14.9, -1.3), "F": (24.0, 13.0), "G": (8.5, 18.5)}
     made = linkage(fixed, links, Drive("crank"), sketch=sketch)
-    (found,) = assemblies(made).values()
+    (found,) = assembly_modes(made).values()
     assert found.all_found and str(found) == "all 6"
     ours = [np.array([float(s[p].x) + 1j * float(s[p].y) for p in "EFG"]) for s in found.sketches]
     for spots in known:
@@ -484,7 +484,7 @@ def test_a_triad_in_six_ways(rng):
 
 @pytest.mark.slow
 def test_ways_to_assemble_a_scissor_lift():
-    (found,) = assemblies(load("scissor-lift").mechanism).values()
+    (found,) = assembly_modes(load("scissor-lift").mechanism).values()
     assert 2 <= len(found.sketches) <= found.at_most and "of at most" in str(found)
 
 

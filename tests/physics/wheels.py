@@ -20,7 +20,7 @@ WHEELS = (Gear, Rack, Pinion)
 def mesh_angle(g: Gear, angle, n) -> Any:
     """Angle of a wheel from those of the others; `n` reads a number."""
     if isinstance(g.mesh, Teeth):
-        ratio = n(g.mesh.teeth[1]) / n(g.mesh.teeth[0]) * (1 if g.mesh.inside else -1)
+        ratio = n(g.mesh.teeth[1]) / n(g.mesh.teeth[0]) * (1 if g.mesh.internal else -1)
     else:
         ratio = n(g.mesh.other) / n(g.mesh.radius) * (-1 if g.mesh.crossed else 1)
     seen = angle(g.to) - angle(g.carrier)
@@ -47,7 +47,7 @@ def mesh_rates(g, rate) -> Any:
     """The same relation between rates of any order, without the phase."""
     if isinstance(g.mesh, Teeth):
         first, second = g.mesh.teeth
-        return rate(g.carrier) + (1 if g.mesh.inside else -1) * second / first * (rate(g.to) - rate(g.carrier))
+        return rate(g.carrier) + (1 if g.mesh.internal else -1) * second / first * (rate(g.to) - rate(g.carrier))
     arc = np.asarray(g.mesh.other) * (rate(g.to) - rate(g.carrier))  # of the belt
     return rate(g.carrier) + (-1 if g.mesh.crossed else 1) * arc / np.asarray(g.mesh.radius)
 
@@ -81,7 +81,7 @@ def contact(g, points, directions, m, n) -> Contact:
         mine, other = g.mesh.teeth
         span = points[g.centre] - points[g.pivot]
         towards = span / abs(span)
-        if not g.mesh.inside:
+        if not g.mesh.internal:
             place = points[g.pivot] + span * mine / (mine + other)
             normal = -towards  # the other wheel is on that side
         elif mine < other:

@@ -64,12 +64,12 @@ def test_results(report):
     motion, rpm = data["motion"], 30 / math.pi
     assert_printed(page.row("coefficient of speed fluctuation δ")[0], motion["delta"], "")
     assert PLAIN.quantity(motion["delta_error"], "", 2) in page.row("coefficient of speed fluctuation δ")[1]
-    for name, key in (("mean", "mean_speed"), ("largest", "speed_max"), ("smallest", "speed_min")):
+    for name, key in (("mean", "mean_speed"), ("largest", "max_speed"), ("smallest", "min_speed")):
         assert_printed(page.row(f"{name} speed")[0], motion[key], "rpm", rpm)
     for name, key in (("largest", "angle_of_max"), ("smallest", "angle_of_min")):
         assert_printed(page.row(f"{name} speed")[1].removeprefix("at "), motion[key], "°", 180 / math.pi)
-    assert_printed(page.row("drive torque, constant")[0], motion["drive_torque_mean"], "N·m")
-    power = motion["drive_torque_mean"] * scene.cycle / motion["period"]
+    assert_printed(page.row("drive torque, constant")[0], motion["mean_drive_torque"], "N·m")
+    power = motion["mean_drive_torque"] * scene.cycle / motion["period"]
     assert_printed(page.row("drive power, mean")[0], power, "W")
     wheel = data["flywheel"]
     assert_printed(page.row("flywheel, given")[0], wheel["given"], "kg·m²")
@@ -177,7 +177,7 @@ def test_what_was_put_in_stays_short():
 def compared(tmp_path_factory):
     """The press with a shorter rocker's neighbour before: everything in it, in units that were chosen."""
     scene, data = analysed("hay-press")
-    before = {**data, "motion": {**data["motion"], "delta": 0.5, "speed_max": 100.0}}
+    before = {**data, "motion": {**data["motion"], "delta": 0.5, "max_speed": 100.0}}
     path = tmp_path_factory.mktemp("compared") / "report.html"
     write_report(data, scene, path, figures=[], before=(before, scene), optimum=OPTIMUM, units="m, rad/s, kN, kN m")
     return data, read(path)
@@ -190,7 +190,7 @@ def test_before_and_after(compared):
     assert_printed(after, data["motion"]["delta"], "")
     before, after, remark = page.row("largest speed")
     assert before == "100.000 rad/s"
-    assert_printed(after, data["motion"]["speed_max"], "rad/s")
+    assert_printed(after, data["motion"]["max_speed"], "rad/s")
     assert remark.endswith("°")
     peak = data["peaks"]["drive_torque"]["value"]
     true, constant = [row for row in page.rows if row[0] == "drive torque"]

@@ -45,7 +45,7 @@ def test_the_document(data):
     np.testing.assert_allclose(data["bodies"]["radius"], np.array(GOLDEN["ball_r"]) / 1e3, rtol=0, atol=1e-12)
     assert data["rings"]["outer_radius"] == pytest.approx(GOLDEN["Rn"] / 1e3, abs=1e-12)
     assert data["limits"]["closing_eccentricity"] == pytest.approx(5e-3, rel=1e-9)
-    assert data["limits"]["largest_radius"] == pytest.approx(GOLDEN["ball_r"][0] / 1e3, rel=1e-12)
+    assert data["limits"]["max_radius"] == pytest.approx(GOLDEN["ball_r"][0] / 1e3, rel=1e-12)
     assert data["checks"]["contacts"] < 1e-14
     assert json.loads(json.dumps(plain(data), allow_nan=False))["bodies"]["x"] == data["bodies"]["x"].tolist()
 
@@ -68,7 +68,7 @@ def test_a_chain_that_does_not_close_says_so_in_its_document():
     design = lj.Rolling(0.04, 0.08, 3)
     found = document(lj.RollingMachine(design), 4)
     assert found["result"]["name"] == "cannot_be_assembled" and "leaves a gap" in found["result"]["message"]
-    assert found["limits"]["least_clearance"] is None and found["limits"]["closing_eccentricity"] is None
+    assert found["limits"]["min_clearance"] is None and found["limits"]["closing_eccentricity"] is None
     assert found["limits"]["closing_outer_radius"] == float(closing_outer_radius(0.04, 3))
 
 
@@ -135,7 +135,7 @@ def test_chains_that_do_not_close_end_with_one(call, tmp_path):
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["result"]["code"] == 5
 
 
-@pytest.mark.parametrize("option", [("--at", "30"), ("--constant-speed",), ("--nodes", "48"), ("--motion", "diffrax")])
+@pytest.mark.parametrize("option", [("--at", "30"), ("--constant-speed",), ("--nodes", "48"), ("--method", "diffrax")])
 def test_options_without_a_meaning_are_refused(call, option):
     code, _, err = call("analyse", "rolling-eccentric", *option)
     assert code == 2 and f"{option[0]}: rolling bodies have no use for it; leave it out" in err

@@ -105,7 +105,7 @@ def test_messages(name):
 def test_a_linkage_is_not_taken_for_one_nor_the_other_way_round():
     for wrong in (
         lambda: lj.load("rolling-eccentric"),
-        lambda: lj.load_task("rolling-eccentric"),
+        lambda: lj.load_problem("rolling-eccentric"),
         lambda: loads_text(TEXT),
     ):
         with pytest.raises(SceneError, match="rolling bodies, where a linkage is needed; read it with load_rolling"):

@@ -185,7 +185,7 @@ def test_a_five_bar_with_two_motors():
         "couple 'left' and 'right' by gears ([[gears]]) or add a link; a link from pin to pin takes one away" in message
     )
     coupled = FIVE_BAR + '[[gears]]\nlink = "right"\nto = "left"\nteeth = [20, 20]\n'
-    assert loads_text(coupled).mechanism.crank == "left"
+    assert loads_text(coupled).mechanism.driving_link == "left"
 
 
 def test_the_same_by_set():

@@ -137,7 +137,7 @@ def test_toggle_press():
     load = lj.Force("held", "ram", "P", force=lj.Vec(0.0, -force))
     from_loads = lj.Scene(scene.mechanism, (load,), speed=scene.speed)
     here = poses(scene)
-    torque = -np.asarray(jax.vmap(lambda phi: lj.reduce(from_loads, phi).torque)(jnp.asarray(PHI)))
+    torque = -np.asarray(jax.vmap(lambda phi: lj.reduced_model(from_loads, phi).torque)(jnp.asarray(PHI)))
     b, k = (np.stack([here.points[p].r.x, here.points[p].r.y]) for p in ("B", "K"))
     theta = np.arctan2(k[0], -k[1])  # of the upper arm from the vertical
     # the ram pushes up through the lower arm; about D it is force 2 tan θ at the knee, sideways; the rod holds it there
@@ -199,7 +199,7 @@ def test_andrews_squeezer_at_the_published_start():
     mass[6, 6] = m6 * ((zf - fa) ** 2 - 2 * u * (zf - fa) * math.sin(omega) + u**2) + m7 * (ua**2 + ub**2) + i6 + i7
     slopes = np.asarray(jax.jacfwd(lambda q: joints(q)[0])(jnp.array(q)))
     rates = np.concatenate([[1.0], np.linalg.solve(slopes[:, 1:], -slopes[:, 0])])
-    assert float(lj.reduce(scene, jnp.asarray(0.0)).inertia) == pytest.approx(rates @ mass @ rates, rel=1e-11)
+    assert float(lj.reduced_model(scene, jnp.asarray(0.0)).inertia) == pytest.approx(rates @ mass @ rates, rel=1e-11)
 
 
 @pytest.mark.slow

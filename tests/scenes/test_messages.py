@@ -86,7 +86,7 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
     "no turns": ("cycle_turns = 0\n" + PRESS, "cycle_turns", "0", "not a whole number", "turns after which everything"),
     "wrong kind": (edit('"RRR"', '"rrr"'), "groups[2].kind", '"rrr"', "not a known kind", 'did you mean "RRR"?'),
     "unknown kind": (edit('"RRR"', '"RPRP"'), "groups[2].kind", '"RPRP"', "not a known kind",
-        'write "crank" or "slide" or "RRP"'),
+        'write "crank" or "linear_driver" or "RRP"'),
     "kind of a number": (edit('"RRR"', "3"), "groups[2].kind", "3", "where a text is needed", 'e.g. "crank"'),
     "wrong side": (edit('"left"', '"up"'), "groups[2].side", '"up"', "not one of the choices", '"left" or "right"'),
     "wrong case": ('mean = "Time"\n' + PRESS, "mean", '"Time"', "not one of the choices", 'did you mean "time"?'),

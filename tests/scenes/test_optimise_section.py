@@ -29,7 +29,7 @@ solver = "slsqp"
 trade_off = { limit = "delta", bounds = [0.1, "0.05"] }
 [optimise.free]
 "links.crank.counterweights.W.at.along" = "-100 to 0 mm"
-"links.crank.length" = { range = "± 8 %", tied = ["links.crank.mass"] }
+"links.crank.length" = { range = "± 8 %", linked = ["links.crank.mass"] }
 [[optimise.cases]]
 name = "slow"
 changes = { speed = "50 rpm" }
@@ -45,7 +45,7 @@ def test_everything_is_read():
     assert not build(document).mechanism.links["crank"].counterweights  # an analysis takes no notice
     assert asked["minimise"] == "peak_shaking_force_constant_speed"
     assert asked["maximise"] is None
-    assert asked["free"]["links.crank.length"] == {"range": "± 8 %", "tied": ["links.crank.mass"]}
+    assert asked["free"]["links.crank.length"] == {"range": "± 8 %", "linked": ["links.crank.mass"]}
     assert (asked["limits"], asked["starts"], asked["seed"], asked["solver"]) == (["delta <= 0.15"], 3, 7, "slsqp")
     assert asked["cases"] == [lj.Case("slow", {"speed": "50 rpm"})]
     assert asked["trade_off"] == ("delta", [0.1, "0.05"])
@@ -58,7 +58,7 @@ def test_without_the_section_nothing_is_asked():
 
 
 def test_the_hay_press_asks_for_what_the_readme_says():
-    scene, asked = lj.load_task("hay-press")
+    scene, asked = lj.load_problem("hay-press")
     assert {name for name, link in scene.mechanism.links.items() if link.counterweights} == {"crank", "rocker"}
     scaled = {name for name, link in scene.mechanism.links.items() if link.mass_properties == "scaled"}
     assert scaled == {"rod", "link4", "rocker"}
@@ -74,7 +74,7 @@ def test_the_hay_press_asks_for_what_the_readme_says():
         ("free = { speed = 3 }", "optimise.free.speed = 3: a whole number where a range is needed"),
         ("free = { speed = [1, 2, 3] }", "a list where a range is needed"),
         ("free = { speed = { rage = '± 8 %' } }", "unknown key 'rage'"),
-        ("free = { speed = { range = '± 8 %', tied = 'x' } }", "`tied` is no list of names"),
+        ("free = { speed = { range = '± 8 %', linked = 'x' } }", "`linked` is no list of names"),
         ("limits = 'delta <= 0.15'", "optimise.limits"),
         ("starts = 0", "optimise.starts = 0: not a whole number from 1 to 10000"),
         ("starts = 1.5", "not a whole number"),

@@ -20,6 +20,6 @@ def test_every_printed_number_is_compared():
 
 
 def test_what_is_asked():
-    scene, asked = lj.load_task("hay-press")
+    scene, asked = lj.load_problem("hay-press")
     assert asked["minimise"] == "peak_shaking_force_constant_speed" and len(asked["free"]) == 10
     assert set(scene.mechanism.links["crank"].counterweights) == {"W1"}

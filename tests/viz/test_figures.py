@@ -220,7 +220,7 @@ def test_units_that_were_chosen():
     assert all(title.endswith("(MN)") for title in titles["reactions"])
     assert titles["torque"][1].endswith("(kJ)")
     top = PICTURE["speed"].draw(data, scene, units=units).axes[0]
-    assert f"ω max {number(data['motion']['speed_max'])} rad/s" in " ".join(text.get_text() for text in top.texts)
+    assert f"ω max {number(data['motion']['max_speed'])} rad/s" in " ".join(text.get_text() for text in top.texts)
 
 
 def test_course_of_an_optimisation():

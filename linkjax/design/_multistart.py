@@ -16,7 +16,7 @@ import numpy as np
 
 from linkjax._compile import compiled_sooner
 from linkjax._numerics import largest
-from linkjax._population import over_designs
+from linkjax._population import map_designs
 from linkjax.design._cone import PENALTY, Path, descend
 from linkjax.design._point import rank
 from linkjax.design._problem import Problem
@@ -28,11 +28,11 @@ FINISHED = 3  # designs handed to the cone solver
 APART = 0.05  # of the ranges: designs nearer than that, in every variable, are one
 
 
-def many(
-    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, told: Callable | None = None
+def multistart(
+    problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, callback: Callable | None = None
 ) -> Path:
     """The best local optimum found from a crowd: the design given, in units of the variables' ranges, and others drawn
-    at random about the whole ranges. The distinct best are finished by `descend`, which `told`, `tolerance` and `steps`
+    at random about the whole ranges. The distinct best are finished by `descend`, which `callback`, `tolerance` and `steps`
     are for. Every design evaluated counts as an evaluation."""
     drawn = np.random.default_rng(np.abs(z).view(np.uint64)).random((CROWD - 1, z.size))
     crowd = np.concatenate([z[None], drawn])
@@ -42,7 +42,7 @@ def many(
     for one in ended[np.argsort(merits)]:
         if len(chosen) < FINISHED and all(np.max(np.abs(one - other)) > APART for other in chosen):
             chosen.append(one)
-    paths = [descend(problem, one, tolerance=tolerance, steps=steps, told=told) for one in chosen]
+    paths = [descend(problem, one, tolerance=tolerance, steps=steps, callback=callback) for one in chosen]
     return min(paths, key=lambda path: rank(path.point))
 
 
@@ -78,4 +78,4 @@ def _descent(problem: Problem) -> Callable:
 
     begin = jnp.zeros((CROWD, lower.size))
     with jax.numpy_dtype_promotion("standard"):  # optax relies on it
-        return compiled_sooner(jax.jit(over_designs(one, block=BLOCK)).lower(begin))
+        return compiled_sooner(jax.jit(map_designs(one, block=BLOCK)).lower(begin))

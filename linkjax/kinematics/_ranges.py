@@ -38,10 +38,10 @@ class CrankRange(NamedTuple):
     at_stop: str
 
 
-def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]:
+def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange, ...]:
     """The ranges of crank angle in which a mechanism can be assembled, from the one that holds crank angle zero, or
-    where a law begins, or comes next, on; one from 0 to 2π `turns` for a crank that comes round, none for a linkage
-    that closes nowhere. `turns` of the crank are looked at: as many as the machine's cycle has (more than one where
+    where a law begins, or comes next, on; one from 0 to 2π `cycle_turns` for a crank that comes round, none for a linkage
+    that closes nowhere. `cycle_turns` of the crank are looked at: as many as the machine's cycle has (more than one where
     gears turn other links less often), for what lies beyond is taken to repeat them where it can.
 
     Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
@@ -49,8 +49,8 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
     for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
     points. Of a general group there is one range, in which it can be followed up and down from there, through up to
     eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else up to 1e-5 rad
-    off). Where wheels turn so that nothing repeats after `turns`, as they may on a crank with a law, it is looked at
-    for as many turns either way as its range takes, up to 32 (eight with general groups), and ranges within `turns`
+    off). Where wheels turn so that nothing repeats after `cycle_turns`, as they may on a crank with a law, it is looked at
+    for as many turns either way as its range takes, up to 32 (eight with general groups), and ranges within `cycle_turns`
     either way are told where they are. A gap narrower than 1e-6 rad is none, nor is one of a general group in which
     less than 4e-10 of its size stays open, some 1e-4 rad wide. Ranges of other groups narrower than a thousandth of a
     turn may be overlooked. Whether all is after a turn where it began is another question. Not for use under jax
@@ -62,43 +62,47 @@ def crank_limits(mechanism: Mechanism, turns: int = 1) -> tuple[CrankRange, ...]
         begin = law.begins()  # sketches are drawn there
         crank = dataclasses.replace(crank, law=None, phase=crank.phase + begin)
     elif law is not None:
-        turns = max(turns, round(law.period() / (2 * math.pi)))
-    mechanism, whole = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:])), 2 * math.pi * turns
+        cycle_turns = max(cycle_turns, round(law.period() / (2 * math.pi)))
+    mechanism, whole = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:])), 2 * math.pi * cycle_turns
     if not any(group.dead_positions() for group in mechanism.groups):
         return (CrankRange(0.0, whole, "", ""),)
-    ready = prepared(mechanism, turns)  # anew: a mechanism that is made has no paths
-    if isinstance(crank, Crank) and any(group.wheels() for group in mechanism.groups) and not _repeats(ready, turns):
-        found = _on_a_line(mechanism, crank, turns)
+    ready = prepared(mechanism, cycle_turns)  # anew: a mechanism that is made has no paths
+    if (
+        isinstance(crank, Crank)
+        and any(group.wheels() for group in mechanism.groups)
+        and not _repeats(ready, cycle_turns)
+    ):
+        found = _on_a_line(mechanism, crank, cycle_turns)
     else:
-        found = _turn_by_turn(mechanism, ready, turns)
+        found = _turn_by_turn(mechanism, ready, cycle_turns)
     if found and not (found[0].at_start or found[0].at_stop) and found[0].start == 0.0:
         return (CrankRange(0.0, whole, "", ""),)
     near = [each for each in found if each.start < whole and each.stop > -whole]
     return tuple(each._replace(start=each.start + begin, stop=each.stop + begin) for each in near or found[:1])
 
 
-def _repeats(mechanism: Mechanism, turns: int) -> bool:
+def _repeats(mechanism: Mechanism, cycle_turns: int) -> bool:
     """Whether margins are after so many turns what they were, at most of some angles of a turn: at one of them a dead
     position may leave no digits. Where a general group is not assembled its margin says nothing."""
     at = np.arange(SEEN) * (2 * math.pi / SEEN)
-    first, after = np.split(margins_at(mechanism, np.append(at, at + 2 * math.pi * turns))[0], 2)
+    first, after = np.split(margins_at(mechanism, np.append(at, at + 2 * math.pi * cycle_turns))[0], 2)
     general = [isinstance(group, General) for group in mechanism.groups for _ in group.dead_positions()]
     seen = np.all(first[:, general] > 0, axis=1) | np.all(after[:, general] > 0, axis=1)
     same = np.all(abs(after - first) < closed_to(first.dtype), axis=1)
     return bool(np.sum(seen & same) >= np.sum(seen & ~same))
 
 
-def _turn_by_turn(mechanism: Mechanism, ready: Mechanism, turns: int) -> tuple[CrankRange, ...]:
+def _turn_by_turn(mechanism: Mechanism, ready: Mechanism, cycle_turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a mechanism that repeats after these turns, or whose general groups go on for more of them."""
-    found = first = _on_a_circle(ready, turns)
-    while found and 2 * turns <= LONGEST and _goes_on(ready, turns, found[0]):
-        turns *= 2
-        ready = prepared(mechanism, turns)
-        found = _on_a_circle(ready, turns)
+    found = first = _on_a_circle(ready, cycle_turns)
+    while found and 2 * cycle_turns <= LONGEST and _goes_on(ready, cycle_turns, found[0]):
+        cycle_turns *= 2
+        ready = prepared(mechanism, cycle_turns)
+        found = _on_a_circle(ready, cycle_turns)
     return found or first
 
 
-def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
+def _goes_on(mechanism: Mechanism, cycle_turns: int, found: CrankRange) -> bool:
     """Whether a range may be longer than these turns, or that of one of its groups, which then is elsewhere in it."""
     groups = [group for group in mechanism.groups if isinstance(group, General)]
     ends = [end for end, why in ((found.start, found.at_start), (found.stop, found.at_stop)) if why]
@@ -108,15 +112,15 @@ def _goes_on(mechanism: Mechanism, turns: int, found: CrankRange) -> bool:
             return True
         if bool(path.ends()):  # what is left out of a longer one is narrow
             seam = float(path.middle())
-            if any(abs(math.remainder(end - seam, 2 * math.pi * turns)) < LEFT_OUT for end in ends):
+            if any(abs(math.remainder(end - seam, 2 * math.pi * cycle_turns)) < LEFT_OUT for end in ends):
                 return True
     return False
 
 
-def _on_a_circle(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
+def _on_a_circle(mechanism: Mechanism, cycle_turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a prepared mechanism that repeats after these turns."""
-    half, whole = math.pi * turns, 2 * math.pi * turns
-    scan = np.append(_scan(mechanism, turns, half) - half, half)
+    half, whole = math.pi * cycle_turns, 2 * math.pi * cycle_turns
+    scan = np.append(_scan(mechanism, cycle_turns, half) - half, half)
     found, none = sorted(crossings(mechanism, scan, True)), (CrankRange(0.0, whole, "", ""),)
     if not found:
         return none if bool(np.all(sound(mechanism, np.zeros(1)))) else ()
@@ -133,29 +137,29 @@ def _on_a_circle(mechanism: Mechanism, turns: int) -> tuple[CrankRange, ...]:
     return _in_order(ranges)
 
 
-def _on_a_line(mechanism: Mechanism, crank: Crank, turns: int) -> tuple[CrankRange, ...]:
+def _on_a_line(mechanism: Mechanism, crank: Crank, cycle_turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a mechanism that repeats nothing, where they are, up and down from zero: down it is what another is
     whose crank turns the other way, for paths are followed upwards."""
     longest = LONGEST if any(isinstance(group, General) for group in mechanism.groups) else SLOW
-    ways = [dataclasses.replace(crank, turns=sense * crank.turns) for sense in (-1, 1)]
+    ways = [dataclasses.replace(crank, rotation="cw" if crank.rotation == "ccw" else "ccw"), crank]
     both = [dataclasses.replace(mechanism, groups=(way, *mechanism.groups[1:])) for way in ways]
-    at_zero = _margin_names(mechanism)[int(np.argmin(margins_at(prepared(mechanism, turns), np.zeros(1))[0]))]
+    at_zero = _margin_names(mechanism)[int(np.argmin(margins_at(prepared(mechanism, cycle_turns), np.zeros(1))[0]))]
     nothing = CrankRange(0.0, 0.0, "", at_zero)
     while True:
-        sides = [prepared(each, turns) for each in both]
-        parts = [_one_way(side, turns) for side in sides]
+        sides = [prepared(each, cycle_turns) for each in both]
+        parts = [_one_way(side, cycle_turns) for side in sides]
         ranges = [_back(each) for each in parts[0] if each.start > 0.0] + [
             each for each in parts[1] if each.start > 0.0
         ]
         down, up = (next((each for each in part if each.start == 0.0), nothing) for part in parts)
         if down.stop + up.stop > 0.0:
             ranges.append(CrankRange(-down.stop, up.stop, down.at_stop, up.at_stop))
-            if not (down.at_stop or up.at_stop) and all(_repeats(side, turns) for side in sides):
-                return (CrankRange(0.0, 2 * math.pi * turns, "", ""),)
+            if not (down.at_stop or up.at_stop) and all(_repeats(side, cycle_turns) for side in sides):
+                return (CrankRange(0.0, 2 * math.pi * cycle_turns, "", ""),)
         found = _in_order(ranges)
-        if (found and found[0].at_start and found[0].at_stop) or 2 * turns > longest:
+        if (found and found[0].at_start and found[0].at_stop) or 2 * cycle_turns > longest:
             return found
-        turns *= 2
+        cycle_turns *= 2
 
 
 def _back(found: CrankRange) -> CrankRange:
@@ -163,10 +167,10 @@ def _back(found: CrankRange) -> CrankRange:
     return CrankRange(-found.stop, -found.start, found.at_stop, found.at_start)
 
 
-def _one_way(mechanism: Mechanism, turns: int) -> list[CrankRange]:
+def _one_way(mechanism: Mechanism, cycle_turns: int) -> list[CrankRange]:
     """Ranges of a prepared mechanism from zero up, as far as these turns; what is cut off there has no reason."""
-    whole = 2 * math.pi * turns
-    found = crossings(mechanism, np.append(_scan(mechanism, turns), whole), False)
+    whole = 2 * math.pi * cycle_turns
+    found = crossings(mechanism, np.append(_scan(mechanism, cycle_turns), whole), False)
     ends = [(0.0, None), *sorted(found), (whole, None)]
     angles = np.asarray([angle for angle, _ in ends])
     closes = _between(mechanism, angles)
@@ -176,11 +180,13 @@ def _one_way(mechanism: Mechanism, turns: int) -> list[CrankRange]:
     return _runs(mechanism, ends, closes)
 
 
-def _scan(mechanism: Mechanism, turns: int, ahead: float = 0.0) -> np.ndarray:
+def _scan(mechanism: Mechanism, cycle_turns: int, ahead: float = 0.0) -> np.ndarray:
     """Angles from zero up at which the margins are looked at, so much `ahead` of the crank: equal steps, and between
     where general groups end."""
     gaps = np.asarray([float(path.middle()) for path in _paths(mechanism) if bool(path.ends())])
-    return np.unique(np.concatenate([np.asarray(scan_angles(turns, SCAN)), np.mod(gaps + ahead, 2 * math.pi * turns)]))
+    return np.unique(
+        np.concatenate([np.asarray(scan_angles(cycle_turns, SCAN)), np.mod(gaps + ahead, 2 * math.pi * cycle_turns)])
+    )
 
 
 def _paths(mechanism: Mechanism) -> list[Track]:

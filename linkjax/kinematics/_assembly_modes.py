@@ -28,7 +28,7 @@ NEAR = 3e-3  # a multiple root of a polynomial may be off by so much
 MOVED = 1e-3  # of directions: two ways that differ by less and are not held are one
 
 
-class Assemblies(NamedTuple):
+class AssemblyModes(NamedTuple):
     """The ways found to assemble a group, each as places of its pins (m), which will do as a sketch; how many there can
     be at most, whether these are all, and whether there are places, not among them, from which the group can move on by
     itself while all else stands still."""
@@ -45,7 +45,7 @@ class Assemblies(NamedTuple):
         return f"{found}; besides, there are places in which it can move by itself" if self.moves else found
 
 
-def assemblies(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str, Assemblies]:
+def assembly_modes(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str, AssemblyModes]:
     """The ways to assemble every general group without wheels in gear at the crank angle `phi` (rad), by the name of
     the group; the groups before it stand as the mechanism's own.
 
@@ -63,7 +63,7 @@ def assemblies(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str, Ass
     return found
 
 
-def _assemblies(group: General, links, states, points, phi) -> Assemblies:
+def _assemblies(group: General, links, states, points, phi) -> AssemblyModes:
     places = {link: {p: complex(at.x, at.y) for p, at in spots.items()} for link, spots in group.places(links).items()}
     pairs = group.pairs()
     loops = len(pairs) - len(group.members)
@@ -98,7 +98,7 @@ def _assemblies(group: General, links, states, points, phi) -> Assemblies:
     moves = len(loose) > at_most
     kept = sorted(kept if moves else kept + loose, key=lambda each: [round(float(v), 9) for v in each[:, 2:].ravel()])
     sketches = [_spots(group, places, each) for each in kept]
-    return Assemblies(sketches, at_most, not moves and (exact or len(kept) == at_most), moves)
+    return AssemblyModes(sketches, at_most, not moves and (exact or len(kept) == at_most), moves)
 
 
 def _rows(at: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import linkjax as lj
 from linkjax import RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import Drive, General, Slot
-from linkjax.kinematics import crank_limits, dead_centres, pose, prepared
+from linkjax.kinematics import crank_ranges, dead_centres, pose, prepared
 from linkjax.mechanism import linkage
 from linkjax.scenes import load
 from tests.physics.test_hard_cases import four_bar
@@ -29,12 +29,12 @@ def stretched(crank: float, reach: float, frame: float) -> float:
     return math.acos((crank**2 + frame**2 - reach**2) / (2 * crank * frame))
 
 
-@pytest.mark.parametrize("turns", [1, -1])
-def test_a_four_bar_that_stretches(turns):
+@pytest.mark.parametrize("rotation", ["ccw", "cw"])
+def test_a_four_bar_that_stretches(rotation):
     """A double rocker: the dyad stretches on either side of the line of centres, from which it is symmetrical."""
     machine = four_bar(0.3, 0.25, 0.2, 0.4)
-    machine = dataclasses.replace(machine, groups=(Crank("crank", "A", "B", turns), machine.groups[1]))
-    (only,) = crank_limits(machine)
+    machine = dataclasses.replace(machine, groups=(Crank("crank", "A", "B", rotation), machine.groups[1]))
+    (only,) = crank_ranges(machine)
     end = stretched(0.3, 0.45, 0.4)
     assert (only.start, only.stop) == pytest.approx((-end, end), abs=1e-12)
     assert (only.at_start, only.at_stop) == ("coupler-rocker, stretched",) * 2
@@ -46,7 +46,7 @@ def test_a_four_bar_that_folds_and_stretches():
     machine = four_bar(*lengths)
     machine = dataclasses.replace(machine, groups=(Crank("crank", "A", "B", phase=phase), machine.groups[1]))
     near, far = (stretched(0.3, reach, 0.4) for reach in (0.2, 0.5))
-    found = crank_limits(machine)
+    found = crank_ranges(machine)
     exact = sorted([(near - phase, far - phase), (2 * math.pi - far - phase, 2 * math.pi - near - phase)],
                    key=lambda r: (not r[0] <= 0 <= r[1], r[0]))  # fmt: skip
     np.testing.assert_allclose([(r.start, r.stop) for r in found], exact, atol=1e-12)
@@ -60,7 +60,7 @@ def test_a_crank_longer_than_its_rod():
     """|r sin φ - e| = l: ranges about both dead centres."""
     links = {"crank": body(0.3), "rod": body(0.2), "ram": Link(mass=1.0)}
     groups = [Crank("crank", "A", "B"), RRP("rod", "ram", "B", "D", Guide("A", offset=0.05))]
-    found = crank_limits(Mechanism({"A": Vec(0.0, 0.0)}, links, groups))
+    found = crank_ranges(Mechanism({"A": Vec(0.0, 0.0)}, links, groups))
     up, down = math.asin(0.25 / 0.3), math.asin(0.15 / 0.3)
     exact = [(-down, up), (math.pi - up, math.pi + down)]
     np.testing.assert_allclose([(r.start, r.stop) for r in found], exact, atol=1e-12)
@@ -72,18 +72,18 @@ def test_a_narrow_gap_between_two_degrees():
     """A gap, or a range, narrower than the steps of the search is found too."""
     frame, half = 0.4, 1e-3
     reach = math.sqrt(0.1**2 + frame**2 - 2 * 0.1 * frame * math.cos(math.pi - half))
-    (only,) = crank_limits(four_bar(0.1, 0.6 * reach, 0.4 * reach, frame))
+    (only,) = crank_ranges(four_bar(0.1, 0.6 * reach, 0.4 * reach, frame))
     assert (only.start, only.stop) == pytest.approx((-math.pi + half, math.pi - half), abs=1e-12)
     reach = math.sqrt(0.1**2 + frame**2 - 2 * 0.1 * frame * math.cos(half))
-    (only,) = crank_limits(four_bar(0.1, 0.6 * reach, 0.4 * reach, frame))
+    (only,) = crank_ranges(four_bar(0.1, 0.6 * reach, 0.4 * reach, frame))
     assert (only.start, only.stop) == pytest.approx((-half, half), abs=1e-12)
 
 
 def test_cranks_that_come_round_and_none():
-    assert crank_limits(four_bar(0.1, 0.4, 0.3, 0.4)) == ((0.0, 2 * math.pi, "", ""),)
-    assert crank_limits(four_bar(0.1, 0.2, 0.1, 1.0)) == ()
+    assert crank_ranges(four_bar(0.1, 0.4, 0.3, 0.4)) == ((0.0, 2 * math.pi, "", ""),)
+    assert crank_ranges(four_bar(0.1, 0.2, 0.1, 1.0)) == ()
     alone = Mechanism({"A": Vec(0.0, 0.0)}, {"crank": Link(length=0.1)}, [Crank("crank", "A", "B")])
-    assert crank_limits(alone) == ((0.0, 2 * math.pi, "", ""),)
+    assert crank_ranges(alone) == ((0.0, 2 * math.pi, "", ""),)
 
 
 @pytest.mark.slow
@@ -96,7 +96,7 @@ def test_the_second_group_ends_it():
         RRR(("coupler", "rocker"), "B", "D", "C", 1),
         RPR("lever", "die", "B", "P", "E", offset=0.27),
     ]
-    found = crank_limits(Mechanism(fixed, links, groups))
+    found = crank_ranges(Mechanism(fixed, links, groups))
     end, inner = stretched(0.3, 0.45, 0.4), stretched(0.3, 0.27, 0.05)
     exact = [(inner, end), (2 * math.pi - end, 2 * math.pi - inner)]
     np.testing.assert_allclose([(r.start, r.stop) for r in found], exact, atol=1e-12)
@@ -137,7 +137,7 @@ def test_two_dyads_one_lost_beside_the_other():
             RRR(("coupler", "rocker"), "B", "D", "C", 1),
             RRP("rod", "ram", "C", "H", Guide("A", turned, off)),
         ]
-        found = crank_limits(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(d, 0.0)}, links, groups))
+        found = crank_ranges(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(d, 0.0)}, links, groups))
         told = np.sort([math.remainder(end, 2 * math.pi) for each in found if each.at_start for end in each[:2]])
         assert len(found) == (len(low) // 2 if len(low) else sound[0])
         np.testing.assert_allclose(told, 0.5 * (low + high), atol=1e-11)
@@ -162,7 +162,7 @@ def test_a_triad_ends_where_the_other_way_round_it_reverses():
     assert other.formula() == "I1(lever) → III3(arm, coupler, crank, rocker)"
     ends = dead_centres(usual)["lever"]
     turned = [float(lever_angle(pose(usual, at)) - lever_angle(here)) for at in ends.angle[ends.true]]
-    only, *_ = crank_limits(other)
+    only, *_ = crank_ranges(other)
     assert len(turned) == 2 and min(turned) < 0.0 < max(turned)
     assert (only.start, only.stop) == pytest.approx((min(turned), max(turned)), abs=1e-12)
     assert only.at_start == only.at_stop == "arm-coupler-crank-rocker, loops"
@@ -206,10 +206,10 @@ def test_an_oscillating_drive(share):
 
 def test_a_dyad_that_continues_has_its_limits_too():
     """Not coming round is no reason to close nowhere; a kite goes through its change points all round."""
-    one, two = (crank_limits(three(branch, (0.3, 0.2, 0.2, 0.3))) for branch in ("fixed", "continue"))
+    one, two = (crank_ranges(three(branch, (0.3, 0.2, 0.2, 0.3))) for branch in ("fixed", "continue"))
     assert len(one) == len(two) == 1
     assert (two[0].start, two[0].stop) == pytest.approx((one[0].start, one[0].stop), abs=1e-8)
-    (kite,) = crank_limits(three("continue", (0.2, 0.3, 0.3, 0.2)))
+    (kite,) = crank_ranges(three("continue", (0.2, 0.3, 0.3, 0.2)))
     assert (kite.start, kite.stop) == (0.0, 2 * math.pi)
 
 
@@ -228,7 +228,7 @@ def test_a_general_group_is_followed_both_ways():
     members = (("coupler", ("B", "C")), ("rocker", ("D", "C")))
     general = Mechanism(fixed, links, [crank, General(members, ("B", "D"), {"C": Vec(0.45, 0.19)})])
     closed = Mechanism(fixed, links, [crank, RRR(("coupler", "rocker"), "B", "D", "C", 1)])
-    (one,), (two,) = crank_limits(general), crank_limits(closed)
+    (one,), (two,) = crank_ranges(general), crank_ranges(closed)
     assert (one.start, one.stop) == pytest.approx((two.start, two.stop), abs=1e-12)
     at = compiled_soon(lambda m, phi: jax.vmap(lambda one: pose(m, one).points["C"].r)(phi))
     angles = jnp.linspace(two.start + 1e-3, two.stop - 1e-3, 40)
@@ -243,7 +243,7 @@ def test_crank_angle_zero_beside_the_end_of_a_range(end):
     links = {"crank": Link(length=0.3), "coupler": Link(length=0.25), "rocker": Link(length=0.2)}
     fixed, beside = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, 1e-4 if end == "stop" else -1e-4
     closed = Mechanism(fixed, links, [Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C", 1)])
-    limit = getattr(crank_limits(closed)[0], end)
+    limit = getattr(crank_ranges(closed)[0], end)
     known = jax.vmap(lambda phi: pose(closed, phi).points["C"])
     away = jnp.asarray([0.5 * beside, 0.0, -beside, -50 * beside, -300 * beside, -2000 * beside])
     wanted = known(limit - beside + away)
@@ -273,7 +273,7 @@ def test_a_geared_five_bar_over_both_turns_of_its_cycle(phase):
     scan = np.linspace(0.0, 4 * np.pi, 4001)
     signs = [i for i in range(4000) if apart(scan[i]) * apart(scan[i + 1]) < 0]
     ends = np.asarray([root_scalar(apart, bracket=(scan[i], scan[i + 1]), xtol=1e-15).root for i in signs])
-    found = crank_limits(machine, 2)
+    found = crank_ranges(machine, 2)
     np.testing.assert_allclose(np.sort(np.ravel([r[:2] for r in found]) % (4 * np.pi)), ends, atol=1e-12)
     assert all(apart(0.5 * (r.start + r.stop)) < 0 for r in found)
     assert len(ends) > 2
@@ -302,7 +302,7 @@ def test_a_crank_that_swings_in_gear_with_a_slow_wheel(ratio, phase):
             swings = geared(wheels, begin, phase)
             crank = dataclasses.replace(swings.groups[0], law=None)
             turns = dataclasses.replace(swings, groups=(crank, *swings.groups[1:]))
-            found = [crank_limits(swings)[0], *crank_limits(turns)]
+            found = [crank_ranges(swings)[0], *crank_ranges(turns)]
             ends = [(each.start, each.stop) for each in found if each.start <= begin <= each.stop]
             assert len(ends) == 2 and ends == [pytest.approx(exact, abs=1e-12)] * 2
 
@@ -339,7 +339,7 @@ def test_where_a_law_begins_where_nothing_closes(begin):
     closed = [pair for pair in itertools.pairwise(ends) if apart(0.5 * sum(pair)) < 0]
     near = [pair for pair in closed if pair[0] < begin + 2 * math.pi and pair[1] > begin - 2 * math.pi]
     known = sorted(near, key=lambda pair: (not pair[0] <= begin <= pair[1], pair[1] < begin, pair))
-    found = crank_limits(geared(wheels, begin, 4.0))
+    found = crank_ranges(geared(wheels, begin, 4.0))
     for number, (told, exact) in enumerate(zip(found, known, strict=True)):
         for end, why, at in ((told.start, told.at_start, exact[0]), (told.stop, told.at_stop, exact[1])):
             assert end == pytest.approx(at, abs=1e-12) if why else number and abs(end - begin) > 2 * math.pi - 1e-9
@@ -356,7 +356,7 @@ def test_a_gearbox_before_a_double_rocker(teeth):
         RRR(("coupler", "rocker"), "B", "D", "C", 1),
     ]
     fixed = {"M": Vec(0.0, 1.0), "A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}
-    (found,) = crank_limits(Mechanism(fixed, links, groups))
+    (found,) = crank_ranges(Mechanism(fixed, links, groups))
     end = stretched(0.3, 0.45, 0.4) * teeth
     if teeth == 20:
         assert (found.start, found.stop) == pytest.approx((-end, end), abs=1e-11)
@@ -374,7 +374,7 @@ def test_a_gearbox_whose_law_begins_out_of_range():
         RRR(("coupler", "rocker"), "B", "D", "C", 1),
     ]
     fixed = {"M": Vec(0.0, 1.0), "A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}
-    found, end = crank_limits(Mechanism(fixed, links, groups))[0], stretched(0.3, 0.45, 0.4)
+    found, end = crank_ranges(Mechanism(fixed, links, groups))[0], stretched(0.3, 0.45, 0.4)
     assert (found.start, found.stop) == pytest.approx((20 * (2.5 - end), 20 * (2.5 + end)), abs=1e-11)
 
 
@@ -391,7 +391,7 @@ def test_a_general_group_that_never_repeats(law):
     general = General((("left", ("B", "P")), ("right", ("C", "P"))), ("B", "C"), {"P": here})
     reach = [abs(0.148 + s * 0.069 + t * 0.028) for s in (-1, 1) for t in (-1, 1)]
     assert min(reach) > 0.01 and max(reach) < 0.29  # the pins' distance is between these
-    (found,) = crank_limits(Mechanism(fixed, links, [crank, wheel, general]))
+    (found,) = crank_ranges(Mechanism(fixed, links, [crank, wheel, general]))
     begin = 0.0 if law is None else 0.4
     assert found == (begin - 16 * math.pi, begin + 16 * math.pi, "", "")
 
@@ -415,7 +415,7 @@ def test_a_pinion_moves_a_rack(begin, radius, general):
     across = math.sqrt(0.45**2 - (0.3 - float(here["R"].y)) ** 2)
     exact = [zero + (0.2 + side * across - float(here["R"].x)) / radius for side in (-1, 1)]
     assert abs(float(here["R"].x)) == pytest.approx(0.1 + radius * zero, abs=1e-15)
-    (found,) = crank_limits(machine)
+    (found,) = crank_ranges(machine)
     assert (found.start, found.stop) == pytest.approx(exact, abs=1e-11)
 
 
@@ -423,13 +423,13 @@ def test_a_pinion_moves_a_rack(begin, radius, general):
 def test_what_is_said_of_a_crank_in_gear_with_a_slow_wheel():
     """The range is that about where its law begins, also where a general group closes the loop."""
     machine = geared(SLOW["half"][0], -0.5, 4.0)
-    (low, high), *_ = (each[:2] for each in crank_limits(machine))
+    (low, high), *_ = (each[:2] for each in crank_ranges(machine))
     members, here = (("left", ("B", "P")), ("right", ("C", "P"))), pose(machine, jnp.zeros(()))
     general = General(members, ("B", "C"), {"P": here.points["P"].r})
     law = lj.Harmonic(-0.5, high + 0.2)
     groups = (dataclasses.replace(machine.groups[0], law=law), machine.groups[1], general)
     other = dataclasses.replace(machine, groups=groups)
-    found = crank_limits(other)[0]
+    found = crank_ranges(other)[0]
     assert (found.start, found.stop) == pytest.approx((low, high), abs=1e-12)
     with pytest.raises(lj.MachineError) as told:
         lj.analyse(lj.Scene(other, speed=3.0), angles=8, nodes=32)
