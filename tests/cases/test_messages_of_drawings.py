@@ -1,4 +1,4 @@
-"""Where a drawing and its numbers disagree, or say too little: the key that is named, and the remedy."""
+"""Drawings that contradict their numbers, or are incomplete: the key that is named, and the remedy."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ RACK += 'Q = ["300 mm", "-20 mm"]\n'
 
 
 def edit(text: str, *pairs: str) -> str:
-    """A text with others in it replaced, two by two, where they stand first."""
+    """A text with strings replaced in pairs, each at its first occurrence."""
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text, old
         text = text.replace(old, new, 1)
@@ -164,7 +164,7 @@ def test_without_the_mistake_it_is_a_machine(text):
 
 
 def test_a_rack_is_on_the_side_where_its_wheel_is_drawn():
-    """It moves as the rim does where both touch: the wheel below, turned on from 90 to 120 degrees, carries it back."""
+    """It moves like the rim at the contact: the lower gear, turned on from 90 to 120 degrees, moves it back."""
     for text in (RACK, edit(RACK, 'side = "right"\n', "")):
         text = edit(text, '[drive]\nlink = "crank"', '[drive]\nlink = "wheel"\nlaw = { stop = "120 deg" }')
         text = edit(text, '[links.crank]\npins = ["A", "B"]\n', "", '[links.rod]\npins = ["B", "C"]\n', "",
@@ -174,7 +174,7 @@ def test_a_rack_is_on_the_side_where_its_wheel_is_drawn():
 
 
 def test_the_gear_that_is_wrong_is_named_and_not_one_that_it_drives():
-    """Gears may stand in any order."""
+    """Gears may be in any order."""
     text = edit(
         WHEELS, "[[gears]]", '[links.last]\npins = ["F", "R"]\n'
         '[[gears]]\nlink = "last"\nto = "wheel"\nteeth = [20, 20]\n[[gears]]',

@@ -49,7 +49,7 @@ def stepped(document) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("name", [*FROM_SCENES, *FROM_LIBRARY])
 def test_pylinkage_steps_to_the_same_places(name):
-    """Its joints stand where our points do."""
+    """Its joints are at our points."""
     mechanism = known(name)
     document = json.loads(json.dumps(to_pylinkage(mechanism, STEPS)))
     theirs, ours = stepped(document), places(mechanism)
@@ -61,7 +61,7 @@ def test_pylinkage_steps_to_the_same_places(name):
 
 @pytest.mark.parametrize("name", [*FROM_SCENES, *FROM_LIBRARY])
 def test_there_and_back(name):
-    """The same groups on the same names, the same motion; pylinkage's own reading and writing in between."""
+    """The same groups on the same names, the same motion, after pylinkage has read and written the file."""
     mechanism = known(name)
     document = to_pylinkage(mechanism, STEPS, "its name")
     back = from_pylinkage(json.dumps(mechanism_to_dict(mechanism_from_dict(document))))
@@ -78,7 +78,7 @@ def test_there_and_back(name):
 
 
 def drawn() -> dict:
-    """A four-bar with a coupler point and a slider on another, as one would write it by hand."""
+    """A four-bar with a coupler point and a slider on another, as a user writes it by hand."""
     return {
         "name": "drawn", "ground": "g",
         "joints": [
@@ -174,7 +174,7 @@ def leaves(value, path=()):
 
 @pytest.mark.parametrize("value", [None, True, {}, [0, 0], math.nan], ids=str)
 def test_whatever_stands_anywhere_it_is_read_or_refused(value):
-    """With no other error than one that names an element."""
+    """The only possible error is one that names an element."""
     for path in leaves(drawn()):
         with contextlib.suppress(StructureError):
             from_pylinkage(changed(*path, value=value))
@@ -195,7 +195,7 @@ def test_what_cannot_be_written(name, says):
 
 
 def test_what_pylinkage_steps_wrongly():
-    """It takes joints one by one where there are trackers, and C of two links with further joints from one of these."""
+    """It reads joints one by one if there are trackers, and C of two links with additional joints from one of these."""
     mechanism = MADE["watt-1"]()
     to_pylinkage(mechanism)
     links = {name: mechanism.links[name] for name in mechanism.link_names}

@@ -110,7 +110,7 @@ VALUES = [None, True, "", "A", "\ud800", {}, [], [0, 0], -1, 0.0, 1e300, 10**400
 
 @pytest.mark.parametrize("name", ["builder-two-rods", "hypergraph-engine", "old", "arc"])
 def test_broken_files_are_read_or_refused(name, rng):
-    """Keys deleted and values exchanged, two at once: no other error than one that names an element."""
+    """Keys deleted and values exchanged, two at once: the only possible error is one that names an element."""
     document = old(0) if name == "old" else chebyshev(0.2) if name == "arc" else written(MECHANISMS[name]())
     paths, refused = list(leaves(document)), 0
     for _ in range(150):

@@ -55,8 +55,8 @@ def test_scotch_yoke():
 @pytest.mark.parametrize(("r", "d", "length", "rod", "h", "side"), [(0.12, 0.35, 0.75, 0.3, 0.37, -1),
                                                                     (0.2, 0.08, 0.15, 0.5, 0.02, 1)])  # fmt: skip
 def test_quick_return(r, d, length, rod, h, side):
-    """The lever points from P to the crank pin; the ram is a rod's reach from its end. A lever that swings turns round
-    where the crank is square to it, sin φ = −r / d."""
+    """The lever points from P to the crank pin; the ram is one rod length from its end. An oscillating lever reverses
+    where it is perpendicular to the crank, sin φ = −r / d."""
     mechanism = lj.quick_return(r, d, length, rod, h, side=side)
     at = places(mechanism)
     end = -1j * d + length * np.exp(1j * np.angle(1j * d + r * np.exp(1j * PHI)))
@@ -82,7 +82,7 @@ def test_toggle_press(side):
 
 @pytest.mark.parametrize("kind", ["watt-1", "watt-2", "stephenson-1", "stephenson-3"])
 def test_six_bar(kind):
-    """The four-bar is as it was alone; E and F are where they were put; G by the law of cosines."""
+    """The four-bar is the same as without the dyad; E and F are at the given points; G by the law of cosines."""
     mechanism = MADE[kind]()
     assert mechanism.formula() == "I1(crank) → II1(coupler, rocker) → II1(rod, lever)"
     rotation = "cw" if kind == "stephenson-1" else "ccw"

@@ -1,22 +1,22 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
 # pyright: reportOptionalMemberAccess=false, reportReturnType=false
-"""A batch of random machines, judged: closure, coefficients, reactions and gradients by other roads, each error beside
-what the problem's own condition allows.
+"""A batch of random machines, checked: closure, coefficients, reactions and gradients by independent methods, with the
+error that the condition number of the problem allows.
 
-The condition number of a result is the largest change of it, of its size, for a relative change of the numbers of the
-machine and its state, found by changing all of them in the NumPy oracle. Every number is changed in proportion to
-itself: an angle or an offset that happens to be small is held to be known that much better, and a zero is exact, which
-is the strictest choice there is. Sizes are the largest of a kind in a machine: of all points, of all links, of all
-joints. A result may be off by 1e-14 times its condition number, and 1e-12, of its size.
+The condition number of a result is its largest relative change for a relative change of the numbers of the machine and
+its state. It is found by changing all of them in the NumPy oracle. Every number is changed in proportion to itself: an
+angle or an offset that happens to be small is assumed to be known with the same relative accuracy, and a zero is exact.
+This is the strictest choice possible. Sizes are the largest of a kind in a machine: of all points, of all links, of all
+joints. The error of a result may be 1e-14 times its condition number, plus 1e-12, relative to its size.
 
-Gradients are those of two weighted sums of results, each kind by its size: without the reactions and with them. The
-size of a gradient is its norm with every number's slope times the number. As its condition number counts the largest of
-the kinds in the sum, which is no more than its own: that of d^-p is p / d, that of its slope (p + 1) / d. The truth is
-a difference along one random direction, with 80 digits.
+Gradients are those of two weighted sums of results, each kind relative to its size: without and with the reactions. The
+size of a gradient is its norm, where every slope is multiplied by its number. Its condition number is taken as the
+largest of the kinds in the sum, which is not more than its own: that of d^-p is p / d, that of its slope (p + 1) / d.
+The reference is a difference along one random direction, with 80 digits.
 
 In mpmath the positions are closed by angles, coefficients are differences, the drive torque is that of virtual power,
-and reactions solve the equations of Newton and Euler of all links at once: all kinds of groups, general ones too, all
-drivers, teeth, belts and racks.
+and reactions solve the Newton-Euler equations of all links simultaneously, for all kinds of groups including those of
+higher class, all drivers, gears, belts and racks.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ CHANGE, CHANGES = 1e-9, 12
 
 
 class Verdict(NamedTuple):
-    """Errors over what is allowed, by kind and road, for every machine of a batch; condition numbers, by kind."""
+    """Errors relative to the tolerance, by kind and method, for every machine of a batch; condition numbers by kind."""
 
     over: dict[tuple[str, str], np.ndarray]
     condition: dict[str, np.ndarray]
