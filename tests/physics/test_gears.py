@@ -1,8 +1,8 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-"""Wheels in gear: closed forms, wheels whose turns must be counted, what is refused, and machines drawn with them.
+"""Gears in mesh: closed forms, gears whose revolutions are counted, refused input, and machines drawn with them.
 
-Their kinematics and forces against 50 digits and against contacts that only press are with all other machines
-(`geared` in machines.py); as models of MuJoCo they are in tests/exchange.
+Their kinematics and forces are compared with 50 digits and with one-sided contacts together with all other machines
+(`geared` in machines.py); MuJoCo models of them are in tests/exchange.
 """
 
 import math
@@ -43,7 +43,7 @@ FIXED = {"A": Vec(0.0, 0.0), "D": Vec(0.3, 0.0)}
 
 
 def test_cardans_wheels():
-    """A wheel inside a ring of twice its size: a point of its pitch circle keeps to a diameter."""
+    """A gear inside a ring of twice its size: a point of its pitch circle moves along a diameter."""
     links = {"arm": Link(length=0.1, mass=1.0), "planet": Link(length=0.1, mass=2.0)}
     planet = Gear("planet", "B", Teeth((20, 40), internal=True), "frame", "A", "Q", carrier="arm")
     mechanism = Mechanism({"A": Vec(0.0, 0.0)}, links, [Crank("arm", "A", "B"), planet])
@@ -52,7 +52,7 @@ def test_cardans_wheels():
     np.testing.assert_allclose(q.ddr.x, -0.2 * np.cos(ANGLES), atol=1e-15)
     np.testing.assert_allclose(q.r.y, 0.0, atol=5e-17)
     assert np.all(np.asarray(wheel.w) == -1.0)
-    force = lj.Force("pull", "planet", point="Q", force=Vec(7.0, 0.0))  # along the diameter: its power is the drive's
+    force = lj.Force("pull", "planet", point="Q", force=Vec(7.0, 0.0))  # along the diameter: power of the drive
     scene = lj.Scene(mechanism, (force,), speed=3.0)
     drive = [
         float(kinetostatics(scene, jnp.asarray(phi), jnp.asarray(1e-9), jnp.asarray(0.0)).drive_torque)
@@ -65,7 +65,7 @@ def test_cardans_wheels():
     ("teeth", "inside", "ratio"), [((40, 20), False, -0.5), ((20, 60), True, 3.0), ((60, 20), True, 1 / 3)]
 )
 def test_willis(teeth, inside, ratio):
-    """Turns of a wheel on an arm round one that stands still, and on a frame round one that turns."""
+    """Revolutions of a gear on an arm around a fixed gear, and on a frame around a rotating one."""
     links = {name: Link(length=0.1, mass=1.0) for name in ("arm", "wheel")}
     wheel = Gear("wheel", "B", Teeth(teeth, inside), "frame", "A", carrier="arm")
     found = at(Mechanism(FIXED, links, [Crank("arm", "A", "B"), wheel])).links["wheel"]
@@ -76,7 +76,7 @@ def test_willis(teeth, inside, ratio):
 
 
 def drag_link(*more, turns: int = 1, **links: Link) -> lj.Scene:
-    """A double crank: its second crank turns all round, unevenly; and wheels behind it."""
+    """A double crank: its second crank rotates fully, non-uniformly; followed by gears."""
     lengths = {"crank": 0.3, "coupler": 0.25, "second": 0.28}
     own = {name: Link(length=length, mass=1.0, inertia=0.01) for name, length in lengths.items()}
     groups = [Crank("crank", "A", "B"), RRR(("coupler", "second"), "B", "D", "C", 1), *more]
@@ -90,7 +90,7 @@ BELTS = [pytest.param(Belt(0.06, 0.09, crossed=crossed), marks=pytest.mark.slow)
 
 @pytest.mark.parametrize("mesh", [Teeth((20, 30)), *BELTS])
 def test_turns_of_what_turns_all_round_are_counted(mesh):
-    """One and a half turns for each of the second crank: unwound by hand, over two turns of the crank."""
+    """One and a half turns for each of the second crank: unwrapped by hand, over two turns of the crank."""
     scene = drag_link(Gear("wheel", "E", mesh, "second", "D", None, 0.3), turns=2, wheel=Link(mass=1.0, inertia=0.01))
     mechanism = prepared(scene.mechanism, 2)
     angles = np.linspace(0.0, 4 * math.pi, 401)
@@ -107,7 +107,7 @@ def test_turns_of_what_turns_all_round_are_counted(mesh):
 
 @pytest.mark.slow
 def test_an_analysis_over_counted_turns():
-    """Two turns of the crank, and three of the wheel."""
+    """Two turns of the crank, and three of the gear."""
     wheel = Gear("wheel", "E", Teeth((20, 30)), "second", "D", None, 0.3)
     cycle = lj.analyse(drag_link(wheel, turns=2, wheel=Link(mass=1.0, inertia=0.01)), angles=36)
     assert float(cycle.checks.virtual_power) < 1e-12 and float(cycle.checks.force_balance) < 1e-12
@@ -115,7 +115,7 @@ def test_an_analysis_over_counted_turns():
 
 @pytest.mark.slow
 def test_what_does_not_come_back_is_told():
-    """After one turn the wheel has made one and a half."""
+    """After one turn the gear has made one and a half."""
     wheel = Gear("wheel", "E", Teeth((20, 30)), "second", "D")
     with pytest.raises(
         lj.MachineError, match="'wheel' is not after the cycle where it began: it goes on for more turns"
@@ -126,19 +126,19 @@ def test_what_does_not_come_back_is_told():
 
 
 def least(mechanism: Mechanism, turns: int = 1) -> dict[str, float]:
-    """Whether wheels come round, as margins over the cycle."""
+    """Whether gears return to their initial angle, as margins over the cycle."""
     found = compiled_soon(assembly_margins, static=("cycle_turns",))(mechanism, cycle_turns=turns)
     return {group: float(sides["turns"].value) for group, sides in found.items() if "turns" in sides}
 
 
 def test_behind_a_counted_wheel():
-    """A second wheel, and a rack, are looked at as the first is."""
+    """A second gear, and a rack, are checked like the first."""
     one = Gear("one", "E", Teeth((20, 20)), "second", "D")
     wheels = {name: Link(mass=1.0, inertia=0.01) for name in ("one", "two")}
     scene = drag_link(one, Gear("two", "F", Teeth((40, 20)), "one", "E"), **wheels)
     assert least(scene.mechanism) == {"one": 1.0, "two": -1e-6}
     assert least(scene.mechanism, 2) == {"one": 1.0, "two": 1.0}
-    assert float(margins(scene.mechanism, jnp.asarray(0.3))["two"]["turns"].value) == 1.0  # it stands at every angle
+    assert float(margins(scene.mechanism, jnp.asarray(0.3))["two"]["turns"].value) == 1.0  # assembled at every angle
     rack = drag_link(one, Rack("rack", "R", "F", "one", "E", 0.05), one=wheels["one"], rack=Link(mass=1.0))
     assert least(rack.mechanism)["rack"] < 0
     belt = drag_link(Gear("one", "E", Belt(0.05, 0.05), "second", "D"), one=wheels["one"])
@@ -147,7 +147,7 @@ def test_behind_a_counted_wheel():
 
 
 def test_angles_beyond_the_cycle():
-    """A pose knows nothing of the cycle: the wheel goes on as it should, a turn and a half for each."""
+    """A pose does not depend on the cycle: the gear continues correctly, a turn and a half for each."""
     scene = drag_link(Gear("wheel", "E", Teeth((20, 30)), "second", "D"), turns=2, wheel=Link(mass=1.0))
     first, *later = (float(pose(scene.mechanism, jnp.asarray(1.0 + 2 * math.pi * k)).links["wheel"].angle)
                      for k in (0, 1, 2, -1))  # fmt: skip
@@ -156,7 +156,7 @@ def test_angles_beyond_the_cycle():
 
 @pytest.mark.parametrize(("fast", "counts"), [(7, True), (121, True), (400, False)])
 def test_fast_wheels_are_counted(fast, counts):
-    """A double crank behind a wheel of many turns a turn of the crank; too many are told."""
+    """A double crank after a gear of many turns per turn of the crank; too many are reported."""
     links = {"crank": Link(length=0.1, mass=1.0), "quick": Link(length=0.3, mass=1.0)}
     links |= {name: Link(length=long, mass=1.0) for name, long in (("coupler", 0.25), ("second", 0.28), ("out", 0.0))}
     groups = [Crank("crank", "D", "X"), Gear("quick", "A", Teeth((5, 5 * fast)), "crank", "D", "B"),
@@ -168,7 +168,7 @@ def test_fast_wheels_are_counted(fast, counts):
 
 
 def five_bar(teeth: tuple[int, int], turns: int) -> lj.Scene:
-    """Two cranks in gear, and a dyad between them."""
+    """Two cranks in mesh, and a dyad between them."""
     lengths = {"crank": 0.06, "wheel": 0.05, "left": 0.25, "right": 0.22}
     links = {name: Link(length=length, mass=1.0, inertia=0.01) for name, length in lengths.items()}
     groups = [
@@ -194,11 +194,11 @@ def test_a_cycle_of_several_turns():
     cycle = lj.analyse(five_bar((40, 20), 2), angles=72)
     assert float(cycle.checks.energy_closure) < 1e-12
     path = xy(cycle.pose.points["P"].r)
-    assert np.max(np.abs(path[:, :36] - path[:, 36:])) > 0.01  # the second turn is another one
+    assert np.max(np.abs(path[:, :36] - path[:, 36:])) > 0.01  # the second turn differs
 
 
 def test_gradients_through_a_belt():
-    """Of the swing of a belt's wheel by its radius, the reaction of its shaft by the tension."""
+    """Derivatives of a pulley angle with respect to its radius, and of a shaft reaction with respect to the tension."""
     links = {name: Link(length=long, mass=1.0) for name, long in (("crank", 0.1), ("rod", 0.35), ("lever", 0.3))}
     links |= {"pulley": Link(mass=1.0, inertia=0.01)}
     groups = [Crank("crank", "A", "B"), RRR(("rod", "lever"), "B", "D", "C"),
@@ -228,7 +228,7 @@ def test_gradients_through_a_belt():
 
 @pytest.mark.slow
 def test_a_belt_that_cannot_be():
-    """Two wheels of 0.15 m, 0.29 m apart, leave no room for strands that cross."""
+    """Two pulleys of 0.15 m, 0.29 m apart, have no space for crossed strands."""
     links = {"crank": Link(length=0.1, mass=1.0, inertia=0.1), "wheel": Link(mass=1.0, inertia=0.01)}
     groups = [Crank("crank", "A", "B"), Gear("wheel", "D", Belt(0.15, 0.15, crossed=True), "crank", "A")]
     scene = lj.Scene(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.32, 0.0)}, links, groups), (), speed=5.0)
@@ -283,7 +283,7 @@ CRANK = Crank("crank", "A", "B")
     ],
 )  # fmt: skip
 def test_refused(make, told):
-    """What is no wheel, and what hangs on nothing."""
+    """Invalid gears, and gears that are attached to nothing."""
     with pytest.raises((ValueError, StructureError), match=told):
         make()
 
@@ -302,7 +302,7 @@ def drawn(drive: Drive, racks=(), gears=None, **more) -> Mechanism:
 
 
 def test_drawn_with_gears():
-    """The parts of a machine that is drawn, its mobility, and the same motion when the other wheel drives."""
+    """The parts of a machine that is drawn, its mobility, and the same motion when the other gear drives."""
     mechanism = drawn(Drive("crank"))
     assert mechanism.formula() == "I1(crank) → G(wheel) → II1(left, right) → II2(rod, ram) → G(sector)"
     found = structure(mechanism)
@@ -317,7 +317,7 @@ def test_drawn_with_gears():
 
 
 def test_a_rack_that_drives():
-    """The ram driven along its guide: the wheels follow from the far side, by the chain rule."""
+    """The ram driven along its guide: the gears follow from the far side, by the chain rule."""
     mechanism, phi = drawn(Drive("crank")), jnp.asarray(1.2)
     here = pose(mechanism, phi)
     far = float(here.points["U"].r.x) - 0.2
@@ -359,14 +359,14 @@ def test_a_rack_that_drives():
     ],
 )
 def test_drawn_wrong(change, told):
-    """What a drawing with wheels gets wrong."""
+    """Errors in drawings with gears."""
     with pytest.raises(StructureError, match=told):
         drawn(Drive("crank"), **change)
 
 
 @pytest.mark.parametrize("lean", [175.0, 185.0])
 def test_a_train_over_an_idler(lean):
-    """Wheels with one pin; behind them a dyad that meets where it is sketched, whatever turn the wheels are in."""
+    """Gears with one pin; after them a dyad with its pin as sketched, for every revolution of the gears."""
     pins = {"crank": ("A", "B"), "idler": ("D",), "wheel": ("E", "C"), "left": ("B", "P"), "right": ("C", "P")}
     lengths = {"crank": 0.05, "wheel": 0.05, "left": 0.4, "right": 0.4}
     links = {name: Link(length=lengths.get(name, 0.0), mass=1.0, pins=at) for name, at in pins.items()}
@@ -384,7 +384,7 @@ def test_a_train_over_an_idler(lean):
 
 
 def test_racks_in_any_order():
-    """One that drives, and one that follows."""
+    """One that drives, and one that is driven."""
     links = {
         "one": Link(mass=1.0, pins=("U",)),
         "wheel": Link(mass=1.0, pins=("D",)),
@@ -402,7 +402,7 @@ def test_racks_in_any_order():
 
 
 def test_a_rack_that_stands_elsewhere_than_sketched():
-    """Where it is follows from its start and its wheel; the start that is told fits the sketch."""
+    """Its position follows from its start and its gear; the reported start agrees with the sketch."""
     links = {"wheel": Link(length=0.2, mass=1.0, pins=("D", "E")), "rack": Link(mass=1.0, pins=("V",))}
 
     def made(start: float) -> lj.Mechanism:
@@ -418,5 +418,5 @@ def test_a_rack_that_stands_elsewhere_than_sketched():
 
 
 def test_written_and_read_back():
-    """A drawn machine with wheels as a scene file, to the last bit."""
+    """A drawn machine with gears as a scene file, to the last bit."""
     same(lj.Scene(drawn(Drive("crank")), (), speed=5.0))
