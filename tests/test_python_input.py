@@ -1,5 +1,5 @@
-"""What is wrong with a machine written in Python is told in one line. In a process of its own: the tests' type checks
-would be first."""
+"""Errors in a machine written in Python are reported in one line. In a separate process, because the type checks of
+the tests would find them first."""
 
 import subprocess
 import sys

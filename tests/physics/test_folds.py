@@ -68,7 +68,7 @@ def drawn(rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
 @pytest.mark.slow
 def test_a_fold_anywhere_in_a_step(rng):
     """Positions, first and second coefficients and their derivatives with respect to lengths, forward and reverse, are
-    as accurate as the numbers of the design permit, to the last 1e-11 rad: ten times the effect of one rounding of each,
+    as accurate as the numbers of the design permit, to the last 1e-11 rad: ten times the effect of a rounding of each,
     by the derivatives of the closed form."""
 
     def figures(mechanism, phi):

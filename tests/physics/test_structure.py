@@ -25,7 +25,7 @@ from tests.physics.machines import machine
 
 
 def smallest_parts(links, pairs, drive) -> list[frozenset[str]]:
-    """The parts by trying all sets of links, smallest first: those whose joints, with what is placed, hold them."""
+    """The parts by trying all sets of links, smallest first: those fixed by their joints and links placed before."""
     placed, found = {FRAME}, []
     while len(placed) <= len(links):
         rest = [name for name in links if name not in placed]
@@ -56,7 +56,7 @@ def class_of(part, pairs) -> str:
         return {"RRR": "II1", "RRP": "II2", "RPR": "II3", "PRP": "II4", "RPP": "II5"}[first + middle + last]
 
     def loops(at: str, goal: str, seen: tuple[str, ...]):
-        """Lengths of the ways from link to link."""
+        """Lengths of the paths from link to link."""
         if at == goal:
             yield len(seen)
         for a, b in within:
@@ -81,7 +81,7 @@ EIGHT = pytest.param(8, marks=pytest.mark.slow)
 
 @pytest.mark.parametrize("count", [4, 6, EIGHT])
 def test_parts_of_every_chain(count):
-    """Every ground and every driving joint: the same parts as by trying all sets of links, in an order that works."""
+    """Every ground and every driving joint: the same parts as by trying all sets of links, in a possible order."""
     kinds = set()
     for chain, ground, edge in driven_chains(count, at_ground=False):
         pairs, links = named(chain, ground), links_of(chain, ground)
@@ -97,7 +97,7 @@ def test_parts_of_every_chain(count):
             if drive not in touching:
                 kinds.add(classified(part, touching)[0])
                 assert classified(part, touching)[0] == class_of(part, touching)
-            else:  # with the drive held its two links are one
+            else:  # with the drive fixed its two links are one
                 one, on = sorted(drive.ends, key=lambda end: end == FRAME)
                 held = [p._replace(**{k: on if v == one else v for k, v in (("one", p.one), ("other", p.other))})
                         for p in touching if p != drive]  # fmt: skip
@@ -108,7 +108,7 @@ def test_parts_of_every_chain(count):
 
 @pytest.mark.parametrize("count", [4, 6, EIGHT])
 def test_every_replacement_by_a_slider(count):
-    """One joint of every chain becomes a slider: the same parts, with the letter in its place."""
+    """One joint of every chain becomes a slider: the same parts, with the letter in its position."""
     assert len(sliding(count)) == {4: 3, 6: 54, 8: 1377}[count]
     for chain, ground, edge, other in sliding(count):
         links = links_of(chain, ground)
@@ -166,7 +166,7 @@ def drawn(mechanism: Mechanism, **changes) -> Mechanism:
 
 @pytest.mark.parametrize("name", ["hay-press", "quick-return", "scotch-yoke", "four-bar", "slider-crank"])
 def test_groups_are_found_again(name):
-    """The built-in machines, drawn by links and joints, are the same machines, but for names of pins."""
+    """The built-in machines, drawn by links and joints, are the same machines, except for names of pins."""
     given = load(name).mechanism
     again = drawn(given)
     assert again.formula() == given.formula()
@@ -178,7 +178,7 @@ def test_groups_are_found_again(name):
 
 @pytest.mark.parametrize("name", ["two-on-one-crank", "coupler-points", "clockwise"])
 def test_composed_machines_are_found_again(name):
-    """The same groups, in an order of their own."""
+    """The same groups, in their own order."""
     given = machine(name).mechanism
     again = drawn(given)
     assert sorted(g.classified()[0] for g in again.groups) == sorted(g.classified()[0] for g in given.groups)
@@ -189,7 +189,7 @@ def test_composed_machines_are_found_again(name):
 
 
 def six_bar(drive: Drive, **extra) -> Mechanism:
-    """A four-bar whose coupler has a third pin, on which a rod and a ram hang."""
+    """A four-bar whose coupler has a third pin, to which a rod and a ram are attached."""
     links = {
         "crank": Link(length=0.1, mass=1.0, inertia=0.01, centre=lj.Vec(0.03, 0.01), pins=("A", "B")),
         "coupler": Link(length=0.35, mass=1.4, inertia=0.02, centre=lj.Vec(0.16, 0.03), pins=("B", "C", "E"),
@@ -214,7 +214,7 @@ def angle(state) -> float:
     pytest.param("rod", "coupler", "I1+III3(crank, coupler, rocker, rod, ram)", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_another_link_drives(driver, against, formula):
-    """The same machine in the same place; coefficients are those of the crank by the chain rule."""
+    """The same machine in the same position; coefficients are those of the crank by the chain rule."""
     usual = six_bar(Drive("crank", phase=0.0))
     here = pose(usual, jnp.asarray(0.3))
     on = LinkAtRest if against == "frame" else here.links[against]
@@ -304,7 +304,7 @@ def test_what_does_not_hang_together_is_told():
     ],
 )  # fmt: skip
 def test_chains_with_too_many_links_are_told_as_such(length, chains, told):
-    """They are not taken for passive, however many of them make a chain of one degree of freedom when left out."""
+    """They are not treated as redundant, even if a chain of one degree of freedom remains without them."""
     links = {"crank": Link(length=0.1, pins=("A", "B"))}
     links |= {name: Link(length=length, pins=tuple(pins)) for name, pins in chains.items()}
     sketch = {"C": (0.3, 0.25), "E": (0.1, 0.25), "F": (0.5, 0.3)}
@@ -342,7 +342,7 @@ def test_three_slides_in_a_row_have_no_class():
 
 
 def test_links_that_hold_each_other_fast_count_as_one():
-    """A cylinder between coupler and rocker makes one body of all three while it is held; a triangle of bars is one."""
+    """A cylinder between coupler and rocker makes one body of all three if it is fixed; a triangle of bars is one."""
     coupler = Link(length=0.3, pins=("B", "C", "E"), points={"E": lj.Vec(0.1, 0.15)})
     rocker = Link(length=0.25, pins=("D", "C", "F"), points={"F": lj.Vec(0.1, -0.1)})
     links = {**BARS, "coupler": coupler, "rocker": rocker, "barrel": Link(length=0.1, pins=("E", "H")),
@@ -375,7 +375,7 @@ def test_a_drawn_machine_is_written_and_read_back():
 
 
 def test_what_slides_on_a_link_of_a_dyad_comes_later():
-    """The rocker of a four-bar carries a guide: its dyad is one in closed form all the same."""
+    """The rocker of a four-bar carries a guide: its dyad has a closed form nevertheless."""
     links = {**BARS, "rod": Link(length=0.3, pins=("B", "P")), "block": Link(pins=("P",))}
     slots = [Slot("block", Guide("D", 0.3, 0.02, "rocker"))]
     found = linkage(GROUND, links, Drive("crank", phase=1.0), slots, {**SKETCH, "P": (0.22, 0.19)})
@@ -385,7 +385,7 @@ def test_what_slides_on_a_link_of_a_dyad_comes_later():
 
 @pytest.mark.slow
 def test_a_drive_between_two_links_in_true_motion():
-    """Energy, virtual power and forces close when the drive turns two moving links against each other."""
+    """Energy, virtual power and forces balance when the drive turns two moving links relative to each other."""
     links = {
         "base": Link(length=0.5, mass=2.0, inertia=0.1, centre=lj.Vec(0.2, 0.0), pins=("A", "B")),
         "disc": Link(length=0.08, mass=1.0, inertia=0.01, centre=lj.Vec(0.02, 0.0), pins=("B", "C")),
@@ -413,7 +413,7 @@ def test_formulas():
 
 
 def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:
-    """Angles of the triad's plate where it closes: the plate on two legs, both ways round, until the third fits."""
+    """Angles of the triad's plate where it closes: the plate on two legs, on both sides, until the third fits."""
     at = pose(mechanism, jnp.asarray(phi)).points
     b, c, d = (complex(at[p].r.x, at[p].r.y) for p in "BCD")
     near, lengths = {"F": 0.25 + 0j, "G": 0.1 + 0.2j}, (0.3, 0.32, 0.35)
@@ -438,7 +438,7 @@ def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:
 
 @pytest.mark.parametrize("phi", [0.0, 2.0])
 def test_all_assemblies_of_a_triad(phi):
-    """All roots of its sextic: as many as a search over the angle of the plate finds, at the same places."""
+    """All roots of its sextic: as many as a search over the plate angle finds, at the same positions."""
     mechanism = machine("triad").mechanism
     (found,) = assembly_modes(mechanism, phi).values()
     turns = [math.atan2(*(float(v) for v in ((s["F"] - s["E"]).y, (s["F"] - s["E"]).x))) for s in found.sketches]
@@ -448,7 +448,7 @@ def test_all_assemblies_of_a_triad(phi):
 
 @pytest.mark.slow
 def test_a_triad_in_six_ways(rng):
-    """A plate on three legs of which all six roots are real: a search from random starts finds the same ones. (Its
+    """A plate on three legs with six real roots: a search from random starts finds the same ones. (Its
     dimensions are the usual example of planar platforms on three legs.)"""
     far, legs = np.array([0, 15.91, 10j]), np.array([14.98, 15.38, 12.0])
     ahead = (17.04**2 + 20.84**2 - 16.54**2) / (2 * 17.04)  # the plate's sides are 17.04, 20.84 and 16.54
@@ -500,13 +500,13 @@ def test_ways_to_assemble_a_scissor_lift():
     ],
 )  # fmt: skip
 def test_names_that_stand_for_two_points(changes, told):
-    """A pin that is a marked point, or a mass centre, of something else."""
+    """A pin that is an additional point, or a mass centre, of another link."""
     with pytest.raises(StructureError, match=told):
         linkage({"A": (0, 0), "D": (0.35, 0)}, BARS | changes, Drive("crank"), sketch={"C": (0.3, 0.25)})
 
 
 def test_a_phase_that_is_not_that_of_the_sketch():
-    """The drive would close another way, so both are named."""
+    """The drive would close in another way, so both are named."""
     sketch = {"B": (-0.1, 0.0), "C": (0.2, 0.2)}
     with pytest.raises(
         StructureError, match=r"drive\.phase: is 0 deg, but 'coupler' is drawn at -146\.3.* deg to 'crank'; delete it"
@@ -515,7 +515,7 @@ def test_a_phase_that_is_not_that_of_the_sketch():
 
 
 def test_scaled_by_a_length_of_the_sketch():
-    """The mass that is given belongs to the length that the sketch gives."""
+    """The given mass belongs to the length from the sketch."""
     coupler = Link(mass=2.0, reference_length=0.0, mass_properties="scaled", pins=("B", "C"))
     made = linkage(
         {"A": (0, 0), "D": (0.35, 0)}, BARS | {"coupler": coupler}, Drive("crank"), sketch={"C": (0.3, 0.25)}

@@ -39,7 +39,7 @@ def test_self_contained_and_well_formed(name, tmp_path):
     assert len(text.encode()) <= 1.5e6
     assert not re.search(r"https?:|//www|@import|<link|<img|src=|NaN|Infinity", text)
     page = read(path)
-    assert page.counts["svg"] == len(PICTURES)  # the machine is drawn by the page itself
+    assert page.counts["svg"] == len(PICTURES)  # the page draws the machine by itself
     assert page.counts["figure"] == len(PICTURES)
     assert page.counts["script"] == 2
     assert len(page.ids) == len(set(page.ids))
@@ -91,7 +91,7 @@ def test_peaks(report):
         cells, unit = page.row(label), "N·m" if label.split()[-1] in ("torque", "moment") else "N"
         for peak, (value, _, at) in zip((name, f"{name}_constant_speed"), (cells[:3], cells[3:]), strict=True):
             assert_printed(value, data["peaks"][peak]["value"], unit)
-            if peak == "drive_torque":  # a constant torque, which is largest at no angle
+            if peak == "drive_torque":  # a constant torque, which has no angle of its maximum
                 assert at == "–"
                 continue
             assert_printed(at, data["peaks"][peak]["angle"], "°", 180 / math.pi)
@@ -131,7 +131,7 @@ def test_checks_pass_or_fail(tmp_path):
 
 
 def test_what_the_machine_before_cannot_do(tmp_path):
-    """Said beside the machine after, which is steadier than asked without any flywheel."""
+    """Reported beside the later machine, whose speed is smoother than required without any flywheel."""
     scene, data = analysed("slider-crank")
     stuck = {**data, "result": {"code": 3, "message": "It does not run."}}
     even = {**data, "flywheel": {**data["flywheel"], "for_target_delta": -0.1}}
@@ -175,7 +175,7 @@ def test_what_was_put_in_stays_short():
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
-    """The press with a shorter rocker's neighbour before: everything in it, in units that were chosen."""
+    """The press compared with one with a shorter neighbour of its rocker: everything in it, in chosen units."""
     scene, data = analysed("hay-press")
     before = {**data, "motion": {**data["motion"], "delta": 0.5, "max_speed": 100.0}}
     path = tmp_path_factory.mktemp("compared") / "report.html"
@@ -225,7 +225,7 @@ def test_optimisation(compared):
         "",
         "",
         "90.000°, 120.000°",
-    ]  # no price where limits clash
+    ]  # no multiplier with conflicting constraints
     assert page.row("peak drive torque", cells=7) == wanted
     assert page.row("smallest margin", cells=7)[4] == "not met"
     assert page.row("tied to it: links.link4.length", cells=7)[:2] == ["0.500000 m", "0.475000 m"]
@@ -233,10 +233,10 @@ def test_optimisation(compared):
     assert page.row("evaluations of a cycle") == ["143"]
     assert page.row("starts") == ["1 of 2 reached the best; 1 met every limit"]
     assert page.row("2", cells=5) == ["–", "no", "0.10", "20"]
-    assert page.row("peak drive torque", cells=2) == ["met"]  # where limits clash
+    assert page.row("peak drive torque", cells=2) == ["met"]  # with conflicting constraints
     assert page.row("smallest margin", cells=2) == ["not met"]
     assert "Limits clash." in page.text
-    assert page.counts["svg"] == 3  # the stage, the history and the trade-off
+    assert page.counts["svg"] == 3  # the display, the history and the trade-off
 
 
 @pytest.mark.parametrize(

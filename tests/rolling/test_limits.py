@@ -1,4 +1,4 @@
-"""What is refused, what is said then, and where the limits lie."""
+"""Refused input, its messages, and the positions of the limits."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_rings_that_do_not_suit(design, message):
 
 @pytest.mark.parametrize(("outer", "e", "closing"), [(0.08, 0.005, "89.9399821 mm"), (0.095, 0.0, "89.5931524 mm")])
 def test_chains_that_do_not_close(outer, e, closing):
-    """The gap by the walk from body to body, the other numbers by Steiner's condition as it is printed."""
+    """The gap by the walk from body to body, the other numbers by Steiner's condition in its printed form."""
     steps = walk(0.04, outer, e, 0.0, 9)
     gap = 360 - math.degrees(steps[-1][0] - steps[0][0])
     sine = math.sqrt(((outer - 0.04) ** 2 - e**2) / ((outer + 0.04) ** 2 - e**2))
@@ -79,7 +79,7 @@ def test_what_the_messages_propose_closes():
     for design in (Rolling(0.04, 0.08, 8, eccentricity=0.005), Rolling(0.04, 0.095, 8)):
         check(Rolling(0.04, closing_outer_radius(0.04, 8, design.eccentricity), 8, eccentricity=design.eccentricity))
     check(Rolling(0.04, 0.095, 8, eccentricity=closing_eccentricity(0.04, 0.095, 8)))
-    check(Rolling(0.04, 0.0899399821, 8, eccentricity=0.005))  # rounded as the message writes it
+    check(Rolling(0.04, 0.0899399821, 8, eccentricity=0.005))  # rounded as in the message
 
 
 def test_the_printed_radius_closes_within_its_digits():
@@ -89,7 +89,7 @@ def test_the_printed_radius_closes_within_its_digits():
 
 
 def test_a_chain_closes_from_the_concentric_ring_on():
-    """With given rings the eccentricity exists just where they are no closer than the concentric ones."""
+    """For given rings the eccentricity exists exactly where they are not closer than the concentric ones."""
     least = float(closing_outer_radius(0.04, 8))
     for outer, exists in ((0.999 * least, False), (1.001 * least, True), (10 * least, True)):
         design = Rolling(0.04, outer, 8, eccentricity=closing_eccentricity(0.04, outer, 8))
@@ -98,7 +98,7 @@ def test_a_chain_closes_from_the_concentric_ring_on():
 
 
 def test_an_overlap_of_more_than_a_body_is_no_gap():
-    """The last body stands well beyond the first, clear of it: the angle tells, the clearance does not."""
+    """The last body is far beyond the first, clear of it: the angle shows this, the clearance does not."""
     design = Rolling(0.04, 0.2, 8)
     assert float(closing_clearance(design)) > 0 > float(closure_gap(design))
     assert float(fitting_bodies(design)) < 6

@@ -1,4 +1,4 @@
-"""Scene files of rolling bodies: what is read, what is left out, what is said when something is wrong."""
+"""Scene files of rolling bodies: keys, omitted keys, and messages about errors."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ SECTION = 'mass_properties = "section"\narea = "1 mm^2"\ndensity = "1 kg/m^3"'
 
 
 def edit(*pairs: str) -> str:
-    """The hay press with texts replaced, two by two; a text is replaced where it stands first."""
+    """The hay press with strings replaced in pairs, each at its first occurrence."""
     text = PRESS
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text, old
@@ -22,9 +22,9 @@ def edit(*pairs: str) -> str:
     return text
 
 
-LONG = "…"  # a table that says no more than its key: it is not shown
+LONG = "…"  # a table whose content is its key: it is not shown
 # fmt: off
-CASES = {  # text, key, part of the value as shown, part of the problem, part of the remedy
+CASES = {  # file, key, part of the value as shown, part of the problem, part of the remedy
     "unknown key": (edit('mass = "5 kg"', 'mas = "5 kg"'), "links.crank.mas", '"5 kg"', "not a known key", "'mass'"),
     "the everyday word": (edit('mass = "5 kg"', 'weight = "5 kg"'), "links.crank.weight", '"5 kg"', "not a known key",
         "'mass'"),
@@ -193,7 +193,7 @@ def test_message(name):
 
 
 def test_unknown_before_missing():
-    """A misspelt key is also a missing one: the misspelling is what is told, wherever it stands."""
+    """A misspelt key is also a missing one: the misspelling is reported, wherever it is."""
     with pytest.raises(SceneError, match=r"groups\[0\]\.pivt = \"A\": not a known key; did you mean 'pivot'"):
         loads_text(edit('speed = "700 rpm"', "", 'pivot = "A"', 'pivt = "A"'))
 
@@ -275,7 +275,7 @@ link = "crank"
     ('link = "crank"', 'link = "crank"\nmass = "1 kg"', "drive.mass", "write it under the [links.…] that it is of"),
 ])  # fmt: skip
 def test_a_key_in_the_wrong_table(old, new, key, remedy):
-    """Of a machine drawn by links and joints: where it belongs."""
+    """Of a machine drawn by links and joints: the right position of the key."""
     with pytest.raises(SceneError) as caught:
         loads_text(DRAWN.replace(old, new))
     assert (caught.value.key, caught.value.problem) == (key, "not a known key")

@@ -24,13 +24,13 @@ PICTURE = {picture.name: picture for picture in PICTURES}
 
 
 def curves(figure: Figure) -> list[np.ndarray]:
-    """All lines of a figure that have a course, as (x, y) rows."""
+    """All lines of a figure with more than constant data, as (x, y) rows."""
     lines = [np.asarray(line.get_xydata(), float) for ax in figure.axes for line in ax.get_lines()]
     return [line.T for line in lines if len(line) > 2]
 
 
 def written(figure: Figure) -> list[Text]:
-    """Everything written in a figure that shows."""
+    """All visible text in a figure."""
     texts = list(figure.texts)
     for legend in figure.legends:
         texts += legend.get_texts()
@@ -44,7 +44,7 @@ def written(figure: Figure) -> list[Text]:
 
 
 def assert_tidy(figure: Figure) -> None:
-    """Nothing written sticks out of the figure, no panel's heading runs into the next panel's."""
+    """No text extends beyond the figure, no panel title overlaps the next panel's."""
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()  # pyright: ignore[reportAttributeAccessIssue]
     page = figure.bbox
@@ -203,7 +203,7 @@ def test_the_machine_before_lies_behind(picture):
 
 
 def test_a_machine_before_with_other_parts():
-    """Points, links and joints that it lacks are left out."""
+    """Points, links and joints that it lacks are omitted."""
     scene, data = analysed("hay-press")
     _, other = analysed("slider-crank")
     for picture in PICTURES[1:]:
