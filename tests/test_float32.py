@@ -78,7 +78,7 @@ def test_a_warning_near_a_dead_position(length, warned):
 
 
 def test_a_geared_machine_that_comes_round():
-    """After two turns the machine is in its initial position, within rounding: its pins are never 0.27 or 0.03 m apart."""
+    """After two turns the machine returns to its initial position: its pins are never 0.27 or 0.03 m apart."""
     run = subprocess.run([sys.executable, "-c", GEARED], capture_output=True, text=True, check=True)
     start, stop, free = run.stdout.split()
     assert (float(start), float(stop), free) == (0.0, 4 * math.pi, "True")

@@ -71,7 +71,7 @@ RACK += 'Q = ["300 mm", "-20 mm"]\n'
 
 
 def edit(text: str, *pairs: str) -> str:
-    """A text with strings replaced in pairs, each at its first occurrence."""
+    """A file content with strings replaced in pairs, each at its first occurrence."""
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text, old
         text = text.replace(old, new, 1)

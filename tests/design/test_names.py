@@ -1,4 +1,4 @@
-"""Numbers of a scene by name: every one is found, read and changed, and no other number changes."""
+"""Scene parameters by name: every one is found, read and changed, and no other one changes."""
 
 from __future__ import annotations
 

@@ -288,7 +288,7 @@ def test_where_wheels_in_a_loop_begin():
     drawn = group.sketched(links, *known, still)
     begun, _ = group.wound(links, *known, still, drawn[:, :2], drawn[:, 2])
     gap, matrix = group.opened(links, *known, still, begun, jnp.zeros(15))
-    rows, wheels = slice(-3, None), [5, 14]  # angles of wheel and pulley
+    rows, wheels = slice(-3, None), [5, 14]  # angles of gear and pulley
     np.testing.assert_allclose(matrix[rows][:, wheels].T @ gap[rows], 0.0, atol=1e-15)
     assert float(jnp.linalg.norm(gap[rows])) < 0.1 * float(jnp.linalg.norm(drawn))
     ahead = jnp.stack([jnp.cos(begun[1, 2]), jnp.sin(begun[1, 2])])

@@ -3,7 +3,7 @@
 Random compositions, like those of `test_random_machines.py`, at crank angles up to a radian from their sketch; all
 groups can be assembled all the way, and six degrees further at either end, as required for following them (singular
 positions are in `test_near_dead.py`). The two must agree to 1e-12 of the size of the compared quantity, and 1e-14
-times its condition number, as in `judged.py`; gradients by their norm, every slope times its number.
+times its condition number, as in `judged.py`; gradients by the norm of every slope times its number.
 """
 
 from __future__ import annotations
