@@ -340,7 +340,7 @@ def test_what_is_no_group(members, outer, says):
 
 
 def test_a_sketch_of_many_designs():
-    """Points sketched at one position are found in all their positions."""
+    """Points that coincide in the sketch are found in any of them."""
     links = {"crank": Link(length=0.1), "plate": Link(length=0.25, points={"G": Vec(0.1, 0.2)})}
     links |= {"bar": Link(length=0.3), "arm": Link(length=0.3), "block": Link()}
     members = (("plate", ("E", "F", "G")), ("bar", ("B", "E")), ("arm", ("D", "F")), ("block", ("G",)))

@@ -225,7 +225,7 @@ def test_optimisation(compared):
         "",
         "",
         "90.000°, 120.000°",
-    ]  # no multiplier with conflicting constraints
+    ]  # no multiplier if constraints conflict
     assert page.row("peak drive torque", cells=7) == wanted
     assert page.row("smallest margin", cells=7)[4] == "not met"
     assert page.row("tied to it: links.link4.length", cells=7)[:2] == ["0.500000 m", "0.475000 m"]
@@ -233,7 +233,7 @@ def test_optimisation(compared):
     assert page.row("evaluations of a cycle") == ["143"]
     assert page.row("starts") == ["1 of 2 reached the best; 1 met every limit"]
     assert page.row("2", cells=5) == ["–", "no", "0.10", "20"]
-    assert page.row("peak drive torque", cells=2) == ["met"]  # with conflicting constraints
+    assert page.row("peak drive torque", cells=2) == ["met"]  # where limits clash
     assert page.row("smallest margin", cells=2) == ["not met"]
     assert "Limits clash." in page.text
     assert page.counts["svg"] == 3  # the display, the history and the trade-off
