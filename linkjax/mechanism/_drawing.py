@@ -73,7 +73,7 @@ class Drawing:
                 remedy = "use a second block, pinned to the first"
                 raise StructureError(where, problem, remedy)
             if slot.guide.on == slot.block:
-                raise StructureError(where, "slides along itself", "name another link that carries the guide")
+                raise StructureError(where, "slides along itself", "name the link that the guide is on")
             own = tuple(self.fixed) if slot.guide.on == FRAME else self.links[slot.guide.on].point_names()
             if slot.guide.through not in own:
                 problem = f"the guide is on {slot.guide.on!r}, but point {slot.guide.through!r} is not"

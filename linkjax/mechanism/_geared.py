@@ -91,7 +91,7 @@ class Wheels:
         drawn = 1 if off >= 0 else -1
         if rack.side is not None and rack.side != drawn and abs(off) > self.drawing.slack:
             one, other = ("left", "right") if rack.side > 0 else ("right", "left")
-            problem = f"`side` puts {rack.to!r} on the {one} of the guide, but it is drawn on the {other}"
+            problem = f"with this side {rack.to!r} is on the {one} of the guide, but it is drawn on the {other}"
             raise StructureError(f"rack {rack.link}", problem, "delete it for the side drawn, or correct the sketch")
         return drawn if rack.side is None else rack.side
 
@@ -175,7 +175,7 @@ class Wheels:
             where = f"{name!r} is at {write(there + more)}" + " along its guide" * (name in racks)
             every = (self._remedy(gears[i], left, still[:, i]) for i in reversed(range(len(gears))))
             remedy = next(filter(None, every), "")
-            problem = f"by the given phases {where} at crank angle zero, but is drawn at {write(there)}"
+            problem = f"with these phases {where} at crank angle zero, but is drawn at {write(there)}"
             raise StructureError(f"gear of {', '.join(gear.link for gear in gears)}", problem,
                                  f"{remedy}delete the phases for those drawn, or correct the sketch")  # fmt: skip
 
@@ -230,12 +230,12 @@ class Wheels:
         if drawn is not None and self._swept(gear.link, phase - seen) > self.drawing.slack:
             pair = dataclasses.replace(gear, phase=seen)
             pair = pair if any(pair.link == g.link and pair.to == g.to for g in self.gears) else turned_round(pair)
-            problem = f"its phase puts {gear.link!r} at {degrees(phase + moved)} at crank angle zero"
+            problem = f"with this phase {gear.link!r} is at {degrees(phase + moved)} at crank angle zero"
             remedy = (
                 f'write phase = "{degrees(number(pair.phase))}", delete it for the one drawn, or correct the sketch'
             )
             raise StructureError(
-                f"gear of {pair.link}", f"{problem}, but it is drawn at {degrees(cmath.phase(drawn))}", remedy
+                f"gear of {pair.link}", f"{problem}, but is drawn at {degrees(cmath.phase(drawn))}", remedy
             )
         self._turn(gear.link, pivot, phase + moved)
         return Gear(gear.link, pivot, gear.mesh, gear.to, centre, end, phase, carrier)
@@ -254,9 +254,9 @@ class Wheels:
         drawn = self._way(rack.link) if end in self.drawing.spots else None
         start = float(rack.start) if rack.start is not None else 0.0 if drawn is None else drawn - moved
         if drawn is not None and abs(drawn - start - moved) > self.drawing.slack:
-            where = f"{metres(start + moved)} along its guide at crank angle zero, but it is drawn at {metres(drawn)}"
+            where = f"is {metres(start + moved)} along its guide at crank angle zero, but is drawn at {metres(drawn)}"
             remedy = f'write start = "{metres(drawn - moved)}", delete it for the start drawn, or correct the sketch'
-            raise StructureError(f"rack {rack.link}", f"its start puts it {where}", remedy)
+            raise StructureError(f"rack {rack.link}", f"with this start it {where}", remedy)
         self.drawing.place(rack.link, end, base + along * (start + moved), along)
         return Rack(rack.link, end, guide, rack.to, centre, rack.radius, side, start, rack.pressure_angle)
 
@@ -270,9 +270,9 @@ class Wheels:
         start = seen if rack.start is None else float(rack.start)
         turned = on + per * (way - start)
         if stands is not None and self._swept(rack.to, per * (start - seen)) > self.drawing.slack:
-            problem = f"its start puts {rack.to!r} at {degrees(turned)} at crank angle zero"
+            problem = f"with this start {rack.to!r} is at {degrees(turned)} at crank angle zero"
             remedy = f'write start = "{metres(seen)}", delete it for the start drawn, or correct the sketch'
-            raise StructureError(f"rack {rack.link}", f"{problem}, but it is drawn at {degrees(stands)}", remedy)
+            raise StructureError(f"rack {rack.link}", f"{problem}, but is drawn at {degrees(stands)}", remedy)
         self._turn(rack.to, pivot, turned)
         return Pinion(rack.to, pivot, rack.link, at, rack.radius, side, end, 0.0, guide.on, rack.pressure_angle,
                       guide.through, start)  # fmt: skip

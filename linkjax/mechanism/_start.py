@@ -122,14 +122,16 @@ def _way(drawing, block: str) -> float | None:
 def _from_drawing(drawing, drive: Drive, law: Harmonic, slides: bool, drawn: float | None) -> Drive:
     """The drive with a law that begins at the drawn position; of an angle, within half a turn of the end of the law."""
     if drawn is None:
-        what = "the displacement" if slides else f"the angle to {drive.on!r}"
-        problem = f"has no start, and the sketch does not show {what} of {drive.link!r}"
+        what = "displacement" if slides else "angle"
+        problem = f"has no start, and the sketch does not show the {what} of {drive.link!r} relative to {drive.on!r}"
         raise StructureError("drive.law", problem, "write start, or sketch this link")
     phase, stop = number(drive.phase), float(law.stop)
     start = drawn if slides else stop + math.remainder(drawn - phase - stop, 2 * math.pi)
     if abs(stop - start) <= SAME * (drawing.size() if slides else 1.0):
         where = metres(stop) if slides else degrees(drawn)
-        raise StructureError("drive.law", f"stops where it starts: {drive.link!r} is drawn at {where}", "change stop")
+        raise StructureError(
+            "drive.law", f"stops where it starts: {drive.link!r} is drawn at {where}", "write another stop"
+        )
     return dataclasses.replace(drive, phase=phase, law=dataclasses.replace(law, start=start))
 
 

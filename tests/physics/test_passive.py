@@ -186,7 +186,7 @@ def test_nothing_is_shared_in_a_plain_machine():
 
 def test_what_does_not_fit_holds_fast():
     """Another length, and the chain cannot move, as its count says."""
-    told = r"'crankF' is 0.101 m, but as the rest moves its ends are 0.1 m apart; give it dimensions"
+    told = r"'crankF' is 0.101 m long, but the motion of the other links puts its ends 0.1 m apart; give it"
     with pytest.raises(StructureError, match=rf"links.crankF: nothing can move \(W = .* 3·4 - 2·6 = 0\): {told}"):
         parallel({"F": 0.2}, off=1e-3)
 
