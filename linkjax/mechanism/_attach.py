@@ -38,6 +38,7 @@ from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._sketched import UNSURE
 from linkjax.mechanism._start import number
 
+PARALLEL = 1e-9  # sine of the angle between two guides of an RPP that count as parallel, as in that group
 Path = tuple[complex, complex]
 
 
@@ -52,17 +53,24 @@ class Attachment:
         """The driver and the Assur groups, in the order of their parts."""
         made, placed = [], {FRAME}
         for part in parts:
-            if not made:
-                group = self._driver(part)
-            elif len(part) == 1:
-                group = self.wheels.group(part[0], placed)
-            else:
-                group = (self._dyad(part, placed) if len(part) == 2 else None) or self._general(part, placed)
+            try:
+                group = self._group(part, placed) if made else self._driver(part)
+            except StructureError:
+                raise
+            except ValueError as error:  # of the group's class
+                problem, _, remedy = str(error).partition("; ")
+                problem = f"{', '.join(part)} form no group: {problem}"
+                raise StructureError("links", problem, remedy or "change these links or their joints") from error
             made.append(group)
             placed |= set(part)
             if isinstance(group, General) and part != parts[-1]:
                 self._settle(group)
         return made
+
+    def _group(self, part: tuple[str, ...], placed: set[str]) -> AbstractGroup:
+        if len(part) == 1:
+            return self.wheels.group(part[0], placed)
+        return (self._dyad(part, placed) if len(part) == 2 else None) or self._general(part, placed)
 
     def _driver(self, part: tuple[str, ...]) -> AbstractGroup:
         drive = self.drive
@@ -230,6 +238,9 @@ class Attachment:
             return None
         if drawing.links[block].pins[0] != first.name:
             return None
+        if abs(math.sin(float(slot.along))) < PARALLEL:
+            problem = f"is parallel to the guide of {slide!r}, so the position of {slide!r} is undetermined"
+            raise StructureError(f"slot of {block}", problem, "change `along` of one of the two guides")
         path, at = drawing.path(guide), drawing.spot(first.name, block)
         along = path[1] * cmath.exp(1j * float(slot.along))
         self._cross((slide,), end, path, (at - 1j * along * float(slot.offset), along))

@@ -79,6 +79,10 @@ class Drawing:
                 problem = f"the guide is on {slot.guide.on!r}, but point {slot.guide.through!r} is not"
                 raise StructureError(where, problem, nearest(slot.guide.through, own))
             self._check_block(where, slot)
+        for gear in self.gears:
+            check_numbers(f"gear of {gear.link}", (gear.phase, gear.mesh.ratio()))
+        for rack in self.racks:
+            check_numbers(f"rack {rack.link}", (rack.radius, rack.start))
         self._check_joined()
 
     def _check_block(self, where: str, slot: Slot) -> None:

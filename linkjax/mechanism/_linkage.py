@@ -9,6 +9,7 @@ from typing import Literal
 from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.groups import FRAME, RRP, RRR, AbstractGroup, Drive, GearPair, Pair, RackPair, Slot
+from linkjax.mechanism._arguments import check_arguments, listed
 from linkjax.mechanism._attach import Attachment
 from linkjax.mechanism._drawing import Drawing, Place, complex_of
 from linkjax.mechanism._freedom import blocks, counted, freedom
@@ -52,12 +53,15 @@ def linkage(
     """
     if branch not in ("fixed", "continue"):
         raise StructureError("branch", f"is {branch!r}", 'write "fixed" or "continue"')
-    slots, spots = tuple(slots), {name: complex_of(f"sketch.{name}", at) for name, at in (sketch or {}).items()}
+    slots, gears, racks, sketch, sides = listed(slots), listed(gears), listed(racks), sketch or {}, sides or {}
+    tables = {"fixed": fixed, "links": links, "sketch": sketch, "sides": sides}
+    check_arguments(tables, {"slots": slots, "gears": gears, "racks": racks}, drive, flywheel)
+    spots = {name: complex_of(f"sketch.{name}", at) for name, at in sketch.items()}
     frame = {name: complex_of(f"fixed.{name}", at) for name, at in fixed.items()}
     ground = {name: Vec(at.real, at.imag) for name, at in frame.items()}
-    drawing = Drawing(ground, dict(links), slots, spots | frame, tuple(gears), tuple(racks))
+    drawing = Drawing(ground, dict(links), slots, spots | frame, gears, racks)
     drawing.check(spots)
-    for name, given in (sides or {}).items():
+    for name, given in sides.items():
         if name not in drawing.links:
             raise StructureError(f"links.{name}.sides", f"link {name!r} is not defined", nearest(name, drawing.links))
         drawing.links[name] = with_sides(name, drawing.links[name], given, spots_with_crank(drawing, drive))
@@ -75,7 +79,7 @@ def linkage(
         driven = drawing.driven(drive, found)
     _check_freedom(drawing, drive, found, driven)
     parts = blocks(list(drawing.links), found, driven)
-    if drive.link not in parts[0]:
+    if drive.link not in parts[0] or drive.on not in (FRAME, *parts[0]):  # the first part does not need the drive
         problem = (
             f"moves {drive.link!r} against {drive.on!r}, but {', '.join(parts[0])} cannot move relative to the frame"
         )

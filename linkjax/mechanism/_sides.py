@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -58,16 +58,24 @@ def _given(name: str, link: Link, sides: Sides) -> dict[frozenset[str], float]:
     """The distances by their pairs of pins."""
     found: dict[frozenset[str], float] = {}
     for pins, length in sides.items():
-        ends, where = frozenset(pins), f"links.{name}.sides"
+        ends, where = frozenset(pins if isinstance(pins, Iterable) else ()), f"links.{name}.sides"
         if len(ends) != 2 or not ends <= set(link.pins):
-            problem = f"{'-'.join(pins)} are not two pins of the link"
+            problem = f"{'-'.join(pins) if ends else repr(pins)} are not two pins of the link"
             raise StructureError(where, problem, f"its pins are {', '.join(link.pins)}")
         if ends in found:
             raise StructureError(where, f"{'-'.join(pins)} is given twice", "delete one of them")
-        if not (np.ndim(length) == 0 and float(length) > 0 and math.isfinite(float(length))):
+        if not 0 < (distance := _number(length)) < math.inf:
             raise StructureError(where, f"{'-'.join(pins)} is {length!r}", "write a distance above zero, in metres")
-        found[ends] = float(length)
+        found[ends] = distance
     return found
+
+
+def _number(value: object) -> float:
+    """A single number; NaN for anything else."""
+    try:
+        return float(value) if np.ndim(value) == 0 else math.nan  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return math.nan
 
 
 def _taken(given: dict[frozenset[str], float], one: str, two: str) -> float | None:

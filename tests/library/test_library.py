@@ -153,7 +153,7 @@ NONE = (0.0, 0.0)
         (lambda: lj.scissor_lift(2.0, 1.2, 0.2, 0.7), "eye of a scissor_lift is 1.2, but half a bar is 1; give its d"),
         (lambda: lj.scissor_lift(2.0, 0.5, 0.2, 0.7, pairs=3), "pairs of a scissor_lift must be 1 or 2, but is 3;"),
         (lambda: lj.scissor_lift(2.0, 0.5, 0.2, 0.7, base=(0.1, 2.0)), "cylinder of a scissor_lift is 1.746[0-9]* m"),
-        (lambda: lj.scissor_lift(2.0, 0.5, 0.7, 0.2), "low and high of a scissor_lift are 0.7 and 0.2 rad; write ang"),
+        (lambda: lj.scissor_lift(2.0, 0.5, 0.7, 0.2), "low and high of a scissor_lift are 0.7 and 0.2 rad; write inc"),
         (lambda: lj.scotch_yoke(0.1, links={"yok": Link()}), "it has no link 'yok'; did you mean 'yoke'"),
         (lambda: lj.scotch_yoke(0.1, links={"crank": Link(length=0.2)}), r"links\['crank'\] of a scotch_yoke has the"),
         (lambda: lj.four_bar(0.1, 0.3, 0.3, 0.3, side=0), "side of an RRR must be 1 or -1, but is 0"),
