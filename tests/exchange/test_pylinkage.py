@@ -148,7 +148,7 @@ def changed(*path, value) -> dict:
         (changed("links", 2, "id", value="rod"), "rod: is the id of two links; give one of them another id"),
         (changed("links", 1, "angular_velocity", value=0.0), "crank: does not turn"),
         (changed("links", 1, "joints", value=["A", "B", "E"]), "crank: needs two joints, one of them its motor join"),
-        (changed("links", 2, "joints", value=["C"]), "links: rocker, coupler, rod, P_block can still move at B"),
+        (changed("links", 2, "joints", value=["C"]), "links: with the drive held, rocker, coupler, rod, P_"),
         (changed("links", 4, "joints", value=["E", "D"]), "P: is on no link; put it on a link, or delete it; pyl"),
         (changed("links", 2, "joints", value=["D", "C", "E"]), r"links: nothing can move \(.*\): the joints .* make"),
         (changed("joints", 6, "ref_joint2_id", value="D"), None),

@@ -209,7 +209,7 @@ guide = { through = "A", along = "90 deg" }
          "three or more"),
         ('start = "0 mm", stop = "120 mm"', 'angles = [0, "1 rad", "2 rad"], values = [0, 1]', "groups[0].law.values",
          "2 values at 3 angles"),
-        ('speed = "10 rpm"', 'speed = "10 rpm"\nflywheel = { inertia = 1 }', "flywheel", "needs a crank as the driver"),
+        ('speed = "10 rpm"', 'speed = "10 rpm"\nflywheel = { inertia = 1 }', "flywheel", "there is no shaft for it"),
         ('speed = "10 rpm"', 'speed = "10 rpm"\ntarget_delta = 0.1', "target_delta", "the driver follows a law"),
         ('guide = { through = "A" }', 'guide = { through = "D", on = "rod" }', "groups[0].guide.on",
          "a driving slide is on the frame"),
