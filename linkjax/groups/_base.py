@@ -69,7 +69,7 @@ class Coupling(NamedTuple):
 
 def named(kind: str) -> str:
     """A kind of group with its article."""
-    return f"{'an' if kind[0] == 'R' else 'a'} {kind}"
+    return f"{'an' if kind[0] == 'R' else 'a'} {kind.replace('_', ' ')}"
 
 
 def check_side(kind: str, side: int) -> None:

@@ -83,7 +83,7 @@ class Gear(AbstractWheel):
             raise ValueError(f"gear {self.link!r} is in mesh with itself, or is its own carrier; name another link")
         if self.to == self.carrier or self.pivot == self.centre:
             both = f"{self.to!r} about {self.centre!r}"
-            raise ValueError(f"gear {self.link!r} is in mesh with {both}, its own carrier or axis; name another one")
+            raise ValueError(f"gear {self.link!r} is in mesh with {both}, its carrier or axis; name another carrier")
 
     def mates(self) -> tuple[str, str]:
         """The links whose angles it follows."""

@@ -170,8 +170,8 @@ class General(AbstractChain):
         return drawn
 
     def wound(self, links, states, points, phi: Array, at: Array, angle: Array) -> tuple[Array, Array]:
-        """A configuration from origins (links, 2) and angles (links,) within half a turn of zero, with free gears turned
-        into mesh; and the offset of other meshes in whole turns (see `in_whole_turns`)."""
+        """A configuration from origins (links, 2) and angles (links,) within half a turn of zero, with free gears
+        turned into mesh; also the offset of other meshes in whole turns (see `in_whole_turns`)."""
         places, c = self._at(links, states, points, phi)
         assert c.geared is not None
         angle = jnp.where(self.loose(), angle, nearest_turn(angle, 2 * jnp.pi))
@@ -219,8 +219,8 @@ class General(AbstractChain):
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
 
     def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array, Array | None]:
-        """The same from the sketch, and the offset of meshes in whole turns, if any. With gears it runs twice, because a
-        carrier near half a turn may first be one turn off."""
+        """The same from the sketch, and the offset of meshes in whole turns, if any. With gears it runs twice:
+        a carrier near half a turn may first be one turn off."""
 
         def again(_, there):
             z, whole = self.wound(links, states, points, phi, there[0][:, :2], there[0][:, 2])
