@@ -50,7 +50,7 @@ class RPR(AbstractGroup):
         return {self.link: (self.about, self.end), self.block: (self.from_, None)}
 
     def _span(self, points):
-        """From the lever's pivot to the block's pin; of length one where they coincide (zero margin)."""
+        """From the lever's pivot to the block's pin; of length one where they coincide (no positive margin)."""
         d = points[self.from_].r - points[self.about].r
         return Vec(jnp.where(d.squared() > 0, d.x, 1.0), d.y)
 
