@@ -182,7 +182,7 @@ def five_bar(teeth: tuple[int, int], turns: int) -> lj.Scene:
 
 def test_another_number_of_turns_is_refused():
     """With the right one."""
-    with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so nothing repeats; write 2"):
+    with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so the motion is not periodic; write 2"):
         five_bar((40, 20), 1)
     with pytest.raises(StructureError, match=r"in 2 turns of the crank 'wheel' turns -1.42857 times.*; write 7"):
         five_bar((28, 20), 2)
@@ -270,7 +270,7 @@ CRANK = Crank("crank", "A", "B")
          "'crank' does not slide along 'frame'; name what it slides along: nothing"),
         (lambda: lj.Scene(Mechanism(FIXED, {**BARS, "wheel": Link(mass=1.0), "other": Link(mass=1.0)}, [
             CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("other", "R", "D", "wheel", "D", 0.05)])),
-         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+         "'wheel' turns -1 times in a cycle, so the rack does not return"),
         (lambda: General((("wheel", ("D",)),), ("D",), {}, gears=(Gear("wheel", "E", Teeth((20, 20)), "crank", "A"),)),
          "the group of wheel: a wheel turns about 'E', which is no pin of 'wheel'; its pins are D"),
         (lambda: General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {}, (Slot("rack", "D"),), gears=(
@@ -279,7 +279,7 @@ CRANK = Crank("crank", "A", "B")
         (lambda: lj.Scene(Mechanism(FIXED, {"crank": BARS["crank"], "wheel": Link(mass=1.0), "rack": Link(mass=1.0)}, [
             CRANK, General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {"R": Vec(0.3, 0.05)}, (Slot("rack", "D"),),
             gears=(Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("rack", "R", "D", "wheel", "D", 0.05)))])),
-         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+         "'wheel' turns -1 times in a cycle, so the rack does not return"),
     ],
 )  # fmt: skip
 def test_refused(make, told):
