@@ -32,7 +32,7 @@ class AssemblyModes(NamedTuple):
     """The assembly modes found for one group.
 
     `sketches` holds the positions of its pins (m) in every mode; each can serve as a sketch. There are at most
-    `at_most` modes, and `all_found` says whether the list is complete. `moves` says whether the group also has
+    `upper_bound` modes, and `all_found` says whether the list is complete. `moves` says whether the group also has
     positions, not listed, in which it can move with the crank fixed.
     """
 
@@ -42,9 +42,8 @@ class AssemblyModes(NamedTuple):
     moves: bool = False
 
     def __str__(self) -> str:
-        found = (
-            f"all {len(self.sketches)}" if self.all_found else f"found {len(self.sketches)} of at most {self.upper_bound}"
-        )
+        count = len(self.sketches)
+        found = f"all {count}" if self.all_found else f"found {count} of at most {self.upper_bound}"
         return f"{found}; the group has positions in which it can move with the crank fixed" if self.moves else found
 
 
