@@ -184,7 +184,7 @@ def test_another_number_of_turns_is_refused():
     """With the right one."""
     with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so the motion is not periodic; write 2"):
         five_bar((40, 20), 1)
-    with pytest.raises(StructureError, match=r"in 2 turns of the crank 'wheel' turns -1.42857 times.*; write 7"):
+    with pytest.raises(StructureError, match=r"in 2 turns of the crank, 'wheel' turns -1.42857 times.*; write 7"):
         five_bar((28, 20), 2)
 
 
