@@ -284,7 +284,7 @@ def test_a_jump_at_a_whole_degree():
             lambda: dataclasses.replace(
                 rotor(), loads=(lj.Torque("t", "crank", torque=1.0, window=lj.Window(0.0, 2 * np.pi)),)
             ),
-            "leave the window out for a load that always acts",
+            "omit `window` for a permanent load",
         ),
         (
             lambda: Mechanism({"O": Vec(0.0, 0.0)}, {"frame": Link(length=0.1)}, [Crank("frame", "O", "A")]),

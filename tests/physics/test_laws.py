@@ -148,7 +148,7 @@ def test_what_is_refused():
         simple(law=Harmonic(0.0, 1.0), rotation="cw")
     with pytest.raises(ValueError, match="no equation of motion is to be solved"):
         lj.analyse(lj.Scene(swinging), method="diffrax")
-    with pytest.raises(StructureError, match=r"the cycle of 6\.28319 rad is no multiple of the period of the law"):
+    with pytest.raises(StructureError, match=r"the cycle of 6\.28319 rad is not a multiple of the period of the law"):
         lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)))
     assert lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)), cycle_turns=2).cycle_turns == 2
     with pytest.raises(ValueError, match="three or more and rise"):
