@@ -19,6 +19,7 @@ for wrong in (
     lambda: OpposingForce(*at, magnitude=Vec(1.0, 0.0)),
     lambda: Scene(mechanism, Torque("work", "rocker", torque=1.0)),
     lambda: Scene(mechanism, (Torque("work", "rocker", torque=1.0, window=Window(1.0, 1.0)),)),
+    lambda: lj.Crank("crank", "A", "B", rotation="left"),
     lambda: Scene("four-bar"),
     lambda: lj.analyse(mechanism),
     lambda: lj.optimise(mechanism, {}, "delta"),
@@ -40,6 +41,7 @@ TypeError: Vec(x=f64[], y=f64[]) where a number is needed; write it in SI units,
 StructureError: loads: are Torque; write a tuple of loads, (load,) for a single one
 StructureError: loads[0] (work): window start and end coincide; omit `window` for a permanent load, or delete a load \
 that never acts
+ValueError: rotation of a crank must be "ccw" (counter-clockwise) or "cw", but is 'left'
 StructureError: mechanism: is str; write a Mechanism, e.g. from lj.library
 TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)
 TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)

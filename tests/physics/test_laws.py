@@ -144,7 +144,7 @@ def test_what_is_refused():
     swinging = simple(law=Harmonic(0.0, 1.0))
     with pytest.raises(StructureError, match="target_delta: has no effect: the driver follows a law"):
         lj.Scene(swinging, target_delta=0.1)
-    with pytest.raises(ValueError, match="no sense of rotation"):
+    with pytest.raises(ValueError, match="takes its sense from the law"):
         simple(law=Harmonic(0.0, 1.0), rotation="cw")
     with pytest.raises(ValueError, match="no equation of motion is to be solved"):
         lj.analyse(lj.Scene(swinging), method="diffrax")
