@@ -1,4 +1,4 @@
-"""Numbers, cells and tables as HTML text; everything that comes from outside is escaped here."""
+"""Numbers, cells and tables as HTML text; all input is escaped here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from linkjax._display import NONE, Numbers
 
 
 class Cell(NamedTuple):
-    """A table cell: text (escaped when written), a number to the right or words to the left, a class for its looks."""
+    """A table cell: text (escaped when written), alignment (numbers right, words left), and a CSS class."""
 
     text: str
     numeric: bool = False
@@ -18,35 +18,35 @@ class Cell(NamedTuple):
 
 
 def words(text: object) -> Cell:
-    """A cell of words."""
+    """A cell with words."""
     return Cell(str(text))
 
 
 class Cells(Numbers):
-    """How numbers are written, as cells."""
+    """Formatted numbers as cells."""
 
     def amount(self, value: SupportsFloat | None, unit: str = "", digits: int = 5) -> Cell:
-        """A cell of one number with its unit, a dash where there is none."""
+        """A cell with a number and its unit; a dash for None."""
         return Cell(NONE if value is None else self.quantity(float(value), unit, digits), numeric=True)
 
     def given(self, value: SupportsFloat, unit: str = "") -> Cell:
-        """A cell of a number that was put in: as short as it is, with its unit."""
+        """A cell with an input value and its unit, without trailing zeros."""
         return Cell(self.shown(value, unit), numeric=True)
 
     def angle(self, value: float | None) -> Cell:
-        """A cell of an angle, in degrees unless another unit was chosen."""
+        """A cell with an angle, in degrees unless another unit was chosen."""
         return Cell(self.turned(value), True)
 
     def several(
         self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5, beside: float = 0.0
     ) -> list[Cell]:  # fmt: skip
-        """Cells of one quantity, unit as measures write it, all in the unit that suits the largest; zero for the
-        rounding of what stands beside it."""
+        """Cells of one quantity, all in the prefixed unit that suits the largest value; `unit` is written as in
+        measures. A value that is only rounding error relative to `beside` is shown as zero."""
         return [Cell(text, True) for text in self.told(values, unit, digits, beside)]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], caption: str = "") -> str:
-    """A table; the first cell of a row names it."""
+    """A table; the first cell of a row is its heading."""
     rows = list(rows)
     right = [cell.numeric for cell in rows[0]] if rows else [False] * len(head)
     looks = [' class="n"' if numeric else "" for numeric in right]
