@@ -75,6 +75,7 @@ def test_results(report):
     assert_printed(page.row("flywheel inertia, given")[0], wheel["given"], "kg·m²")
     if wheel["for_target_delta"] is not None:
         assert_printed(page.row("flywheel inertia, required")[0], wheel["for_target_delta"], "kg·m²")
+    assert page.row("method")[0].startswith(f"{data['model']['method']}: ")
     assert data["result"]["message"] in page.text
 
 

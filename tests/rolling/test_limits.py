@@ -27,7 +27,11 @@ from tests.rolling.walk import walk
     [
         (2, 1, "bodies: 2 bodies cannot close in 1 turns; use at least 3 bodies"),
         (4, 2, "bodies: 4 bodies cannot close in 2 turns; use at least 5 bodies, or fewer turns"),
-        (9, 3, "bodies: 9 bodies in 3 turns already close with bodies 3, turns 1; use numbers without a common divisor"),
+        (
+            9,
+            3,
+            "bodies: 9 bodies in 3 turns already close with bodies 3, turns 1; use numbers without a common divisor",
+        ),
         (8, 0, "bodies: 8 bodies in 0 turns; write positive integers"),
         (True, 1, "bodies: True bodies"),
     ],
@@ -44,8 +48,8 @@ def test_numbers_that_make_no_chain(bodies, turns, message):
     ("design", "message"),
     [
         (Rolling(0.04, 0.044, 8, eccentricity=0.005),
-         "The rings touch or intersect: the outer radius 44 mm is not larger than inner radius plus eccentricity, 45 mm. "
-         "Use a smaller eccentricity or a larger outer radius (89.9399821 mm closes the chain)."),
+         "The rings touch or intersect: the outer radius 44 mm is not larger than inner radius plus eccentricity, "
+         "45 mm. Use a smaller eccentricity or a larger outer radius (89.9399821 mm closes the chain)."),
         (Rolling(-0.04, 0.095, 8), "inner radius -0.04 m, outer radius 0.095 m, eccentricity 0 m: radii must be "),
         (Rolling(0.04, float("nan"), 8), "inner radius 0.04 m, outer radius nan m, eccentricity 0 m: radii must be "),
     ],
