@@ -34,13 +34,13 @@ class AssemblyModes(NamedTuple):
     itself while all else stands still."""
 
     sketches: list[dict[str, Vec]]
-    at_most: int
+    upper_bound: int
     all_found: bool
     moves: bool = False
 
     def __str__(self) -> str:
         found = (
-            f"all {len(self.sketches)}" if self.all_found else f"found {len(self.sketches)} of at most {self.at_most}"
+            f"all {len(self.sketches)}" if self.all_found else f"found {len(self.sketches)} of at most {self.upper_bound}"
         )
         return f"{found}; besides, there are places in which it can move by itself" if self.moves else found
 
@@ -67,14 +67,14 @@ def _assemblies(group: General, links, states, points, phi) -> AssemblyModes:
     places = {link: {p: complex(at.x, at.y) for p, at in spots.items()} for link, spots in group.places(links).items()}
     pairs = group.pairs()
     loops = len(pairs) - len(group.members)
-    at_most = math.comb(2 * loops, loops)
+    upper_bound = math.comb(2 * loops, loops)
     outer = {name: complex(at.r.x, at.r.y) for name, at in points.items()}
     starts = _of_triad(group, places, outer)
     exact = starts is not None
     if starts is None:
         rng, size = np.random.default_rng(0), float(group.size(links, points))
         middle = np.mean([outer[p] for p in group.outer] or [0j])
-        shape = (STARTS * at_most, len(group.members))
+        shape = (STARTS * upper_bound, len(group.members))
         at = middle + size * (rng.normal(size=shape) + 1j * rng.normal(size=shape))
         starts = _rows(at, np.exp(2j * np.pi * rng.uniform(size=shape)))
 
@@ -95,10 +95,10 @@ def _assemblies(group: General, links, states, points, phi) -> AssemblyModes:
             and all(np.max(np.abs(each - other)[:, 2:]) > apart for other in known)
         ):
             known.append(each)
-    moves = len(loose) > at_most
+    moves = len(loose) > upper_bound
     kept = sorted(kept if moves else kept + loose, key=lambda each: [round(float(v), 9) for v in each[:, 2:].ravel()])
     sketches = [_spots(group, places, each) for each in kept]
-    return AssemblyModes(sketches, at_most, not moves and (exact or len(kept) == at_most), moves)
+    return AssemblyModes(sketches, upper_bound, not moves and (exact or len(kept) == upper_bound), moves)
 
 
 def _rows(at: np.ndarray, u: np.ndarray) -> np.ndarray:
