@@ -53,12 +53,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], caption: str = ""
     top = "".join(f'<th scope="col"{look}>{escape(name)}</th>' for name, look in zip(head, looks, strict=True))
     body = []
     for row in rows:
-        cells = [f'<th scope="row">{escape(row[0].text)}</th>', *(_data(cell) for cell in row[1:])]
+        cells = [f'<th scope="row">{_breakable(row[0].text)}</th>', *(_data(cell) for cell in row[1:])]
         body.append(f"<tr>{''.join(cells)}</tr>")
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     lines = "\n".join(body)
     many = ' class="many"' if len(head) > 4 else ""
     return f'<div class="wide"><table{many}>{title}<thead><tr>{top}</tr></thead>\n<tbody>{lines}</tbody></table></div>'
+
+
+def _breakable(name: str) -> str:
+    """A row heading in which a long dotted name may be broken after its dots."""
+    return escape(name).replace(".", ".<wbr>") if len(name) > 24 else escape(name)
 
 
 def _data(cell: Cell) -> str:

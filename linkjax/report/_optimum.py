@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from linkjax._display import NONE, above
+from linkjax._display import NONE, above, in_words
 from linkjax.analysis import measure_scales
 from linkjax.report._cells import Cell, Cells, table, words
 
@@ -15,11 +15,11 @@ Data = dict[str, Any]
 def asked(show: Cells, optimum: Data) -> str:
     """The problem: objective, design variables, constraints, cases; and the solver."""
     goal, solver = optimum["objective"], optimum["solver"]
-    rows = [["objective", f"{goal['sense']} {plain(goal['name'])}"]]
+    rows = [["objective", f"{goal['sense']} {in_words(goal['name'])}"]]
     free = [f"{name} ({show.bound(v['lower'], v['unit'])} … {show.bound(v['upper'], v['unit'])})"
             for name, v in optimum["variables"].items()]  # fmt: skip
     rows.append(["design variables", "; ".join(free) or NONE])
-    limits = [f"{plain(label)} {limit['sense']} {show.bound(limit['bound'], limit['unit'])}"
+    limits = [f"{in_words(label)} {limit['sense']} {show.bound(limit['bound'], limit['unit'])}"
               for label, limit in optimum["limits"].items()]  # fmt: skip
     rows.append(["constraints", "; ".join(limits) or "none"])
     if optimum.get("before_is"):
@@ -33,12 +33,12 @@ def asked(show: Cells, optimum: Data) -> str:
 def measures(show: Cells, optimum: Data) -> str:
     """Objective and all measures, before and after."""
     goal, units, scales = optimum["objective"], optimum["units"], measure_scales(optimum)
-    name = f"{plain(goal['name'])}, worst case" if optimum["cases"] else plain(goal["name"])
+    name = f"{in_words(goal['name'])}, worst case" if optimum["cases"] else in_words(goal["name"])
     rows = [_change(show, name, goal["before"], goal["after"], goal["unit"], "objective", scales)]
     for name, after in optimum["after"].items():
         if name != goal["name"] or optimum["cases"]:  # measures are of the scene itself, without the cases
             rows.append(
-                _change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), "", scales)
+                _change(show, in_words(name), optimum["before"].get(name), after, units.get(name, "1"), "", scales)
             )
     return table(["measure", "before", "after", "change", ""], rows, "Before and after")
 
@@ -71,7 +71,7 @@ def limits(show: Cells, optimum: Data) -> str:
         cells.append(Cell(f"{limit['sense']} {show.bound(limit['bound'], limit['unit'])}", True))
         price = Cell(_plain_number(show, limit["multiplier"]) if feasible else "", True)
         state = Cell("violated" if not limit["met"] else "active" if limit["active"] and feasible else "")
-        rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit["peak_angles"]))])
+        rows.append([words(in_words(label)), *cells, price, state, words(angles(show, limit["peak_angles"]))])
     head = ["constraint", "before", "after", "bound", "multiplier (SI)", "", "peaks at"]
     return table(head, rows, "Constraints") if rows else ""
 
@@ -105,7 +105,7 @@ def outcome(show: Cells, optimum: Data) -> str:
 def conflicts(optimum: Data) -> str:
     """Table of the conflicting constraints; empty if there are none."""
     names = optimum["result"]["conflicts"]
-    rows = [[words(plain(name)), words(_missed(optimum["limits"].get(name)))] for name in names]
+    rows = [[words(in_words(name)), words(_missed(optimum["limits"].get(name)))] for name in names]
     return table(["conflicting constraints", ""], rows) if rows else ""
 
 
@@ -118,11 +118,6 @@ def _missed(limit: Data | None) -> str:
 def angles(show: Cells, found: list[float]) -> str:
     """Crank angles separated by commas; a dash for none."""
     return ", ".join(show.turned(angle) for angle in found) or NONE
-
-
-def plain(name: str) -> str:
-    """A name of the document as words."""
-    return str(name).replace("_", " ")
 
 
 def _change(

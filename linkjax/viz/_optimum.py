@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from linkjax._display import Units, prefixed, superscript
+from linkjax._display import Units, in_words, prefixed, superscript
 from linkjax._units import label_of
 from linkjax.viz._style import (
     BLUE,
@@ -48,7 +48,7 @@ def history_figure(optimum: dict[str, Any], units: Units | None = None) -> Figur
     figure, ((left, right),) = sheet("Convergence", 1, 2, panel=1.7, gap=(0.75, 0.42))
     dots: dict[str, Any] = {"marker": ".", "markersize": 4, "linewidth": 1.2}
     left.plot(values, color=BLUE, **dots)
-    left.set_title(label(str(objective["name"]).replace("_", " "), shown), fontsize=7.5)
+    left.set_title(label(in_words(objective["name"]), shown), fontsize=7.5)
     above = np.where(violation > 0, violation, np.nan)
     right.plot(above, color=VERMILION, **dots)
     right.set_title("max constraint violation, relative" + (" (logarithmic)" if np.any(above > 0) else ""),
@@ -83,7 +83,7 @@ def trade_off_figure(optimum: dict[str, Any], units: Units | None = None) -> Fig
     sound = order[met[order]]
     ax.plot(bounds[sound], values[sound], color=BLUE, marker="o", linewidth=1.4, markersize=4.5)
     ax.plot(bounds[~met], values[~met], "x", color=VERMILION, markersize=6)
-    ax.set_title(label(str(objective["name"]).replace("_", " "), shown))
-    ax.set_xlabel(label(f"bound of {str(trade['limit']).replace('_', ' ')}", bound_unit))
+    ax.set_title(label(in_words(objective["name"]), shown))
+    ax.set_xlabel(label(f"bound of {in_words(trade['limit'])}", bound_unit))
     ax.margins(0.06)
     return figure
