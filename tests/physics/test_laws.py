@@ -151,9 +151,9 @@ def test_what_is_refused():
     with pytest.raises(StructureError, match=r"the cycle of 6\.28319 rad is not a multiple of the period of the law"):
         lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)))
     assert lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)), cycle_turns=2).cycle_turns == 2
-    with pytest.raises(ValueError, match="three or more and rise"):
+    with pytest.raises(ValueError, match="needs three or more angles that increase"):
         Spline((0.0, 2.0, 1.0), [0.0, 1.0, 0.5])
-    with pytest.raises(ValueError, match="three or more and rise"):
+    with pytest.raises(ValueError, match="needs three or more angles that increase"):
         Spline((0.0, 1.0, 7.0), [0.0, 1.0, 0.5])
     with pytest.raises(ValueError, match="a value at each of its 3 angles"):
         Spline((0.0, 1.0, 2.0), [0.0, 1.0])
