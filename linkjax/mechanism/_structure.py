@@ -29,7 +29,7 @@ class Structure(NamedTuple):
     mobility: int
     parts: tuple[Part, ...]
 
-    def mobility_told(self) -> str:
+    def mobility_formula(self) -> str:
         """The formula of Chebyshev and Grübler with its numbers, as a string."""
         return counted(len(self.links), self.pairs)
 

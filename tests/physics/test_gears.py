@@ -306,7 +306,7 @@ def test_drawn_with_gears():
     mechanism = drawn(Drive("crank"))
     assert mechanism.formula() == "I1(crank) → G(wheel) → II1(left, right) → II2(rod, ram) → G(sector)"
     found = structure(mechanism)
-    assert found.mobility == 1 and found.mobility_told() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
+    assert found.mobility == 1 and found.mobility_formula() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
     assert found.formula(letters=True).startswith("R(crank) → RG(wheel) → RRR(left, right)")
     other = drawn(Drive("wheel", rotation="cw", phase=0.35))
     assert other.formula().startswith("I1(wheel) → G(crank) → II1(left, right)")

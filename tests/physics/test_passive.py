@@ -66,7 +66,7 @@ def test_a_third_and_a_fourth_parallel_crank():
         assert mechanism.formula() == f"I1(crank) → II1(coupler, rocker) → {told}"
         found, count = structure(mechanism), len(more)
         assert found.mobility == 1 - count
-        assert found.mobility_told() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"
+        assert found.mobility_formula() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"
         here = compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(ANGLES)))(mechanism)
         for name in names:
             np.testing.assert_allclose(here.links[name].u.x, np.cos(1.0 + ANGLES), atol=1e-14)
