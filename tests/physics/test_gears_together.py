@@ -75,7 +75,7 @@ def test_phases_and_sketch_that_contradict_each_other():
     """Coupled gears are at the angles given by their phases: the reported one is that of the sketch, and agrees."""
     with pytest.raises(StructureError, match=r"'arm' is at .*, but is drawn at 0 deg; write phase = ") as told:
         epicyclic(Drive("sun"), phase=3.0)
-    found = re.search(r'phase = "(.*) deg" for that of', str(told.value))
+    found = re.search(r'phase = "(.*) deg" for the pair', str(told.value))
     assert found is not None
     gears = [GearPair("planet", "sun", Teeth((20, 40)), 3.0),
              GearPair("planet", "frame", Teeth((20, 80), internal=True), math.radians(float(found[1])))]  # fmt: skip
@@ -104,7 +104,7 @@ def test_a_belt_that_cannot_be_in_a_loop():
 def test_a_wheel_with_one_pin_cannot_drive():
     """Its angle is not defined."""
     links = {"arm": SUN["arm"], "planet": Link(mass=1.0, pins=("B",))}
-    with pytest.raises(StructureError, match=r"planet.* does not say how it stands; give it another pin"):
+    with pytest.raises(StructureError, match=r"planet.* does not show its direction; give it another pin"):
         linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm"), (), {"B": (0.1, 0.001)},
                 gears=[GearPair("planet", "frame", Teeth((20, 40)))])  # fmt: skip
 
@@ -120,7 +120,7 @@ def test_the_remedy_is_for_what_was_drawn():
 
     with pytest.raises(StructureError, match=r"'arm' is at .*, but is drawn at 89\.42.* deg") as told:
         made(0.0)
-    found = re.search(r'phase = "(.*) deg" for that of \'sun\' with \'planet\'', str(told.value))
+    found = re.search(r'phase = "(.*) deg" for the pair \'sun\' and \'planet\'', str(told.value))
     assert found is not None
     here = at(made(math.radians(float(found[1]))), jnp.zeros(1))
     assert float(here.links["arm"].angle[0]) == pytest.approx(math.atan2(0.1, 0.001), abs=1e-5)
@@ -302,7 +302,7 @@ def test_where_wheels_in_a_loop_begin():
 def test_a_cycle_of_a_sun():
     """The number of turns of the sun after which the machine returns to its initial position."""
     machine = epicyclic(Drive("sun", phase=0.15))
-    with pytest.raises(StructureError, match=r"'arm' turns 0.333333 times, so nothing repeats; write 3"):
+    with pytest.raises(StructureError, match=r"'arm' turns 0.333333 times, so the motion is not periodic; write 3"):
         lj.Scene(machine, speed=5.0)
     lj.Scene(machine, speed=5.0, cycle_turns=3)
 
