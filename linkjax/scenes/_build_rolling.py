@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from linkjax._display import Numbers
-from linkjax.mechanism import StructureError
 from linkjax.rolling import (
     Rolling,
     RollingMachine,
@@ -18,7 +17,8 @@ from linkjax.rolling import (
 )
 from linkjax.scenes._document import ROLLING, Document, load_document, overridden
 from linkjax.scenes._errors import SceneError
-from linkjax.scenes._explain import explained, fault, from_structure
+from linkjax.scenes._explain import explained, fault
+from linkjax.scenes._located import located
 from linkjax.scenes._rolling import RollingFile
 from linkjax.scenes._write import amount
 
@@ -40,13 +40,11 @@ def build_rolling(document: Document) -> RollingMachine:
     source, table = document.source, document.table
     if not document.rolling:
         raise SceneError(source, "kind", table.get("kind"), "no rolling bodies", "load a linkage with linkjax.load")
-    model = explained(RollingFile, source, table)
-    try:
+    with located(source, table):
+        model = explained(RollingFile, source, table)
         design = _design(model, document)
         speed = model.speed if model.rotation == "ccw" else -model.speed
         return RollingMachine(design, model.held, model.driven, speed, model.title)
-    except StructureError as error:
-        raise from_structure(error, source, table) from error
 
 
 def _design(model: RollingFile, document: Document) -> Rolling:

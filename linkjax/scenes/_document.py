@@ -13,11 +13,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from linkjax._renamed import renamed
 from linkjax._units import nearest
 from linkjax.scenes._absent import absent, meant
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._keys import Path as KeyPath
 from linkjax.scenes._keys import annotation_at, fields, is_rolling, is_table, join, leaves, lookup, split
+from linkjax.scenes._located import located
 
 BUILTIN = Path(__file__).with_name("builtin")
 ROLLING = Path(__file__).with_name("rolling")
@@ -141,8 +143,13 @@ def override(document: Document, key: str, value: Any) -> Document:
     anything else raises `SceneError` with the nearest known key. Where the mass properties of a link follow its length
     ("scaled"), the length they were given for is kept as its `reference_length`.
     """
-    table, given = copy.deepcopy(document.table), setting(value)
-    path = _resolved(document, key, given)
+    with located(document.source, document.table):
+        return Document(document.source, _with(document, key, setting(value)))
+
+
+def _with(document: Document, key: str, given: Any) -> dict[str, Any]:
+    """The table of a document with one key replaced."""
+    table, path = copy.deepcopy(document.table), _resolved(document, key, given)
     place: Any = table
     for part in path[:-1]:
         if isinstance(place, dict):
@@ -153,7 +160,7 @@ def override(document: Document, key: str, value: Any) -> Document:
         link, before = place, lookup(document.table, path)
         if link.get("mass_properties") == "scaled" and before is not None:
             link.setdefault("reference_length", before)
-    return Document(document.source, table)
+    return table
 
 
 def overridden(document: Document, changes: Mapping[str, Any] | None) -> Document:
@@ -216,8 +223,8 @@ def _unknown(document: Document, key: str, value: Any, reached: str, known: list
     whole = difflib.get_close_matches(key, [join(leaf) for leaf in leaves(document.table)], n=1)
     same = meant(step, known)
     lacking = "" if is_rolling(document.table) or same else absent(split(reached), document.table)
-    if lacking:
-        remedy = lacking
+    if lacking or renamed(step, known):
+        remedy = lacking or nearest(step, known)
     elif same or close:
         close, parent = [same] if same else close, reached[: len(reached) - len(step)]
         remedy = f"did you mean {parent + close[0] + key[len(reached) :]!r}?"

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 LONGEST = 70  # characters of what stands in a file, in a message
+LINE, SHORTEST = 490, 200  # characters of a message, and of problem and remedy together where the rest is long
 
 
 class SceneError(ValueError):
@@ -23,7 +24,11 @@ class SceneError(ValueError):
         whole = isinstance(value, dict | list) and len(_toml(value)) > LONGEST  # says no more than its key
         stands = "" if value is None or whole else str(value)[:LONGEST] if line else shown(value)
         place = (": " if line else " = ").join(part for part in (key[:200], stands) if part)
-        super().__init__(f"{source}: {place + ': ' if place else ''}{problem}; {remedy}")
+        place, problem, remedy = map(_one_line, (place, problem, remedy))
+        head = f"{_one_line(source) if len(source.splitlines()) > 1 else source}: {place + ': ' if place else ''}"
+        spare = max(LINE - len(head), SHORTEST)
+        problem = _cut(problem, max(spare - len(remedy), spare // 2))
+        super().__init__(f"{head}{problem}; {_cut(remedy, spare - len(problem))}")
 
     def __reduce__(self):
         return SceneError, (self.source, self.key, self.value, self.problem, self.remedy)
@@ -50,3 +55,13 @@ def _toml(value: Any, depth: int = 0) -> str:
     if isinstance(value, int) and abs(value) >= 10**30:
         return "a whole number beyond any use"
     return str(value)
+
+
+def _cut(text: str, limit: int) -> str:
+    """A text of at most `limit` characters: whole, or its first words."""
+    return text if len(text) <= limit else text[: limit - 2].rpartition(" ")[0].rstrip(",") + " …"
+
+
+def _one_line(text: str) -> str:
+    """A text with its line breaks and other characters that cannot be printed as escapes."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from linkjax._renamed import renamed
 from linkjax._units import kind_of, nearest
 from linkjax.mechanism import StructureError
 from linkjax.scenes._absent import absent, meant, misshapen
@@ -27,7 +28,7 @@ ADD = {
 
 def fault(source: str, table: Any, path: Path, problem: str, remedy: str) -> SceneError:
     """The error about the value that stands at `path` of the raw document."""
-    return SceneError(source, join(path), lookup(table, path), problem, remedy)
+    return SceneError(source, join(path), lookup(table, path) if path else None, problem, remedy)
 
 
 def from_validation(error: ValidationError, source: str, table: Any) -> SceneError:
@@ -91,6 +92,8 @@ def unknown(table: Any, path: Path) -> str:
     yet, or the table that the key belongs to."""
     keys, last = known_keys(table, path[:-1]), str(path[-1])
     misspelt = nearest(last, keys)
+    if renamed(last, keys):
+        return misspelt
     if same := meant(last, keys):
         example = examples(annotation_at(table, path[:-1])).get(same)
         return f"did you mean {same!r}?" + ("" if example is None else f" Write e.g. {same} = {shown(example)}")
@@ -131,6 +134,8 @@ def _other_law(path: Path, problem: str) -> str:
 
 
 def _choice(given: str, choices: list[str]) -> str:
+    if new := renamed(given, choices):
+        return f"it is called {shown(new)} now"
     alike = [choice for choice in choices if choice.lower() == given.strip().lower()]
     listed = " or ".join(shown(choice) for choice in choices)
     return f"did you mean {shown(alike[0])}?" if alike else f"write {listed}"

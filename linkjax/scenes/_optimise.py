@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
+from linkjax._renamed import renamed
 from linkjax._units import kind_of
 from linkjax.scenes._fields import Name, Table, wrong
 
@@ -19,8 +20,10 @@ def _range(value: Any) -> Any:
     if isinstance(value, dict):
         unknown = set(value) - {"range", "linked"}
         if unknown or "range" not in value:
-            problem = f"unknown key {sorted(unknown)[0]!r}" if unknown else "no range"
-            raise wrong(problem, 'write { range = "± 8 %", linked = ["links.link4.length"] }')
+            key = sorted(unknown)[0] if unknown else ""
+            now = f"it is called {new!r} now: " if (new := renamed(key, ["range", "linked"])) else ""
+            problem = f"unknown key {key!r}" if unknown else "no range"
+            raise wrong(problem, now + 'write { range = "± 8 %", linked = ["links.link4.length"] }')
         linked = value.get("linked", [])
         if not isinstance(linked, list) or not all(isinstance(name, str) for name in linked):
             raise wrong("`linked` is no list of names", 'write e.g. linked = ["links.link4.length"]')
