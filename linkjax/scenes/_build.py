@@ -26,10 +26,10 @@ Made = TypeVar("Made")
 
 
 def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None) -> Scene:
-    """The scene of a built-in name ("hay-press") or of a file, with single keys changed before it is validated.
+    """Load a built-in scene by name ("hay-press") or a scene file; single keys may be changed before validation.
 
     `changes` maps paths of keys to values, e.g. `{"links.rod.length": "1.1 m"}`; see `override`. Raises `SceneError`,
-    naming file, key, value and remedy, when the file is missing or anything in it is wrong.
+    with file, key, value and remedy, when the file is missing or anything in it is wrong.
     """
     return build(overridden(load_document(name_or_path), changes))
 
@@ -37,16 +37,17 @@ def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None
 def load_problem(
     name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None
 ) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a built-in name or file, and what its section `[optimise]` asks: `optimise(scene, **asked)`.
+    """Load a built-in scene or a scene file, and the problem in its section `[optimise]`: `optimise(scene, **problem)`.
 
-    Keys under `[optimise.changes]` are changed first, then `changes` (of `optimise` itself, before). Raises
-    `SceneError` as `load` does.
+    Keys of `[optimise]` in `changes` are changed first, then the keys under `[optimise.changes]`, then the others in
+    `changes`. Raises `SceneError` as `load` does, also for names in `[optimise]` that the scene does not have.
     """
     return build_task(load_document(name_or_path), changes)
 
 
 def build_task(document: Document, changes: Mapping[str, Any] | None = None) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a raw document as it is optimised, and the arguments of `optimise`; see `load_problem`."""
+    """The scene of a raw document with its changes for the optimisation, and the arguments of `optimise`; see
+    `load_problem`."""
     _linkage(document)
     given = dict(changes or {})
     own = {key: given.pop(key) for key in list(given) if split(key)[:1] == ("optimise",)}
@@ -81,12 +82,12 @@ def _as_optimised(document: Document, changes: Mapping[str, Any]) -> Document:
 
 
 def loads_text(text: str, source: str = "<text>") -> Scene:
-    """The scene written in a text in TOML; `source` names it in messages. Raises `SceneError` if anything is wrong."""
+    """The scene in a TOML string; `source` is its name in messages. Raises `SceneError` if anything is wrong."""
     return build(read_document(text, source))
 
 
 def build(document: Document) -> Scene:
-    """The scene of a raw document. Raises `SceneError` at the first thing wrong in it."""
+    """The scene of a raw document. Raises `SceneError` for the first error in it."""
     _linkage(document)
     source, table = document.source, document.table
     with located(source, table):
@@ -134,13 +135,13 @@ def _mechanism(model: file.SceneFile) -> Mechanism:
 
 
 def _sides(name: str, link: file.Link) -> dict[tuple[str, str], float]:
-    """The distances between pins of a link, whose names may have hyphens themselves."""
+    """The distances between pins of a link; the names of pins may contain hyphens."""
     found = {}
     for key, length in link.sides.items():
         ends = ((key[:i], key[i + 1 :]) for i, letter in enumerate(key) if letter == "-")
         pair = next((pair for pair in ends if set(pair) <= set(link.pins)), None)
         if pair is None:
-            problem = f"{key!r} names no two pins of the link"
+            problem = f"{key!r} does not name two pins of the link"
             remedy = f'its pins are {", ".join(link.pins)}: write e.g. {"-".join(link.pins[:2])} = "250 mm"'
             raise StructureError(f"links.{name}.sides", problem, remedy)
         found[pair] = length
@@ -148,20 +149,20 @@ def _sides(name: str, link: file.Link) -> dict[tuple[str, str], float]:
 
 
 def _linkage(document: Document) -> None:
-    """Raise `SceneError` for what is no linkage."""
+    """Raise `SceneError` for a scene that is not a linkage."""
     if document.rolling:
-        remedy = "read it with load_rolling, or see it with linkjax analyse; docs/rolling.md tells how it is designed"
+        remedy = "load it with load_rolling, or run linkjax analyse; docs/rolling.md describes the design"
         raise SceneError(document.source, "kind", "rolling", "rolling bodies, where a linkage is needed", remedy)
 
 
 def starter(name: str) -> str:
-    """The text of a commented scene to begin with, titled `name`: what `linkjax new NAME` writes."""
+    """A commented starter scene, titled `name`, as a string: what `linkjax new NAME` writes."""
     title = "".join(c for c in name if c.isprintable()).replace("\\", "\\\\").replace('"', '\\"')
     return STARTER.read_text(encoding="utf-8").replace("NAME", title or "New machine")
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of a scene file: keys, types, defaults, descriptions and examples (not the checks across keys)."""
+    """JSON Schema of a scene file: keys, types, defaults, descriptions and examples (no checks across keys)."""
     return file.SceneFile.model_json_schema(by_alias=True)
 
 
