@@ -1,4 +1,4 @@
-"""Names of the first drafts, and what they are called now: messages about unknown names say the new one."""
+"""Names of the first drafts and their new names: messages about unknown names give the new name."""
 
 from collections.abc import Iterable
 

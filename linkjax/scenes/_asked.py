@@ -1,4 +1,4 @@
-"""What the section `[optimise]` asks of a scene, checked against the machine before anything is compiled."""
+"""Checks of the section `[optimise]` against the machine, before anything is compiled."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Check = tuple[Path, Callable[[], Any]]
 
 
 def check_asked(source: str, table: Any, scene: Scene, asked: Optimise) -> None:
-    """Raise `SceneError` at the first thing in `[optimise]` that the machine does not have or cannot do.
+    """Raise `SceneError` for the first error in `[optimise]`, e.g. a name that the scene does not have.
 
-    Keys that are missing are not reported: options of the command may give them.
+    Missing keys are not reported: options of the command may give them.
     """
     _no_plain_angles(source, scene, asked)
     if asked.minimise is not None and asked.maximise is not None:
         remedy = "delete one of the two"
-        raise fault(source, table, ("optimise", "maximise"), "there is minimise too; an objective is one", remedy)
+        raise fault(source, table, ("optimise", "maximise"), "given, and minimise too", remedy)
     for path, check in _checks(scene, asked):
         try:
             check()
@@ -36,7 +36,7 @@ def check_asked(source: str, table: Any, scene: Scene, asked: Optimise) -> None:
 
 
 def _checks(scene: Scene, asked: Optimise) -> Iterator[Check]:
-    """Places in the section, each with what raises `DesignError` where something is wrong there."""
+    """Paths in the section, each with a function that raises `DesignError` for an error there."""
     changed = {GOAL, *(name for case in asked.cases for name in case.changes)}
     spare = {next((name for name in numbers(scene) if name not in changed), GOAL): (1.0, 2.0)}
     cases = [Case(case.name, case.changes) for case in asked.cases]
@@ -64,7 +64,7 @@ def _checks(scene: Scene, asked: Optimise) -> Iterator[Check]:
 
 
 def _fault(source: str, table: Any, path: Path, error: DesignError) -> SceneError:
-    """The error of a design at its key; of a name from the first drafts, with the new one."""
+    """The `SceneError` of a `DesignError`; the remedy for an old name is the new one."""
     problem, remedy, value = error.problem, error.remedy, lookup(table, path)
     bound = re.split("<=|>=|≤|≥", value)[-1].strip() if isinstance(value, str) else ""
     if new := renamed(bound, ["initial"]):
@@ -77,7 +77,7 @@ def _fault(source: str, table: Any, path: Path, error: DesignError) -> SceneErro
 
 
 def _no_plain_angles(source: str, scene: Scene, asked: Optimise) -> None:
-    """Raise `SceneError` where an angle is a number without a unit, as everywhere in scene files."""
+    """Raise `SceneError` for an angle that is a number without a unit, as everywhere in scene files."""
     angles = {name for name, at in numbers(scene).items() if at.unit == "rad"}
     ranges = {name: each["range"] if isinstance(each, dict) else each for name, each in asked.free.items()}
     found = [(f"optimise.free.{name}", value) for name, ends in ranges.items() if name in angles for value in ends]

@@ -13,7 +13,7 @@ from linkjax.scenes._explain import fault, from_structure
 from linkjax.scenes._keys import Path, lookup
 
 OWN = re.compile(r"([^\n]{1,300}); ([^;\n]{1,200})")  # a message of linkjax: problem and remedy
-REPORT = "change or delete what is written there; if it is correct, report it with the file as an error of linkjax"
+REPORT = "change or delete this value; if it is correct, report the error with the file as a bug of linkjax"
 LONGEST = 200  # characters of a message from other programs
 TABLES = ("drive", "slots", "gears", "racks", "groups", "loads")
 
@@ -28,7 +28,7 @@ class PartError(Exception):
 
 @contextmanager
 def part(*path: str | int) -> Iterator[None]:
-    """Names the part of the scene that is built inside, for errors that do not name it themselves."""
+    """Adds the path of a part of the scene to errors raised inside that do not name it."""
     try:
         yield
     except (PartError, SceneError, StructureError):
@@ -62,14 +62,16 @@ def _at_its_place(error: BaseException, source: str, table: Any, path: Path) -> 
 
 
 def _foreign(error: BaseException) -> str:
-    """An unexpected error in words: its kind, and the first of its text."""
+    """The problem of an unexpected error: its type and the beginning of its text."""
     first = " ".join(str(error).split())
     return f"cannot be read: {type(error).__name__}{f': {first}' if first else ''}"[:LONGEST]
 
 
 def place_of(text: str, table: Any, path: Path = ()) -> Path:
-    """The key, inside `path`, that holds a name quoted in a message; of a group of links, first a name that is none of
-    them, then the first of them. `path` itself where nothing is found."""
+    """The key, inside `path`, that holds a name quoted in a message, or `path` itself where there is none.
+
+    In a message about a group, names outside the group come first; without a quoted name the first link is taken.
+    """
     group = re.search(r"\bgroup of ([\w, -]+)", text)
     members = group[1].split(", ") if group else []
     quoted = re.findall(r"'([\w-]+)'", text)
@@ -81,7 +83,7 @@ def place_of(text: str, table: Any, path: Path = ()) -> Path:
 
 
 def _holders(value: Any, name: str, path: Path) -> Iterator[Path]:
-    """Paths to a name inside a table: the table of this name, or the keys that hold it."""
+    """Paths to a name inside a table: keys of this name, and keys whose value is the name."""
     if value == name or (isinstance(value, list) and name in value):
         yield path
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
