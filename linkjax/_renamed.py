@@ -1,4 +1,4 @@
-"""Names of the first drafts and their new names: messages about unknown names give the new name."""
+"""Earlier names and their replacements: messages about unknown names give the new one."""
 
 from collections.abc import Iterable
 

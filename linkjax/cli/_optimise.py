@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import json
 import math
 import os
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -77,14 +75,16 @@ def optimise_command(
         asked |= {"minimise": minimise, "maximise": maximise}
     given = {"starts": starts, "seed": seed, "solver": solver}
     asked |= {key: value for key, value in given.items() if value is not None}
-    with _named(scene):
+    try:
         asked = settled(machine, **asked)
+    except DesignError as error:
+        raise DesignError(f"{scene}: {error.element}", error.problem, error.remedy) from error
     changed = text_of(machine) != text_of(load(scene, changes_of(scene, set_)))
     if changed:
         console.print(f"before: {CHANGED}", highlight=False, markup=False)
     check_places(out, None, json_file)
     clock = time.perf_counter()
-    with _named(scene), messages_in(shown), _Progress(shown) as progress:
+    with messages_in(shown), _Progress(shown) as progress:
         analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
         found = solve(machine, **asked, nodes=nodes, callback=progress, meanwhile=analysis)
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
@@ -105,15 +105,6 @@ def optimise_command(
         raise typer.Exit(130)
     if not found.feasible:
         raise typer.Exit(1)
-
-
-@contextlib.contextmanager
-def _named(scene: str) -> Iterator[None]:
-    """A `DesignError` raised inside names the scene."""
-    try:
-        yield
-    except DesignError as error:
-        raise DesignError(f"{scene}: {error.element}", error.problem, error.remedy) from error
 
 
 def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | None) -> None:
