@@ -65,14 +65,15 @@ def _checks(scene: Scene, asked: Optimise) -> Iterator[Check]:
 
 def _fault(source: str, table: Any, path: Path, error: DesignError) -> SceneError:
     """The `SceneError` of a `DesignError`; the remedy for an old name is the new one."""
-    problem, remedy, value = error.problem, error.remedy, lookup(table, path)
+    problem, remedy, value = error.problem, error.remedy.partition(" (in Python")[0], lookup(table, path)
+    element = error.element.rpartition(": ")[2]  # "minimise: delta" is the argument of `optimise` and its name
     bound = re.split("<=|>=|≤|≥", value)[-1].strip() if isinstance(value, str) else ""
     if new := renamed(bound, ["initial"]):
         remedy = f"it is called {new!r} now"
-    if isinstance(value, dict) and error.element in value:
-        path = (*path, error.element)
-    if problem[:1].islower() and error.element not in (*path, value):
-        problem = f"{error.element!r} {problem}"
+    if isinstance(value, dict) and element in value:
+        path = (*path, element)
+    if problem[:1].islower() and element not in (*path, value):
+        problem = f"{element!r} {problem}"
     return fault(source, table, path, problem, remedy)
 
 

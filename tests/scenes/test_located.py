@@ -163,9 +163,9 @@ def test_old_measures(name):
 
 
 ASKED = {  # what stands under [optimise]: key, value that is named, problem
-    "an unknown measure": ('minimise = "delt"', "minimise", "delt", "did you mean 'delta'?"),
+    "an unknown measure": ('minimise = "delt"', "minimise", "delt", "did you mean 'delta'"),
     "two objectives": ('minimise = "delta"\nmaximise = "delta"', "maximise", "delta", "delete one"),
-    "an unknown limit": ('limits = ["delt <= 1"]', "limits[0]", "delt <= 1", "did you mean 'delta'?"),
+    "an unknown limit": ('limits = ["delt <= 1"]', "limits[0]", "delt <= 1", "did you mean 'delta'"),
     "a limit in another unit": ('limits = ["speed >= 5 kg"]', "limits[0]", "speed >= 5 kg", "rpm"),
     "a limit twice": ('limits = ["delta <= 1", "delta <= 2"]', "limits", ["delta <= 1", "delta <= 2"], "keep one"),
     "an unknown variable": ("free = { sped = '± 8 %' }", "free.sped", "± 8 %", "did you mean 'speed'?"),
