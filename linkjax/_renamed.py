@@ -1,4 +1,4 @@
-"""Names of the first drafts, and what they are called now: messages about unknown names say the new one."""
+"""Earlier names and their replacements: messages about unknown names give the new one."""
 
 from collections.abc import Iterable
 
@@ -9,6 +9,7 @@ RENAMED = {
     "Slide": "LinearDriver",
     "assemblies": "assembly_modes",
     "crank_limits": "crank_ranges",
+    "inside": "internal",
     "largest_speed": "max_crank_speed",
     "least_inertia": "min_inertia_ratio",
     "load_task": "load_problem",
@@ -21,6 +22,7 @@ RENAMED = {
     "smallest_speed": "min_crank_speed",
     "smallest_transmission_angle": "min_transmission_angle",
     "steady": "steady_motion",
+    "tied": "linked",
     "today": "initial",
 }
 KINDS = {"RR": "redundant_link", "RP": "redundant_slider"}

@@ -1,7 +1,7 @@
-"""What scene files do not have, or call by another name: what to answer to a key that another program would take.
+"""Keys of other programs that scene files do not have, or have under another name, and the messages about them.
 
-Every row of `ABSENT` is one feature that is not there. Whoever adds the feature deletes the row, or the words of it
-that are keys now; `tests/scenes/test_absent.py` fails as long as a row names a key that the format knows.
+Each row of `ABSENT` is one missing feature. When the feature is added, its row is deleted, or those of its words that
+have become keys; `tests/scenes/test_absent.py` fails while a row names a key of the format.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ MEANT = {  # words of other programs and textbooks for a key of the same table
 
 
 class Absent(NamedTuple):
-    """A feature that is not there: its words, the tables in which they mean it ("" for the top of the file, "*" for
-    all), and what to say."""
+    """A missing feature: its words, the tables in which they mean it ("" for the top of the file, "*" for all tables),
+    and the message."""
 
     words: str
     tables: str
@@ -57,21 +57,21 @@ class Absent(NamedTuple):
 
 
 MOTOR = (
-    "there is no [motor] yet, which will say with which torque the machine is driven; until then the drive gives the "
-    "constant torque that balances the cycle, at the mean `speed`"
+    "there is no [motor] yet (it will give the driving torque); until then the drive applies the constant torque that "
+    "balances the cycle, at the mean `speed`"
 )
 ONE_DRIVE = (
     "linkjax has one drive, for machines of one degree of freedom: keep one, and couple other cranks to it by gears; "
-    "a piston that gas drives is a load"
+    "model a piston that is driven by gas as a load"
 )
 SPRING = (
     'there are no springs yet; they will be [[loads]] kind = "spring"; until then write constant forces in windows of '
-    "the crank angle, several of which approximate a force that changes"
+    "the crank angle; several windows approximate a variable force"
 )
 DAMPER = 'there are no dampers yet; they will be [[loads]] kind = "damper"; until then delete it'
 TABLE = (
     'there are no tables yet; they will be [[loads]] kind = "table"; until then write several [[loads]] of constant '
-    "size, each with its window of the crank angle"
+    "magnitude, each with its window of the crank angle"
 )
 GAS = (
     'there are no gas loads yet; they will be [[loads]] kind = "gas"; until then write constant forces in windows of '
@@ -97,8 +97,8 @@ ABSENT = (
     Absent("table tables at values angles points curve profile data csv function", "loads", TABLE),
     Absent(
         "angle direction", "loads",
-        'a force has the direction of its components, force = ["1 kN", "0 N"]; with opposing = true it is against the '
-        "motion",
+        'the components of a force give its direction, force = ["1 kN", "0 N"]; with opposing = true the force acts '
+        "against the motion",
     ),
     Absent("gas pressure cylinder_pressure indicator_diagram bore", "loads", GAS),
     Absent("gas pressure cylinders engine combustion", "", GAS),
@@ -106,7 +106,7 @@ ABSENT = (
     Absent(
         "joints pins revolutes revolute_joints hinges", "",
         "a pin is a point that two links name in their `pins`, a point under [fixed] is a pin on the frame, and a "
-        "sliding joint is one of [[slots]]; there is no list of joints",
+        "sliding joint is an entry of [[slots]]; there is no list of joints",
     ),
     Absent("crank coupler rocker", "", "write it as a link, e.g. [links.crank]"),
     Absent("sliders slider pistons prismatic prismatic_joints guides", "", SLIDERS),
@@ -118,7 +118,7 @@ ABSENT = (
     ),
     Absent(
         "cam cams followers follower", "*",
-        "there are no cams; a motion that is prescribed is the `law` of the drive, its `angles` and `values` a spline",
+        "there are no cams; prescribe a motion by the `law` of the drive, e.g. a spline with `angles` and `values`",
     ),
     Absent(
         "contact contacts collision clearance clearances backlash play", "*",
@@ -134,32 +134,32 @@ ABSENT = (
     ),
     Absent(
         "acceleration angular_acceleration alpha", "*",
-        "the motion within the cycle is computed; forces at a given acceleration: linkjax analyse --at ANGLE "
-        "--acceleration VALUE, and a motion that is prescribed is the `law` of the drive",
+        "the motion within the cycle is computed; for forces at a given acceleration run linkjax analyse --at ANGLE "
+        "--acceleration VALUE; prescribe a motion by the `law` of the drive",
     ),
     Absent(
         "units unit", "*",
-        'write the unit with every quantity, e.g. "300 mm"; --units chooses those of what is printed',
+        'write the unit with every quantity, e.g. "300 mm"; --units chooses the units of the printed results',
     ),
     Absent(
         "time dt time_step timestep duration steps simulation solver", "",
-        "a whole working cycle is computed, without time steps; `cycle_turns` is its length; --angles says at how many "
-        "crank angles it is tabulated",
+        "a whole working cycle is computed, without time steps; `cycle_turns` is its length; --angles is the number of "
+        "crank angles in the results",
     ),
 )  # fmt: skip
 LOAD_KINDS = {  # values of a key `kind` (or `type`) of a load
     "spring": SPRING, "damper": DAMPER, "table": TABLE, "gas": GAS, "friction": FRICTION, "motor": MOTOR,
     "force": "delete it: a load with `force` is a force", "torque": "delete it: a load with `torque` is a torque",
 }  # fmt: skip
-SHAPES = {  # what stands in a key that is known, as another program would have it: (table, key, type) -> answer
+SHAPES = {  # values of known keys in the form of other programs: (table, key, type) -> message
     ("", "drive", list): ONE_DRIVE, ("drive", "link", list): ONE_DRIVE,
     ("loads", "force", dict): TABLE, ("loads", "torque", dict): TABLE, ("loads", "torque", list): TABLE,
-    ("", "speed", dict): "speed is one number; a motion that is prescribed is the `law` of the drive",
+    ("", "speed", dict): "speed is one number; prescribe a motion by the `law` of the drive",
 }  # fmt: skip
 
 
 def absent(path: Path, table: Any) -> str:
-    """What to say about a key that is not known, or about what stands in it; "" where nothing special is."""
+    """The message about an unknown key or its value; "" where there is none."""
     key, at = plain(path[-1]), str(path[0]) if len(path) > 1 else ""
     held = lookup(table, path[:-1])
     kind = held.get("kind", held.get("type")) if isinstance(held, dict) and at == "loads" else None
@@ -170,7 +170,7 @@ def absent(path: Path, table: Any) -> str:
 
 
 def misshapen(path: Path, given: Any) -> str:
-    """What to say about a list or table in a key that takes none; "" where nothing special is."""
+    """The message about a list or table where the key takes neither; "" where there is none."""
     key, at = str(path[-1]), str(path[0]) if len(path) > 1 else ""
     return SHAPES.get((at, key, type(given)), "")
 
@@ -181,5 +181,5 @@ def meant(word: object, keys: list[str]) -> str:
 
 
 def plain(word: object) -> str:
-    """A word in the spelling of the lists here."""
+    """A word as it is spelt in the lists above."""
     return str(word).strip().lower().replace("-", "_").replace(" ", "_")

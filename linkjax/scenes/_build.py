@@ -4,30 +4,32 @@ from __future__ import annotations
 
 import math
 import os
-import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeVar
 
 from linkjax._vec import Vec
-from linkjax.design import Case, numbers
+from linkjax.design import Case
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
-from linkjax.measures import MEASURES
 from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError, linkage
 from linkjax.scenes import _models as file
+from linkjax.scenes._asked import check_asked
 from linkjax.scenes._check import check
 from linkjax.scenes._document import STARTER, Document, load_document, overridden, override, read_document
 from linkjax.scenes._errors import SceneError
-from linkjax.scenes._explain import explained, from_structure
-from linkjax.scenes._keys import split
+from linkjax.scenes._explain import explained
+from linkjax.scenes._keys import join, split
+from linkjax.scenes._located import located, part
 from linkjax.scenes._optimise import Optimise
+
+Made = TypeVar("Made")
 
 
 def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None) -> Scene:
-    """The scene of a built-in name ("hay-press") or of a file, with single keys changed before it is validated.
+    """Load a built-in scene by name ("hay-press") or a scene file; single keys may be changed before validation.
 
     `changes` maps paths of keys to values, e.g. `{"links.rod.length": "1.1 m"}`; see `override`. Raises `SceneError`,
-    naming file, key, value and remedy, when the file is missing or anything in it is wrong.
+    with file, key, value and remedy, when the file is missing or anything in it is wrong.
     """
     return build(overridden(load_document(name_or_path), changes))
 
@@ -35,27 +37,24 @@ def load(name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None
 def load_problem(
     name_or_path: str | os.PathLike[str], changes: Mapping[str, Any] | None = None
 ) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a built-in name or file, and what its section `[optimise]` asks: `optimise(scene, **asked)`.
+    """Load a built-in scene or a scene file, and the problem in its section `[optimise]`: `optimise(scene, **problem)`.
 
-    Keys under `[optimise.changes]` are changed first, then `changes` (of `optimise` itself, before). Raises
-    `SceneError` as `load` does.
+    Keys of `[optimise]` in `changes` are changed first, then the keys under `[optimise.changes]`, then the others in
+    `changes`. Raises `SceneError` as `load` does, also for names in `[optimise]` that the scene does not have.
     """
     return build_task(load_document(name_or_path), changes)
 
 
 def build_task(document: Document, changes: Mapping[str, Any] | None = None) -> tuple[Scene, dict[str, Any]]:
-    """The scene of a raw document as it is optimised, and the arguments of `optimise`; see `load_problem`."""
+    """The scene of a raw document with its changes for the optimisation, and the arguments of `optimise`; see
+    `load_problem`."""
     _linkage(document)
     given = dict(changes or {})
     own = {key: given.pop(key) for key in list(given) if split(key)[:1] == ("optimise",)}
-    for key, value in own.items():
-        document = override(document, key, value)
-    asked = explained(file.SceneFile, document.source, document.table).optimise or Optimise()
-    for key, value in {**asked.changes, **given}.items():
-        if split(key)[:1] == ("optimise",):
-            path = f"optimise.changes.{key}"
-            raise SceneError(document.source, path, value, "changes what is asked, not the machine", "write it itself")
-        document = override(document, key, value)
+    document = overridden(document, own)
+    with located(document.source, document.table):
+        asked = explained(file.SceneFile, document.source, document.table).optimise or Optimise()
+    document = overridden(_as_optimised(document, asked.changes), given)
     arguments: dict[str, Any] = {
         "minimise": asked.minimise, "maximise": asked.maximise, "free": asked.free, "limits": asked.limits,
         "starts": asked.starts, "seed": asked.seed, "solver": asked.solver,
@@ -63,41 +62,40 @@ def build_task(document: Document, changes: Mapping[str, Any] | None = None) -> 
         "trade_off": None if asked.trade_off is None else (asked.trade_off.limit, asked.trade_off.bounds),
     }  # fmt: skip
     scene = build(document)
-    _no_plain_angles(document.source, scene, asked)
+    with located(document.source, document.table):
+        check_asked(document.source, document.table, scene, asked)
     return scene, arguments
 
 
-def _no_plain_angles(source: str, scene: Scene, asked: Optimise) -> None:
-    """Raise `SceneError` where an angle is a number without a unit, as everywhere in scene files."""
-    angles = {name for name, at in numbers(scene).items() if at.unit == "rad"}
-    ranges = {name: each["range"] if isinstance(each, dict) else each for name, each in asked.free.items()}
-    found = [(f"optimise.free.{name}", value) for name, ends in ranges.items() if name in angles for value in ends]
-    for i, case in enumerate(asked.cases):
-        found += [(f"optimise.cases[{i}].changes.{name}", v) for name, v in case.changes.items() if name in angles]
-    if asked.trade_off is not None:
-        name = re.sub(" at (most|least)$", "", asked.trade_off.limit)
-        if name in angles or (name in MEASURES and MEASURES[name].unit == "rad"):
-            found += [("optimise.trade_off.bounds", value) for value in asked.trade_off.bounds]
-    for key, value in found:
-        if not isinstance(value, str) and value != 0:
-            raise SceneError(source, key, value, "an angle without a unit", f'write "{value:.12g} deg"')
+def _as_optimised(document: Document, changes: Mapping[str, Any]) -> Document:
+    """The document with the keys under `[optimise.changes]` replaced."""
+    for key, value in changes.items():
+        path = join(("optimise", "changes", key))
+        if split(key)[:1] == ("optimise",):
+            problem = "[optimise.changes] may only change the machine"
+            raise SceneError(document.source, path, value, problem, "edit [optimise] directly")
+        try:
+            document = override(document, key, value)
+        except SceneError as error:
+            raise SceneError(document.source, path, value, error.problem, error.remedy) from error
+    return document
 
 
 def loads_text(text: str, source: str = "<text>") -> Scene:
-    """The scene written in a text in TOML; `source` names it in messages. Raises `SceneError` if anything is wrong."""
+    """The scene in a TOML string; `source` is its name in messages. Raises `SceneError` if anything is wrong."""
     return build(read_document(text, source))
 
 
 def build(document: Document) -> Scene:
-    """The scene of a raw document. Raises `SceneError` at the first thing wrong in it."""
+    """The scene of a raw document. Raises `SceneError` for the first error in it."""
     _linkage(document)
     source, table = document.source, document.table
-    model = explained(file.SceneFile, source, table)
-    check(model, source, table)
-    try:
+    with located(source, table):
+        model = explained(file.SceneFile, source, table)
+        check(model, source, table)
         return Scene(
             _mechanism(model),
-            tuple(_load(item) for item in model.loads),
+            tuple(_each(_load, model.loads, "loads")),
             Vec(*model.gravity) if isinstance(model.gravity, tuple) else Vec(0.0, -model.gravity),
             model.speed,
             model.target_delta,
@@ -106,32 +104,44 @@ def build(document: Document) -> Scene:
             title=model.title,
             constant_speed=model.constant_speed,
         )
-    except StructureError as error:
-        raise from_structure(error, source, table) from error
+
+
+def _each(make: Callable[[Any], Made], items: Iterable[Any], key: str) -> list[Made]:
+    """What is made of each entry of a list of tables."""
+    made = []
+    for number, item in enumerate(items):
+        with part(key, number):
+            made.append(make(item))
+    return made
 
 
 def _mechanism(model: file.SceneFile) -> Mechanism:
     fixed = {name: Vec(*at) for name, at in model.fixed.items()}
-    links = {name: _link(link) for name, link in model.links.items()}
+    links, sides = {}, {}
+    for name, link in model.links.items():
+        with part("links", name):
+            links[name] = _link(link)
+            sides |= {name: _sides(name, link)} if link.sides else {}
     rotation, flywheel = model.rotation, Flywheel(model.flywheel.inertia)
     if model.drive is None:
-        return Mechanism(fixed, links, [group.build(rotation) for group in model.groups], flywheel)
-    slots = [slot.build() for slot in model.slots]
-    gears, racks = [gear.build() for gear in model.gears], [rack.build() for rack in model.racks]
-    sides = {name: _sides(name, link) for name, link in model.links.items() if link.sides}
-    return linkage(
-        fixed, links, model.drive.build(rotation), slots, model.sketch, flywheel, gears, racks, sides, model.branch
+        return Mechanism(fixed, links, _each(lambda group: group.build(rotation), model.groups, "groups"), flywheel)
+    with part("drive"):
+        drive = model.drive.build(rotation)
+    slots, gears, racks = (
+        _each(lambda item: item.build(), items, key)
+        for key, items in (("slots", model.slots), ("gears", model.gears), ("racks", model.racks))
     )
+    return linkage(fixed, links, drive, slots, model.sketch, flywheel, gears, racks, sides, model.branch)
 
 
 def _sides(name: str, link: file.Link) -> dict[tuple[str, str], float]:
-    """The distances between pins of a link, whose names may have hyphens themselves."""
+    """The distances between pins of a link; the names of pins may contain hyphens."""
     found = {}
     for key, length in link.sides.items():
         ends = ((key[:i], key[i + 1 :]) for i, letter in enumerate(key) if letter == "-")
         pair = next((pair for pair in ends if set(pair) <= set(link.pins)), None)
         if pair is None:
-            problem = f"{key!r} names no two pins of the link"
+            problem = f"{key!r} does not name two pins of the link"
             remedy = f'its pins are {", ".join(link.pins)}: write e.g. {"-".join(link.pins[:2])} = "250 mm"'
             raise StructureError(f"links.{name}.sides", problem, remedy)
         found[pair] = length
@@ -139,20 +149,20 @@ def _sides(name: str, link: file.Link) -> dict[tuple[str, str], float]:
 
 
 def _linkage(document: Document) -> None:
-    """Raise `SceneError` for what is no linkage."""
+    """Raise `SceneError` for a scene that is not a linkage."""
     if document.rolling:
-        remedy = "read it with load_rolling, or see it with linkjax analyse; docs/rolling.md tells how it is designed"
+        remedy = "load it with load_rolling, or run linkjax analyse; docs/rolling.md describes the design"
         raise SceneError(document.source, "kind", "rolling", "rolling bodies, where a linkage is needed", remedy)
 
 
 def starter(name: str) -> str:
-    """The text of a commented scene to begin with, titled `name`: what `linkjax new NAME` writes."""
+    """A commented starter scene, titled `name`, as a string: what `linkjax new NAME` writes."""
     title = "".join(c for c in name if c.isprintable()).replace("\\", "\\\\").replace('"', '\\"')
     return STARTER.read_text(encoding="utf-8").replace("NAME", title or "New machine")
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON Schema of a scene file: keys, types, defaults, descriptions and examples (not the checks across keys)."""
+    """JSON Schema of a scene file: keys, types, defaults, descriptions and examples (no checks across keys)."""
     return file.SceneFile.model_json_schema(by_alias=True)
 
 

@@ -1,4 +1,4 @@
-"""What the types of single keys cannot say: keys that exclude or need each other, lengths that a group needs."""
+"""Checks across keys: keys that exclude or need each other, lengths that a group needs."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from linkjax.scenes._guides import Fault
 from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
 from linkjax.scenes._wheels import steep
 
-FORGOTTEN = 100.0  # times as large: a millimetre that is read as a metre is a thousand times, an inch 39 times
+FORGOTTEN = 100.0  # ratio of sizes: a millimetre read as a metre gives 1000
 
 
 def check(model: SceneFile, source: str, table: Any) -> None:
-    """Raise `SceneError` at the first contradiction between the keys of a scene."""
+    """Raise `SceneError` for the first contradiction between the keys of a scene."""
     for problem in (*_problems(model), *_units_of_sketch(model, table)):
         raise fault(source, table, *problem)
 
 
 def _problems(model: SceneFile) -> Iterator[Fault]:
-    """Everything that does not fit together, as (path, problem, remedy)."""
+    """Every contradiction, as (path, problem, remedy)."""
     yield from _drawn_or_grouped(model)
     yield from _centre_names(model)
     for name, link in model.links.items():
@@ -35,8 +35,8 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
 
 
 def _units_of_sketch(model: SceneFile, table: Any) -> Iterator[Fault]:
-    """A sketch in plain numbers, which are metres, beside points of the frame with units, or the other way round, where
-    one is far larger than the other: a unit is forgotten."""
+    """A forgotten unit: of the sketch and the points of the frame, one is in plain numbers (metres), the other has
+    units, and the plain one is far larger."""
     sizes, plain = {}, {}
     for key, places in (("fixed", model.fixed), ("sketch", model.sketch)):
         written = [value for name in places for value in table[key][name] if value != 0]
@@ -47,18 +47,20 @@ def _units_of_sketch(model: SceneFile, table: Any) -> Iterator[Fault]:
     small, large = sorted(sizes.values())
     if sizes["sketch" if plain["sketch"] == {True} else "fixed"] == large > FORGOTTEN * small:
         key = "sketch" if plain["sketch"] == {True} else "fixed"
-        problem = f"has plain numbers, which are metres, and is {sizes[key]:.4g} m large beside {small:.4g} m"
+        problem = f"its plain numbers are metres: its size is {sizes[key]:.4g} m, that of the others {small:.4g} m"
         yield (key,), problem, 'write it in the unit of the other points, e.g. ["30 mm", "40 mm"]'
 
 
 def _drawn_or_grouped(model: SceneFile) -> Iterator[Fault]:
-    """A machine is composed of groups, or drawn by links and joints."""
+    """A machine is composed of groups, or drawn by links and joints, not both."""
     if model.drive is None and not model.groups:
-        remedy = "add a table [[groups]] for each group, first the crank; or a table [drive], and pins to every link"
+        remedy = (
+            "add a table [[groups]] for each group, first the crank; or add a table [drive], and pins to every link"
+        )
         yield ("groups",), "missing", remedy
     if model.drive is not None:
         if model.groups:
-            problem = "a scene is composed of groups, or drawn by links and joints with a drive, not both"
+            problem = "a scene has groups, or a drive with links and joints, not both"
             yield ("drive",), problem, "delete drive, or the groups"
         for name, link in model.links.items():
             if not link.pins:
@@ -90,7 +92,7 @@ def _link(name: str, link: Link) -> Iterator[Fault]:
     for piece, weight in link.counterweights.items():
         yield from _counterweight((*path, "counterweights", piece), weight)
     if name == "frame":
-        yield path, 'the name "frame" is taken by the frame itself', "give the link another name"
+        yield path, 'the name "frame" is reserved for the frame', "give the link another name"
     if link.mass_properties == "section":
         for key in ("area", "density"):
             if getattr(link, key) is None:
@@ -128,12 +130,12 @@ def _counterweight(path: tuple[str, ...], weight: Counterweight) -> Iterator[Fau
 
 
 def _centre_names(model: SceneFile) -> Iterator[Fault]:
-    """Mass centres that nobody named, where their S1, S2, … is the name of another point."""
+    """Mass centres without a name whose default name S1, S2, … is the name of another point."""
     taken = {*model.fixed, *(pin for group in model.groups for pin in group.pins())}
     taken |= {point for link in model.links.values() for point in (*link.points, *link.counterweights)}
     for number, (name, link) in enumerate(model.links.items(), 1):
         if not link.centre_name and f"S{number}" in taken:
-            problem = f"the mass centre of this link is called S{number} unless named, and so is another point"
+            problem = f"the default name of this mass centre is S{number}, which is also the name of another point"
             yield ("links", name, "centre_name"), problem, f'add centre_name = "C{number}", or rename the other point'
 
 
@@ -141,27 +143,27 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
     path = ("groups", number)
     if isinstance(group, CrankTable | LinearDriverTable) == bool(number):
         problem = "there is more than one driver" if number else "the first group must be the driver"
-        one = "keep one: linkjax has one drive, so the mobility is one; a second crank may be coupled to it by gears"
+        one = "keep one: linkjax has one drive, for a mobility of one; a second crank may be coupled to it by gears"
         remedy = one if number else 'begin with kind = "crank" or "linear_driver"'
         yield (*path, "kind"), problem, remedy
     if isinstance(group, CrankTable | LinearDriverTable) and group.law is not None and model.rotation == "cw":
-        problem = "the driver follows a law, which says which way it moves"
+        problem = "the driver follows a law, which gives its sense of motion"
         yield ("rotation",), problem, "delete rotation"
     if isinstance(group, LinearDriverTable) and model.flywheel.inertia > 0:
-        yield ("flywheel",), "there is no shaft for it: a slide drives", "delete it"
+        yield ("flywheel",), "there is no shaft for it: the driver is a slider", "delete it"
     if isinstance(group, LinearDriverTable) and group.guide.on != "frame":
-        yield (*path, "guide", "on"), "a driving slide is on the frame", "delete `on`"
+        yield (*path, "guide", "on"), "the guide of a linear driver is on the frame", "delete `on`"
     for name in group.bars():
         if name in model.links and model.links[name].length == 0:
             problem = f"the length is zero, but groups[{number}] needs a bar with two pins"
             yield ("links", name, "length"), problem, 'write the distance between its pins, e.g. length = "300 mm"'
     for name in group.sliding():
         if name in model.links and model.links[name].length > 0:
-            problem = f"a length, but groups[{number}] uses this link as its sliding block"
-            yield ("links", name, "length"), problem, "delete it: a block has one pin only"
+            problem = f"a length, but this link is the slider (block) of groups[{number}]"
+            yield ("links", name, "length"), problem, "delete it: a slider has one pin only"
         if name in model.links and model.links[name].mass_properties != "fixed":
-            problem = "a sliding block has no length for its mass to follow"
-            yield ("links", name, "mass_properties"), problem, 'delete it: a block is always "fixed"'
+            problem = "a slider has no length to which its mass could be scaled"
+            yield ("links", name, "mass_properties"), problem, 'delete it: a slider is always "fixed"'
     for inner, problem, remedy in group.faults(model.fixed):
         yield (*path, *inner), problem, remedy
 
@@ -169,7 +171,7 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
 def _load(number: int, load: Load) -> Iterator[Fault]:
     path = ("loads", number)
     if load.name == "gravity":
-        yield (*path, "name"), "taken by the weight of the links", "give the load another name"
+        yield (*path, "name"), "reserved for the weight of the links", "give the load another name"
     if load.force is None and load.torque is None:
         yield (
             (*path, "force"),
@@ -182,7 +184,7 @@ def _load(number: int, load: Load) -> Iterator[Fault]:
         if load.point is not None:
             yield (*path, "point"), "a torque has no point", "delete point"
         if load.opposing and load.torque < 0:
-            remedy = "write the magnitude; an opposing torque finds its own direction"
+            remedy = "write the magnitude; the motion gives the direction of an opposing torque"
             yield (*path, "torque"), "must not be negative", remedy
     else:
         if load.point is None:
@@ -201,8 +203,8 @@ def _window(number: int, load: Load, cycle: float) -> Iterator[Fault]:
     on, off = load.window
     path, turn = ("loads", number, "window"), math.degrees(cycle)
     if abs(math.remainder(off - on, cycle)) < 1e-9 * cycle:
-        problem = f"the two ends coincide (the cycle is {turn:.12g} deg long)"
-        yield path, problem, "delete it for a load that always acts, or move one end"
+        problem = f"window start and end coincide (the cycle is {turn:.12g} deg long)"
+        yield path, problem, "omit `window` for a permanent load, or move one end"
     elif abs(off - on) > cycle:
         problem = f"longer than the cycle of {turn:.12g} deg"
         yield path, problem, "write [on, off] within one cycle; off may be less than on"

@@ -1,4 +1,4 @@
-"""The raw scene document: reading TOML from a file, a built-in scene or a text, and overriding single keys."""
+"""The raw scene document: reading TOML from a file, a built-in scene or a string, and overriding single keys."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from linkjax._renamed import renamed
 from linkjax._units import nearest
 from linkjax.scenes._absent import absent, meant
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._keys import Path as KeyPath
 from linkjax.scenes._keys import annotation_at, fields, is_rolling, is_table, join, leaves, lookup, split
+from linkjax.scenes._located import located
 
 BUILTIN = Path(__file__).with_name("builtin")
 ROLLING = Path(__file__).with_name("rolling")
@@ -26,14 +28,14 @@ STARTER = Path(__file__).with_name("starter.toml")
 
 @dataclasses.dataclass(frozen=True)
 class Document:
-    """A scene file as read, not yet validated: `table` is what TOML gave, `source` names the file in messages."""
+    """A scene file before validation: `table` holds the TOML data, `source` names the file in messages."""
 
     source: str
     table: dict[str, Any]
 
     @property
     def rolling(self) -> bool:
-        """Whether it is one of rolling bodies; raises `SceneError` for a kind of machine that is not known."""
+        """Whether it describes rolling bodies; raises `SceneError` for an unknown kind of machine."""
         kind = self.table.get("kind", "rolling")
         if kind != "rolling":
             remedy = 'write kind = "rolling" for rolling bodies, or delete it for a linkage'
@@ -52,7 +54,7 @@ def rolling_names() -> tuple[str, ...]:
 
 
 def scene_text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
-    """Source and text of a built-in scene (by name) or of a file. Raises `SceneError` when it cannot be read."""
+    """Source and content of a built-in scene (by name) or of a file. Raises `SceneError` when it cannot be read."""
     name = os.fspath(name_or_path)
     folder = BUILTIN if name in scene_names() else ROLLING if name in rolling_names() else None
     path, source = (Path(name), name) if folder is None else (folder / f"{name}.toml", f"{name}.toml")
@@ -60,7 +62,7 @@ def scene_text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         return source, path.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise SceneError(
-            source, "", None, f"not a text in UTF-8 (byte {error.start})", "save the file as UTF-8"
+            source, "", None, f"not encoded in UTF-8 (byte {error.start})", "save the file as UTF-8"
         ) from error
     except (OSError, ValueError) as error:  # a ValueError: a null character in the name
         raise _unreadable(name, path) from error
@@ -69,8 +71,8 @@ def scene_text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
 def _unreadable(name: str, path: Path) -> SceneError:
     problem, known = "no such scene file, nor a built-in scene", (*scene_names(), *rolling_names())
     if "\n" in name:
-        return SceneError("<text>", "", None, "a text where a name or path is needed", "read a text with loads_text")
-    if name and os.path.exists(path):  # unlike those of pathlib, os.path's answers raise nothing
+        return SceneError("<text>", "", None, "is not a name or path", "read a scene in a string with loads_text")
+    if name and os.path.exists(path):  # os.path.exists does not raise, unlike pathlib
         problem = "cannot be read: a folder" if os.path.isdir(path) else "cannot be read"
     beside = f"{name}.toml"
     close = [beside] if name and os.path.isfile(beside) else difflib.get_close_matches(name, known, n=1)
@@ -86,7 +88,7 @@ def load_document(name_or_path: str | os.PathLike[str]) -> Document:
 
 
 def read_document(text: str, source: str = "<text>") -> Document:
-    """The raw document of a text in TOML. Raises `SceneError`, with the line, when it is not TOML, or is empty."""
+    """The raw document of a TOML string. Raises `SceneError`, with the line, when it is not TOML, or is empty."""
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -107,11 +109,11 @@ def _syntax(message: str, text: str, source: str) -> SceneError:
     lines = text.split("\n")
     number = min(int(found[1]), len(lines)) if found else len(lines)
     line = lines[number - 1].strip()
-    remedy = "see docs/scenes.md for how a scene is written"
+    remedy = "see docs/scenes.md for the format"
     if re.search(r"=\s*[-+.\d]+\s*[A-Za-z°µ]", line):
         remedy = 'put a quantity in double quotes, e.g. length = "300 mm"'
     elif "overwrite" in message or "twice" in message or "mutate" in message:
-        remedy = "give every key and table once"
+        remedy = "write every key and table once"
     elif "nterminated" in message or "llegal character" in message or "Expected" in message:
         remedy = "close every quote and bracket on its own line"
     problem = message.split(" (at ")[0]
@@ -121,7 +123,7 @@ def _syntax(message: str, text: str, source: str) -> SceneError:
 
 
 def setting(value: Any) -> Any:
-    """A value from the command line: a TOML number, truth value, list, table or quoted text, else the text itself."""
+    """A value of the command line: a TOML number, boolean, list, table or quoted string, else the string itself."""
     if not isinstance(value, str):
         return copy.deepcopy(value)
     try:
@@ -136,13 +138,18 @@ def override(document: Document, key: str, value: Any) -> Document:
     """A copy of `document` with one key replaced, as `--set links.rod.length="1.1 m"` does; validated when built.
 
     `key` is a path such as `links.rod.length`, `fixed.F[0]`, `loads.hay.window[1]` (a load by name or number) or
-    `groups[1].guide.along` (a group by number or by its links joined, `groups.rod-slider.guide.along`). A text is read
-    as a TOML value where it is one ("0.02", "true", "[0, -1]"), else kept. Keys that the format knows may be added;
-    anything else raises `SceneError` with the nearest known key. Where the mass properties of a link follow its length
-    ("scaled"), the length they were given for is kept as its `reference_length`.
+    `groups[1].guide.along` (a group by number or by its joined link names, `groups.rod-slider.guide.along`). A string
+    that is a TOML value ("0.02", "true", "[0, -1]") is read as one. Keys of the format may be added; any other key
+    raises `SceneError` with the nearest known key. If a link has `mass_properties = "scaled"`, its previous length
+    becomes its `reference_length`.
     """
-    table, given = copy.deepcopy(document.table), setting(value)
-    path = _resolved(document, key, given)
+    with located(document.source, document.table):
+        return Document(document.source, _with(document, key, setting(value)))
+
+
+def _with(document: Document, key: str, given: Any) -> dict[str, Any]:
+    """The table of a document with one key replaced."""
+    table, path = copy.deepcopy(document.table), _resolved(document, key, given)
     place: Any = table
     for part in path[:-1]:
         if isinstance(place, dict):
@@ -153,7 +160,7 @@ def override(document: Document, key: str, value: Any) -> Document:
         link, before = place, lookup(document.table, path)
         if link.get("mass_properties") == "scaled" and before is not None:
             link.setdefault("reference_length", before)
-    return Document(document.source, table)
+    return table
 
 
 def overridden(document: Document, changes: Mapping[str, Any] | None) -> Document:
@@ -164,7 +171,7 @@ def overridden(document: Document, changes: Mapping[str, Any] | None) -> Documen
 
 
 def _resolved(document: Document, key: str, value: Any) -> KeyPath:
-    """`key` as a path that exists in the document, or that the format knows."""
+    """`key` as a path that exists in the document or in the format."""
     path: KeyPath = ()
     for step in split(key):
         held = lookup(document.table, path)
@@ -192,7 +199,7 @@ def _resolved(document: Document, key: str, value: Any) -> KeyPath:
 
 
 def _entry(items: list[Any], step: str) -> tuple[int | None, list[str]]:
-    """Number of the entry that `step` means (its number, name or links), and what it could have meant."""
+    """Number of the entry that `step` means (its number, name or links), and the names of all entries."""
     known = [entry_name(item) or str(number) for number, item in enumerate(items)]
     if step.isdecimal() and len(step) < 6 and int(step) < len(items):
         return int(step), known
@@ -200,7 +207,7 @@ def _entry(items: list[Any], step: str) -> tuple[int | None, list[str]]:
 
 
 def entry_name(item: Any) -> str:
-    """Name of an entry of a list of tables: that of a load, or the links of a group joined by "-"; "" where none."""
+    """Name of an entry of a list of tables: of a load its name, of a group its links joined by "-"; else ""."""
     if not isinstance(item, dict):
         return ""
     name, links = item.get("name"), item.get("links")
@@ -216,8 +223,8 @@ def _unknown(document: Document, key: str, value: Any, reached: str, known: list
     whole = difflib.get_close_matches(key, [join(leaf) for leaf in leaves(document.table)], n=1)
     same = meant(step, known)
     lacking = "" if is_rolling(document.table) or same else absent(split(reached), document.table)
-    if lacking:
-        remedy = lacking
+    if lacking or renamed(step, known):
+        remedy = lacking or nearest(step, known)
     elif same or close:
         close, parent = [same] if same else close, reached[: len(reached) - len(step)]
         remedy = f"did you mean {parent + close[0] + key[len(reached) :]!r}?"

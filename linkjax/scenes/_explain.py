@@ -1,4 +1,4 @@
-"""From what pydantic or the mechanism finds wrong to one clear `SceneError`."""
+"""Errors of pydantic and of the mechanism, as one clear `SceneError`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from linkjax._renamed import renamed
 from linkjax._units import kind_of, nearest
 from linkjax.mechanism import StructureError
 from linkjax.scenes._absent import absent, meant, misshapen
@@ -18,7 +19,7 @@ from linkjax.scenes._models import SceneFile
 File = TypeVar("File", bound=BaseModel)
 CHOICES = ("kind", "side", "branch")  # keys that hold no names
 DRAWN = {"drive": "[drive]", "slots": "[[slots]]", "gears": "[[gears]]", "racks": "[[racks]]",
-         "links": "the [links.…] that it is of", "loads": "[[loads]]", "flywheel": "[flywheel]"}  # fmt: skip
+         "links": "the [links.…] table of this link", "loads": "[[loads]]", "flywheel": "[flywheel]"}  # fmt: skip
 ADD = {
     "fixed": "add a table [fixed] with the points of the frame, e.g. A = [0, 0]",
     "links": 'add a table for each link, e.g. [links.crank] with length = "300 mm"',
@@ -26,12 +27,12 @@ ADD = {
 
 
 def fault(source: str, table: Any, path: Path, problem: str, remedy: str) -> SceneError:
-    """The error about the value that stands at `path` of the raw document."""
-    return SceneError(source, join(path), lookup(table, path), problem, remedy)
+    """The error about the value at `path` of the raw document."""
+    return SceneError(source, join(path), lookup(table, path) if path else None, problem, remedy)
 
 
 def from_validation(error: ValidationError, source: str, table: Any) -> SceneError:
-    """The first thing that pydantic found, but unknown keys first: a misspelt key also looks like a missing one."""
+    """The first error of pydantic, but unknown keys first: a misspelt key also causes an error about a missing one."""
     found = error.errors(include_url=False)
     first = min(found, key=lambda item: item["type"] != "extra_forbidden")
     path = tuple(part for part in first["loc"] if not (isinstance(part, str) and part.startswith("#")))
@@ -65,7 +66,7 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "literal_error":
         return "not one of the choices", _choice(str(given), re.findall(r"'([^']*)'", context["expected"]))
     if kind == "string_type":
-        return f"{what} where a text is needed", shape or f"write it in double quotes, e.g. {_example(table, path)}"
+        return f"{what} where a string is needed", shape or f"write it in double quotes, e.g. {_example(table, path)}"
     if kind == "bool_type":
         return f"{what} where true or false is needed", "write true or false, without quotes"
     if shape:
@@ -83,14 +84,16 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "list_type":
         last = join(path)
         return f"{what} where a list of tables is needed", f"write [[{last}]], in double brackets, once for each"
-    return message[:1].lower() + message[1:], "see docs/scenes.md for what may stand here"
+    return message[:1].lower() + message[1:], "see docs/scenes.md for the values of this key"
 
 
 def unknown(table: Any, path: Path) -> str:
-    """What to write instead of a key that is not known: the key that is misspelt or called otherwise, what is not there
-    yet, or the table that the key belongs to."""
+    """The remedy for an unknown key: the correct spelling or name, the message about a missing feature, or the table to
+    which the key belongs."""
     keys, last = known_keys(table, path[:-1]), str(path[-1])
     misspelt = nearest(last, keys)
+    if renamed(last, keys):
+        return misspelt
     if same := meant(last, keys):
         example = examples(annotation_at(table, path[:-1])).get(same)
         return f"did you mean {same!r}?" + ("" if example is None else f" Write e.g. {same} = {shown(example)}")
@@ -102,7 +105,7 @@ def unknown(table: Any, path: Path) -> str:
 
 
 def _home(table: Any, path: Path) -> str:
-    """Where a key belongs that stands in a wrong table: in a table inside that, or in another one of the scene."""
+    """The table to which a misplaced key belongs: a table inside its own, or another one of the scene."""
     key, inside = str(path[-1]), annotation_at(table, path[:-1])
     own = (
         {} if not is_table(inside) else {name: settle(annotation, None) for name, annotation in fields(inside).items()}
@@ -122,22 +125,24 @@ def _home(table: Any, path: Path) -> str:
 
 
 def _other_law(path: Path, problem: str) -> str:
-    """What else to write where a drive's law has lengths, or its stroke angles."""
+    """The other remedy where the law of a drive has lengths, or its stroke has angles."""
     if path[:2] == ("drive", "law") and problem.startswith("a length"):
-        return ', or, for a block that slides, stroke = { start = "0 mm", stop = "120 mm" }'
+        return ', or, for a slider, stroke = { start = "0 mm", stop = "120 mm" }'
     if path[:2] == ("drive", "stroke") and problem.startswith("an angle"):
-        return ', or, for a link that turns, law = { start = "20 deg", stop = "140 deg" }'
+        return ', or, for a link that rotates, law = { start = "20 deg", stop = "140 deg" }'
     return ""
 
 
 def _choice(given: str, choices: list[str]) -> str:
+    if new := renamed(given, choices):
+        return f"it is called {shown(new)} now"
     alike = [choice for choice in choices if choice.lower() == given.strip().lower()]
     listed = " or ".join(shown(choice) for choice in choices)
     return f"did you mean {shown(alike[0])}?" if alike else f"write {listed}"
 
 
 def known_keys(table: Any, path: Path) -> list[str]:
-    """The keys that the format knows in the table at `path`."""
+    """The keys of the format in the table at `path`."""
     model = annotation_at(table, path)
     return list(fields(model)) if is_table(model) else []
 
@@ -149,7 +154,7 @@ def _example(table: Any, path: Path) -> str:
 
 
 def _inner(table: Any, path: Path) -> str:
-    """A table with an example for its first key that must be there."""
+    """A table with an example of its first required key."""
     example = {"law": '{ start = "20 deg", stop = "140 deg" }', "stroke": '{ start = "0 mm", stop = "120 mm" }'}
     return example.get(str(path[-1]), '{ through = "A" }')
 
@@ -163,11 +168,13 @@ def _addition(table: Any, path: Path) -> str:
 
 
 def from_structure(error: StructureError, source: str, table: Any) -> SceneError:
-    """The mechanism's own complaint, at the key that holds the name it quotes (or at the element it names)."""
+    """A `StructureError` at the key that holds the name it quotes, or at its element."""
     path = _element(error.element, table)
     quoted = re.findall(r"'([^']*)'", error.problem)[:1]
     element = lookup(table, path)
-    if isinstance(element, dict) and "already" in error.problem:  # the new name stands behind those that it is hung on
+    if (
+        isinstance(element, dict) and "already" in error.problem
+    ):  # the new name is after the names to which it is attached
         element = dict(reversed(element.items()))
     if isinstance(element, dict):  # a link may have the name of a choice, e.g. "left"
         element = dict(sorted(element.items(), key=lambda item: item[0] in CHOICES))
@@ -178,8 +185,7 @@ def from_structure(error: StructureError, source: str, table: Any) -> SceneError
 
 
 def _element(element: str, table: Any) -> Path:
-    """Path to what the mechanism calls `element`, e.g. "groups[1]", "links.rod" or "slot of
-    slider"."""
+    """Path of an `element` of a `StructureError`, e.g. "groups[1]", "links.rod" or "slot of slider"."""
     if element.startswith("slot of "):
         block = element.removeprefix("slot of ")
         return ("slots", next(i for i, slot in enumerate(table["slots"]) if slot["block"] == block))
@@ -196,7 +202,7 @@ def _element(element: str, table: Any) -> Path:
 
 
 def _holder(value: Any, name: str, path: Path = ()) -> Path | None:
-    """Path inside `value` to the text `name`, a list of names counting as one place."""
+    """Path inside `value` to the string `name`; a list of names counts as one place."""
     if value == name or (isinstance(value, list) and name in value):
         return path
     items = value.items() if isinstance(value, dict) else ()
@@ -204,7 +210,7 @@ def _holder(value: Any, name: str, path: Path = ()) -> Path | None:
 
 
 def explained(model: type[File], source: str, table: Any) -> File:
-    """The raw document as a validated model; raises `SceneError` at the first thing wrong."""
+    """The raw document as a validated model; raises `SceneError` for the first error."""
     try:
         return model.model_validate(table)
     except ValidationError as error:

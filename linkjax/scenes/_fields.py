@@ -24,7 +24,7 @@ class Table(BaseModel):
 class Quantity:
     """Annotation of a float that is written as a quantity of a `dimension`, read into SI units.
 
-    `sign` restricts it: "any", "zero" (zero or more) or "positive"; `hint` is a remedy to name when it is not so.
+    `sign` restricts it: "any", "zero" (zero or more) or "positive"; `hint` is the remedy for a negative value.
     """
 
     dimension: str
@@ -32,7 +32,7 @@ class Quantity:
     hint: str = ""
 
     def read(self, value: Any) -> float:
-        """The value in SI units; raises what pydantic collects, with `problem` and `remedy` in its context."""
+        """The value in SI units; raises a pydantic error with `problem` and `remedy` in its context."""
         try:
             result = quantity(value, self.dimension)
         except QuantityError as error:
@@ -57,13 +57,15 @@ class Quantity:
         bound = {"zero": {"minimum": 0}, "positive": {"exclusiveMinimum": 0}}.get(self.sign, {})
         if self.dimension == "angle":
             bound = {"const": 0}
-        text = f"{wanted.phrase[0].upper()}{wanted.phrase[1:]}: a text with a unit, e.g. {wanted.example}, or a number"
+        text = (
+            f"{wanted.phrase[0].upper()}{wanted.phrase[1:]}: a string with a unit, e.g. {wanted.example}, or a number"
+        )
         described = f"{text}{' in ' + wanted.unit if wanted.unit else ''}."
         return {"anyOf": [{"type": "string"}, {"type": "number", **bound}], "description": described}
 
 
 def wrong(problem: str, remedy: str) -> PydanticCustomError:
-    """What a validator raises: pydantic collects it, `_explain` turns it into a `SceneError`."""
+    """The error of a validator: pydantic collects it, `_explain` turns it into a `SceneError`."""
     return PydanticCustomError("scene", "{problem}; {remedy}", {"problem": problem, "remedy": remedy})
 
 
@@ -85,13 +87,13 @@ def _name(value: str) -> str:
 
 def _turns(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 1000:
-        raise wrong("not a whole number from 1 to 1000", "write the crank turns after which everything repeats, e.g. 1")
+        raise wrong("not an integer from 1 to 1000", "write the number of turns in one cycle, e.g. 1")
     return value
 
 
 def _count(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100000:
-        raise wrong("not a whole number of teeth", "write a whole number above zero, e.g. 20")
+        raise wrong("not a number of teeth", "write an integer from 1 to 100000, e.g. 20")
     return value
 
 
@@ -116,7 +118,7 @@ Weight = Annotated[
 Acceleration = Annotated[float, Quantity("acceleration")]
 Speed = Annotated[float, Quantity("speed", "positive", 'write it positive, and rotation = "cw" for a clockwise crank')]
 Magnitude = Annotated[
-    float, Quantity("force", "zero", "write the magnitude; an opposing force finds its own direction")
+    float, Quantity("force", "zero", "write the magnitude; the motion gives the direction of an opposing force")
 ]
 Force = Annotated[float, Quantity("force")]
 Torque = Annotated[float, Quantity("torque")]

@@ -1,6 +1,6 @@
-"""The groups as a scene file writes them, one class for each kind; a new kind is a new class and a branch of `Group`.
+"""The groups in a scene file, one class for each kind; a new kind is a new class and a branch of `Group`.
 
-Each class knows its keys, what else must hold between them (`faults`), and how to `build` the group itself.
+Each class defines its keys, the conditions between them (`faults`), and how to `build` the group.
 """
 
 from __future__ import annotations
@@ -19,24 +19,28 @@ from linkjax.scenes._wheels import GearTable, PinionTable, RackTable
 
 Branch = Literal["fixed", "continue"]
 BRANCH: Any = Field(
-    "fixed", description="at a change point: keep the side, or go on smoothly to the other", examples=["continue"]
+    "fixed",
+    description="at a change point: stay on the same side, or continue smoothly to the other",
+    examples=["continue"],
 )
 
 
 def branch_keys(group: groups.RRR | groups.RRP) -> dict[str, Any]:
-    """The key, where it is not as by default."""
+    """The key, where it is not the default."""
     return {"branch": group.branch} if group.branch != "fixed" else {}
 
 
 class CrankTable(GroupTable):
-    """The driving crank, the first of the groups."""
+    """The driving crank, the first group."""
 
     kind: Literal["crank"] = Field(description="the driver, about a fixed point", examples=["crank"])
-    link: Name = Field(description="the link that turns", examples=["crank"])
+    link: Name = Field(description="the crank", examples=["crank"])
     pivot: Name = Field(description="the fixed point it turns about", examples=["A"])
     end: Name = Field(description="name for its far pin", examples=["B"])
     phase: Angle = Field(0.0, description="angle of the link at crank angle zero", examples=["90 deg"])
-    law: AngleLaw | None = Field(None, description="how it swings", examples=[{"start": "20 deg", "stop": "140 deg"}])
+    law: AngleLaw | None = Field(
+        None, description="motion law of an oscillating crank", examples=[{"start": "20 deg", "stop": "140 deg"}]
+    )
 
     def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         law = None if self.law is None else self.law.build()
@@ -58,12 +62,12 @@ class CrankTable(GroupTable):
 
 
 class LinearDriverTable(GroupTable):
-    """A driving slide, the first of the groups."""
+    """A driving slider, the first group."""
 
     kind: Literal["linear_driver"] = Field(
         description="the driver, along a guide of the frame", examples=["linear_driver"]
     )
-    link: Name = Field(description="the link that slides", examples=["piston"])
+    link: Name = Field(description="the driving slider", examples=["piston"])
     end: Name = Field(description="name for its own point on the path", examples=["B"])
     guide: Guide = Field(description="the guide of the frame", examples=[{"through": "A"}])
     law: LengthLaw = Field(description="how far along the guide it is", examples=[{"start": "0 mm", "stop": "120 mm"}])
@@ -91,14 +95,14 @@ class LinearDriverTable(GroupTable):
 
 
 class RRPTable(GroupTable):
-    """A rod and a block that slides on a straight guide."""
+    """A rod and a slider (block) on a straight guide."""
 
-    kind: Literal["RRP"] = Field(description="a rod and a block on a straight guide", examples=["RRP"])
+    kind: Literal["RRP"] = Field(description="a rod and a slider (block) on a straight guide", examples=["RRP"])
     link: Name = Field(description="the rod", examples=["rod"])
     from_: Name = Field(alias="from", description="the point the rod starts from", examples=["B"])
-    end: Name = Field(description="name for the pin between rod and block", examples=["D"])
-    block: Name = Field(description="the sliding block", examples=["slider"])
-    guide: Guide = Field(description="the guide of the block", examples=[{"through": "A"}])
+    end: Name = Field(description="name for the pin between rod and slider", examples=["D"])
+    block: Name = Field(description="the slider (block)", examples=["slider"])
+    guide: Guide = Field(description="the guide of the slider", examples=[{"through": "A"}])
     side: Literal["+", "-"] = Field(
         "+", description="pin ahead of (+) or behind (-) the foot of the perpendicular", examples=["-"]
     )
@@ -161,13 +165,13 @@ class RRRTable(GroupTable):
 
 
 class RPRTable(GroupTable):
-    """A lever and a block, one sliding along the other."""
+    """A lever and a slider (block), one sliding along the other."""
 
-    kind: Literal["RPR"] = Field(description="a lever and a block that slides along it", examples=["RPR"])
+    kind: Literal["RPR"] = Field(description="a lever and a slider (block) that slides along it", examples=["RPR"])
     link: Name = Field(description="the lever", examples=["lever"])
     about: Name = Field(description="the point the lever starts from", examples=["P"])
     end: Name = Field(description="name for the lever's far pin", examples=["E"])
-    block: Name = Field(description="the sliding block", examples=["die"])
+    block: Name = Field(description="the slider (block)", examples=["die"])
     from_: Name = Field(alias="from", description="the point that is the block's pin", examples=["B"])
     offset: Length = Field(
         0.0, description="shift of the pin's path on the lever to the left of its axis", examples=["10 mm"]
@@ -196,14 +200,16 @@ class RPRTable(GroupTable):
 
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         if self.about == self.from_:
-            yield ("from",), "the same point as `about`", "name the point that the block is pinned to"
+            yield ("from",), "the same point as `about`", "name the point that the slider is pinned to"
 
 
 class PRPTable(GroupTable):
-    """Two blocks pinned to each other, each in a slot of its own."""
+    """Two sliders (blocks) pinned to each other, each in its own slot."""
 
-    kind: Literal["PRP"] = Field(description="two blocks pinned to each other in two slots", examples=["PRP"])
-    blocks: Annotated[tuple[Name, Name], Pair] = Field(description="the two blocks", examples=[["die", "stone"]])
+    kind: Literal["PRP"] = Field(
+        description="two sliders (blocks) pinned to each other, in two slots", examples=["PRP"]
+    )
+    blocks: Annotated[tuple[Name, Name], Pair] = Field(description="the two sliders", examples=[["die", "stone"]])
     meet: Name = Field(description="name for the pin between them", examples=["M"])
     slots: Annotated[tuple[Guide, Guide], Pair] = Field(
         description="the guide of each, on two links", examples=[[{"on": "lever", "through": "P"}, {"through": "A"}]]
@@ -232,20 +238,22 @@ class PRPTable(GroupTable):
 
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         if self.slots[0].on == self.slots[1].on:
-            problem = f"both slots are on {self.slots[0].on!r}, so that nothing could move"
+            problem = f"both slots are on {self.slots[0].on!r}, so nothing can move"
             yield ("slots", 1), problem, "name the other link with `on`"
         for i, slot in enumerate(self.slots):
             yield from slot.faults(("slots", i), fixed)
 
 
 class RPPTable(GroupTable):
-    """A block in the slot of a slide that moves on a guide."""
+    """A slider (block) in the slot of a slotted slider (yoke), which moves on a guide."""
 
-    kind: Literal["RPP"] = Field(description="a block in the slot of a slide on a straight guide", examples=["RPP"])
-    link: Name = Field(description="the slide", examples=["yoke"])
-    end: Name = Field(description="name for the slide's own point on its path", examples=["E"])
-    guide: Guide = Field(description="the guide of the slide", examples=[{"through": "A"}])
-    block: Name = Field(description="the block in its slot", examples=["die"])
+    kind: Literal["RPP"] = Field(
+        description="a slider (block) in the slot of a yoke on a straight guide", examples=["RPP"]
+    )
+    link: Name = Field(description="the slotted slider (yoke)", examples=["yoke"])
+    end: Name = Field(description="name for the yoke's own point on its path", examples=["E"])
+    guide: Guide = Field(description="the guide of the yoke", examples=[{"through": "A"}])
+    block: Name = Field(description="the slider (block) in its slot", examples=["die"])
     from_: Name = Field(alias="from", description="the point that is the block's pin", examples=["B"])
     slot: Angle = Field(math.pi / 2, description="direction of the slot, from that of the guide", examples=["60 deg"])
     offset: Length = Field(

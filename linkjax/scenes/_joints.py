@@ -1,4 +1,4 @@
-"""Links and joints as a scene file draws them, instead of groups: slots and the drive."""
+"""Links and joints drawn in a scene file, instead of groups: slots and the drive."""
 
 from __future__ import annotations
 
@@ -21,28 +21,32 @@ from linkjax.scenes._wheels import mesh_keys
 
 
 class Slot(Table):
-    """A sliding joint: a block on a straight guide."""
+    """A sliding joint: a slider (block) on a straight guide."""
 
-    block: Name = Field(description="the link whose first pin runs along the guide", examples=["ram"])
-    guide: Guide = Field(description="the guide of the block", examples=[{"through": "A"}])
+    block: Name = Field(description="the slider: its first pin moves along the guide", examples=["ram"])
+    guide: Guide = Field(description="the guide of the slider", examples=[{"through": "A"}])
 
     def build(self) -> groups.Slot:
         return groups.Slot(self.block, self.guide.build())
 
 
 class Drive(Table):
-    """What drives a machine that is drawn by links and joints."""
+    """The drive of a machine drawn by links and joints."""
 
-    link: Name = Field(description="the link that the drive moves", examples=["crank"])
-    on: Name = Field(FRAME, description="what it is driven against: the frame, or another link", examples=["lever"])
+    link: Name = Field(description="the driving link", examples=["crank"])
+    on: Name = Field(FRAME, description="the link relative to which it is driven, or the frame", examples=["lever"])
     phase: Angle | None = Field(
         None, description="angle between the two at crank angle zero; as sketched if omitted", examples=["90 deg"]
     )
     law: AngleLaw | None = Field(
-        None, description="how it swings, from its phase", examples=[{"start": "20 deg", "stop": "140 deg"}]
+        None,
+        description="motion law of an oscillating link, from its phase",
+        examples=[{"start": "20 deg", "stop": "140 deg"}],
     )
     stroke: LengthLaw | None = Field(
-        None, description="how far along its guide a block is", examples=[{"start": "0 mm", "stop": "120 mm"}]
+        None,
+        description="motion law of a slider: its distance along the guide",
+        examples=[{"start": "0 mm", "stop": "120 mm"}],
     )
 
     def build(self, rotation: groups.Rotation) -> groups.Drive:
@@ -53,16 +57,19 @@ class Drive(Table):
         )
 
     def faults(self, slots: list[Slot], clockwise: bool) -> Iterator[Fault]:
-        """What does not fit together, given the slots of the machine, if each of them is sound."""
+        """The errors, given the slots of the machine; none where a slot itself is wrong."""
         if any(slot.block == slot.guide.on for slot in slots):
             return
         slides = any({slot.block, slot.guide.on} == {self.link, self.on} for slot in slots)
         if slides and self.stroke is None:
-            problem, remedy = "missing: a block cannot slide along a guide for ever", 'add stroke = { start = "0 mm", '
+            problem, remedy = (
+                "missing: a slider needs a limited stroke along its guide",
+                'add stroke = { start = "0 mm", ',
+            )
             yield ("drive", "stroke"), problem, remedy + 'stop = "120 mm" }'
         for key in ("law", "phase") if slides else ("stroke",):
             if key in self.model_fields_set:
-                what = "slides along a guide" if slides else "does not slide on what it is driven against"
+                what = "slides along a guide" if slides else f"does not slide on {self.on!r}"
                 others = [slot.guide.on for slot in slots if slot.block == self.link and not slides]
                 same = f"write on = {json.dumps(others[0])} as its slot does, or " if others else ""
                 yield ("drive", key), f"has no effect: {self.link!r} {what}", f"{same}delete {key}"
@@ -70,19 +77,19 @@ class Drive(Table):
         if law is not None:
             yield from law.faults(("drive", "law" if self.law else "stroke"), drawn=True)
             if clockwise:
-                yield ("rotation",), "the drive follows a law, which says which way it moves", "delete rotation"
+                yield ("rotation",), "the drive follows a law, which gives its sense of motion", "delete rotation"
 
 
 def is_drawn(mechanism: Mechanism) -> bool:
-    """Whether a mechanism was drawn by links and joints, or has groups that can only be written so."""
+    """Whether a mechanism was drawn by links and joints, or has groups that can only be drawn."""
     return any(isinstance(group, groups.General) for group in mechanism.groups) or any(
         link.pins for link in mechanism.links.values()
     )
 
 
 def sketched_keys(table: Mapping[str, Any]) -> set[tuple[str, ...]]:
-    """What of the raw document of a valid scene is left to the sketch: `("drive",)`, `(link, "length")`, and
-    `(link, pin)` for further pins."""
+    """The values that follow from the sketch, in the raw document of a valid scene: `("drive",)`, `(link, "length")`,
+    and `(link, pin)` for additional pins."""
     if "drive" not in table:
         return set()
     drive, found = table["drive"], set()
@@ -99,7 +106,7 @@ def sketched_keys(table: Mapping[str, Any]) -> set[tuple[str, ...]]:
 
 
 def pins_of(mechanism: Mechanism) -> dict[str, list[str]]:
-    """The pins of every link: its own, or what its group holds and others hang on."""
+    """The pins of every link: its own, or those of its group and those to which other groups are attached."""
     found: dict[str, list[str]] = {}
     used = {point for group in mechanism.groups for point in (*group.needs(), *group.shared())}
     for group in mechanism.groups:
@@ -111,8 +118,8 @@ def pins_of(mechanism: Mechanism) -> dict[str, list[str]]:
 
 
 def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]:
-    """The tables `drive`, `slots` and `sketch` that draw a mechanism; where it is now, or with groups of higher class
-    `as_sketched`."""
+    """The tables `drive`, `slots` and `sketch` of a mechanism, in its present position, or `as_sketched` for groups of
+    higher class."""
     first = mechanism.driver
     slots = [slot for group in mechanism.groups for slot in _slots(group)]
     table: dict[str, Any] = {"drive": {"link": mechanism.driving_link}}
@@ -127,7 +134,7 @@ def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]
         table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
     passive = any(
         isinstance(group, groups.RedundantLink | groups.RedundantSlider) for group in mechanism.groups
-    )  # dyads go on by themselves
+    )  # with redundant links, dyads always continue
     if not passive and any(getattr(group, "branch", "fixed") == "continue" for group in mechanism.groups):
         table["branch"] = "continue"
     if slots:
@@ -145,7 +152,7 @@ def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]
 
 
 def _rack(group: groups.Rack | groups.Pinion, slots: list[groups.Slot], mechanism: Mechanism) -> dict[str, Any]:
-    """The keys of a rack and its wheel."""
+    """The keys of a rack and its gear."""
     if isinstance(group, groups.Rack):
         rack, wheel, start = group.link, group.to, group.start
     else:
@@ -162,7 +169,7 @@ def _rack(group: groups.Rack | groups.Pinion, slots: list[groups.Slot], mechanis
 
 
 def _phase(mechanism: Mechanism) -> float:
-    """Angle of the crank's own axis where the crank angle is zero, but for its law."""
+    """Angle of the crank's own axis at crank angle zero, without its law."""
     crank = mechanism.driver
     assert isinstance(crank, groups.Crank)
     held = mechanism.links[crank.link].held(crank.pivot, crank.end)
@@ -170,12 +177,14 @@ def _phase(mechanism: Mechanism) -> float:
 
 
 def _sketch(mechanism: Mechanism, as_sketched: bool) -> Mapping[str, Vec]:
-    """Where the moving pins are at crank angle zero."""
+    """The positions of the moving pins at crank angle zero."""
     sketches = [getattr(group, "sketch", {}) for group in mechanism.groups] if as_sketched else []
     given = {p: at for sketch in sketches for p, at in sketch.items()}
     here = pose(prepared(mechanism), jnp.zeros(())).points
     chains = [group for group in mechanism.groups if isinstance(group, groups.General)] if as_sketched else []
-    blank = {p for group in chains for _, pins in group.members for p in pins if p not in given}  # and stays so
+    blank = {
+        p for group in chains for _, pins in group.members for p in pins if p not in given
+    }  # these stay unsketched
     every = dict.fromkeys(pin for pins in pins_of(mechanism).values() for pin in pins)
     names = [pin for pin in every if pin not in mechanism.fixed and pin not in blank]
     return {name: given.get(name, here[name].r) for name in names} | {n: a for n, a in given.items() if n not in names}

@@ -1,4 +1,4 @@
-"""Paths of keys, `loads[0].window`, and what the scene format knows along them."""
+"""Paths of keys, `loads[0].window`, and the types of the scene format along them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ STEP = re.compile(r'\.?(?:\[(?P<index>\d+)\]|"(?P<quoted>[^"]*)"|(?P<plain>[^.\[
 
 
 def join(path: Path) -> str:
-    """The path as text, e.g. `groups[1].guide.along`."""
+    """The path as a string, e.g. `groups[1].guide.along`."""
     steps = (f"[{p}]" if isinstance(p, int) else "." + (p if PLAIN.fullmatch(p) else json.dumps(p)) for p in path)
     return "".join(steps).removeprefix(".")
 
 
 def split(key: str) -> tuple[str, ...]:
-    """The steps of a path written as text: names between dots, indices in brackets or between dots."""
+    """The steps of a path in a string: names between dots, indices in brackets or between dots."""
     steps, at = [], 0
     key = key.strip()
     while at < len(key):
@@ -38,7 +38,7 @@ def split(key: str) -> tuple[str, ...]:
 
 
 def lookup(table: Any, path: Path) -> Any:
-    """The value at a path of the raw document; None where there is none."""
+    """The value at a path of the raw document; None where it is missing."""
     for part in path:
         inside = isinstance(table, dict) and part in table
         inside = inside or (isinstance(table, list) and isinstance(part, int) and part < len(table))
@@ -47,7 +47,7 @@ def lookup(table: Any, path: Path) -> Any:
 
 
 def is_rolling(table: Any) -> bool:
-    """Whether a raw document is one of rolling bodies, not of a linkage."""
+    """Whether a raw document describes rolling bodies, not a linkage."""
     return lookup(table, ("kind",)) == "rolling"
 
 
@@ -61,7 +61,7 @@ def leaves(table: Any, path: Path = ()) -> list[Path]:
 
 
 def annotation_at(table: Any, path: Path) -> Any:
-    """The type that the format gives to the place at `path`, as the document's values select it; None if unknown."""
+    """The type of the format at `path`; the values of the document select the branch of a union. None if unknown."""
     annotation: Any = RollingFile if is_rolling(table) else SceneFile
     for part in path:
         settled = settle(annotation, table)
@@ -98,7 +98,7 @@ def examples(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def settle(annotation: Any, value: Any) -> Any:
-    """`annotation` without its metadata, and of a union the branch that `value` takes (None when it takes none)."""
+    """`annotation` without its metadata; of a union, the branch that `value` selects (None where it selects none)."""
     arguments = typing.get_args(annotation)
     if typing.get_origin(annotation) is typing.Annotated:
         choosers = [extra.discriminator for extra in arguments[1:] if isinstance(extra, Discriminator)]

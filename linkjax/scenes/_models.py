@@ -40,14 +40,14 @@ from linkjax.scenes._wheels import GearPair, RackPair
 
 
 class Polar(Table):
-    """A place on a link: distance from the first pin, turned from the link's direction."""
+    """A point on a link in polar form: distance from the first pin, angle from the link's direction."""
 
     at: Distance = Field(description="distance from the link's first pin", examples=["450 mm"])
     turned: Angle = Field(0.0, description="angle from the link's direction, ccw", examples=["30 deg"])
 
 
 class Cartesian(Table):
-    """A place on a link in the link's own axes: origin at the first pin, x towards the second."""
+    """A point on a link in the link's own axes: origin at the first pin, x towards the second."""
 
     along: Length = Field(description="along the link from its first pin", examples=["200 mm"])
     across: Length = Field(0.0, description="to the left of the link", examples=["40 mm"])
@@ -70,23 +70,23 @@ def _vector(value: Any) -> str:
 
 
 class Counterweight(Table):
-    """A heavy piece fastened to a link."""
+    """A counterweight fixed to a link."""
 
     may_be_added: ClassVar[bool] = True  # by `--set` and `[optimise.changes]`
 
     mass: Mass = Field(description="mass", examples=["12 kg"])
-    at: Place = Field(description="its centre, from the first pin of the link", examples=["-150 mm"])
+    at: Place = Field(description="its mass centre, from the first pin of the link", examples=["-150 mm"])
     inertia: Inertia | None = Field(None, description="moment of inertia about its own centre", examples=["0.1 kg m^2"])
     thickness: Thickness | None = Field(None, description="thickness, if it is a disc", examples=["60 mm"])
     density: Density | None = Field(None, description="density, if it is a disc", examples=["7850 kg/m^3"])
-    ideal: StrictBool = Field(False, description="adds the product of mass and place alone", examples=[True])
+    ideal: StrictBool = Field(False, description="adds only the mass moment m r: no mass, no inertia", examples=[True])
 
 
 class Link(Table):
-    """One link: a bar between two pins, or a sliding block without length."""
+    """One link: a bar between two pins, or a slider (block) without length."""
 
     pins: list[Name] = Field([], description="its joints, in a scene without groups", examples=[["A", "B"]])
-    length: LinkLength = Field(0.0, description="distance between its two pins; none for a block", examples=["300 mm"])
+    length: LinkLength = Field(0.0, description="distance between its two pins; none for a slider", examples=["300 mm"])
     sides: dict[str, Side] = Field(
         {}, description="distances between three or more pins, instead of a length; in a scene without groups",
         examples=[{"E-F": "250 mm", "F-G": "180 mm", "G-E": "300 mm"}],
@@ -96,13 +96,15 @@ class Link(Table):
     centre: Place = Field(0.0, description="mass centre, from the first pin", examples=["150 mm"])
     centre_name: Name = Field("", description="name of the mass centre; S1, S2, … in file order", examples=["S2"])
     points: dict[Name, Place] = Field(
-        {}, description="further points of the link", examples=[{"E": {"at": "450 mm", "turned": "30 deg"}}]
+        {},
+        description="coupler points and other additional points",
+        examples=[{"E": {"at": "450 mm", "turned": "30 deg"}}],
     )
     counterweights: dict[Name, Counterweight] = Field(
         {}, description="counterweights by name", examples=[{"W1": {"mass": "12 kg", "at": "-150 mm"}}]
     )
     mass_properties: Literal["fixed", "scaled", "section"] = Field(
-        "fixed", description="what happens to the mass when the length changes", examples=["scaled"]
+        "fixed", description="how the mass properties follow the length", examples=["scaled"]
     )
     reference_length: LinkLength | None = Field(
         None, description='with "scaled": the length to which mass, inertia, centre and points belong', examples=["1 m"]
@@ -111,8 +113,8 @@ class Link(Table):
     density: Density | None = Field(None, description="density of a uniform bar", examples=["7850 kg/m^3"])
 
 
-class Wheel(Table):
-    """Rotating inertia on the crank shaft."""
+class Flywheel(Table):
+    """The flywheel on the crank shaft."""
 
     inertia: Inertia = Field(default=0.0, description="moment of inertia about the crank shaft", examples=["40 kg m^2"])
 
@@ -133,49 +135,53 @@ class Load(Table):
     torque: Torque | None = Field(
         None, description="torque, ccw positive; a magnitude when opposing", examples=["60 N m"]
     )
-    opposing: StrictBool = Field(False, description="against the motion of the point or link", examples=[True])
+    opposing: StrictBool = Field(False, description="acts against the motion of the point or link", examples=[True])
     window: Annotated[tuple[Angle, Angle], Pair] | None = Field(
         None, description="crank angles [on, off) between which it acts", examples=[["90 deg", "335 deg"]]
     )
     reacts_on: Literal["frame"] | None = Field(
-        None, description="the load's own reaction goes into the frame", examples=["frame"]
+        None, description="the reaction of the load acts on the frame", examples=["frame"]
     )
 
 
 class SceneFile(Table):
-    """A machine at work: links, groups, loads, gravity and speed. Quantities are texts with a unit."""
+    """A machine: links, groups, loads, gravity and speed. Quantities are strings with a unit."""
 
     model_config = ConfigDict(
         title="linkjax scene",
         json_schema_extra={"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "linkjax-scene"},
     )
 
-    title: str = Field("", description="title for reports", examples=["Hay press"])
+    title: str = Field("", description="title in reports", examples=["Hay press"])
     gravity: Annotated[
         Annotated[Weight, Tag("#scalar")] | Annotated[tuple[Acceleration, Acceleration], Pair, Tag("#vector")],
         Discriminator(_vector),
     ] = Field(0.0, description="acceleration of gravity, downwards, or [gx, gy]", examples=["9.81 m/s^2"])
     speed: Speed = Field(description="mean speed of the crank", examples=["700 rpm"])
-    mean: Literal["time", "midrange"] = Field("time", description="which mean the speed is", examples=["midrange"])
+    mean: Literal["time", "midrange"] = Field("time", description="the mean that `speed` gives", examples=["midrange"])
     cycle_turns: Turns = Field(1, description="crank turns per cycle", examples=[2])
     constant_speed: StrictBool = Field(
-        False, description="the crank turns at constant speed, whatever the loads: no actual motion", examples=[True]
+        False,
+        description="the crank turns at constant speed for any load; no actual motion is computed",
+        examples=[True],
     )
     rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the crank", examples=["cw"])
-    target_delta: Ratio | None = Field(None, description="wanted coefficient of speed fluctuation", examples=[0.02])
+    target_delta: Ratio | None = Field(None, description="required coefficient of speed fluctuation", examples=[0.02])
     fixed: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(
         description="points of the frame, [x, y]", examples=[{"F": ["570 mm", "580 mm"]}]
     )
     links: dict[Name, Link] = Field(description="the links by name")
-    flywheel: Wheel = Field(Wheel(), description="rotating inertia on the crank shaft")
+    flywheel: Flywheel = Field(Flywheel(), description="the flywheel on the crank shaft")
     groups: list[Group] = Field([], description="crank and structural groups in their order of attachment")
     branch: Branch = BRANCH
-    drive: Drive | None = Field(None, description="what drives, in a scene without groups")
+    drive: Drive | None = Field(None, description="the drive, in a scene without groups")
     slots: list[Slot] = Field([], description="the sliding joints, in a scene without groups")
-    gears: list[GearPair] = Field([], description="links in gear, in a scene without groups")
-    racks: list[RackPair] = Field([], description="racks and their wheels, in a scene without groups")
+    gears: list[GearPair] = Field([], description="gear pairs, in a scene without groups")
+    racks: list[RackPair] = Field([], description="racks and their gears, in a scene without groups")
     sketch: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(
-        {}, description="where moving pins are at crank angle zero, roughly", examples=[{"C": ["300 mm", "250 mm"]}]
+        {},
+        description="approximate positions of moving pins at crank angle zero",
+        examples=[{"C": ["300 mm", "250 mm"]}],
     )
     loads: list[Load] = Field([], description="the working loads")
-    optimise: Optimise | None = Field(None, description="what is asked of an optimisation")
+    optimise: Optimise | None = Field(None, description="the optimisation problem")

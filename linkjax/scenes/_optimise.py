@@ -1,4 +1,4 @@
-"""The section `[optimise]` of a scene file: what a designer asks of an optimisation."""
+"""The section `[optimise]` of a scene file: the optimisation problem."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
+from linkjax._renamed import renamed
 from linkjax._units import kind_of
 from linkjax.scenes._fields import Name, Table, wrong
 
@@ -19,11 +20,13 @@ def _range(value: Any) -> Any:
     if isinstance(value, dict):
         unknown = set(value) - {"range", "linked"}
         if unknown or "range" not in value:
-            problem = f"unknown key {sorted(unknown)[0]!r}" if unknown else "no range"
-            raise wrong(problem, 'write { range = "± 8 %", linked = ["links.link4.length"] }')
+            key = sorted(unknown)[0] if unknown else ""
+            now = f"it is called {new!r} now: " if (new := renamed(key, ["range", "linked"])) else ""
+            problem = f"unknown key {key!r}" if unknown else "no range"
+            raise wrong(problem, now + 'write { range = "± 8 %", linked = ["links.link4.length"] }')
         linked = value.get("linked", [])
         if not isinstance(linked, list) or not all(isinstance(name, str) for name in linked):
-            raise wrong("`linked` is no list of names", 'write e.g. linked = ["links.link4.length"]')
+            raise wrong("`linked` is not a list of names", 'write e.g. linked = ["links.link4.length"]')
         _range(value["range"])
         return value
     raise wrong(f"{kind_of(value)} where a range is needed", RANGES)
@@ -41,26 +44,26 @@ def _amount_like(value: Any) -> bool:
 
 def _seed(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise wrong("not a whole number of zero or more", "write e.g. 1")
+        raise wrong("not an integer of zero or more", "write e.g. 1")
     return value
 
 
 def _whole(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 10_000:
-        raise wrong("not a whole number from 1 to 10000", "write how many starts are tried, e.g. 10")
+        raise wrong("not an integer from 1 to 10000", "write the number of starts, e.g. 10")
     return value
 
 
 AMOUNT = {"anyOf": [{"type": "string"}, {"type": "number"}]}
 PAIR = {"type": "array", "items": AMOUNT, "minItems": 2, "maxItems": 2}
-TIED = {
+LINKED = {
     "type": "object", "required": ["range"], "additionalProperties": False,
     "properties": {
-        "range": {"anyOf": [{"type": "string"}, PAIR], "description": "from where to where"},
-        "linked": {"type": "array", "items": {"type": "string"}, "description": "numbers that keep their ratio to it"},
+        "range": {"anyOf": [{"type": "string"}, PAIR], "description": "lower and upper bound"},
+        "linked": {"type": "array", "items": {"type": "string"}, "description": "parameters in constant ratio to it"},
     },
 }  # fmt: skip
-Range = Annotated[Any, PlainValidator(_range), WithJsonSchema({"anyOf": [{"type": "string"}, PAIR, TIED]})]
+Range = Annotated[Any, PlainValidator(_range), WithJsonSchema({"anyOf": [{"type": "string"}, PAIR, LINKED]})]
 Amount = Annotated[Any, BeforeValidator(_amount), WithJsonSchema(AMOUNT)]
 Starts = Annotated[int, PlainValidator(_whole), WithJsonSchema({"type": "integer", "minimum": 1, "maximum": 10_000})]
 
@@ -69,42 +72,44 @@ Seed = Annotated[int, PlainValidator(_seed), WithJsonSchema({"type": "integer", 
 
 
 class Case(Table):
-    """A case in which every limit holds, and the worst objective counts."""
+    """An operating case: every constraint holds in each case, and the objective is the worst of all cases."""
 
     name: Name = Field(description="name of the case", examples=["idle"])
     changes: dict[str, Amount] = Field(
-        default={}, description="numbers of the scene that differ, by name", examples=[{"loads.hay.force": "0 N"}]
+        default={}, description="scene parameters that differ, by name", examples=[{"loads.hay.force": "0 N"}]
     )
 
 
 class TradeOff(Table):
-    """Further bounds of one limit, each optimised too."""
+    """More bounds of one constraint, with an optimum for each."""
 
-    limit: str = Field(description="name of the limit", examples=["flywheel.inertia"])
-    bounds: list[Amount] = Field(description="its further bounds", examples=[["15 kg m^2", "10 kg m^2"]])
+    limit: str = Field(description="name of the constraint", examples=["flywheel.inertia"])
+    bounds: list[Amount] = Field(description="its other bounds", examples=[["15 kg m^2", "10 kg m^2"]])
 
 
 class Optimise(Table):
-    """What is asked of an optimisation."""
+    """The optimisation problem."""
 
     minimise: str | None = Field(
-        default=None, description="measure, or number of the scene, to make small", examples=["delta"]
+        default=None, description="objective to minimise: a measure or scene parameter", examples=["delta"]
     )
-    maximise: str | None = Field(default=None, description="the same to make large", examples=["min_margin"])
+    maximise: str | None = Field(default=None, description="objective to maximise, instead", examples=["min_margin"])
     free: dict[str, Range] = Field(
         default={},
-        description="the free numbers by name, each with its range",
+        description="the design variables by name, each with its range",
         examples=[{"flywheel.inertia": "0 to 40 kg m^2"}],
     )
-    limits: list[str] = Field(default=[], description="what must hold", examples=[["delta <= 0.15"]])
-    cases: list[Case] = Field(default=[], description="cases of load and speed")
-    trade_off: TradeOff | None = Field(default=None, description="further bounds of one limit")
-    starts: Starts = Field(default=1, description="starts: the scene itself, the others at random", examples=[10])
+    limits: list[str] = Field(default=[], description="the constraints", examples=[["delta <= 0.15"]])
+    cases: list[Case] = Field(default=[], description="operating cases of load and speed")
+    trade_off: TradeOff | None = Field(default=None, description="more bounds of one constraint")
+    starts: Starts = Field(
+        default=1, description="number of starts: first the scene, then random designs", examples=[10]
+    )
     seed: Seed = Field(default=0, description="seed of the random starts", examples=[1])
     solver: str = Field(
         default="cone", description='"cone", or another of `linkjax optimise --help`', examples=["slsqp"]
     )
     changes: dict[str, Any] = Field(
-        default={}, description="keys of this file that differ when it is optimised, by path",
+        default={}, description="keys of this file that are changed before the optimisation, by path",
         examples=[{"links.rod.mass_properties": "scaled"}],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Passive links as a scene file writes them: those that only move because their dimensions fit."""
+"""Redundant links in a scene file (passive constraints): they can only move because their dimensions fit."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from linkjax.scenes._guides import Fault, GroupTable, Guide
 
 
 class RedundantLinkTable(GroupTable):
-    """A passive link between two points."""
+    """A redundant link between two points."""
 
     kind: Literal["redundant_link"] = Field(
-        description="a passive link: its two points keep their distance", examples=["redundant_link"]
+        description="a redundant link: the distance of its two points is constant", examples=["redundant_link"]
     )
     link: Name = Field(description="the link", examples=["third"])
-    from_: Name = Field(alias="from", description="the point it starts from", examples=["E"])
-    to: Name = Field(description="the point at its far end", examples=["F"])
+    from_: Name = Field(alias="from", description="the point at its first pin", examples=["E"])
+    to: Name = Field(description="the point at its far pin", examples=["F"])
 
     def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         return groups.RedundantLink(self.link, self.from_, self.to)
@@ -37,18 +37,18 @@ class RedundantLinkTable(GroupTable):
 
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         if self.from_ == self.to:
-            yield ("to",), "the same point as `from`", "name the point at the far end"
+            yield ("to",), "the same point as `from`", "name the point at the far pin"
 
 
 class RedundantSliderTable(GroupTable):
-    """A passive block on a guide."""
+    """A redundant slider (block) on a guide."""
 
     kind: Literal["redundant_slider"] = Field(
-        description="a passive block: its point keeps to a guide", examples=["redundant_slider"]
+        description="a redundant slider: its point always moves along a guide", examples=["redundant_slider"]
     )
-    block: Name = Field(description="the block", examples=["shoe"])
+    block: Name = Field(description="the slider (block)", examples=["shoe"])
     from_: Name = Field(alias="from", description="the point that is its pin", examples=["K"])
-    guide: Guide = Field(description="the guide it keeps to", examples=[{"through": "H"}])
+    guide: Guide = Field(description="the guide of the slider", examples=[{"through": "H"}])
 
     def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         return groups.RedundantSlider(self.block, self.from_, self.guide.build())

@@ -11,18 +11,20 @@ from linkjax.scenes._fields import Angle, Quantity, Speed, Table, Turns, wrong
 
 def _bodies(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 3 <= value <= 1000:
-        raise wrong("not a whole number from 3 to 1000", "write how many bodies roll between the rings, e.g. 8")
+        raise wrong("not an integer from 3 to 1000", "write the number of bodies between the rings, e.g. 8")
     return value
 
 
 Bodies = Annotated[int, PlainValidator(_bodies), WithJsonSchema({"type": "integer", "minimum": 3, "maximum": 1000})]
 Radius = Annotated[float, Quantity("length", "positive")]
-Offset = Annotated[float, Quantity("length", "zero", "write the distance; `start` says where the bodies stand")]
+Offset = Annotated[
+    float, Quantity("length", "zero", "write the distance; `start` gives the position of the first body")
+]
 Member = Literal["inner", "outer", "carrier"]
 
 
 class RollingFile(Table):
-    """Rolling bodies between two rings. Of both radii and the eccentricity, the one left out closes the chain."""
+    """Rolling bodies between two rings. A radius or the eccentricity that is omitted is computed to close the chain."""
 
     model_config = ConfigDict(
         title="linkjax scene of rolling bodies",
@@ -35,9 +37,9 @@ class RollingFile(Table):
     outer_radius: Radius | None = Field(None, description="radius of the outer ring", examples=["90 mm"])
     eccentricity: Offset | None = Field(None, description="distance of the centres of the rings", examples=["5 mm"])
     bodies: Bodies = Field(description="number of rolling bodies", examples=[8])
-    turns: Turns = Field(1, description="turns about the inner ring after which the chain closes", examples=[2])
+    turns: Turns = Field(1, description="turns of the chain about the inner ring until it closes", examples=[2])
     start: Angle = Field(0.0, description="angle of the first body from the line of centres", examples=["20 deg"])
-    held: Member = Field("outer", description="the ring, or line of centres, that is held", examples=["carrier"])
-    driven: Member = Field("inner", description="the ring, or line of centres, that drives", examples=["outer"])
+    held: Member = Field("outer", description="the fixed ring, or the fixed line of centres", examples=["carrier"])
+    driven: Member = Field("inner", description="the driving ring, or the driving line of centres", examples=["outer"])
     speed: Speed = Field(description="speed of the driven member", examples=["300 rpm"])
     rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the driven member", examples=["cw"])

@@ -1,4 +1,4 @@
-"""Wheels in gear as a scene file writes them: by teeth, by a belt, on a rack."""
+"""Gear pairs in a scene file: by teeth, by a belt, or of a gear and a rack."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from linkjax.scenes._guides import Fault, GroupTable, Guide, in_angle, in_length
 
 
 def steep(angle: float) -> Iterator[Fault]:
-    """A pressure angle that is none."""
+    """A pressure angle out of range."""
     if not 0 <= angle < math.radians(60):
-        yield ("pressure_angle",), "not from 0 to 60 degrees", 'usual is "20 deg"'
+        yield ("pressure_angle",), "not from 0 to 60 degrees", 'the usual value is "20 deg"'
 
 
 class BeltTable(Table):
-    """A belt, chain or cable round two wheels."""
+    """A belt, chain or cable round two pulleys."""
 
     radii: Annotated[tuple[Radius, Radius], Pair] = Field(
-        description="radii of the wheel and of the other one", examples=[["40 mm", "80 mm"]]
+        description="radii of this pulley and of the other one", examples=[["40 mm", "80 mm"]]
     )
-    crossed: StrictBool = Field(False, description="whether it turns them in opposite senses", examples=[True])
+    crossed: StrictBool = Field(False, description="whether the pulleys turn in opposite senses", examples=[True])
     tension: Tension = Field(0.0, description="tension of the slack strand", examples=["200 N"])
 
 
 class Toothed(Table):
-    """What keeps two wheels in gear."""
+    """The mesh of two gears, or the belt of two pulleys."""
 
     teeth: Annotated[tuple[Count, Count], Pair] | None = Field(
-        None, description="teeth of the wheel and of the other one", examples=[[40, 20]]
+        None, description="numbers of teeth of this gear and of the other one", examples=[[40, 20]]
     )
-    internal: StrictBool = Field(False, description="whether the smaller runs inside the larger", examples=[True])
-    pressure_angle: Angle = Field(groups.PRESSURE, description="of the teeth", examples=["25 deg"])
+    internal: StrictBool = Field(False, description="whether the larger gear is internal", examples=[True])
+    pressure_angle: Angle = Field(groups.PRESSURE, description="pressure angle of the teeth", examples=["25 deg"])
     belt: BeltTable | None = Field(
-        None, description="instead of teeth: a belt round both", examples=[{"radii": ["40 mm", "80 mm"]}]
+        None, description="instead of teeth: a belt round two pulleys", examples=[{"radii": ["40 mm", "80 mm"]}]
     )
 
     def mesh(self) -> groups.Mesh:
@@ -49,22 +49,26 @@ class Toothed(Table):
         return groups.Teeth(self.teeth, self.internal, self.pressure_angle)
 
     def mesh_faults(self) -> Iterator[Fault]:
-        """What does not fit together."""
+        """The errors."""
         if self.teeth is not None and self.belt is not None:
-            yield ("teeth",), "given, and a belt too, but a wheel has one of them", "delete teeth, or the belt"
+            yield ("teeth",), "given, and a belt too", "delete teeth, or the belt"
         elif self.teeth is None and self.belt is None:
             remedy = 'add teeth = [40, 20], or belt = { radii = ["40 mm", "80 mm"] }'
-            yield ("teeth",), "missing (a wheel has teeth, or a belt)", remedy
+            yield ("teeth",), "missing (a gear pair has teeth or a belt)", remedy
         for key in ("internal", "pressure_angle") if self.belt is not None else ():
             if key in self.model_fields_set:
                 yield (key,), "has no effect: a belt has no teeth", f"delete {key}"
         if self.internal and self.teeth is not None and self.teeth[0] == self.teeth[1]:
-            yield ("internal",), "both wheels have as many teeth, so none runs inside the other", "change one of them"
+            yield (
+                ("internal",),
+                "both gears have the same number of teeth, so neither can be internal",
+                "change one of them",
+            )
         yield from steep(self.pressure_angle)
 
 
 def mesh_keys(mesh: groups.Mesh) -> dict[str, Any]:
-    """The keys of what keeps two wheels in gear."""
+    """The keys of a mesh or a belt."""
     if isinstance(mesh, groups.Teeth):
         return {"teeth": list(mesh.teeth), "internal": mesh.internal, "pressure_angle": in_angle(mesh.pressure_angle)}
     radii = [in_length(mesh.radius), in_length(mesh.other)]
@@ -72,12 +76,12 @@ def mesh_keys(mesh: groups.Mesh) -> dict[str, Any]:
 
 
 class GearPair(Toothed):
-    """Two links in gear, in a machine that is drawn by links and joints."""
+    """A gear pair, in a machine drawn by links and joints."""
 
-    link: Name = Field(description="the wheel", examples=["wheel"])
-    to: Name = Field(description="the link it is in gear with, or the frame", examples=["crank"])
+    link: Name = Field(description="the gear", examples=["wheel"])
+    to: Name = Field(description="the link in mesh with it, or the frame", examples=["crank"])
     phase: Angle | None = Field(
-        None, description="angle of the wheel while the other one is at zero; as sketched if omitted",
+        None, description="angle of the gear when the other one is at zero; as sketched if omitted",
         examples=["90 deg"],
     )  # fmt: skip
 
@@ -86,20 +90,20 @@ class GearPair(Toothed):
 
 
 class RackPair(Table):
-    """A block as a rack, and its wheel, in a machine that is drawn by links and joints."""
+    """A slider (block) as a rack, and its gear, in a machine drawn by links and joints."""
 
-    link: Name = Field(description="the rack, the block of a slot", examples=["rack"])
-    to: Name = Field(description="the wheel", examples=["wheel"])
-    radius: Radius = Field(description="pitch radius of the wheel", examples=["60 mm"])
+    link: Name = Field(description="the rack: the slider of a slot", examples=["rack"])
+    to: Name = Field(description="the gear", examples=["wheel"])
+    radius: Radius = Field(description="pitch radius of the gear", examples=["60 mm"])
     side: Literal["left", "right"] | None = Field(
-        None, description="where the wheel lies, seen along the guide; as sketched if omitted", examples=["right"]
+        None, description="side of the gear, seen along the guide; as sketched if omitted", examples=["right"]
     )
     start: Length | None = Field(
-        None, description="how far the block is along its guide while the wheel is at zero; as sketched if omitted",
+        None, description="distance of the rack along its guide when the gear is at zero; as sketched if omitted",
         examples=["250 mm"],
     )  # fmt: skip
     pressure_angle: Angle = Field(
-        groups.PRESSURE, description="of the teeth; zero for a belt that pulls", examples=["25 deg"]
+        groups.PRESSURE, description="pressure angle of the teeth; zero for a belt or cable", examples=["25 deg"]
     )
 
     def build(self) -> groups.RackPair:
@@ -108,16 +112,16 @@ class RackPair(Table):
 
 
 class GearTable(Toothed, GroupTable):
-    """A wheel in gear with a link, by teeth or by a belt."""
+    """A gear in mesh with a link, or a pulley with a belt."""
 
-    kind: Literal["gear"] = Field(description="a wheel in gear with a link, by teeth or a belt", examples=["gear"])
-    link: Name = Field(description="the wheel", examples=["wheel"])
-    pivot: Name = Field(description="the point it turns about", examples=["D"])
-    to: Name = Field(description="the link it is in gear with, or the frame", examples=["crank"])
-    centre: Name = Field(description="the point that link turns about", examples=["A"])
-    end: Name | None = Field(None, description="name for a pin of the wheel at its length", examples=["C"])
-    phase: Angle = Field(0.0, description="angle of the wheel while the other one stands at zero", examples=["90 deg"])
-    carrier: Name = Field("frame", description="the link that both turn on", examples=["arm"])
+    kind: Literal["gear"] = Field(description="a gear in mesh with a link, or a pulley with a belt", examples=["gear"])
+    link: Name = Field(description="the gear", examples=["wheel"])
+    pivot: Name = Field(description="the point about which it turns", examples=["D"])
+    to: Name = Field(description="the link in mesh with it, or the frame", examples=["crank"])
+    centre: Name = Field(description="the point about which that link turns", examples=["A"])
+    end: Name | None = Field(None, description="name for a pin of the gear at its length", examples=["C"])
+    phase: Angle = Field(0.0, description="angle of the gear when the other one is at zero", examples=["90 deg"])
+    carrier: Name = Field("frame", description="the link that carries both gears", examples=["arm"])
 
     def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         return groups.Gear(self.link, self.pivot, self.mesh(), self.to, self.centre, self.end, self.phase, self.carrier)
@@ -138,32 +142,32 @@ class GearTable(Toothed, GroupTable):
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         yield from self.mesh_faults()
         if self.carrier == self.to:
-            problem = f"{self.to!r} carries the wheel, so it cannot be in gear with it"
+            problem = f"{self.to!r} carries the gear, so it cannot be in mesh with it"
             yield ("to",), problem, "name another link, or the carrier"
         if self.link in (self.to, self.carrier):
-            yield ("link",), "in gear with itself, or carried by itself", "name another link in `to` or `carrier`"
+            yield ("link",), "in mesh with itself, or its own carrier", "name another link in `to` or `carrier`"
         if self.pivot == self.centre:
-            yield ("centre",), "the same point as `pivot`", "name the point that the other wheel turns about"
+            yield ("centre",), "the same point as `pivot`", "name the point about which the other gear turns"
 
 
 class RackTable(GroupTable):
-    """A rack that a wheel moves."""
+    """A rack that is driven by a gear."""
 
-    kind: Literal["rack"] = Field(description="a rack that a wheel moves", examples=["rack"])
+    kind: Literal["rack"] = Field(description="a rack that is driven by a gear", examples=["rack"])
     link: Name = Field(description="the rack", examples=["rack"])
     end: Name = Field(description="name for its own point on the path", examples=["E"])
     guide: Guide = Field(description="the guide of the rack", examples=[{"through": "A"}])
-    to: Name = Field(description="the wheel", examples=["wheel"])
-    centre: Name = Field(description="the point the wheel turns about", examples=["D"])
-    radius: Radius = Field(description="pitch radius of the wheel", examples=["60 mm"])
+    to: Name = Field(description="the gear", examples=["wheel"])
+    centre: Name = Field(description="the point about which the gear turns", examples=["D"])
+    radius: Radius = Field(description="pitch radius of the gear", examples=["60 mm"])
     side: Literal["left", "right"] = Field(
-        "left", description="where the wheel lies, seen along the guide", examples=["right"]
+        "left", description="side of the gear, seen along the guide", examples=["right"]
     )
     start: Length = Field(
-        0.0, description="how far `end` is along the guide while the wheel stands at zero", examples=["250 mm"]
+        0.0, description="distance of `end` along the guide when the gear is at zero", examples=["250 mm"]
     )
     pressure_angle: Angle = Field(
-        groups.PRESSURE, description="of the teeth; zero for a belt that pulls", examples=["25 deg"]
+        groups.PRESSURE, description="pressure angle of the teeth; zero for a belt or cable", examples=["25 deg"]
     )
 
     def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
@@ -191,29 +195,29 @@ class RackTable(GroupTable):
         yield from self.guide.faults(("guide",), fixed)
         yield from steep(self.pressure_angle)
         if self.to == self.guide.on:
-            yield ("to",), f"the rack slides on {self.to!r}, its own wheel", "name what carries both in `guide`"
+            yield ("to",), f"the rack slides on {self.to!r}, its own gear", "name the carrier of both in `guide`"
 
 
 class PinionTable(GroupTable):
-    """A wheel that a rack turns."""
+    """A gear that is driven by a rack."""
 
-    kind: Literal["pinion"] = Field(description="a wheel that a rack turns", examples=["pinion"])
-    link: Name = Field(description="the wheel", examples=["wheel"])
-    pivot: Name = Field(description="the point it turns about", examples=["D"])
-    to: Name = Field(description="the rack, a block that slides along a guide", examples=["ram"])
+    kind: Literal["pinion"] = Field(description="a gear that is driven by a rack", examples=["pinion"])
+    link: Name = Field(description="the gear", examples=["wheel"])
+    pivot: Name = Field(description="the point about which it turns", examples=["D"])
+    to: Name = Field(description="the rack: a slider on a guide", examples=["ram"])
     at: Name = Field(description="a point of the rack", examples=["C"])
-    radius: Radius = Field(description="pitch radius of the wheel", examples=["60 mm"])
+    radius: Radius = Field(description="pitch radius of the gear", examples=["60 mm"])
     side: Literal["left", "right"] = Field(
-        "left", description="where the wheel lies, seen along the rack's guide", examples=["right"]
+        "left", description="side of the gear, seen along the rack's guide", examples=["right"]
     )
-    end: Name | None = Field(None, description="name for a pin of the wheel at its length", examples=["E"])
-    phase: Angle = Field(0.0, description="angle of the wheel while `at` is abreast of it", examples=["90 deg"])
-    carrier: Name = Field("frame", description="what carries the wheel and guides the rack", examples=["arm"])
+    end: Name | None = Field(None, description="name for a pin of the gear at its length", examples=["E"])
+    phase: Angle = Field(0.0, description="angle of the gear when `at` is at distance `start`", examples=["90 deg"])
+    carrier: Name = Field("frame", description="the link that carries the gear and the guide", examples=["arm"])
     through: Name | None = Field(
-        None, description="a point of the carrier from which `start` counts, instead of the pivot", examples=["A"]
+        None, description="the point of the carrier at which `start` is zero, instead of the pivot", examples=["A"]
     )
-    start: Length = Field(0.0, description="how far `at` is ahead while the wheel is at phase", examples=["250 mm"])
-    pressure_angle: Angle = Field(groups.PRESSURE, description="of the teeth", examples=["25 deg"])
+    start: Length = Field(0.0, description="distance of `at` along the guide at `phase`", examples=["250 mm"])
+    pressure_angle: Angle = Field(groups.PRESSURE, description="pressure angle of the teeth", examples=["25 deg"])
 
     def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         side = 1 if self.side == "left" else -1

@@ -1,4 +1,4 @@
-"""A scene as the text of a scene file that reads back to the same scene, to the last bit."""
+"""A scene written as a scene file that gives the same scene when it is read, to the last bit."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ Table = dict[str, Any]
 
 
 def text_of(scene: Scene, comment: str = "") -> str:
-    """The text of a scene file for a scene, in SI units, with a comment on top.
+    """The scene file of a scene as a string, in SI units, below a comment.
 
-    Read back by `loads_text` it is the same scene, to the last bit. Raises `StructureError` for groups and loads of
-    kinds that scene files do not know, and for scenes that are traced or batched.
+    `loads_text` reads it as the same scene, to the last bit. Raises `StructureError` for groups and loads of kinds that
+    scene files do not support, and for scenes that are traced or batched.
     """
-    import tomli_w  # loaded when something is written
+    import tomli_w  # imported only when a file is written
 
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     return head + tomli_w.dumps(table_of(scene), multiline_strings=False)
 
 
 def table_of(scene: Scene) -> Table:
-    """What `read_document` would give for the scene's file."""
+    """The table that `read_document` gives for the scene's file."""
     mechanism = scene.mechanism
     table: Table = {"title": scene.title} if scene.title else {}
     table["gravity"] = _pair(scene.gravity, "m/s^2")
@@ -63,7 +63,7 @@ def table_of(scene: Scene) -> Table:
 
 
 def _fits(table: Table) -> bool:
-    """Whether the sketch of groups of higher class still agrees with the numbers, which may have changed since."""
+    """Whether the sketch of groups of higher class agrees with the present dimensions."""
     try:
         build(Document("", table))
     except SceneError:
@@ -79,7 +79,7 @@ def _number(value: Any) -> float:
 
 
 def amount(value: Any, unit: str) -> str:
-    """A number with its unit, to the last bit. Raises `StructureError` for what is traced or batched."""
+    """A number with its unit, to the last bit. Raises `StructureError` for a traced or batched number."""
     return f"{_number(value)!r} {unit}"
 
 
@@ -121,7 +121,7 @@ def _counterweight(piece: Counterweight) -> Table:
 
 def _group(group: AbstractGroup) -> Table:
     if group.kind not in TABLES:
-        raise StructureError("-".join(group.link_names()), f"scene files know no group of kind {group.kind!r}",
+        raise StructureError("-".join(group.link_names()), f"scene files do not support groups of kind {group.kind!r}",
                              f"known here: {', '.join(TABLES)}")  # fmt: skip
     return {"kind": group.kind, **TABLES[group.kind].keys_of(group)}
 
@@ -137,7 +137,7 @@ def _load(load: AbstractLoad) -> Table:
     elif isinstance(load, OpposingTorque):
         table |= {"torque": amount(load.magnitude, "N m"), "opposing": True}
     else:
-        raise StructureError(load.name, "scene files know no load of this kind", "write a force or a torque")
+        raise StructureError(load.name, "scene files do not support loads of this kind", "write a force or a torque")
     if load.window is not None:
         table["window"] = [amount(load.window.on, "rad"), amount(load.window.off, "rad")]
     return {**table, "reacts_on": load.reacts_on} if load.reacts_on else table

@@ -139,7 +139,7 @@ CASES = {  # text, key, part of the problem, remedy
         "is 0.01 m from its place in [fixed], (0.4, 0) m", "delete it, or correct one of the two"),
     "a sketch whose unit is forgotten": (
         edit(BARS, 'B = ["60 mm", "80 mm"]', "B = [60, 80]", 'C = ["350 mm", "250 mm"]', "C = [350, 250]"), "sketch",
-        "has plain numbers, which are metres, and is 350 m large beside 0.4 m", "write it in the unit of the other"),
+        "its plain numbers are metres: its size is 350 m, that of the others 0.4 m", "write it in the unit of the"),
     "sides of a link of two pins": (
         edit(BARS, 'pins = ["A", "B"]', 'pins = ["A", "B"]\nsides = { A-B = "100 mm" }'), "links.crank.sides",
         "the link has 2 pins", "give its length instead"),

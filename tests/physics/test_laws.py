@@ -212,7 +212,7 @@ guide = { through = "A", along = "90 deg" }
         ('speed = "10 rpm"', 'speed = "10 rpm"\nflywheel = { inertia = 1 }', "flywheel", "there is no shaft for it"),
         ('speed = "10 rpm"', 'speed = "10 rpm"\ntarget_delta = 0.1', "target_delta", "the driver follows a law"),
         ('guide = { through = "A" }', 'guide = { through = "D", on = "rod" }', "groups[0].guide.on",
-         "a driving slide is on the frame"),
+         "the guide of a linear driver is on the frame"),
         ('law = { start = "0 mm", stop = "120 mm" }', "", "groups[0].law", "missing"),
     ],
 )  # fmt: skip

@@ -79,18 +79,18 @@ CASES = {
     "negative": ('"5 mm"', '"-5 mm"', 'eccentricity = "-5 mm": must not be negative; write the distance'),
     "radius of zero": ('"40 mm"', "0", "inner_radius = 0: must be greater than zero"),
     "angle": ('"0 deg"', "20", 'start = 20: an angle without a unit; write "20 deg"'),
-    "number of bodies": ("bodies = 8", "bodies = 2.5", "bodies = 2.5: not a whole number from 3 to 1000"),
+    "number of bodies": ("bodies = 8", "bodies = 2.5", "bodies = 2.5: not an integer from 3 to 1000"),
     "two turns": ("bodies = 8", "bodies = 8\nturns = 2",
                   "bodies = 8: 8 bodies in 2 turns already close with bodies 4, turns 1"),
     "member": ('"outer"', '"ring"', 'held = "ring": not one of the choices; write "inner" or "outer" or "carrier"'),
     "one member": ('"outer"', '"inner"', "driven = \"inner\": 'inner' is both held and driven; choose two"),
-    "two missing": ('inner_radius = "40 mm"', "", "inner_radius: missing, and so is outer_radius: only one of"),
+    "two missing": ('inner_radius = "40 mm"', "", "inner_radius: missing, like outer_radius: only one of"),
     "no inner ring": ('inner_radius = "40 mm"', 'outer_radius = "5 mm"', 'eccentricity = "5 mm": no inner ring closes'),
     "no eccentricity": ('eccentricity = "5 mm"', 'outer_radius = "80 mm"',
-                        'outer_radius = "80 mm": no eccentricity closes the chain: 8 bodies leave no room for this '
-                        "inner ring; take an outer radius of 89.5931524 mm at least, or more bodies"),
+                        'outer_radius = "80 mm": no eccentricity closes the chain: the inner ring is too large for '
+                        "8 bodies; write an outer radius of 89.5931524 mm at least, or more bodies"),
     "another kind": ('kind = "rolling"', 'kind = "gear"', 'kind = "gear": not a known kind of machine; write kind ='),
-    "a linkage": ('kind = "rolling"', "", "kind: no rolling bodies; load a linkage with linkjax.load"),
+    "a linkage": ('kind = "rolling"', "", "kind: not a scene of rolling bodies; load a linkage with linkjax.load"),
 }  # fmt: skip
 
 
@@ -109,7 +109,7 @@ def test_a_linkage_is_not_taken_for_one_nor_the_other_way_round():
         lambda: lj.load_problem("rolling-eccentric"),
         lambda: loads_text(TEXT),
     ):
-        with pytest.raises(SceneError, match="rolling bodies, where a linkage is needed; read it with load_rolling"):
+        with pytest.raises(SceneError, match="rolling bodies, where a linkage is needed; load it with load_rolling"):
             wrong()
     with pytest.raises(SceneError, match="load a linkage with"):
         lj.load_rolling("hay-press")

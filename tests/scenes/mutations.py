@@ -37,7 +37,8 @@ def at(table: Any, path: Path) -> Any:
 def names(table: dict[str, Any]) -> list[str]:
     """All strings of a document that can be names, and the keys of its tables of points and links."""
     texts = [at(table, path) for path in places(table)]
-    keys = [key for part in ("fixed", "links", "sketch") for key in table.get(part, {})]
+    parts = [table[part] for part in ("fixed", "links", "sketch") if isinstance(table.get(part), dict)]
+    keys = [key for part in parts for key in part]
     found = [text for text in texts if isinstance(text, str) and re.fullmatch(r"[A-Za-z][\w-]*", text)]
     return list(dict.fromkeys([*keys, *found]))
 

@@ -113,7 +113,7 @@ DRAWN = {  # errors in a drawn machine: file, key, part of the problem, part of 
         edit("scissor-lift", "stroke = {", "law = {"),
         "drive.law.start",
         "a length where an angle is needed",
-        "or, for a block that slides, stroke = {",
+        "or, for a slider, stroke = {",
     ),
     "a slot of an unknown block": (
         edit("elliptic-trammel", 'block = "shoe"', 'block = "shoo"'),
@@ -124,7 +124,7 @@ DRAWN = {  # errors in a drawn machine: file, key, part of the problem, part of 
     "a slot on an unknown link": (
         edit("scissor-lift", 'on = "barrel", through', 'on = "barel", through'),
         "drive.stroke",
-        "'rod' does not slide on what it is driven against",
+        "'rod' does not slide on 'barrel'",
         'write on = "barel" as its slot does',
     ),
     "a guide on an unknown link": (
@@ -253,7 +253,7 @@ DRAWN = {  # errors in a drawn machine: file, key, part of the problem, part of 
     "a slide without a stroke": (
         edit("scissor-lift", 'stroke = { start = "1.0255814597533925 m", stop = "1.5527073130503377 m" }', ""),
         "drive.stroke",
-        "cannot slide along a guide for ever",
+        "a slider needs a limited stroke along its guide",
         "add stroke",
     ),
     "a stroke for a crank": (
@@ -291,7 +291,7 @@ DRAWN = {  # errors in a drawn machine: file, key, part of the problem, part of 
             "[drive]\n" + LAW,
         ),
         "rotation",
-        "which says which way",
+        "which gives its sense of motion",
         "delete rotation",
     ),
     "a law that stands still": (

@@ -63,7 +63,7 @@ class Constant(AbstractLaw):
 def test_what_a_file_cannot_say():
     own = machine("swinging")
     crank = dataclasses.replace(own.mechanism.groups[0], law=Constant())
-    with pytest.raises(StructureError, match="scene files know no law of the kind Constant"):
+    with pytest.raises(StructureError, match="scene files do not support laws of the kind Constant"):
         text_of(
             dataclasses.replace(
                 own, mechanism=dataclasses.replace(own.mechanism, groups=(crank, *own.mechanism.groups[1:]))
