@@ -65,7 +65,8 @@ def made(request, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("linkjax.viz.write_figures", lambda *_, **__: [])
         patch.setattr("linkjax.viz.animate", lambda *_, **__: None)
-        patch.setattr("sys.argv", ["linkjax", "optimise", str(folder / "pump.toml"), "--nodes", "24", "--out", str(folder)])
+        command = ["linkjax", "optimise", str(folder / "pump.toml"), "--nodes", "24", "--out", str(folder)]
+        patch.setattr("sys.argv", command)
         code, out = _run(patch)
     assert code == 0, out
     page = (folder / "report.html").read_text()

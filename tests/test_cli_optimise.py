@@ -152,13 +152,13 @@ def test_options_take_the_place_of_the_section(call, scene, tmp_path):
     [
         (("four-bar",), "four-bar: objective: none is given; give either minimise or maximise"),
         (("hay-press", "--maximise", "delta", "--minimise", "speed"), "two are given"),
-        (("hay-press", "--minimise", ""), "neither a measure nor a number"),
-        (("four-bar", "--minimise", "delta"), "free: nothing is free"),
-        (("hay-press", "--limit", "delta"), "delta: is no limit"),
+        (("hay-press", "--minimise", ""), "neither a measure nor a scene parameter"),
+        (("four-bar", "--minimise", "delta"), "free: there is no design variable"),
+        (("hay-press", "--limit", "delta"), "is not a constraint"),
         (("hay-press", "--free", "speed"), "--free needs NAME=RANGE"),
         (("hay-press", "--free", "speed=300 to 200 rpm"), "speed: its bounds are"),
         (("hay-press", "--units", "furlong"), "furlong"),
-        (("hay-press", "--solver", "simplex"), "'simplex' is not known"),
+        (("hay-press", "--solver", "simplex"), "'simplex' is not a solver"),
         (("no-such-scene",), "no such scene file"),
     ],
 )

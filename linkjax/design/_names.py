@@ -81,7 +81,7 @@ def number(scene: Scene, name: str) -> Number:
         _check_counterweight(scene, name)
         inner = [other for other in known if other.startswith(f"{name}.")]
         hint = f"it has: {', '.join(inner)}" if inner else near(name, known)
-        raise DesignError(name, "is not a parameter of this scene", hint or "linkjax.design.numbers(scene) has them all")
+        raise DesignError(name, "is not a scene parameter", hint or "linkjax.design.numbers(scene) holds all names")
     return known[name]
 
 

@@ -135,9 +135,11 @@ def test_today_and_own_functions():
     """A limit by what the unchanged scene has; an own function of several rows is kept below row by row."""
     scene = rotor()
 
-    def places(scene):
-        at = scene.mechanism.links["crank"].counterweights["W"].at
-        return jnp.stack([at.x, at.y, -at.x - at.y])
+    def rows(parts):
+        at = parts.scene.mechanism.links["crank"].counterweights["W"].at
+        return lj.motion.Rows(jnp.stack([at.x, at.y, -at.x - at.y])[:, None], jnp.full(3, jnp.nan), signed=True)
+
+    places = lj.design.Term("places", "m", lambda parts: jnp.max(rows(parts).vectors), rows)
 
     free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
     today = at_most(peak_shaking_force_constant_speed, "initial")
@@ -151,12 +153,12 @@ def test_today_and_own_functions():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"free": {}}, "nothing is free"),
+        ({"free": {}}, "there is no design variable"),
         ({"free": {"speed": (2.0, 1.0)}}, "give two finite bounds"),
         ({"free": {"sped": (1.0, 2.0)}}, "did you mean 'speed'"),
         ({"free": [Variable("speed", 1.0, 2.0), Variable("speed", 1.0, 3.0)]}, "is freed twice"),
         ({"minimise": None}, "give either minimise or maximise"),
-        ({"starts": 0}, "whole number of one or more"),
+        ({"starts": 0}, "an integer of at least 1"),
         ({"free": [Variable(f"{AT}.along", 0.0, 2.0, linked=("speed",))]}, "has no ratio to it"),
     ],
 )
