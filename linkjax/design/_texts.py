@@ -86,7 +86,7 @@ def settled_term(scene: Scene, asked: Asked) -> Term:
         problem = "is neither a measure nor a scene parameter"
         hint = near(term.name, [*MEASURES, *known])
         hint = hint or "linkjax.measures.MEASURES and linkjax.design.numbers(scene) hold the names"
-        raise DesignError(term.name, problem, f"{hint}; {FUNCTION}")
+        raise DesignError(term.name, problem, f"{hint} ({FUNCTION})")
     return dataclasses.replace(term, unit=known[term.name].unit)
 
 
