@@ -1,13 +1,13 @@
-# Everything sets itself up in $(VENV). Needs Python 3.11 or newer (with venv and pip) and make, nothing else.
+# Every target creates its environment in $(VENV). Needs Python 3.11 or newer (with venv and pip) and make, nothing else.
 #
-#   make demo       redesign the hay press; report, figures and the new scene in out/hay-press
-#   make test       the tests                      make test-all   the slow ones too
-#   make check      format, lint, types, house rules
-#   make format     put the sources into shape     make bench      install what the benchmarks compare with
+#   make demo       optimise the hay press; report, figures and the new scene in out/hay-press
+#   make test       the tests                      make test-all   also the slow ones
+#   make check      format, lint, types, rules of the project
+#   make format     format the sources             make bench      install the peers of the benchmarks
 #   make docs       the documentation as a site in out/site
-#   make clean      remove all that was made
+#   make clean      remove all created files
 #
-# PYTHON=python3.12 takes another interpreter; the environment is made anew when its version changes.
+# PYTHON=python3.12 selects another interpreter; the environment is created again when its version changes.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -15,10 +15,10 @@ PYTEST_FLAGS ?= -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder 
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-# the interpreter's version; empty when it is missing or too old
+# the version of the interpreter; empty if it is missing or too old
 VERSION := $(shell $(PYTHON) -c 'import sys; v = sys.version_info; print("%d.%d.%d" % v[:3] if v >= (3, 11) else "")' 2>/dev/null)
 MADE := $(VENV)/python-$(or $(VERSION),missing)
-# what the site is made of, and what its pages link to
+# the pages of the site, and the files that they link to
 PAGES = README.md CHANGELOG.md CONTRIBUTING.md LICENSE docs studies notebooks tests/data/printed.json \
   linkjax/scenes/builtin linkjax/scenes/rolling linkjax/scenes/scene.schema.json
 

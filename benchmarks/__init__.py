@@ -1,4 +1,4 @@
-"""Programs that print speed against error, side by side with a peer in the same run; all of them in float64."""
+"""Programs that print speed and error together with those of a peer from the same run; all in float64."""
 
 import linkjax
 

@@ -1,4 +1,4 @@
-"""Fair timing on a noisy machine: rounds of both sides by turns, medians of paired ratios with quartiles."""
+"""Fair timing on a noisy machine: alternating rounds of both programs, medians of paired ratios with quartiles."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ TURN = 0.05  # s
 
 
 def keep_memory() -> None:
-    """Let the C library keep what is freed, where it can be asked to (glibc): else every new array of megabytes costs
-    page faults, some hundred nanoseconds for 4 KiB, and the machine's memory is measured rather than a program."""
+    """Make the C library keep freed memory where this is possible (glibc). Otherwise every large new array causes page
+    faults, some hundred nanoseconds for 4 KiB, and the timing measures the memory system, not the program."""
     with contextlib.suppress(OSError, TypeError, AttributeError):
         library = ctypes.CDLL(None)
         for option, value in KEPT.items():
@@ -29,7 +29,7 @@ def keep_memory() -> None:
 
 
 def seconds(run: Callable[[], object], calls: int = 1) -> float:
-    """Wall time of one call, results waited for; the mean of several in a row."""
+    """Wall time (s) of one call with completed results; the mean of several successive calls."""
     start = time.perf_counter()
     for _ in range(calls):
         jax.block_until_ready(run())
@@ -37,9 +37,9 @@ def seconds(run: Callable[[], object], calls: int = 1) -> float:
 
 
 def by_turns(*runs: Callable[[], object], rounds: int = ROUNDS) -> list[np.ndarray]:
-    """Wall times (s) of one call of several programs, run by turns; what takes milliseconds is called again until a
-    turn lasts `TURN`, for the first call after another program finds caches and threads cold. Two rounds before the
-    clock starts."""
+    """Wall times (s) of one call of several programs, run alternately. Short programs are called repeatedly until a
+    turn lasts `TURN`, because the first call after another program finds caches and threads cold. Two rounds are run
+    before the timing starts."""
     for run in runs:
         seconds(run)
     calls = [max(1, math.ceil(TURN / seconds(run))) for run in runs]
@@ -48,7 +48,7 @@ def by_turns(*runs: Callable[[], object], rounds: int = ROUNDS) -> list[np.ndarr
 
 
 def line(name: str, value: float, unit: str) -> None:
-    """One figure on one line: `name value unit`."""
+    """One result on one line: `name value unit`."""
     print(f"{name} {value:.4g} {unit}", flush=True)
 
 
@@ -61,7 +61,7 @@ def ratio(name: str, values: np.ndarray) -> None:
 
 
 def processes(runs: dict[str, tuple[list[str], Path | None]], rounds: int) -> dict[str, np.ndarray]:
-    """Wall times (s) of programs run by turns, each with its cache folder (new every round for a name in `cold`)."""
+    """Wall times (s) of programs run alternately, each with its cache folder (always a new one for names in `cold`)."""
     times: dict[str, list[float]] = {name: [] for name in runs}
     for number in range(rounds + 1):
         for name, (command, cache) in runs.items():

@@ -1,4 +1,4 @@
-"""The baseline's two balancing problems posed to linkjax, on the baseline's own 360 angles and ideal counterweights."""
+"""The two balancing problems of the baseline, solved by linkjax with the same 360 angles and ideal counterweights."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LENGTHS = {"rod": (0.9, 1.2), "link4": (0.45, 0.56), "rocker": (0.28, 0.36)}
 
 
 def press() -> lj.Scene:
-    """The hay press with an ideal counterweight of 1 kg on crank and rocker: its place (m) is the product (kg m)."""
+    """The hay press with an ideal counterweight of 1 kg on crank and rocker: its position (m) is the product (kg m)."""
     scene = lj.load("hay-press-slider")
     links = dict(scene.mechanism.links)
     for name in REACH:
@@ -43,13 +43,13 @@ def shaking(scene: lj.Scene) -> jax.Array:
 
 
 def cosine(scene: lj.Scene) -> jax.Array:
-    """Cosine of the dyad's transmission angle at 360 angles."""
+    """Cosine of the transmission angle of the dyad at 360 angles."""
     angles = jax.vmap(lambda phi: lj.transmission_angles(scene.mechanism, phi)["link4-rocker"])
     return jnp.cos(angles(jnp.arange(360.0) * (math.pi / 180)))[:, None]
 
 
 def product(link: str) -> Limit:
-    """The limit on a counterweight's product."""
+    """The constraint on the mass-radius product of a counterweight."""
 
     def size(scene: lj.Scene) -> jax.Array:
         at = scene.mechanism.links[link].counterweights[f"W{link}"].at
@@ -73,7 +73,7 @@ def problem(number: int) -> Problem:
 
 
 def starts(posed: Problem, admissible) -> list[np.ndarray]:
-    """The baseline's ten starts, in its order of random numbers; `admissible(x)` is its own test of a start."""
+    """The ten starts of the baseline, from the same random numbers; `admissible(x)` is its test of a start."""
     rng, found = np.random.default_rng(0), []
     while len(found) < 10:
         polar = rng.random(4) * [30, 2 * np.pi, 10, 2 * np.pi]
@@ -86,7 +86,7 @@ def starts(posed: Problem, admissible) -> list[np.ndarray]:
 
 
 def between_nodes(number: int) -> Problem:
-    """Problem 1 or 2 with the peak of the continuous cycle instead of the largest of 360 angles."""
+    """Problem 1 or 2 with the peak of the continuous cycle instead of the largest value at 360 angles."""
     on_angles = problem(number)
     scene = dataclasses.replace(on_angles.scene, speed=MEAN_SPEED)
     limits = [limit for limit in on_angles.asked[1:] if limit.term.name != min_margin.name]
@@ -94,7 +94,7 @@ def between_nodes(number: int) -> Problem:
 
 
 def measured(posed: Problem, solver: Callable, begin: list[np.ndarray]) -> tuple[list[float], int, float, float]:
-    """Optima from every start (kN), evaluations, wall time, and the part of it that was evaluating (s), compiled."""
+    """Optima from every start (kN), evaluations, wall time and its share for evaluations (s), compiled."""
     span, spent, at = posed.upper - posed.lower, 0.0, posed.at
 
     def timed(x):
@@ -114,7 +114,7 @@ def measured(posed: Problem, solver: Callable, begin: list[np.ndarray]) -> tuple
 
 
 def main() -> None:
-    """Both problems by every road, one line a figure."""
+    """Both problems with every method, one line per result."""
     from benchmarks.baselines import optimise_slsqp as baseline
     from linkjax.design import descend, slsqp
 
@@ -151,7 +151,7 @@ def main() -> None:
 
 
 def demo() -> None:
-    """The hay press's own problem, ten numbers free, from ten starts: the scene itself and nine at random."""
+    """The problem of the hay press scene, ten design variables, from ten starts: the scene and nine at random."""
     from linkjax.design import descend, settled, slsqp
 
     scene, asked = lj.load_problem("hay-press")

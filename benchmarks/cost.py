@@ -1,15 +1,16 @@
-"""What an analysis costs: floating-point operations, bytes and loops of every built-in scene, and of its gradient.
+"""Cost of an analysis: floating-point operations, bytes and loops of every built-in scene, and of its gradient.
 
 Run: python -m benchmarks.cost [--compiled] [--write] [SCENE ...]      (default: every scene)
 
-Programs, at 64 nodes: `cycle`, what `benchmarks.throughput` times (kinematics, reduction, steady motion, δ, peak
-shaking force); `gradient`, of δ and of the peaks of shaking force and joint reactions, by every number of the scene;
-`analysis`, all that `linkjax.analyse` computes, at 36 angles. Of rolling bodies `gradient` is that of how the chain
-closes, by the design. XLA counts a program as it is handed to the compiler (`lowered`, seconds a scene), with
---compiled also as the compiler leaves it for one use (half a minute a scene). XLA counts the body of a loop once; so
-`loops` says how often it is run: trips of every loop, those around it first, and how many such loops there are, `?`
-where the data decide. Those are the steps along the path of a general group, which `steps` counts while one is prepared
-(times the trips within). --write renews `benchmarks/cost.json`, which the tests compare with.
+Programs, at 64 nodes: `cycle`, the program of `benchmarks.throughput` (kinematics, reduction, steady motion, δ, peak
+shaking force); `gradient`, of δ and of the peaks of shaking force and joint reactions, with respect to all numbers of
+the scene; `analysis`, everything that `linkjax.analyse` computes, at 36 angles. For rolling bodies `gradient` is that
+of the closure error with respect to the design. XLA counts the operations of a program before compilation (`lowered`,
+seconds per scene), with --compiled also after compilation for one use (half a minute per scene). XLA counts the body of
+a loop once, so `loops` gives the iterations: those of every loop, after those of the enclosing loops, and the number of
+such loops; `?` where the number depends on the data. These are the steps along the path of a group of higher class;
+`steps` counts them while the path is prepared (times the iterations within). --write renews `benchmarks/cost.json`,
+which the tests compare with.
 """
 
 from __future__ import annotations
@@ -54,19 +55,19 @@ def slope(scene: lj.Scene) -> Any:
 
 
 def analysis(scene: lj.Scene) -> Any:
-    """Everything."""
+    """The whole analysis."""
     return lj.analyse(scene, angles=ANGLES, nodes=NODES, throw=False)
 
 
 def rolled(machine: RollingMachine) -> Any:
-    """The chain and how it is judged, speeds, and the places of all bodies over a cycle."""
+    """The chain with its clearances and margins, speeds, and the positions of all bodies over a cycle."""
     design = machine.design
     along = jnp.linspace(0.0, machine.cycle, ANGLES, endpoint=False)
     return chain(design), clearances(design), margins(design), machine.speeds(), jax.vmap(machine.at)(along)
 
 
 def rolled_slope(machine: RollingMachine) -> Any:
-    """By how much the chain does not close, by every number of the design."""
+    """The derivatives of the closure error of the chain with respect to all numbers of the design."""
     return jax.jacrev(lambda design: (closure_gap(design), closing_clearance(design)))(machine.design)
 
 
@@ -86,7 +87,7 @@ def machine(name: str) -> Machine:
 
 
 def cost(name: str, program: str, compiled: bool = False) -> dict[str, dict[str, Any]]:
-    """Operations, bytes and loops of a program for a built-in scene, lowered, and compiled if asked."""
+    """Operations, bytes and loops of a program for a built-in scene, lowered, and on request compiled."""
     traced = jax.jit(programs(name)[program]).trace(machine(name))
     lowered = traced.lower()
     found = {"lowered": _counts(lowered) | {"loops": dict(sorted(loops(traced.jaxpr).items()))}}
@@ -100,7 +101,7 @@ def _counts(program: Any) -> dict[str, Any]:
 
 
 def loops(jaxpr: Any, around: tuple[str, ...] = ()) -> collections.Counter[str]:
-    """How many loops there are of each number of trips, with those around them."""
+    """The number of loops for each number of iterations, with those of the enclosing loops."""
     found: collections.Counter[str] = collections.Counter()
     for equation in jaxpr.eqns:
         trips = {"scan": str(equation.params.get("length")), "while": "?"}.get(equation.primitive.name)
@@ -114,7 +115,7 @@ def loops(jaxpr: Any, around: tuple[str, ...] = ()) -> collections.Counter[str]:
 
 
 def steps(name: str) -> int | None:
-    """Closings of general groups while the path of a scene is prepared, none for rolling bodies."""
+    """Closure solutions of groups of higher class while the path of a scene is prepared; None for rolling bodies."""
     scene, count, closed = machine(name), collections.Counter[str](), General.closed
     if not isinstance(scene, lj.Scene) or not any(isinstance(group, General) for group in scene.mechanism.groups):
         return None
@@ -123,7 +124,7 @@ def steps(name: str) -> int | None:
         jax.debug.callback(lambda: count.update(["closed"]))
         return closed(*given, **named)
 
-    jax.clear_caches()  # of what was traced without counting; below, with it
+    jax.clear_caches()  # clear programs traced without counting; below, those with counting
     with mock.patch.object(General, "closed", counted):
         jax.block_until_ready(jax.tree.leaves(jax.jit(lambda m: prepared(m, scene.cycle_turns))(scene.mechanism)))
         jax.effects_barrier()
@@ -132,26 +133,26 @@ def steps(name: str) -> int | None:
 
 
 def kept() -> dict[str, Any]:
-    """The file, empty where there is none."""
+    """The content of the file; empty if there is no file."""
     return json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
 
 
 def main() -> None:
-    """Print the table, and renew the file if asked to."""
+    """Print the table, and renew the file on request."""
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("scenes", nargs="*", metavar="SCENE")
-    words.add_argument("--compiled", action="store_true", help="as it leaves the compiler")
+    words.add_argument("--compiled", action="store_true", help="also count after compilation")
     words.add_argument("--write", action="store_true", help=f"renew {FILE.name}")
     asked = words.parse_args()
     before = kept()
     if before.get("jax") != jax.__version__:
-        before = {}  # counts of different versions do not compare
+        before = {}  # counts of different versions are not comparable
     content = {"jax": jax.__version__, "nodes": NODES, "angles": ANGLES} | {
         part: dict(before.get(part, {})) for part in ("steps", "lowered", "compiled")
     }
     print(f"{'':20}" + "".join(f"{program + ' kflop':>17}{'kB':>9}" for program in OF_SCENES))
     for name in asked.scenes or NAMES:
-        jax.clear_caches()  # one process has room for so many programs only
+        jax.clear_caches()  # the memory of one process is limited
         found = {program: cost(name, program, asked.compiled) for program in programs(name)}
         for stage in ("lowered", "compiled")[: 1 + asked.compiled]:
             content[stage][name] = counts = {program: both[stage] for program, both in found.items()}

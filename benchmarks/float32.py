@@ -1,6 +1,6 @@
-"""Digits that single precision leaves of every built-in scene: the table of docs/hard-cases.md.
+"""Correct digits in single precision for every built-in scene: the table of docs/hard-cases.md.
 
-Run: python -m benchmarks.float32 [SCENE ...]      (default: every scene; half a minute each)
+Run: python -m benchmarks.float32 [SCENE ...]      (default: every scene; half a minute per scene)
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from linkjax.scenes import load_rolling, rolling_names
 
 PARTS = ("position", "coefficients", "reactions", "drive_torque", "delta")
 NAMES = [*lj.scene_names(), *rolling_names()]
-STEPS = 90  # a turn, as `float32_digits` compares
-HARDLY = 1e-6  # of the largest: what is below has no digits to lose
-ALL = 15.0  # digits: nothing to compare, as δ where a law leaves no speed to fluctuate
+STEPS = 90  # per turn, as in `float32_digits`
+HARDLY = 1e-6  # of the largest value: smaller values are not compared
+ALL = 15.0  # digits: nothing to compare, such as δ where a motion law prescribes the speed
 
 
 def digits(name: str) -> dict[str, float]:
-    """Digits that float32 leaves of what a scene has, by part; of rolling bodies places and ratios of speeds."""
+    """Correct digits in float32 for the results of a scene, by part; for rolling bodies positions and speed ratios."""
     if name in rolling_names():
         machine = load_rolling(name)
         found = {"position": shared(bodies, machine), "coefficients": shared(ratios, machine)}
@@ -43,13 +43,13 @@ def digits(name: str) -> dict[str, float]:
 
 
 def row(name: str, found: dict[str, float]) -> str:
-    """A line of the table."""
+    """One row of the table."""
     cells = (f"{found[part]:.1f}" if part in found else "–" for part in PARTS)
     return f"| {name} | {' | '.join(cells)} |"
 
 
 def reactions(scene: lj.Scene) -> Any:
-    """Forces at all joints at constant nominal speed, one row a joint."""
+    """Forces at all joints at constant nominal speed, one row per joint."""
     scene = ready(jax.tree.map(as_float, scene))
 
     def at(phi):
@@ -61,22 +61,22 @@ def reactions(scene: lj.Scene) -> Any:
 
 
 def bodies(machine: RollingMachine) -> Any:
-    """Places of all bodies while the driven member turns, one row a coordinate."""
+    """Positions of all bodies while the driven member turns, one row per coordinate."""
     centres = jax.vmap(machine.at)(jnp.linspace(0.0, machine.cycle, STEPS, endpoint=False)).centres
     return jnp.concatenate([centres.x, centres.y], axis=1).T
 
 
 def ratios(machine: RollingMachine) -> Any:
-    """Speeds of all members, of that of the driven one."""
+    """Speeds of all members relative to the driven one."""
     return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(machine.turned(1.0))])[:, None]
 
 
 def shared(function: Callable[[Any], Any], given: Any) -> float:
-    """Digits that results in float32 and in float64 share, relative to the largest of each row; the fewest of all."""
+    """Digits common to the results in float32 and in float64, relative to the largest of each row; the minimum."""
     found = []
     for kind in (jnp.float64, jnp.float32):
         with jax.enable_x64(kind is jnp.float64), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Explicitly requested dtype float64")  # of constants of the first pass
+            warnings.filterwarnings("ignore", "Explicitly requested dtype float64")  # for constants of the first pass
             here = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), given)
             found.append(np.asarray(jax.jit(function)(here), dtype=float))
     exact, rough = found

@@ -1,13 +1,13 @@
-"""What a group costs: time a position against the number of groups, and class II groups beside hand-written numba.
+"""Cost of a group: time per position over the number of groups, and class II groups compared with numba.
 
 Run: python -m benchmarks.groups [--plot FILE] [ROW ...]     rows: growth numba (default: both)
 
-`growth`: four-bar on four-bar, 1 to 16 dyads, time a position with the straight line through them. `numba`: four-bar,
-quick-return and Stephenson III, positions with first and second coefficients of all pins, the same numbers written to
-memory (it stops where they differ by more than 1e-12); medians of paired ratios, above one where linkjax is the faster.
-numba writes into the same memory again and again; linkjax, as any JAX program, into new arrays, for which freed memory
-is kept at hand. On a machine that others use too the best turns say more than the medians: threads that wait for each
-other suffer most.
+`growth`: a chain of four-bars, 1 to 16 dyads, time per position with a straight-line fit. `numba`: four-bar,
+quick-return and Stephenson III, positions with first and second coefficients of all pins. Both programs write the same
+numbers to memory (this program stops if they differ by more than 1e-12). Results are the speed-up of linkjax over
+numba, as medians of paired ratios. numba writes into the same memory every time; linkjax, like any JAX program, into
+new arrays, for which freed memory is kept. On a shared machine the best turns are more reliable than the medians,
+because threads that wait for each other are slowed down most.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from linkjax.kinematics import pose
 
 NODES, DESIGNS, BLOCK = 64, 4000, 50
 COUNTS = (1, 2, 3, 4, 6, 8, 10, 12, 14, 16)
-SPREAD = 1e-3  # of every number, between designs
-AGREE = 1e-12  # of the largest: both must write the same numbers
+SPREAD = 1e-3  # relative, of every number, between designs
+AGREE = 1e-12  # relative to the largest: both must write the same numbers
 
 
 def chain(count: int) -> lj.Mechanism:
-    """A crank and so many dyads, each driven by an arm on the rocker of the one before."""
+    """A crank and so many dyads, each driven by an arm on the rocker of the previous one."""
     fixed, links = {"A": lj.Vec(0.0, 0.0)}, {"crank": lj.Link(length=0.1)}
     groups: list[lj.groups.AbstractGroup] = [lj.Crank("crank", "A", "K0")]
     for i in range(1, count + 1):
@@ -48,13 +48,13 @@ def chain(count: int) -> lj.Mechanism:
 
 
 def many(tree, count: int):
-    """Designs around one, in every leaf."""
+    """Random designs around one design, in every leaf."""
     rng = np.random.default_rng(0)
     return jax.tree.map(lambda d: jnp.asarray(d * (1 + SPREAD * rng.normal(size=(count, *jnp.shape(d))))), tree)
 
 
 def pins(mechanism: lj.Mechanism, names: list[str], links: list[str]) -> list[jax.Array]:
-    """r, r', r'' of points, ω' and ε' of links, over the angles."""
+    """r, r', r'' of points, ω' and ε' of links, at all angles."""
 
     def at(phi):
         here = pose(mechanism, phi)
@@ -66,7 +66,7 @@ def pins(mechanism: lj.Mechanism, names: list[str], links: list[str]) -> list[ja
 
 
 def growth(file: Path | None) -> None:
-    """Time a position against the number of groups."""
+    """Time per position over the number of groups."""
     runs: list[Callable[[], object]] = []
     for count in COUNTS:
         names = [f"G{i}" for i in range(1, count + 1)]
@@ -88,20 +88,20 @@ def growth(file: Path | None) -> None:
 
 
 def plot(file: Path, each: np.ndarray, slope: float, start: float) -> None:
-    """The points and their line."""
+    """The measured times and their straight-line fit."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.0, 3.6), layout="constrained")
     axes = figure.subplots()
-    axes.plot([0, 16], [start, start + 16 * slope], color="0.6", label=f"{slope:.0f} ns a group")
+    axes.plot([0, 16], [start, start + 16 * slope], color="0.6", label=f"{slope:.0f} ns per group")
     axes.plot(COUNTS, each, "o", label="measured")
-    axes.set(xlabel="groups (RRR) behind the crank", ylabel="ns a position", xlim=(0, 16.5), ylim=(0, None))
+    axes.set(xlabel="groups (RRR) after the crank", ylabel="ns per position", xlim=(0, 16.5), ylim=(0, None))
     axes.legend(frameon=False)
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=100)
 
 
-# fixed points, links, marked points, in the order of the baseline's numbers; then what is written
+# fixed points, links, coupler points, in the order of the numbers of the baseline; then the outputs
 MACHINES = {
     "four-bar": (("A", "D"), ("crank", "coupler", "rocker"), {}, ["B", "C"], ["coupler", "rocker"]),
     "quick-return": (("O", "P", "T"), ("crank", "lever", "rod"), {}, ["B", "E", "R"], ["lever", "rod"]),
@@ -135,7 +135,7 @@ def numbers_of(mechanism: lj.Mechanism, name: str) -> np.ndarray:
 
 
 def numba() -> None:
-    """Class II groups beside loops written by hand."""
+    """Class II groups compared with loops written by hand."""
     from benchmarks.baselines.dyads_numba import SWEEPS
 
     for name, (_, _, _, points, links) in MACHINES.items():
@@ -152,7 +152,7 @@ def numba() -> None:
         apart = [np.max(np.abs(np.asarray(x) - out[:, :, i])) / np.max(np.abs(out[:, :, i - i % 2]))
                  for i, x in enumerate(ours(mine)) if np.any(out[:, :, i])]  # fmt: skip
         if not max(apart) <= AGREE:
-            raise SystemExit(f"numba.{name}: linkjax and the loop differ by {max(apart):.1e}, so times do not compare")
+            raise SystemExit(f"numba.{name}: linkjax and numba differ by {max(apart):.1e}; times are not comparable")
         a, b = by_turns(lambda ours=ours, mine=mine: ours(mine), lambda s=sweep, d=designs, o=out: s(d, NODES, o))
         rate = DESIGNS * NODES / 1e6
         for who, taken in (("linkjax", a), ("numba", b)):
@@ -163,7 +163,7 @@ def numba() -> None:
 
 
 def main() -> None:
-    """Run the rows asked for."""
+    """Run the selected rows."""
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("rows", nargs="*", metavar="ROW", help="growth, numba")
     words.add_argument("--plot", type=Path, default=Path("out/groups.png"), metavar="FILE")

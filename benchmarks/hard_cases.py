@@ -1,7 +1,7 @@
-"""The figures and tables of docs/hard-cases.md: errors near dead positions, through change points, at all scales.
+"""The figures and tables of docs/hard-cases.md: errors near singular positions, at change points, at all scales.
 
-Run: python -m benchmarks.hard_cases [NAME ...]       all of them take some five minutes; written to docs/images
-Truths come from the tests: 160 digits, or closed forms.
+Run: python -m benchmarks.hard_cases [NAME ...]       about five minutes for all; written to docs/images
+Reference values come from the tests: 160 digits, or closed forms.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLOURS = dict(zip(PARTS, ("#0072B2", "#009E73", "#E69F00", "#D55E00"), strict=T
 
 
 def dead_positions() -> Figure:
-    """Error of each part against the distance, with what half a rounding in every number does."""
+    """Error of each part over the distance, with the effect of half a rounding error in every number."""
     figure = Figure(figsize=(9.0, 5.6), layout="constrained")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     distances = 10.0 ** -np.arange(2.0, 15.0)
@@ -43,18 +43,18 @@ def dead_positions() -> Figure:
             ax.loglog(distances, allowed, "-", color=COLOURS[part], linewidth=1)
             ax.loglog(distances, errors, "o", color=COLOURS[part], markersize=3, label=part)
         worst = max(f[part].excess() for f in found for part in PARTS)
-        print(f"{case:16s} largest error over what the condition allows: {worst:.2f}")
+        print(f"{case:16s} largest error over the bound from the condition number: {worst:.2f}")
         ax.set_title(case, fontsize="medium")
         ax.grid(color="0.9")
     axes[0, 0].invert_xaxis()
     axes[0, 0].legend(frameon=False, fontsize="small", loc="upper left")
-    figure.supxlabel("distance to the dead position, of the length")
-    figure.supylabel("relative error (dots), condition × 1.1e-16 (lines)")
+    figure.supxlabel("distance to the singular position, relative to the length")
+    figure.supylabel("relative error (dots), condition number × 1.1e-16 (lines)")
     return figure
 
 
 def change_points() -> Figure:
-    """A slider through its dead points, and how near to a change point what holds."""
+    """A slider through its dead centres, and errors over the distance to a change point."""
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     phi = jnp.linspace(0.0, 2 * math.pi, 361)
@@ -63,7 +63,7 @@ def change_points() -> Figure:
         x = jax.jit(jax.vmap(lambda one, m=machine: pose(m, one).points["D"].r.x))(phi)
         left.plot(np.degrees(phi), x, style, label=f'branch = "{branch}"')
     left.set(
-        xlabel="crank angle (degrees)", ylabel="slider (m)", title="rod as long as the crank", xticks=range(0, 361, 90)
+        xlabel="crank angle (degrees)", ylabel="slider (m)", title="rod length = crank length", xticks=range(0, 361, 90)
     )
     left.legend(frameon=False, fontsize="small")
     away = np.geomspace(1e-12, 1.0, 61)
@@ -86,7 +86,7 @@ def change_points() -> Figure:
 
 
 def range_of_a_crank() -> Figure:
-    """Margins of a four-bar whose crank does not come round, and the ends found."""
+    """Margins of a four-bar whose crank cannot rotate fully, and the ends of its range."""
     figure = Figure(figsize=(7.0, 3.4), layout="constrained")
     ax = figure.subplots()
     machine, phi = test_hard_cases.four_bar(0.3, 0.35, 0.15, 0.4), jnp.linspace(-math.pi, math.pi, 361)
@@ -107,7 +107,7 @@ def range_of_a_crank() -> Figure:
 
 
 def bars(scenes: dict[str, Iterable[dict[str, near_dead.Judged]]]) -> Figure:
-    """Largest error over what the condition of the problem allows, by scene and part, of all that was judged."""
+    """Largest error over the bound from the condition number of the problem, by scene and part."""
     figure = Figure(figsize=(8.0, 0.45 * len(scenes) + 1.0), layout="constrained")
     ax = figure.subplots()
     for k, (name, judged) in enumerate(scenes.items()):
@@ -117,7 +117,7 @@ def bars(scenes: dict[str, Iterable[dict[str, near_dead.Judged]]]) -> Figure:
         for i, part in enumerate(PARTS):
             ax.barh(k + 0.2 * (i - 1.5), worst[part], 0.18, color=COLOURS[part], label=None if k else part)
     ax.axvline(10.0, color="0.3", linestyle="--", linewidth=1)
-    ax.set(xscale="log", xlim=(1e-3, 30.0), xlabel="error over what half a rounding in every number does (limit 10)")
+    ax.set(xscale="log", xlim=(1e-3, 30.0), xlabel="error over effect of half a rounding in every number (limit 10)")
     ax.set_yticks(range(len(scenes)), list(scenes))
     ax.invert_yaxis()
     ax.legend(frameon=False, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -125,7 +125,7 @@ def bars(scenes: dict[str, Iterable[dict[str, near_dead.Judged]]]) -> Figure:
 
 
 def scales() -> Figure:
-    """Machines with sizes far apart, or far away, at three crank angles each."""
+    """Machines with very different sizes, or far from the origin, at three crank angles each."""
 
     def judged(scene: lj.Scene) -> Iterator[dict[str, near_dead.Judged]]:
         return (near_dead.judge(test_scales.turned(scene, angle)) for angle in test_scales.LATER)
@@ -134,12 +134,12 @@ def scales() -> Figure:
 
 
 def degenerate() -> Figure:
-    """Machines with zeros in them."""
+    """Machines with zero dimensions."""
     return bars({name: [test_degenerate.judged(name)] for name in test_degenerate.DEGENERATE})
 
 
 def single_precision() -> Figure:
-    """Digits that float32 leaves of each built-in scene; nothing where there is nothing to compare."""
+    """Correct digits in float32 for each built-in scene; no bar where there is nothing to compare."""
     figure = Figure(figsize=(8.0, 8.5), layout="constrained")
     ax, colours = figure.subplots(), ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#D55E00")
     for k, scene in enumerate(float32.NAMES):
@@ -166,9 +166,9 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 
 def main() -> None:
-    """Draw the figures asked for."""
+    """Draw the selected figures."""
     parser = argparse.ArgumentParser(description="The figures of docs/hard-cases.md.")
-    parser.add_argument("names", nargs="*", help="which; all of them by default")
+    parser.add_argument("names", nargs="*", help="names of figures (default: all)")
     names = parser.parse_args().names or list(FIGURES)
     use_compilation_cache()
     IMAGES.mkdir(parents=True, exist_ok=True)

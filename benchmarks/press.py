@@ -1,4 +1,4 @@
-"""The hay press of the baselines as a linkjax scene, its numbers in the order of the baselines' designs."""
+"""The hay press of the baselines as a linkjax scene, with its numbers in the order of the baseline designs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def scene_of(design: jax.Array) -> lj.Scene:
 
 
 def eight(design: jax.Array) -> tuple[jax.Array, ...]:
-    """The baseline's eight outputs at `NODES` uniform crank angles, each of shape (angles,)."""
+    """The eight outputs of the baseline at `NODES` uniform crank angles, each of shape (angles,)."""
     scene = scene_of(design)
 
     def at(phi):
@@ -50,6 +50,6 @@ def eight(design: jax.Array) -> tuple[jax.Array, ...]:
 
 
 def designs(count: int) -> np.ndarray:
-    """Random designs around the press, as the baseline draws them."""
+    """Random designs around the press, the same as in the baseline."""
     rng = np.random.default_rng(0)
     return np.array(list(DESIGN.values())) * (1 + 1e-3 * rng.normal(size=(count, len(NAMES))))

@@ -1,7 +1,7 @@
-"""Wall time of one steady cycle against the error of its δ: linkjax's roads, SciPy, the textbook, float32.
+"""Wall time of one steady cycle over the error of its δ: the methods of linkjax, SciPy, textbooks, float32.
 
-Run: python -m benchmarks.speed_error [--plot FILE]       the README's plot is docs/images/speed_error.png
-Machine: `hay-press-slider`; one design, compiled; medians of rounds. Times of different runs do not compare.
+Run: python -m benchmarks.speed_error [--plot FILE]       (plot in the README: docs/images/speed_error.png)
+Machine: `hay-press-slider`; one design, compiled; medians of rounds. Times of different runs are not comparable.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SOLVERS = {"Tsit5": diffrax.Tsit5, "Dopri8": diffrax.Dopri8}
 
 
 class Point(NamedTuple):
-    """One way to compute δ: what it is, its setting, wall time (s) and relative error."""
+    """One method to compute δ: its name, its setting, wall time (s) and relative error."""
 
     way: str
     setting: str
@@ -50,7 +50,7 @@ def panels(precision: str) -> list[Point]:
 
 
 def by_diffrax() -> list[Point]:
-    """The equation of motion by diffrax, by tolerance (one compilation a solver)."""
+    """The equation of motion by diffrax, by tolerance (one compilation per solver)."""
     scene, points = lj.load("hay-press-slider"), []
     for name, solver in SOLVERS.items():
         run = jax.jit(lambda scene, tol, solver=solver: steady_by_diffrax(scene, tolerance=tol, solver=solver()).delta)
@@ -62,7 +62,7 @@ def by_diffrax() -> list[Point]:
 
 
 def peers() -> list[Point]:
-    """SciPy with shooting, and the textbook's equal steps."""
+    """SciPy with shooting, and the equal steps of the textbooks."""
     points = []
     for method in ("LSODA", "DOP853"):
         (taken,) = by_turns(lambda method=method: shooting(method), rounds=7)
@@ -79,14 +79,14 @@ def error(delta) -> float:
 
 
 def float32() -> list[Point]:
-    """The same in single precision: another process, since precision is a setting of the whole program."""
+    """The panels in single precision: in another process, because precision is a global setting."""
     command = [sys.executable, "-m", "benchmarks.speed_error", "--float32"]
     found = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     return [Point(*row) for row in json.loads(found)]
 
 
 def plot(points: list[Point], file: Path) -> None:
-    """Time against error, one line a way."""
+    """Time over error, one line per method."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.5, 4.8), layout="constrained")
@@ -104,8 +104,8 @@ def plot(points: list[Point], file: Path) -> None:
 
 
 def main() -> None:
-    """Measure, print, and plot when asked to."""
-    parser = argparse.ArgumentParser(description="Wall time of one steady cycle against the error of its δ.")
+    """Measure, print, and plot on request."""
+    parser = argparse.ArgumentParser(description="Wall time of one steady cycle over the error of its δ.")
     parser.add_argument("--plot", type=Path)
     parser.add_argument("--float32", action="store_true", help="only the panels, in single precision, as JSON")
     asked = parser.parse_args()
@@ -114,7 +114,7 @@ def main() -> None:
         print(json.dumps(panels("float32")))
         return
     points = [*panels("float64"), *float32(), *by_diffrax(), *peers()]
-    print(f"{'way':18s} {'setting':>10s} {'ms':>10s} {'error of δ':>11s}")
+    print(f"{'method':18s} {'setting':>10s} {'ms':>10s} {'error of δ':>11s}")
     for p in points:
         print(f"{p.way:18s} {p.setting:>10s} {1e3 * p.seconds:10.3f} {p.error:11.1e}")
     if asked.plot:

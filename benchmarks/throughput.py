@@ -1,9 +1,9 @@
-"""Speed beside the peers, one line a figure: `name value unit`.
+"""Speed compared with peers, one line per result: `name value unit`.
 
 Run: python -m benchmarks.throughput [ROW ...]      rows: kinematics cycle one gradient start demo (default: all)
 
-Every figure stands beside its baseline from the same run; ratios are medians of paired rounds, with quartiles: above
-one where linkjax is the faster (`gradient` and `start`: where it takes longer than what it is compared with).
+Every result is printed with its baseline from the same run. Ratios are medians of paired rounds, with quartiles: they
+are the speed-up of linkjax over the peer (for `gradient` and `start`: its time over that of the reference).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 os.environ.setdefault("NUMBA_THREADING_LAYER", "omp")
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # else idle threads of one peer spin on the cores of the other
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # else idle threads of one program occupy the cores of the other
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ REFERENCE = 0.0903376816582  # δ of hay-press-slider
 
 
 def kinematics() -> None:
-    """Kinematics, reduction and mass sums of many designs, the same eight outputs as numba's."""
+    """Kinematics, reduction and mass sums of many designs, the same eight outputs as with numba."""
     from benchmarks.baselines import kinematics_numba as peer
 
     for count in (1000, 10_000):
@@ -56,7 +56,7 @@ def whole_cycle(design: jax.Array) -> dict[str, jax.Array]:
 
 
 def cycle() -> None:
-    """A whole cycle against numba's bare kinematics of as many positions."""
+    """A whole cycle compared with numba for the kinematics alone, at the same number of positions."""
     from benchmarks.baselines import kinematics_numba as peer
 
     count = 10_000
@@ -69,7 +69,7 @@ def cycle() -> None:
 
 
 def one() -> None:
-    """One design, and a batch, against SciPy's integrators at equal or smaller error of δ."""
+    """One design, and a batch, compared with the integrators of SciPy at equal or smaller error of δ."""
     from benchmarks.baselines.steady_scipy import shooting
 
     errors = {name: abs(shooting(name) / REFERENCE - 1) for name in ("LSODA", "DOP853")}
@@ -99,7 +99,7 @@ def one() -> None:
 
 
 def gradient() -> None:
-    """Gradient of the cycle by every number of the design against its value, each with its own best blocks."""
+    """Gradient of the cycle with respect to all numbers of the design, and its value, each in its best blocks."""
     mine = jnp.asarray(press.designs(4000))
     value = lj.map_designs(whole_cycle, block=BLOCKS["cycle"])
 
@@ -115,7 +115,7 @@ def gradient() -> None:
 
 
 def start() -> None:
-    """Starting up: `import linkjax`, and `linkjax analyse hay-press` with an empty and a filled compilation cache."""
+    """Start-up: `import linkjax`, and `linkjax analyse hay-press` with an empty and a filled compilation cache."""
     with tempfile.TemporaryDirectory() as folder:
         warm = Path(folder) / "warm"
         analyse = [sys.executable, "-m", "linkjax", "analyse", "hay-press", "--quiet"]
@@ -123,7 +123,7 @@ def start() -> None:
             "import_jax": ([sys.executable, "-c", "import jax"], None),
             "import_linkjax": ([sys.executable, "-c", "import linkjax"], None),
             "analyse_warm": (analyse, warm),
-            "analyse_cold": (analyse, Path(folder)),  # a fresh folder inside for every round
+            "analyse_cold": (analyse, Path(folder)),  # a new folder inside for every round
         }
         times = processes(runs, rounds=5)
     for name, taken in times.items():
@@ -133,7 +133,7 @@ def start() -> None:
 
 
 def demo() -> None:
-    """`make demo` without its set-up, nothing kept from before."""
+    """`make demo` without its set-up, with empty caches."""
     with tempfile.TemporaryDirectory() as folder:
         optimise = [sys.executable, "-m", "linkjax", "optimise", "hay-press", "--quiet", "--out", f"{folder}/out"]
         times = processes({"demo": (optimise, Path(folder))}, rounds=1)
@@ -144,7 +144,7 @@ ROWS = {row.__name__: row for row in (kinematics, cycle, one, gradient, start, d
 
 
 def main(names: list[str]) -> None:
-    """Run the rows asked for."""
+    """Run the selected rows."""
     lj.use_cpu_devices()
     use_compilation_cache()
     line("devices", len(jax.devices()), jax.devices()[0].device_kind.replace(" ", "_"))

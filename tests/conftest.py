@@ -1,6 +1,6 @@
-"""Strict JAX for every test: float64, nothing promoted silently, two CPU devices, compiled programs kept.
+"""Strict JAX for every test: float64, no silent promotion, two CPU devices, compiled programs are kept.
 
-linkjax itself must not be imported here: its annotations are checked by a hook that acts on import.
+linkjax itself must not be imported here: a hook that acts on import checks its annotations.
 """
 
 import gc
@@ -11,10 +11,10 @@ from collections.abc import Callable, Generator
 from pathlib import Path
 
 CACHE = Path(__file__).parents[1] / ".cache"
-MOST_MAPS = 15_000  # of the 65 530 that Linux allows; some 5 GB of programs
-os.environ["XDG_CACHE_HOME"] = str(CACHE)  # also for programs that tests start: nothing is written outside
+MOST_MAPS = 15_000  # of the 65 530 that Linux allows; about 5 GB of programs
+os.environ["XDG_CACHE_HOME"] = str(CACHE)  # also for programs started by tests: nothing is written elsewhere
 os.environ["MPLBACKEND"] = "agg"
-gc.set_threshold(100_000, 20, 20)  # tracing makes millions of objects that live: looking through them took a tenth
+gc.set_threshold(100_000, 20, 20)  # tracing creates millions of lasting objects: scanning them took a tenth of the time
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
@@ -31,20 +31,20 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest files first, so that no worker is left alone with one at the end."""
+    """The longest files first, so that no worker remains busy alone at the end."""
     longest = ("test_measures.py", "test_delta_error.py", "test_motion.py", "test_hard_cases.py")
     items.sort(key=lambda item: longest.index(item.path.name) if item.path.name in longest else len(longest))
 
 
 @pytest.fixture(scope="session")
 def tell(pytestconfig: pytest.Config) -> Callable[..., None]:
-    """Takes lines that are to be read at the end of the run, whichever process finds them."""
+    """Collects lines to print at the end of the run, from all processes."""
     return lambda *lines: pytestconfig.stash.setdefault(TOLD, []).extend(lines)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """What was told travels with the next report."""
+    """The collected lines are sent with the next report."""
     report = yield
     told = item.config.stash.get(TOLD, [])
     report.user_properties += [("told", line) for line in told]
@@ -53,7 +53,7 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
 
 
 def pytest_terminal_summary(terminalreporter) -> None:
-    """What was told; one line when the tests of the page had no browser."""
+    """The collected lines; one line if the tests of the page had no browser."""
     reports = [report for each in terminalreporter.stats.values() for report in each]
     for what, line in (pair for report in reports for pair in getattr(report, "user_properties", ())):
         if what == "told":
@@ -66,7 +66,7 @@ def pytest_terminal_summary(terminalreporter) -> None:
 
 @pytest.fixture(autouse=True)
 def few_programs():
-    """Compiled programs are dropped before the memory maps of the process run out."""
+    """Compiled programs are dropped before the process reaches its limit of memory maps."""
     yield
     maps = Path("/proc/self/maps")
     compiler = sys.modules.get("linkjax._compile")
@@ -76,5 +76,5 @@ def few_programs():
 
 @pytest.fixture
 def rng(request: pytest.FixtureRequest) -> np.random.Generator:
-    """Random numbers that depend on nothing but the name of the test."""
+    """Random numbers that depend only on the name of the test."""
     return np.random.default_rng(zlib.crc32(request.node.name.encode()))

@@ -1,4 +1,4 @@
-"""Comparisons that several tests share."""
+"""Comparisons used by several tests."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def assert_gradients_agree(
 ) -> None:
     """Gradients of a scalar `function` of a pytree: reverse against forward mode, and against differences.
 
-    Every leaf is scaled by its own size (by one where it is zero), and errors are relative to the norm of the gradient
-    so scaled. Differences are central, of fourth order, along random directions; `step` is relative.
+    Every leaf is scaled by its own size (by one if it is zero), and errors are relative to the norm of the scaled
+    gradient. Differences are central, of fourth order, along random directions; `step` is relative.
     """
     flat, rebuild = ravel_pytree(tree)
     scale = jnp.where(flat == 0, 1.0, jnp.abs(flat))
@@ -75,7 +75,7 @@ def xy(at: lj.Vec) -> np.ndarray:
 
 
 def same(scene: lj.Scene) -> None:
-    """A scene is the same, to the last bit, when it is written as a file and read again."""
+    """A scene is identical to the last bit after it is written to a file and read again."""
     again = loads_text(text_of(scene))
     for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
         assert np.array_equal(one, two)

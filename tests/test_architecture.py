@@ -52,7 +52,7 @@ RANKS = {
     **{"scenes": 13, "viz": 14, "report": 15, "cli": 16, "__main__": 17},
 }
 ONLY_IN = {"matplotlib": {"viz"}, "typer": {"cli"}, "rich": {"cli"}}  # third-party packages with one home
-HEAVY = ("matplotlib", "pint", "typer", "rich", "jinja2", "scipy")  # what a calculation has no need of
+HEAVY = ("matplotlib", "pint", "typer", "rich", "jinja2", "scipy")  # not needed by calculations
 LONGEST_FILE, LONGEST_BODY = 400, 80
 
 FILES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(PACKAGE.rglob("*.py"))}
@@ -76,12 +76,12 @@ def top(module: str) -> str:
 
 
 def room(module: str) -> str:
-    """The room of a module; the files of rank 0 are one room."""
+    """The subpackage of a module; the files of rank 0 form one."""
     return "base" if RANKS.get(top(module)) == 0 else top(module)
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
-    """Modules that a tree imports, with the line; what comes from the package is traced to the file it names."""
+    """Modules that a tree imports, with the line; imports from the package are traced to the file."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from ((alias.name, node.lineno) for alias in node.names)
@@ -119,7 +119,7 @@ def test_the_documented_ranks_are_these():
 
 def test_imports_go_down_the_ranks():
     def allowed(source: str, target: str) -> bool:
-        if target == "linkjax":  # the package resolves its rooms when they are used; only the top may rely on that
+        if target == "linkjax":  # the package resolves its subpackages on first use; only the top may rely on that
             return top(source) == "cli"
         inside = target in MODULES
         return inside and (room(source) == room(target) or RANKS[top(target)] < RANKS[top(source)])
@@ -267,7 +267,7 @@ def test_public_name(name):
 
 
 def test_linear_algebra_cannot_block():
-    """Batches that jaxlib hands to other threads may wait for ever: see `_lapack`."""
+    """Batches that jaxlib passes to other threads may wait for ever: see `_lapack`."""
     allowed = {"_lapack.py", "_compile.py"}  # the second only loads the routines
     files = [file for file in PACKAGE.rglob("*.py") if file.name not in allowed]
     assert not [file.name for file in files if re.search(r"\b(jnp|lax|scipy)\.linalg\b", file.read_text("utf-8"))]
@@ -280,7 +280,7 @@ def test_unknown_names_are_refused():
 
 
 def run(*lines: str, **environment: str) -> str:
-    """Output of a fresh Python."""
+    """Output of a new Python process."""
     code = "\n".join(lines)
     env = {"PATH": "", "HOME": str(ROOT / ".cache"), **environment}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, env=env, check=False)
@@ -339,7 +339,7 @@ def test_the_wheel_holds_the_package_alone(tmp_path):
 
 
 def test_checked_folders_exist():
-    """A path that matches nothing would be silently green."""
+    """A path that matches nothing would pass silently."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
     named = [*settings["pyright"]["include"], *settings["pytest"]["ini_options"]["testpaths"]]
     assert [folder for folder in named if not (ROOT / folder).is_dir()] == []

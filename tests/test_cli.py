@@ -1,4 +1,4 @@
-"""The command line: what it writes, says and returns."""
+"""The command line: its files, output and exit codes."""
 
 import csv
 import io
@@ -74,7 +74,7 @@ def test_titles_are_shown_as_they_are(call):
 
 @pytest.fixture(scope="module")
 def analysed(tmp_path_factory):
-    """One run of `analyse` with everything that it can write but the pictures."""
+    """One run of `analyse` with all outputs except the figures."""
     folder = tmp_path_factory.mktemp("analysed")
     with pytest.MonkeyPatch.context() as patch:
         words = ["analyse", "hay-press", "--json", folder / "all.json", "--csv", folder / "csv", "--angles", 72]
@@ -119,7 +119,7 @@ def test_quiet_prints_nothing_but_errors(call, tmp_path):
 
 
 def test_figures_not_to_be_trusted_are_announced(analysed, capsys, monkeypatch):
-    """A check above its limit, or none at all, and a result that is only a warning."""
+    """A check above its limit, or no check, and a result that is only a warning."""
     data = json.loads((analysed[1] / "all.json").read_text())
     machine = lj.load("hay-press")
     monkeypatch.setattr(console, "quiet", False)
@@ -134,7 +134,7 @@ def test_figures_not_to_be_trusted_are_announced(analysed, capsys, monkeypatch):
 
 
 def test_long_work_shows_a_spinner_on_a_terminal(monkeypatch):
-    """Nothing within the first second, then what is done and for how long; on a file or pipe nothing at all."""
+    """Nothing within the first second, then the current task and its duration; nothing at all on a file or pipe."""
     for terminal in (True, False):
         screen = io.StringIO()
         monkeypatch.setattr("linkjax.cli._console.console", Console(file=screen, force_terminal=terminal, width=80))
@@ -166,7 +166,7 @@ def analyse_to_json(call, tmp_path, *words):
 def test_the_roads_to_the_motion_agree(call, tmp_path):
     one, _ = analyse_to_json(call, tmp_path, "--nodes", 128)
     two, _ = analyse_to_json(call, tmp_path, "--nodes", 128, "--method", "diffrax")
-    assert one["model"]["nodes"] == two["model"]["nodes"] == 132  # whole panels of at least 128 nodes in all
+    assert one["model"]["nodes"] == two["model"]["nodes"] == 132  # whole panels of at least 128 nodes in total
     assert "diffrax" in two["model"]["method"]
     assert "diffrax" not in one["model"]["method"]
     assert math.isclose(one["motion"]["delta"], two["motion"]["delta"], rel_tol=1e-9)
@@ -267,7 +267,7 @@ def test_to_pylinkage_and_back(call, tmp_path):
 def test_what_cannot_be_exchanged(call, tmp_path):
     code, _, err = call("export", "quick-return", "--format", "pylinkage")
     assert code == 2
-    assert "quick-return: lever-die: pylinkage knows no such group (RPR); export turning cranks" in err
+    assert "quick-return: lever-die: pylinkage has no such group (RPR); use only rotating cranks" in err
     code, _, err = call("export", "four-bar", "--set", 'links.coupler.length="100 mm"', "--at", "180")
     assert code == 1
     assert "'coupler-rocker' cannot be assembled at 180 degrees" in err
@@ -282,6 +282,6 @@ def test_what_cannot_be_exchanged(call, tmp_path):
     path.write_text('{"joints": [], "links": []}', encoding="utf-8")
     code, _, err = call("import", path)
     assert code == 2
-    assert "broken.json: links: there must be one driver, but there are: none; mobility is one" in err
+    assert "broken.json: links: there must be one driver, but there are: none; write one" in err
     assert call("import", tmp_path / "missing.json")[0] == 2
     assert list(tmp_path.iterdir()) == [path]

@@ -1,4 +1,4 @@
-"""What the command line prints at single crank angles, in which units, and what is no number: closed forms by hand."""
+"""Output of the command line at single crank angles, its units, and values that do not exist: closed forms by hand."""
 
 import math
 import re
@@ -59,7 +59,7 @@ window = ["0 deg", "60 deg"]
 
 @pytest.fixture
 def call(monkeypatch, capsys, tmp_path):
-    """Exit code, output and complaints of one call."""
+    """Exit code, output and error messages of one call."""
     (tmp_path / "slider.toml").write_text(SLIDER_CRANK, encoding="utf-8")
     (tmp_path / "shaft.toml").write_text(SHAFT, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -84,13 +84,13 @@ def row(out: str, *names: str, last: bool = True) -> list[str]:
 
 
 def said(out: str, name: str) -> str:
-    """What stands behind a name at the beginning of a line."""
+    """The value after a name at the beginning of a line."""
     return next(line for line in out.splitlines() if line.startswith(name)).removeprefix(name).strip()
 
 
 def test_what_vanishes_is_printed_as_zero(call):
-    """Without load or weight the torque that balances the cycle is zero, whatever rounding leaves of it, and at a dead
-    centre J has no slope; what is zero or constant is greatest at no angle."""
+    """Without load or weight the torque that balances the cycle is zero, despite rounding errors; at a dead centre J
+    has zero slope; a zero or constant value has no angle of its maximum."""
     code, out, _ = call("analyse", "slider.toml", "--angles", 36, "--at", 0)
     assert code == 0
     assert said(out, "constant drive torque") == "0 N·m" and said(out, "mean power") == "0 W"
@@ -100,7 +100,7 @@ def test_what_vanishes_is_printed_as_zero(call):
 
 
 def test_what_is_constant_has_no_angle(call):
-    """1000 N m over 60 of 360 degrees are 166.667 N m all the time; a massless shaft bears nothing."""
+    """1000 N m over 60 of 360 degrees are 166.667 N m on average; a massless shaft carries nothing."""
     code, out, _ = call("analyse", "shaft.toml", "--angles", 36)
     assert code == 0 and said(out, "constant drive torque") == "166.667 N·m"
     assert row(out, "drive", "torque", last=False)[:3] == ["166.667", "N·m", "–"]
@@ -109,7 +109,7 @@ def test_what_is_constant_has_no_angle(call):
 
 def test_velocities_accelerations_and_forces_at_angles(call):
     """At the outer dead centre of a slider-crank with r = 0.1 m, l = 0.3 m: the slider has -r w^2 (1 + r/l), the middle
-    of the rod the mean of that and -r w^2; the pin C bears the slider's 3 kg, the frame all three masses."""
+    of the rod the mean of that and -r w^2; the pin C carries the slider's 3 kg, the frame all three masses."""
     code, out, _ = call("analyse", "slider.toml", "--angles", 36, "--at", 0, "--at", "90", "--constant-speed",
                         "--units", "m, N")  # fmt: skip
     assert code == 0
@@ -124,7 +124,7 @@ def test_velocities_accelerations_and_forces_at_angles(call):
     assert row(first, "rod")[3:] == [f"{-10 / 3:.5f}".replace("-", "−"), "0"]
     assert row(first, "C", "rod", "ram")[2] == f"{3 * slider:g}"
     assert f"magnitude {3 * slider + 2 * middle:.5f} N; shaking moment about A 0 N·m" in first
-    tilt = math.asin(1 / 3)  # of the rod at 90 degrees; it stands still in that moment, so the slider moves as B does
+    tilt = math.asin(1 / 3)  # of the rod at 90 degrees; its angular velocity is zero, so the slider moves as B does
     points = second.split("|a| [m/s²]")[1].split("\nlink ")[0]
     assert row(points, "C")[2] == "1" and row(second, "rod")[3] == "0"
     turning = 100 * 0.1 / (0.3 * math.cos(tilt))  # r w^2 = l e cos(tilt)
@@ -132,7 +132,7 @@ def test_velocities_accelerations_and_forces_at_angles(call):
 
 
 def test_an_acceleration_that_is_given(call):
-    """A shaft of J = 12.5 kg m^2 at 10 rad/s^2 takes 125 N m where no load acts and 1000 N m more where one does; its
+    """A shaft of J = 12.5 kg m^2 at 10 rad/s^2 needs 125 N m without load and 1000 N m more with the load; its
     end, 0.1 m off, has 0.1 e along its path and 0.1 w^2 across."""
     words = ("analyse", "shaft.toml", "--angles", 36, "--at", 30, "--at", 90, "--acceleration")
     for value in ("10 rad/s^2", "10"):
@@ -164,7 +164,7 @@ def test_speeds_are_printed_as_they_were_given(call):
 
 
 def test_messages_keep_to_the_units(call):
-    """A rod of 3 in, 76.2 mm, shorter than the crank; a speed too low for a blow of 1 MN m, as the scene writes it."""
+    """A rod of 3 in, 76.2 mm, shorter than the crank; a speed too low for a blow of 1 MN m, in units of the scene."""
     code, _, err = call("analyse", "slider.toml", "--angles", 36, "--set", "links.rod.length=76.2 mm", "--units", "in")
     assert code == 1 and "'rod' (3 in) does not reach that far" in err and " m " not in err
     _, _, err = call("analyse", "slider.toml", "--angles", 36, "--set", "links.rod.length=76.2 mm")
@@ -203,7 +203,7 @@ def test_a_failed_run_leaves_no_folder(call, tmp_path):
 
 
 def test_the_law_that_helps_is_named_as_the_scene_has_it(call):
-    """A crank that cannot rotate fully swings by `drive.law` in a drawn scene, by the law of its group otherwise."""
+    """A crank that cannot rotate fully oscillates by `drive.law` in a drawn scene, else by the law of its group."""
     short = SLIDER_CRANK.replace('length = "300 mm"', 'length = "80 mm"')
     drawn = short.split("[[groups]]")[0].replace('length = "100 mm"', 'pins = ["A", "B"]\nlength = "100 mm"')
     drawn = drawn.replace('length = "80 mm"', 'pins = ["B", "C"]\nlength = "80 mm"')

@@ -1,4 +1,4 @@
-"""`linkjax optimise`: what it writes, says and returns."""
+"""`linkjax optimise`: its files, output and exit codes."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_the_whole_story(call, scene, tmp_path):
     beside = json.loads((out / "optimum.json").read_text())
     assert (data.pop("scene_after"), beside.pop("scene_after")) == ("made/optimised.toml", "optimised.toml")
     assert data == beside
-    assert set(data) == set(OPTIMUM) - {"scene_after"}  # what the report's own tests are written for
+    assert set(data) == set(OPTIMUM) - {"scene_after"}  # covered by the tests of the report
     for of in ("objective", "result", "solver"):
         assert set(data[of]) == set(OPTIMUM[of])
     for of in ("variables", "limits"):
@@ -136,7 +136,7 @@ def test_limits_that_clash(call, scene, tmp_path):
 
 
 def test_options_take_the_place_of_the_section(call, scene, tmp_path):
-    """Another objective, another range, a number fixed again."""
+    """Another objective, another range, a design variable fixed again."""
     options = ["--minimise", "delta", "--limit", "delta <= 1"]
     options += ["--free", "flywheel.inertia=1 to 3 kg m^2", "--free", "links.rod.length=no"]
     code, _, _ = call(scene, *options, "--quiet", "--json", tmp_path / "all.json")
@@ -201,7 +201,7 @@ def test_an_error_names_its_place(monkeypatch, capsys, arguments, says):
 
 
 def interrupted(call, *arguments) -> dict:
-    """The JSON of a call that is interrupted on its way."""
+    """The JSON of a call that is interrupted during its run."""
     code, told, _ = call(*arguments, "--json", "all.json")
     assert code == 130
     assert "Interrupted; this is the best design so far." in told
@@ -211,7 +211,7 @@ def interrupted(call, *arguments) -> dict:
 
 
 def test_interrupted(call, scene, tmp_path, monkeypatch):
-    """Ctrl-C in the second start: the best design so far is written, the code says what happened."""
+    """Ctrl-C in the second start: the best design so far is written, the exit code reports the interruption."""
     descend = _optimise.SOLVERS["cone"]
     seen = []
 
@@ -229,7 +229,7 @@ def test_interrupted(call, scene, tmp_path, monkeypatch):
 
 
 def test_interrupted_before_anything_is_found(call, scene, tmp_path, monkeypatch):
-    """A design that meets the limits had not been reached; that says nothing of the problem."""
+    """A design that meets the constraints was not yet reached; this does not show that the problem is infeasible."""
 
     def impatient(problem, z, *, callback, **options):
         point = look(problem, z)
@@ -243,7 +243,7 @@ def test_interrupted_before_anything_is_found(call, scene, tmp_path, monkeypatch
 
 @pytest.mark.slow
 def test_ties_stay_with_another_range(call, scene, tmp_path):
-    """And so do the changes of the section, which make what is told as before."""
+    """The same with the changes of the section, which define the reported initial state."""
     changes = "optimise.changes={'links.rod.mass_properties' = 'scaled'}"
     tied = "optimise.free={'flywheel.inertia' = '0 to 50 kg m^2', 'links.rod.length' = "
     tied += "{ range = '± 20 %', linked = ['links.crank.length'] }}"
@@ -273,7 +273,7 @@ def test_a_folder_that_cannot_be_written_is_told_at_once(call, scene, tmp_path, 
 
 @pytest.mark.slow
 def test_a_real_signal(scene, tmp_path):
-    """SIGINT to the running program, after its first start: what it has found by then is written."""
+    """SIGINT to the running program, after its first start: the results so far are written."""
     command = [sys.executable, "-m", "linkjax", "optimise", str(scene), "--starts", "5000", "--json", "all.json"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True, env=environment) as program:
@@ -287,7 +287,7 @@ def test_a_real_signal(scene, tmp_path):
 
 
 def test_warnings_name_the_machine(capsys):
-    """A machine before that does not run, and one after whose checks fail."""
+    """A machine that does not run before, and one whose checks fail afterwards."""
     stuck = {"checks": {"energy_closure": 0.0}, "precision": "float64", "result": {"code": 3, "message": "Stuck."}}
     wrong = {"checks": {"energy_closure": math.nan}, "precision": "float64", "result": {"code": 0, "message": ""}}
     print_warnings(stuck, Numbers(), "before")

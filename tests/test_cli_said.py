@@ -1,4 +1,4 @@
-"""Messages in other units: numbers in prose are rewritten, what stands in quotes is not."""
+"""Messages in other units: numbers in prose are rewritten, quoted text is not."""
 
 import pytest
 
@@ -29,7 +29,7 @@ def test_amounts(units, text, told):
 
 
 def test_speeds_of_rotation():
-    """To the digits that are written: 73.30382858376184 rad/s are 700 rpm."""
+    """To the written digits: 73.30382858376184 rad/s are 700 rpm."""
     with pytest.raises(MachineError) as caught, messages_in(Numbers(display_units("rpm"))):
         raise MachineError("at 73.3 rad/s", Result.NO_PERIODIC_REGIME)
     assert str(caught.value) == "at 700 rpm" and caught.value.result is Result.NO_PERIODIC_REGIME

@@ -1,4 +1,4 @@
-"""Programs compiled for one use: kept on disk, found again, made anew when damaged."""
+"""Programs compiled for one use: stored on disk, found again, compiled again when damaged."""
 
 import dataclasses
 import gc
@@ -18,13 +18,13 @@ from linkjax.reduction import reduced_model
 
 @pytest.fixture(autouse=True)
 def nothing_chosen(monkeypatch):
-    """Command line calls in the same process name a folder of their own."""
+    """Command line calls in the same process name their own folder."""
     monkeypatch.setattr(_compile, "_KEPT", [])
 
 
 @pytest.fixture
 def ours(monkeypatch):
-    """Only what belongs to the package is kept: let the functions of these tests pass for it."""
+    """Only programs of the package are stored: treat the functions of these tests as part of it."""
     monkeypatch.setattr(_compile, "_ours", lambda function, tree: True)
 
 
@@ -47,7 +47,7 @@ def make(traced):
 
 def test_kept_and_found_again(folder, ours):
     tree, traced = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, []
-    for _ in range(2):  # a new wrapper each time, as a new process would have
+    for _ in range(2):  # a new wrapper each time, as in a new process
         assert float(make(traced)(tree, power=2)["sum"]) == 10.0
     assert traced == [2]
     assert float(make(traced)(tree, 3)["sum"]) == 28.0
@@ -87,7 +87,7 @@ def test_callbacks_into_python_are_not_kept(folder, ours):
 
 
 def test_a_kept_program_that_does_not_run_is_made_anew(folder, ours):
-    """Whole by its file, but the executable inside is another one."""
+    """The file is intact, but the executable inside is another one."""
     tree, traced = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, []
     make(traced)(tree, power=2)
     (file,) = folder.glob("linkjax-*")
@@ -100,7 +100,7 @@ def test_a_kept_program_that_does_not_run_is_made_anew(folder, ours):
 
 
 def test_never_read_from_jaxs_own_cache(folder, ours, monkeypatch):
-    """What another process has just compiled there is an executable that cannot be written again whole."""
+    """An executable compiled by another process cannot be written again completely."""
     names, compiled = [], _compile.compiled_sooner
 
     def seen(lowered, options=None):
@@ -116,10 +116,10 @@ def test_never_read_from_jaxs_own_cache(folder, ours, monkeypatch):
 
 
 def test_compiled_ahead_from_shapes(tmp_path, ours):
-    """A chain of two: the second compiles before the first has run, neither is traced again, and both are kept."""
+    """A chain of two: the second compiles before the first has run, neither is traced again, and both are stored."""
     traced, x = [], {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}
     _compile.keep_in(tmp_path)
-    for _ in range(2):  # the second time as a new process would find it
+    for _ in range(2):  # the second time as in a new process
         one, two = make(traced), make(traced)
         shapes = one.ahead(x, 2)
         assert shapes == {"sum": jax.ShapeDtypeStruct((), jnp.float64), "none": None}
@@ -144,7 +144,7 @@ def test_options_that_xla_no_longer_knows(monkeypatch):
 
 
 def test_what_users_write_is_never_kept(folder):
-    """Neither a function, whose closure and sources the name of a file cannot tell, nor a tree of a class of theirs."""
+    """Neither a function, whose closure and source a file name does not determine, nor a tree of a class of theirs."""
     assert [float(_compile.compiled_soon(lambda x, k=k: k * x)(jnp.asarray(1.0))) for k in (2, 3, 4)] == [2, 3, 4]
     assert list(folder.glob("*")) == []
 
@@ -155,7 +155,7 @@ def test_what_users_write_is_never_kept(folder):
     own = dataclasses.replace(scene, loads=(Drag("drag", "piston", "P", magnitude=1.0),))
     kept = [_compile._ours(reduced_model, jax.tree.structure({"scene": s})) for s in (scene, own)]
     assert kept == [True, False]
-    assert not _compile._ours(scene.with_mechanism, jax.tree.structure(scene))  # a method knows more than its name says
+    assert not _compile._ours(scene.with_mechanism, jax.tree.structure(scene))  # a method depends on more than its name
 
 
 def test_arrays_on_another_device():
@@ -166,7 +166,7 @@ def test_arrays_on_another_device():
 
 
 def test_what_failed_once_may_work_later(monkeypatch):
-    """Compiling may fail for want of memory."""
+    """Compilation may fail when memory is short."""
     doubled = _compile.compiled_soon(lambda x: 2 * x)
 
     def fail(*_):
@@ -189,7 +189,7 @@ def test_programs_go_with_their_function():
 
 
 def test_a_folder_that_cannot_be_written(tmp_path, ours):
-    """Nothing is left behind, and nothing fails."""
+    """No files remain, and nothing fails."""
     _compile.keep_in(tmp_path)
     (tmp_path / "taken").mkdir()
     _compile._write(tmp_path / "taken", b"content")
@@ -199,7 +199,7 @@ def test_a_folder_that_cannot_be_written(tmp_path, ours):
 
 
 def test_a_damaged_file_that_cannot_be_deleted(folder, ours, monkeypatch):
-    """In a folder that several people share: made anew all the same, and only once."""
+    """In a folder shared by several users: compiled again nevertheless, and only once."""
     tree, traced = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}, []
     make(traced)(tree, power=2)
     (file,) = folder.glob("linkjax-*")
@@ -227,7 +227,7 @@ print(solved(jnp.diag(jnp.asarray([2.0, 4.0])), jnp.ones(2)))
 
 
 def test_linear_algebra_in_a_program_that_is_read_first(tmp_path):
-    """Of a process that has not lowered any."""
+    """In a process that has not lowered any."""
     for _ in range(2):
         done = subprocess.run([sys.executable, "-c", ALONE, str(tmp_path)], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (0, "[0.5  0.25]\n")

@@ -1,7 +1,7 @@
-"""What an analysis costs, against the counts that are kept: plain scenes must not become dearer unnoticed.
+"""Cost of an analysis, against the stored counts: plain scenes must not become more expensive unnoticed.
 
-Where a count is off and ought to be, renew the file, `python -m benchmarks.cost --compiled --write`, and say in the
-commit what made it dearer.
+If a count changes for a good reason, renew the file, `python -m benchmarks.cost --compiled --write`, and give the
+reason in the commit.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pytest
 from benchmarks.cost import NAMES, OF_SCENES, cost, kept, loops, programs, steps
 
 WITHIN = 0.03
-ANOTHER = 0.25  # with another version of jax than the one that was counted with, which may lower a little differently
+ANOTHER = 0.25  # with another version of jax than that of the counts, which may lower slightly differently
 PLAIN = "slider-crank"
 EVERY = [(scene, program) for scene in NAMES for program in programs(scene)]
 
@@ -43,12 +43,12 @@ def test_every_scene_as_it_leaves_the_compiler(scene, program):
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", kept().get("steps", {}))
 def test_the_steps_along_a_path(scene):
-    """Their number follows the motion of the links, to a step or two where roundings decide."""
+    """Their number depends on the motion of the links, to a step or two because of rounding."""
     assert steps(scene) == pytest.approx(kept()["steps"][scene], rel=WITHIN)
 
 
 def test_trips_are_counted():
-    """Three by two trips, one of them in a loop that the data end."""
+    """Three by two iterations, one of them in a loop that the data end."""
 
     def ends(x):
         return jax.lax.while_loop(lambda x: x < 9.0, lambda x: 2 * x, x)

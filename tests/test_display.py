@@ -1,4 +1,4 @@
-"""Numbers as people read them: prefixes, chosen units, digits that an error leaves."""
+"""Number formats for output: prefixes, chosen units, digits within the error."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Documentation that cannot rot: examples run, links lead somewhere, what is named exists."""
+"""Documentation that stays correct: examples run, links lead to pages, named objects exist."""
 
 import doctest
 import importlib

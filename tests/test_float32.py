@@ -1,4 +1,4 @@
-"""What single precision leaves: by comparison, and a warning where it is fewer than four digits."""
+"""Accuracy in single precision: by comparison, and a warning where it is fewer than four digits."""
 
 import math
 import subprocess
@@ -36,7 +36,7 @@ QUICK = "rolling-eccentric"
 
 
 def table() -> dict[str, dict[str, float]]:
-    """What docs/hard-cases.md tells of every scene, by part."""
+    """The table of docs/hard-cases.md for every scene, by part."""
     text = (ROOT / "docs/hard-cases.md").read_text(encoding="utf-8")
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
     return {
@@ -48,8 +48,8 @@ def table() -> dict[str, dict[str, float]]:
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n != QUICK)) for n in NAMES])
 def test_the_digits_that_are_told(name):
-    """Within half a digit, for roundings differ between processors. δ is one number, not the worst of many: more than
-    six digits of it are chance."""
+    """Within half a digit, because rounding differs between processors. δ is one number, not the worst of many: more
+    than six digits of it are accidental."""
     found, told = (
         {part: min(x, 6.0) if part == "delta" else x for part, x in of.items()} for of in (digits(name), table()[name])
     )
@@ -58,7 +58,7 @@ def test_the_digits_that_are_told(name):
 
 @pytest.mark.slow
 def test_digits_of_a_scene():
-    """Six or seven of places and coefficients; of δ as many as a process of its own gets in float32."""
+    """Six or seven for positions and coefficients; for δ as many as in a separate process in float32."""
     found = float32_digits(lj.load("slider-crank"))
     assert all(5.5 < found[part] < 7.5 for part in ("position", "coefficients", "drive_torque"))
     run = subprocess.run([sys.executable, "-c", DELTA], capture_output=True, text=True, check=True)
@@ -70,7 +70,7 @@ def test_digits_of_a_scene():
 @pytest.mark.slow
 @pytest.mark.parametrize(("length", "warned"), [("0.200001", True), ("0.25", False)])
 def test_a_warning_near_a_dead_position(length, warned):
-    """A dyad that stretches to a millionth, and one that is far from it."""
+    """A dyad that is a millionth from its stretched position, and one far from it."""
     run = subprocess.run(
         [sys.executable, "-c", NEARLY.replace("X", length)], capture_output=True, text=True, check=True
     )
@@ -78,7 +78,7 @@ def test_a_warning_near_a_dead_position(length, warned):
 
 
 def test_a_geared_machine_that_comes_round():
-    """After two turns all is as it was, to the digits there are: its pins are never 0.27 m apart, nor 0.03 m."""
+    """After two turns the machine returns to its initial position: its pins are never 0.27 or 0.03 m apart."""
     run = subprocess.run([sys.executable, "-c", GEARED], capture_output=True, text=True, check=True)
     start, stop, free = run.stdout.split()
     assert (float(start), float(stop), free) == (0.0, 4 * math.pi, "True")

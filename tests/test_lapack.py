@@ -1,4 +1,4 @@
-"""Linear algebra of many small matrices, against NumPy's; and no batch that LAPACK's caller would wait for."""
+"""Linear algebra of many small matrices, against NumPy; and no batch for which LAPACK's caller would wait."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ import linkjax as lj
 from linkjax._lapack import WORK, inverted, pinv, sign_of_determinant, solve, svd
 from tests.physics.machines import machine
 
-HANDED_ON = 200_000  # operations from which jaxlib hands a batch to other threads: `GetLapackBatchChunkSize`
+HANDED_ON = 200_000  # operations from which jaxlib passes a batch to other threads: `GetLapackBatchChunkSize`
 EACH = {"getrf": 1, "trsm": 1, "gesdd": 10}  # operations, by the cube of the size
 
 
 @pytest.mark.parametrize("n", [1, 2, 9, 30])
 @pytest.mark.parametrize("batch", [(1,), (150, 3)])
 def test_as_numpy(n, batch):
-    """Through two vmaps, in one share or in several with a rest."""
+    """Through two vmaps, in one share or in several with a remainder."""
     rng = np.random.default_rng(n)
     a, b = rng.normal(size=(*batch, n, n)), rng.normal(size=(*batch, n, 2))
 
@@ -61,8 +61,8 @@ def test_derivatives():
 
 
 def test_no_batch_is_handed_on():
-    """Of a general group, at many crank angles of many designs: a batch that other threads must work at blocks the
-    thread it came from, and all of them where as many come at once."""
+    """Of a group of higher class, at many crank angles of many designs: a batch for other threads blocks its own
+    thread, and all threads if as many arrive simultaneously."""
     scene = machine("scissor-lift")
 
     def cycle(scale):

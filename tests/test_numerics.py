@@ -1,4 +1,4 @@
-"""Primitives: safe where they must be, exact where they can be, differentiable in every mode."""
+"""Primitives: safe where required, exact where possible, differentiable in every mode."""
 
 import itertools
 
@@ -21,7 +21,7 @@ class TestSafe:
 
     @pytest.mark.parametrize("mode", MODES)
     def test_largest(self, mode):
-        """Of several that are equal, one counts; of one alone, that."""
+        """Of several equal values one counts; of a single value, that one."""
         for values, slope in (([1.0, 3.0, 2.0], [0.0, 1.0, 0.0]), ([5.0, 1.0, 5.0], [1.0, 0.0, 0.0])):
             x = jnp.asarray(values)
             assert largest(x) == max(values)

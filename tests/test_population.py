@@ -1,4 +1,4 @@
-"""Many designs at once: the same as one by one, whatever their number."""
+"""Many designs simultaneously: the same as one by one, for any number."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Precision is the user's choice, and what single precision costs is said."""
+"""Precision is the user's choice, and the loss in single precision is reported."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What of an analysis is worth a number, on the screen and in the report."""
+"""Significant results of an analysis, on the screen and in the report."""
 
 import math
 import re
@@ -14,7 +14,7 @@ from tests.test_cli_at import SLIDER_CRANK
 
 
 def synthetic(force: float, error: float, least: float, torque: float = 0.0, mean: float = 0.0) -> dict:
-    """A document of one joint whose force lies between two sizes, beside one of 1 kN, and of the drive torque."""
+    """A document of one joint whose force is between two sizes, beside one of 1 kN, and of the drive torque."""
     angles = np.linspace(0.0, 6.0, 12)
     size = np.linspace(least, force, 12) if math.isfinite(force) else np.full(12, math.nan)
     joint = {"fx": 0.6 * size, "fy": -0.8 * size, "moment": 0.0 * size}
@@ -31,7 +31,7 @@ def synthetic(force: float, error: float, least: float, torque: float = 0.0, mea
 
 
 def told(key: str, *numbers: float) -> tuple[float, bool]:
-    """The value told of a peak, and whether it has an angle."""
+    """The reported value of a peak, and whether it has an angle."""
     value, angle, _ = peak_told(synthetic(*numbers), key)
     return value, math.isfinite(angle)
 
@@ -42,7 +42,7 @@ def test_peaks():
     assert told("reaction.B.rod", 5.0, 1e-6, 5.0 - 1e-5) == (5.0, True)
     assert told("reaction.B.rod", 1e-10, 1e-20, 0.0) == (0.0, False)  # rounding beside 1 kN
     assert told("reaction.B.rod", 5.0, 6.0, 0.0) == (0.0, False)  # below its error
-    assert told("reaction.B.rod", math.inf, 1.0, 0.0) == (math.inf, True)  # no bound, at a change point
+    assert told("reaction.B.rod", math.inf, 1.0, 0.0) == (math.inf, True)  # unbounded, at a change point
     assert told("reaction.B.rod", 5.0, math.inf, 0.0)[0] == 5.0
     assert told("drive_torque", 5.0, 1.0, 0.0, 360.0, -360.0) == (360.0, False)
     assert told("drive_torque", 5.0, 1.0, 0.0, 360.0, 359.0) == (360.0, True)
@@ -58,12 +58,12 @@ def test_measures_of_an_optimisation():
 
 
 def test_the_report_of_a_machine_that_idles():
-    """Without load or weight neither the constant torque nor its power is anything but zero."""
+    """Without load or weight the constant torque and its power are exactly zero."""
     scene = loads_text(SLIDER_CRANK)
     data = document(lj.analyse(scene, angles=36))
     text = _tables.results(Cells(), data, scene) + re.sub(r"± ?[^<]*", "", _tables.peaks(Cells(), data))
     row = re.search(r"drive torque</th>(.*?)</tr>", _tables.peaks(Cells(), data))
     assert row and re.findall(r">([^<]*)</td>", row[1])[0] == "0 N·m"
-    assert re.search(r"drive torque, constant</th><td[^>]*>0 N·m<", text)
-    assert re.search(r"drive power, mean</th><td[^>]*>0 W<", text)
+    assert re.search(r"mean drive torque</th><td[^>]*>0 N·m<", text)
+    assert re.search(r"mean drive power</th><td[^>]*>0 W<", text)
     assert not re.search(r"\d (nN|nW|µW)", text)

@@ -1,1 +1,1 @@
-"""What an engineer would write without linkjax: the hay press by hand, in NumPy, SciPy and numba."""
+"""Programs written without linkjax, as an engineer would: the hay press in NumPy, SciPy and numba."""

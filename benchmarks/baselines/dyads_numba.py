@@ -2,7 +2,7 @@
 """Baseline: positions, first and second coefficients of three machines, written by hand and compiled by numba.
 
 Four-bar, quick-return and Stephenson III six-bar from the closed forms of their dyads, with prange and fastmath. A row
-of the result holds r, r', r'' (x and y) of the moving pins, then ω', ε' of the links that were closed.
+of the result contains r, r', r'' (x and y) of the moving pins, then ω', ε' of the links of the dyads.
 """
 
 import math

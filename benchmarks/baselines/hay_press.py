@@ -1,7 +1,7 @@
 """The hay press in plain NumPy, written by hand with analytic first and second derivatives.
 
-What an engineer would write without linkjax; used by the other baselines here. SI units.
-The load is the benchmark's own: 30 kN opposing the slider between 90 and 335 degrees of crank angle
+As an engineer would write it without linkjax; used by the other baselines. SI units.
+The load is specific to the benchmark: 30 kN opposing the slider between 90 and 335 degrees of crank angle
 (the study's scene puts it on the rocker), flywheel 40 kg m2 on the crank, time-mean speed 73.27 rad/s.
 Reference: delta = 0.0903376817, constant drive torque 3909.79995 N m, speed at 0 degrees 74.65753055 rad/s.
 """

@@ -1,5 +1,5 @@
 # pyright: reportMissingImports=false
-"""Baseline: the same formulas compiled by numba with prange and fastmath, the speed that hand work reaches.
+"""Baseline: the same formulas compiled by numba with prange and fastmath, the speed of hand-written code.
 
 Run: python kinematics_numba.py   (needs numba)   prints crank positions per second, all cores.
 """
@@ -8,7 +8,7 @@ import math
 import os
 import time
 
-os.environ.setdefault("NUMBA_THREADING_LAYER", "omp")  # the steadiest one
+os.environ.setdefault("NUMBA_THREADING_LAYER", "omp")  # the most reproducible layer
 
 import numba as nb
 import numpy as np
@@ -30,7 +30,7 @@ def _kernel_source():
 
 
 _scope = {"sqrt": math.sqrt, "cos": math.cos, "sin": math.sin, "GRAVITY": 9.81}
-exec(_kernel_source(), _scope)  # the scalar twin of hay_press.coefficients
+exec(_kernel_source(), _scope)  # the scalar version of hay_press.coefficients
 kernel = nb.njit(fastmath=True)(_scope["kernel"])
 
 

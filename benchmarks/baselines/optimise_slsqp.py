@@ -1,8 +1,8 @@
-"""Baseline: least peak shaking force by counterweights, SciPy SLSQP with finite differences, ten starts.
+"""Baseline: minimum peak shaking force by counterweights, SciPy SLSQP with finite differences, ten starts.
 
 Problem 1: crank and rocker counterweights as Cartesian mass-radius products (kg m), |crank| <= 30, |rocker| <= 10.
 Problem 2: also l2 in 0.9..1.2, l4 in 0.45..0.56, l5 in 0.28..0.36 with |cos(transmission angle)| <= 0.99
-(masses, mass centres and the point E stay where they are). Constant speed 73.27 rad/s, 360 angles; the peak is
+(masses, mass centres and the point E do not change). Constant speed 73.27 rad/s, 360 angles; the peak is
 minimised as an epigraph (min t, |F_n|^2 <= t^2). A counterweight adds no mass elsewhere and no inertia.
 Run: python -m benchmarks.baselines.optimise_slsqp   prints best peak (kN), cycle evaluations and wall time.
 """

@@ -1,5 +1,5 @@
 # pyright: basic, reportPossiblyUnboundVariable=false, reportAttributeAccessIssue=false
-"""Baseline: the steady cycle with SciPy's ODE solvers and with the textbook's 12..360 positions.
+"""Baseline: the steady cycle with the ODE solvers of SciPy and with 12 to 360 positions as in textbooks.
 
 Run: python steady_scipy.py   prints wall time and the relative error of delta for each method.
 """
@@ -22,7 +22,7 @@ def torque(phi, gravity, slider):
 
 
 def trapezoid(count):
-    """The textbook's way: equal steps, trapezoid work, extremes on the grid."""
+    """The method of the textbooks: equal steps, trapezoidal rule for the work, extremes on the grid."""
     phi = np.arange(count) * 2 * np.pi / count
     inertia, _, gravity, slider, *_ = coefficients(DESIGN, phi)
     inertia = inertia + FLYWHEEL
@@ -38,7 +38,7 @@ def trapezoid(count):
 
 
 def shooting(method):
-    """Integrate a cycle from break to break; solve for the drive torque and the starting speed."""
+    """Integrate a cycle between discontinuities; solve for the drive torque and the starting speed."""
 
     def rhs(phi, state, drive):
         inertia, slope, gravity, slider, *_ = coefficients(DESIGN, phi, math.sqrt, math.cos, math.sin)

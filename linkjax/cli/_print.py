@@ -93,7 +93,7 @@ def _drive(mechanism: Mechanism, show: Numbers) -> str:
 
 def print_structure(found: Structure) -> None:
     """Print mobility, structural formulas, and the joints of every group."""
-    console.print(f"mobility   {found.mobility_told()}", highlight=False)
+    console.print(f"mobility   {found.mobility_formula()}", highlight=False)
     console.print(f"structure  {found.formula()}", highlight=False)
     console.print(f"numbered   {found.formula(numbers=True)}", highlight=False)
     console.print(f"pairs      {found.formula(letters=True)}\n", highlight=False)

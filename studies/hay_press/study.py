@@ -1,4 +1,4 @@
-"""The hay press of a thesis: what it printed beside what linkjax computes, then the press redesigned.
+"""The hay press of a thesis: printed values compared with those of linkjax, then the press optimised.
 
 Run: python -m studies.hay_press.study [OUT]       tables on the screen, shaking_force.png in OUT (default: here)
 """
@@ -20,7 +20,7 @@ BLUE, GREY = "#0072B2", "#8a8a8a"
 
 
 def compared(press: lj.Scene) -> list[tuple[str, jax.Array, float, float]]:
-    """All that the thesis prints for 45 degrees, but for its misprints: name, ours, printed, what it may differ by."""
+    """All values that the thesis prints for 45 degrees, without its misprints: name, ours, printed, tolerance."""
     parts = jax.jit(lambda scene, phi: (lj.pose(scene.mechanism, phi), lj.reduced_model(scene, phi).inertia))
     at, inertia = parts(press, jnp.radians(45.0))
     rows = []
@@ -40,7 +40,7 @@ def compared(press: lj.Scene) -> list[tuple[str, jax.Array, float, float]]:
 def draw(before: lj.Cycle, after: lj.Cycle, path: Path) -> None:
     """Shaking force at constant speed, before and after: as a hodograph and over the crank angle."""
     figure, (polar, course) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained", width_ratios=(1.2, 1))
-    for cycle, label, colour in ((before, "as drawn", GREY), (after, "redesigned", BLUE)):
+    for cycle, label, colour in ((before, "original design", GREY), (after, "optimised", BLUE)):
         force = cycle.forces_constant_speed.shaking
         fx, fy = (np.append(f, f[0]) / 1e3 for f in (force.fx, force.fy))
         polar.plot(fx, fy, color=colour, label=label)
@@ -52,7 +52,7 @@ def draw(before: lj.Cycle, after: lj.Cycle, path: Path) -> None:
 
 
 def main(out: Path = HERE) -> None:
-    """Print both tables, draw the figure."""
+    """Print both tables and draw the figure."""
     lj.enable_x64()
     print(f"{'at 45 degrees':18s}{'linkjax':>12s}{'printed':>12s}{'difference':>13s}")
     for name, ours, printed, _ in compared(lj.load("hay-press")):

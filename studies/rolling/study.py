@@ -1,4 +1,4 @@
-"""Rolling bodies of wanted sizes: what an eccentricity asks of the outer ring, and the rings for two given bodies.
+"""Rolling bodies of given sizes: the outer ring as a function of the eccentricity, and the rings for two given sizes.
 
 Run: python -m studies.rolling.study [OUT]       tables on the screen, rings.png in OUT (default: here)
 """
@@ -22,10 +22,10 @@ BLUE, VERMILION, GREY = "#0072B2", "#D55E00", "#8a8a8a"
 
 
 def asked(bodies: int, start: float = 0.0) -> Rolling:
-    """The rings between which the largest of so many bodies has the wanted radius, and the smallest too.
+    """The rings between which the largest and the smallest of so many bodies have the given radii.
 
-    Newton's method on three equations, closing and the two sizes, from the rings whose extreme bodies stand on the line
-    of centres.
+    Newton's method on three equations, closure and the two sizes. It starts from the rings whose extreme bodies are on
+    the line of centres.
     """
     guess = rings_for(LARGEST, SMALLEST, bodies)
 
@@ -45,13 +45,13 @@ def asked(bodies: int, start: float = 0.0) -> Rolling:
 
 @jax.jit
 def course(e: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Outer radius that closes eight bodies on the inner ring of the prototype, their largest and smallest radius."""
+    """Outer radius that closes eight bodies on the inner ring of the prototype; their largest and smallest radius."""
     outer = closing_outer_radius(INNER, 8, e)
     return outer, 0.5 * (outer + e - INNER), 0.5 * (outer - e - INNER)
 
 
 def draw(design: Rolling, path: Path) -> None:
-    """The course over the eccentricity, and the seven bodies between their rings."""
+    """The radii over the eccentricity, and the seven bodies between their rings."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
     e = jnp.linspace(0.0, 0.03, 61)
     outer, largest, smallest = jax.vmap(course)(e)
@@ -77,7 +77,7 @@ def draw(design: Rolling, path: Path) -> None:
 
 
 def main(out: Path = HERE) -> None:
-    """Print the tables, draw the figure."""
+    """Print the tables and draw the figure."""
     lj.enable_x64()
     print(f"{'eccentricity':>14s}{'outer ring':>14s}{'largest':>12s}{'smallest':>12s}  [mm], inner ring 40, 8 bodies")
     for e in (0.0, 0.002, 0.005, 0.010, 0.020, 0.030):

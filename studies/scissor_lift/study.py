@@ -1,4 +1,4 @@
-"""A scissor lift: printed forces beside ours, then the cylinder's anchors chosen for the smallest peak force.
+"""A scissor lift: printed forces compared with ours, then the cylinder anchors optimised for the smallest peak force.
 
 Run: python -m studies.scissor_lift.study [OUT]       tables on the screen, two figures in OUT (default: here)
 """
@@ -25,32 +25,32 @@ HERE = Path(__file__).parent
 HALF, EYE, LOAD, PAIRS = 1.47, 0.5, 3125.0, 2
 LOW, HIGH = math.radians(11.2), math.radians(45.0)
 CLOSED = 2 * HALF * math.sin(LOW)  # height of the lowered platform
-RATIO = 1.8  # of the cylinder's greatest to its least length
+RATIO = 1.8  # of the maximum to the minimum cylinder length
 ALPHA = np.radians([11.2, 15, 20, 25, 30, 35, 40, 45])
 PRINTED_BETA = (21.907, 28.554, 36.472, 43.442, 49.541, 54.885, 59.595, 63.785)
 PRINTED_FORCE = {11.2: 66530.0, 45.0: 27448.0}  # two pairs
-PRINTED_FRAME = {11.2: 66630.71, 45.0: 27459.84}  # the same by a bar model in three dimensions
+PRINTED_FRAME = {11.2: 66630.71, 45.0: 27459.84}  # the same from a bar model in three dimensions
 PRINTED_JOINTS = (3125.0, 3125.0, 0.0, -2209.12, 2210.87)  # R, T, Q, X, Y of one pair, at both of these angles
 AS_DRAWN = np.array([EYE, 0.0, 0.0])
 BLUE, VERMILION, GREY = "#0072B2", "#D55E00", "#8a8a8a"
 
 
 class Driven(NamedTuple):
-    """The lift as its cylinder drives it: angles (rad), cylinder length (m) and force, the joints of one pair (N)."""
+    """The lift driven by its cylinder: angles (rad), cylinder length (m) and force, joint forces of one pair (N)."""
 
     alpha: jax.Array
     beta: jax.Array
     length: jax.Array
     force: jax.Array  # both pairs
-    feet: jax.Array  # R, across at the roller; T and Q, across and along at the fixed foot with the cylinder's bearing
-    hinge: jax.Array  # X and Y, on the brace, along and across
+    feet: jax.Array  # R, vertical, at the roller; T, vertical, and Q, horizontal, at fixed foot and cylinder bearing
+    hinge: jax.Array  # X, horizontal, and Y, vertical, on the brace
     torque: jax.Array  # drive torque (N m), both pairs
 
 
 def lift(anchors) -> lj.Scene:
-    """Both pairs, whose bars follow a cosine from lowest to highest and back while the cylinder drives.
+    """Both pairs. The bar angle follows a cosine from lowest to highest and back while the cylinder drives.
 
-    `anchors`: the eye's distance above the centre hinge on the brace, and the base's place on the frame.
+    `anchors`: the distance of the eye above the centre hinge on the brace, and the position of the base on the frame.
     """
     eye, x, y = anchors
     mechanism = lj.scissor_lift(2 * HALF, eye, LOW, HIGH, base=lj.Vec(x, y), pairs=PAIRS, by_bar=True)
@@ -61,7 +61,7 @@ def lift(anchors) -> lj.Scene:
 
 @jax.jit
 def at_phases(scene: lj.Scene, phi) -> Driven:
-    """Where the cosine stands at these phases (rad)."""
+    """The lift at these phases (rad) of the cosine."""
     scene = scene.with_mechanism(prepared(scene.mechanism))
 
     def at(phi):
@@ -88,13 +88,13 @@ def at_phases(scene: lj.Scene, phi) -> Driven:
 
 
 def driven(alpha: np.ndarray, anchors: Sequence[float] | np.ndarray = AS_DRAWN) -> Driven:
-    """Forces where the bars stand at these angles."""
+    """Forces at these bar angles."""
     swing = np.arccos(np.clip(1 - 2 * (alpha - LOW) / (HIGH - LOW), -1, 1))
     return jax.device_get(at_phases(lift(anchors), jnp.asarray(swing)))
 
 
 def work(anchors) -> float:
-    """What the cylinder does (J) while it raises the lift: a sum of 40 nodes, exact to rounding."""
+    """Work of the cylinder (J) while it raises the lift: quadrature with 40 nodes, exact to rounding."""
     nodes, weights = np.polynomial.legendre.leggauss(40)
     torque = at_phases(lift(anchors), jnp.asarray(0.5 * math.pi * (1 + nodes))).torque
     return 0.5 * math.pi * float(np.sum(weights * np.asarray(torque)))
@@ -102,7 +102,7 @@ def work(anchors) -> float:
 
 @jax.jit
 def peak(anchors) -> Peak:
-    """Largest force of the cylinder over the continuous stroke, both pairs, with the phase and a bound of the error."""
+    """Largest force of the cylinder over the continuous stroke, both pairs, with its phase and an error bound."""
 
     def push(regime, place):
         force = kinetostatics(regime.scene, place.phi, *regime.crank(place)).reactions["rod.drive"]["rod"]
@@ -112,7 +112,7 @@ def peak(anchors) -> Peak:
 
 
 def by_bar(eye) -> lj.Scene:
-    """One pair turned by its bar: the crank angle is the bar's, and the cylinder's eye a point of the brace."""
+    """One pair driven by its bar: the crank angle is the bar angle, and the cylinder eye is a point of the brace."""
     links = {
         "bar": lj.Link(length=2 * HALF, points={"C": lj.Vec(HALF, 0.0)}),
         "brace": lj.Link(length=HALF, points={"E": lj.Vec(-eye, 0.0), "U": lj.Vec(-HALF, 0.0)}),
@@ -124,7 +124,7 @@ def by_bar(eye) -> lj.Scene:
 
 
 def lengths(anchors, alpha):
-    """Cylinder length (m), its slope over the bar's angle, and the torque that holds the bar (N m), one pair."""
+    """Cylinder length (m), its slope over the bar angle, and the torque that holds the bar (N m), one pair."""
     eye, x, y = anchors
     scene = by_bar(eye)
     at = lj.pose(scene.mechanism, alpha).points["E"]
@@ -135,13 +135,13 @@ def lengths(anchors, alpha):
 
 @jax.jit
 def course(anchors, alpha):
-    """Cylinder length and force of one pair over the bar's angle."""
+    """Cylinder length and force of one pair over the bar angle."""
     length, slope, torque = jax.vmap(lengths, (None, 0))(anchors, alpha)
     return length, torque / slope
 
 
 def best(points: int = 60) -> np.ndarray:
-    """Anchors of the smallest peak force: SLSQP on the greatest force, with gradients of every angle's share."""
+    """Anchors of the smallest peak force: SLSQP on the largest force, with the gradients at all angles."""
     alpha = jnp.linspace(LOW, HIGH, points)
 
     def limits(x):
@@ -164,7 +164,7 @@ def best(points: int = 60) -> np.ndarray:
 
 
 def draw_forces(path: Path) -> None:
-    """Cylinder force, feet and hinge over the stroke, two pairs on the cylinder."""
+    """Cylinder force, feet and hinge over the stroke, with two pairs on the cylinder."""
     alpha = np.linspace(LOW, HIGH, 61)
     lift = driven(alpha)
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.8), layout="constrained")
@@ -172,9 +172,9 @@ def draw_forces(path: Path) -> None:
     for degrees, printed in PRINTED_FORCE.items():
         left.plot(degrees, printed / 1e3, "o", color=VERMILION, label="printed" if degrees == 45 else None)
     left.set(xlabel="bar angle [°]", ylabel="[kN]", ylim=(0, None), title="Cylinder force")
-    right.plot(np.degrees(alpha), lift.hinge[0] / 1e3, color=BLUE, label="hinge, along")
-    right.plot(np.degrees(alpha), lift.hinge[1] / 1e3, color=BLUE, linestyle="--", label="hinge, across")
-    right.plot(np.degrees(alpha), lift.feet[0] / 1e3, color=GREY, label="each foot, across")
+    right.plot(np.degrees(alpha), lift.hinge[0] / 1e3, color=BLUE, label="hinge, horizontal")
+    right.plot(np.degrees(alpha), lift.hinge[1] / 1e3, color=BLUE, linestyle="--", label="hinge, vertical")
+    right.plot(np.degrees(alpha), lift.feet[0] / 1e3, color=GREY, label="each foot, vertical")
     right.set(xlabel="bar angle [°]", ylabel="[kN]", title="Forces of one pair")
     for axes in (left, right):
         axes.legend(frameon=False)
@@ -185,7 +185,7 @@ def draw_anchors(after: np.ndarray, path: Path) -> None:
     """The lift with both cylinders, low and high, and both forces over the stroke."""
     figure, (low, high, force) = plt.subplots(1, 3, figsize=(12, 3.8), layout="constrained", width_ratios=(1.3, 1, 1))
     alpha = jnp.linspace(LOW, HIGH, 121)
-    for anchors, colour, label in ((AS_DRAWN, GREY, "as drawn"), (after, BLUE, "chosen")):
+    for anchors, colour, label in ((AS_DRAWN, GREY, "original"), (after, BLUE, "optimised")):
         eye, x, y = anchors
         force.plot(np.degrees(alpha), PAIRS * np.asarray(course(anchors, alpha)[1]) / 1e3, color=colour, label=label)
         for axes, angle in ((low, LOW), (high, HIGH)):
@@ -200,13 +200,13 @@ def draw_anchors(after: np.ndarray, path: Path) -> None:
 
 
 def print_table() -> None:
-    """Ours beside what is printed, of two pairs where it says 2P, else of one."""
+    """Our values beside the printed ones: 2P for two pairs, otherwise for one pair."""
     found = driven(ALPHA)
     print("".join(f"{head:>11s}" for head in ("angle [deg]", "beta [deg]", "printed", "2P [N]", "printed", "FE")))
     for i, degrees in enumerate(np.round(np.degrees(ALPHA), 1)):
         printed = (f"{table.get(degrees, ''):>11}" for table in (PRINTED_FORCE, PRINTED_FRAME))
-        told = f"{degrees:11.1f}{np.degrees(found.beta[i]):11.4f}{PRINTED_BETA[i]:11.3f}{found.force[i]:11.2f}"
-        print(told + "".join(printed))
+        ours = f"{degrees:11.1f}{np.degrees(found.beta[i]):11.4f}{PRINTED_BETA[i]:11.3f}{found.force[i]:11.2f}"
+        print(ours + "".join(printed))
     print("\n" + "".join(f"{head:>11s}" for head in ("angle [deg]", "R [N]", "T [N]", "Q [N]", "X [N]", "Y [N]")))
     for i, degrees in enumerate(np.round(np.degrees(ALPHA), 1)):
         row = (*found.feet[:, i], *found.hinge[:, i])
@@ -217,18 +217,18 @@ def print_table() -> None:
 
 
 def main(out: Path = HERE) -> None:
-    """Print the tables, draw the figures."""
+    """Print the tables and draw the figures."""
     lj.enable_x64()
     print_table()
     after = best()
     heads = ("eye [m]", 20), ("base [m]", 18), ("length [m]", 18), ("ratio", 8), ("peak 2P [N]", 14), ("work [J]", 12)
     print("\n" + "".join(f"{head:>{width}s}" for head, width in heads))
-    for label, anchors in (("as drawn", AS_DRAWN), ("chosen", after)):
+    for label, anchors in (("original", AS_DRAWN), ("optimised", after)):
         (short, long), top = driven(np.array([LOW, HIGH]), anchors).length, peak(anchors)
         spans = f"{anchors[0]:10.4f}{anchors[1]:10.4f}{anchors[2]:8.4f}{short:10.4f}{long:8.4f}"
         print(f"{label:10s}{spans}{long / short:8.4f}{top.value:14.2f}{work(anchors):12.2f}")
-        print(f"{'':10s}the peak is at phase {top.angle:.2g} of the continuous stroke, to {top.error:.0e} N")
-    print(f"what the loads gain [J]: {2 * PAIRS * LOAD * 2 * HALF * (math.sin(HIGH) - math.sin(LOW)):.2f}")
+        print(f"{'':10s}the peak is at phase {top.angle:.2g} of the continuous stroke, error below {top.error:.0e} N")
+    print(f"potential energy of the loads [J]: {2 * PAIRS * LOAD * 2 * HALF * (math.sin(HIGH) - math.sin(LOW)):.2f}")
     out.mkdir(parents=True, exist_ok=True)
     draw_forces(out / "forces.png")
     draw_anchors(after, out / "anchors.png")

@@ -1,4 +1,4 @@
-"""A coursework on the two-cylinder machine: its sums over twelve positions beside the exact cycle.
+"""A coursework on the two-cylinder machine: its sums over twelve positions compared with the exact cycle.
 
 Run: python -m studies.two_cylinder.study [OUT]       tables on the screen, twelve_positions.png in OUT (default: here)
 """
@@ -19,10 +19,10 @@ BLUE, VERMILION, GREY = "#0072B2", "#D55E00", "#8a8a8a"
 
 
 class Sums(NamedTuple):
-    """What the coursework tabulates, position 0 to its repetition.
+    """The table of the coursework, from position 0 to the end of the turn.
 
-    Angles (rad), reduced torque of weights and forces (N m), its work, the constant drive torque (one number),
-    its work, and the sum of both works, the change of kinetic energy (J).
+    Angles (rad), reduced torque of weights and forces (N m), its work (J), the constant drive torque (N m, one number),
+    its work (J), and the sum of both works, the change of kinetic energy (J).
     """
 
     angles: np.ndarray
@@ -34,7 +34,7 @@ class Sums(NamedTuple):
 
 
 def sums(scene: lj.Scene, positions: int = 12) -> Sums:
-    """The coursework's way: reduced torque at so many positions, trapezoids between them."""
+    """The method of the coursework: reduced torque at so many positions, trapezoidal rule."""
     angles = np.linspace(0.0, 2 * np.pi, positions + 1)
     torque = np.asarray(jax.vmap(lambda phi: lj.reduced_model(scene, phi).torque)(jnp.asarray(angles)))
     work = np.concatenate([[0.0], np.cumsum(0.5 * (torque[1:] + torque[:-1]) * (2 * np.pi / positions))])
@@ -43,7 +43,7 @@ def sums(scene: lj.Scene, positions: int = 12) -> Sums:
 
 
 def exact(scene: lj.Scene, angles: int = 720) -> Sums:
-    """The same of the exact cycle; the energy is that of the moving links at their true speed."""
+    """The same for the exact cycle; the energy is that of the moving links at their actual speed."""
     cycle = lj.analyse(scene, angles=angles)
     ends = np.linspace(0.0, 2 * np.pi, angles + 1)
     energy = np.asarray(0.5 * cycle.reduced.inertia * cycle.speed**2)
@@ -53,7 +53,7 @@ def exact(scene: lj.Scene, angles: int = 720) -> Sums:
 
 
 def draw(coarse: Sums, fine: Sums, path: Path) -> None:
-    """Torques, work and energy of both ways over the crank angle."""
+    """Torque, work and energy of both methods over the crank angle."""
     figure, panels = plt.subplots(1, 3, figsize=(12, 3.8), layout="constrained")
     parts = (
         ("resistance", "reduced torque [N·m]"),
@@ -71,7 +71,7 @@ def draw(coarse: Sums, fine: Sums, path: Path) -> None:
 
 
 def main(out: Path = HERE) -> None:
-    """Print the tables, draw the figure."""
+    """Print the tables and draw the figure."""
     lj.enable_x64()
     scene = lj.load("two-cylinder")
     coarse, fine = sums(scene), exact(scene)
@@ -87,8 +87,8 @@ def main(out: Path = HERE) -> None:
     for count in (12, 24, 36, 72, 360):
         each = sums(scene, count)
         errors = each.drive / fine.drive - 1, np.ptp(each.energy) / span - 1
-        told = f"{each.drive:14.6f}{each.resistance_work[-1]:14.6f}{errors[0]:10.3%}"
-        print(f"{count:12d}{told}{np.ptp(each.energy):18.4f}{errors[1]:10.3%}")
+        start = f"{each.drive:14.6f}{each.resistance_work[-1]:14.6f}{errors[0]:10.3%}"
+        print(f"{count:12d}{start}{np.ptp(each.energy):18.4f}{errors[1]:10.3%}")
     print(f"{'exact':>12s}{fine.drive:14.6f}{fine.resistance_work[-1]:14.6f}{'':10s}{span:18.4f}")
     out.mkdir(parents=True, exist_ok=True)
     draw(coarse, fine, out / "twelve_positions.png")

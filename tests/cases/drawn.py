@@ -1,7 +1,7 @@
-"""Scene files by another road: what a file draws is read here from its text, and its joints are closed in NumPy.
+"""Scene files by an independent method: the drawing is read from the text of a file, its joints are closed in NumPy.
 
-Nothing of linkjax is used. Every link has a place and an angle; pins, slots and gears are equations between them, which
-Newton's method closes from one crank angle to the next. A range ends at a fold, where the Jacobian is singular.
+Nothing of linkjax is used. Every link has a position and an angle; pins, slots and gears are equations between them,
+which Newton's method closes from one crank angle to the next. A range ends at a fold, where the Jacobian is singular.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.optimize import root
 
 UNITS = {"": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048, "deg": math.pi / 180}
 STEP = math.radians(1.0)
-NEAR = 1e-4  # rad: how near to a fold the walk comes before it is sharpened
+NEAR = 1e-4  # rad: distance to a fold at which its position is refined
 
 
 def quantity(text: Any) -> float:
@@ -31,14 +31,14 @@ def place(pair: Any) -> complex:
 
 
 class Bar(NamedTuple):
-    """A link: where its points are in its own axes, and the angle of these as drawn."""
+    """A link: its points in its own axes, and the angle of these axes as drawn."""
 
     points: dict[str, complex]
     drawn: float
 
 
 class Figure:
-    """What a scene file draws."""
+    """The content of a scene file."""
 
     def __init__(self, path: Path):
         self.table = table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -67,12 +67,12 @@ class Figure:
 
     @property
     def size(self) -> float:
-        """The largest distance of two points (m)."""
+        """The largest distance between two points (m)."""
         every = np.array(list(self.spots.values()))
         return float(np.abs(every[:, None] - every).max())
 
     def _crank(self, drive: dict[str, Any]) -> None:
-        """The pins of a crank, where its length and phase are given instead."""
+        """The pins of a crank if its length and phase are given instead."""
         link = self.table["links"][drive["link"]]
         if "phase" in drive and "length" in link:
             one, two = link["pins"][:2]
@@ -114,7 +114,7 @@ class Figure:
     # ---- equations
 
     def start(self) -> np.ndarray:
-        """All places and angles as drawn."""
+        """All positions and angles as drawn."""
         x = []
         for name, bar in self.bars.items():
             pin = self.table["links"][name]["pins"][0]
@@ -132,7 +132,7 @@ class Figure:
         return x[i] + at.real * c - at.imag * s, x[i + 1] + at.real * s + at.imag * c
 
     def way(self, x, block: str):
-        """How far along and beside the guide a block is."""
+        """The position of a block along and beside its guide."""
         guide = self.slots[block]
         on, pin = guide.get("on", "frame"), self.table["links"][block]["pins"][0]
         (px, py), (qx, qy) = self._point(x, block, pin), self._point(x, on, guide["through"])
@@ -141,18 +141,18 @@ class Figure:
         return dx * c + dy * s, dy * c - dx * s - quantity(guide.get("offset", 0))
 
     def moved(self, x):
-        """What the drive sets."""
+        """The coordinate that the drive prescribes."""
         return self.way(x, self.link)[0] if self.slides else self._angle(x, self.link) - self._angle(x, self.on)
 
     def told(self, phi: float, first: float) -> float:
-        """What the drive says of that at a crank angle, from where it is `first`."""
+        """The value that the drive prescribes for this coordinate at a crank angle; at the start it is `first`."""
         if self.law is None:
             return first + self.turns * phi
         start, stop = quantity(self.law["start"]) if "start" in self.law else first, quantity(self.law["stop"])
         return start + (stop - start) * (1 - math.cos(phi)) / 2
 
     def open(self, x, phi: float, begun: np.ndarray):
-        """What is left open of all joints and the drive; `begun` is where all was as drawn."""
+        """Closure errors of all joints and of the drive; `begun` is the drawn configuration."""
         first = np.real(np.ravel(self.moved(begun))[0])
         left, holders = [self.moved(x) - self.told(phi, first)], {}
         for name in self.names:
@@ -177,7 +177,7 @@ class Figure:
         return np.stack(left)
 
     def _carrier(self, wheel: str) -> str:
-        """What a wheel turns on: the frame, or the first other link at its first pin."""
+        """The carrier of a gear: the frame, or the first other link at its first pin."""
         pin = self.table["links"][wheel]["pins"][0]
         if pin in self.fixed:
             return "frame"
@@ -191,7 +191,7 @@ class Figure:
     # ---- motion
 
     def closed(self, x: np.ndarray, phi: float, begun: np.ndarray) -> np.ndarray | None:
-        """All places and angles at a crank angle, near to `x`; None where nothing closes there."""
+        """All positions and angles at a crank angle, near `x`; None if nothing closes there."""
         for step in range(12):
             gap = self.open(x, phi, begun)
             if np.max(np.abs(gap)) < 1e-14 * (self.size + 1) or (step > 5 and np.max(np.abs(gap)) < 1e-12 * self.size):
@@ -210,7 +210,7 @@ class Figure:
         return found
 
     def spots_at(self, x: np.ndarray) -> dict[str, complex]:
-        """Where all points of links are."""
+        """The positions of all points of links."""
         return {
             point: complex(*(float(part) for part in self._point(x, name, point)))
             for name in self.names
@@ -218,7 +218,7 @@ class Figure:
         }
 
     def walk(self, upto: float) -> tuple[list[tuple[float, np.ndarray]], float | None]:
-        """Crank angles and configurations on the way from zero to `upto` (of any sign), and the fold where it ends."""
+        """Crank angles and configurations from zero to `upto` (of either sign), and the fold that ends the way."""
         x = self.begun()
         begun, path, step = x, [(0.0, x)], math.copysign(STEP, upto)
         while abs(path[-1][0]) < abs(upto) - 1e-12:
@@ -238,7 +238,7 @@ class Figure:
         return path, None
 
     def _fold(self, phi: float, x: np.ndarray, begun: np.ndarray) -> float:
-        """The crank angle near to `phi` at which two assemblies meet."""
+        """The crank angle near `phi` at which two assembly modes coincide."""
         null = np.linalg.svd(self.jacobian(x, phi, begun))[2][-1]
         count = len(x)
 
@@ -253,7 +253,7 @@ class Figure:
 
 
 def circles(one, reach, other, far, side: int):
-    """Where two circles cross, to the left (+1) or right (-1) of the line from the first centre to the second."""
+    """Intersection of two circles, to the left (+1) or right (-1) of the line from the first centre to the second."""
     line = other - one
     apart = np.abs(line)
     foot = (apart**2 + reach**2 - far**2) / (2 * apart)

@@ -1,5 +1,5 @@
 # pyright: reportOptionalMemberAccess=false, reportArgumentType=false
-"""Machines from public exercises, examples and reports of errors, against closed forms and what the source printed."""
+"""Machines from public exercises, examples and bug reports, against closed forms and printed values of the source."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def lengths(machine: lj.Scene) -> dict[str, float]:
 
 
 def places(machine: lj.Scene, angles) -> dict[str, Any]:
-    """Places of all points at crank angles."""
+    """Positions of all points at crank angles."""
 
     def at(phi):
         return {name: (state.r.x + 0 * phi, state.r.y + 0 * phi) for name, state in pose(ready, phi).points.items()}
@@ -61,7 +61,7 @@ def test_a_phase_that_is_as_drawn_makes_the_same_machine():
 
 
 def test_a_four_bar_in_centimetres_has_the_range_its_lengths_allow():
-    """PMKS, issue 91: the coupler is no longer than it is drawn; the crank stops where the other two are stretched."""
+    """PMKS, issue 91: the coupler is not longer than drawn; the crank stops where coupler and rocker are stretched."""
     machine = scene("c10-pmks91")
     assert lengths(machine)["CBE"] == pytest.approx(43.471e-3, abs=5e-7)
     (only,) = crank_ranges(machine.mechanism)
@@ -75,7 +75,7 @@ def test_a_four_bar_in_centimetres_has_the_range_its_lengths_allow():
 
 
 def torque_of_f02(phi):
-    """What balances the load, -F dx/dφ, and the angle between the rod and the normal of the guide."""
+    """The torque that balances the load, -F dx/dφ, and the angle between the rod and the normal of the guide."""
     r, rod, force = 0.05, 0.15, -1000.0
     tilt = np.arcsin(r * np.sin(phi) / rod)
     return force * r * np.sin(phi + tilt) / np.cos(tilt), np.pi / 2 + tilt
@@ -104,7 +104,7 @@ def test_a_machine_without_masses_has_no_number_of_a_motion(static):
 
 
 def test_a_machine_without_masses_is_analysed_by_the_command(command):
-    """It says why there is no motion, and no coefficient of speed fluctuation."""
+    """The message gives the reason why there is no motion, and no coefficient of speed fluctuation."""
     code, out = command("analyse", str(FIELD / "f02-static.toml"), "--angles", "12")
     assert code == 0
     assert "nothing has a mass" in out
@@ -114,7 +114,7 @@ def test_a_machine_without_masses_is_analysed_by_the_command(command):
 
 @pytest.fixture
 def command(monkeypatch, capsys):
-    """Exit code and what is printed, errors too, of one call."""
+    """Exit code and printed text, including errors, of one call."""
 
     def called(*words: str) -> tuple[int, str]:
         monkeypatch.setattr("sys.argv", ["linkjax", *words])
@@ -127,7 +127,7 @@ def command(monkeypatch, capsys):
 
 
 def jansen(phi) -> dict[str, np.ndarray]:
-    """Jansen's leg by circles, as Jansen's numbers are drawn (mm)."""
+    """Jansen's leg by circles, with the orientation of Jansen's drawing (mm)."""
     o, g = 0j, -38 - 7.8j
     m = o + 15 * np.exp(1j * np.asarray(phi))
     top = circles(m, 50.0, g, 41.5, -1)
@@ -149,7 +149,7 @@ def test_jansens_leg_walks_along_its_path():
 
 @pytest.mark.slow
 def test_jansens_leg_runs_at_constant_speed():
-    """Whatever its masses; over a cycle its weight and inertia need no work."""
+    """For all masses; over a cycle, weight and inertia do no work."""
     cycle = lj.analyse(scene("c15-jansen"), constant_speed=True)
     assert cycle.missing is None
     torque = np.asarray(cycle.forces_constant_speed.drive_torque)
@@ -158,7 +158,7 @@ def test_jansens_leg_runs_at_constant_speed():
 
 @pytest.mark.slow
 def test_jansens_leg_without_a_motion_is_told_with_all_else(command, tmp_path):
-    """Its masses alone do not carry it through its cycle: the command fails, and yet tells what there is."""
+    """The masses cannot carry the machine through its cycle: the command fails, but prints the results that exist."""
     file = tmp_path / "leg.json"
     code, out = command("analyse", str(FIELD / "c15-jansen.toml"), "--angles", "36", "--json", str(file))
     data = json.loads(file.read_text(encoding="utf-8"))
@@ -190,7 +190,7 @@ end = "B"
 
 @pytest.mark.slow
 def test_an_engine_of_three_cranks_fluctuates_as_its_turning_moment_says():
-    """3600 sin φ + 7500 sin 3φ (N m), by the means over 36 windows: all its work from one zero of it to another."""
+    """3600 sin φ + 7500 sin 3φ (N m), as means over 36 windows: all of its work from one zero to another."""
     ends = np.radians(np.arange(0.0, 361.0, 10.0))
     work = -3600 * np.cos(ends) - 2500 * np.cos(3 * ends)  # integrated
     torques = -np.diff(work) / np.radians(10.0)
@@ -208,8 +208,8 @@ def test_an_engine_of_three_cranks_fluctuates_as_its_turning_moment_says():
 @pytest.mark.slow
 @pytest.mark.parametrize(("turns", "printed"), [(5, 326.6), (20, 339.5)])
 def test_a_punching_press_has_the_flywheel_of_its_source(turns, printed):
-    """From 160 to 140 rpm: the work of a blow less what the motor gives meanwhile. At 150 rpm and 30 blows a minute
-    one turn in five has a blow, which is what the source has; and one in twenty."""
+    """From 160 to 140 rpm: the work of a blow minus that of the motor during the blow. At 150 rpm and 30 blows per
+    minute one turn in five has a blow, as in the source; and one turn in twenty."""
     cycle = lj.analyse(load(FIELD / "c27-turns20.toml", {"cycle_turns": turns}))
     drop = 7200 * math.pi / 2 * (1 - 1 / (4 * turns))
     exact = 2 * drop / ((160**2 - 140**2) * (math.pi / 30) ** 2)

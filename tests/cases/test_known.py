@@ -1,4 +1,4 @@
-"""What books say of machines drawn by hand: exact lines, strokes, swings and ratios of time, by closed forms."""
+"""Machines drawn by hand, as described in books: exact lines, strokes, rocker angles, time ratios, by closed forms."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _ends(name: str):
 
 
 def covered(name: str, *what: str) -> list[float]:
-    """Strokes of sliders (m) or swings of links (rad)."""
+    """Strokes of sliders (m) or oscillation angles of links (rad)."""
     return [float(_ends(name)[1][each]) for each in what]
 
 
@@ -37,7 +37,7 @@ def test_peaucellier_draws_a_line():
 
 
 def test_hoecken_draws_nearly_a_line():
-    """Half a turn about the crank's inner position within a thousandth of what it draws, and not the rest."""
+    """Straight within a thousandth for half a turn about the inner position of the crank, and not beyond."""
     at = places("hoecken", math.pi - np.radians(np.arange(-90.0, 91.0, 5.0)) - math.pi)["T"]
     assert np.ptp(at.imag) < 0.005 * np.ptp(at.real)
     assert 1000 * complex(at[18]) == pytest.approx(complex(40, 2 * math.sqrt(50**2 - 30**2)), abs=1e-9)
@@ -54,7 +54,7 @@ def test_roberts_draws_nearly_a_line_through_both_pivots():
 
 
 def test_the_rod_of_a_trammel_crosses_its_slides():
-    """Both ends stay on the axes through every change point, twice the crank's parts away."""
+    """Both ends stay on the axes through all change points, twice the distances on the crank away."""
     at, angle = places("trammel", TURN), math.atan2(3, 4) - TURN
     np.testing.assert_allclose(at["C"], 0.1 * np.cos(angle), atol=1e-15)
     np.testing.assert_allclose(at["D"], 0.1j * np.sin(angle), atol=1e-15)
@@ -72,7 +72,7 @@ def test_a_pantograph_draws_three_times_as_large():
 
 
 def test_an_inclined_scotch_yoke_is_a_harmonic_of_larger_stroke():
-    """The slot leans 60 degrees: x = r sin(60 degrees - φ) / sin 60 degrees."""
+    """The slot is inclined by 60 degrees: x = r sin(60 degrees - φ) / sin 60 degrees."""
     lean = math.radians(60)
     x = 0.03 * np.sin(lean - TURN) / math.sin(lean)
     np.testing.assert_allclose(places("scotch-yoke-inclined", TURN)["E"], x, atol=1e-16)
@@ -80,14 +80,14 @@ def test_an_inclined_scotch_yoke_is_a_harmonic_of_larger_stroke():
 
 
 def times(name: str, pin: str) -> tuple[float, float]:
-    """Crank angles of the two strokes of a slider, the longer first."""
+    """Crank angles of the two strokes of a slider, the longer one first."""
     found = _ends(name)[0][pin]
     one, two = sorted(found.angle[found.present & (found.distance < 1e-6)] % (2 * math.pi))
     return max(two - one, 2 * math.pi - two + one), min(two - one, 2 * math.pi - two + one)
 
 
 def test_whitworths_ram_returns_quickly():
-    """The lever comes round and is level at the ends: crank angles on both sides of the lever's level line."""
+    """The lever rotates fully and is level at the ends: crank angles on both sides of its level position."""
     half = math.acos(40 / 100)
     assert times("whitworth", "R") == pytest.approx((2 * math.pi - 2 * half, 2 * half), rel=1e-12)
     assert covered("whitworth", "R") == pytest.approx([2 * 0.07])
@@ -109,7 +109,7 @@ def test_an_offset_crank_slider_has_the_stroke_of_its_triangles():
 
 @pytest.mark.slow
 def test_a_pump_jack_lifts_by_the_swing_of_its_beam():
-    """The hanger runs off the horsehead: the beam's swing, between stretched and folded crank and pitman, by 3.2 m."""
+    """The cable follows the horsehead: the beam angle between stretched and folded crank and pitman, times 3.2 m."""
     o, s, b, c = -3.2 + 1.5j, 6j, -2.2 + 1.5j, -3 + 6.2j
     crank, pitman, beam = abs(b - o), abs(c - b), abs(c - s)
     angle = [math.acos((abs(s - o) ** 2 + beam**2 - (pitman + sign * crank) ** 2) / (2 * abs(s - o) * beam))
@@ -127,17 +127,17 @@ def test_both_wipers_swing_alike():
 
 
 def test_a_rack_turns_its_pinion_by_its_stroke():
-    """Crank of 40 mm, rod to a path 20 mm below: the pinion turns by the stroke over its radius."""
+    """Crank of 40 mm, rod to a path 20 mm below: the pinion turns by the stroke divided by its radius."""
     rod = abs(154 - 52j)
     stroke = math.sqrt((rod + 40) ** 2 - 20**2) - math.sqrt((rod - 40) ** 2 - 20**2)
     assert covered("rack-feed", "C", "pinion") == pytest.approx([stroke / 1000, stroke / 50])
-    at = places("rack-feed", TURN)  # the wheel lies to the right of the rack: forwards it turns clockwise
+    at = places("rack-feed", TURN)  # the gear is to the right of the rack: a forward motion turns it clockwise
     turned = np.unwrap(np.angle((at["E"] - at["D"]) / 1j))
     np.testing.assert_allclose(turned, -(at["C"].real - 0.13) / 0.05, atol=1e-13)
 
 
 def test_the_coupler_of_a_geared_five_bar_closes_its_circles():
-    """The pinion turns against the wheel, twice as fast; 105 mm and more above both, on the left of right to left."""
+    """The pinion turns against the gear, twice as fast; P is at least 105 mm above both, on the left of the line."""
     b = 30 * np.exp(1j * (math.atan2(4, 3) + TURN))
     c = 90 + 15 * np.exp(1j * (math.pi / 2 - 2 * TURN))
     exact = circles(b, abs(42 + 81j), c, abs(30 - 90j), 1)
@@ -154,7 +154,7 @@ def test_a_lift_rises_as_its_foot_goes_in():
 
 @pytest.mark.slow
 def test_a_boom_rises_by_the_triangle_of_its_cylinder():
-    """From drawn to 2.1 m: the angle at the boom's foot between cylinder's foot and eye."""
+    """From the drawn length to 2.1 m: the angle at the foot of the boom between foot and eye of the cylinder."""
     p, c = 0.5 - 0.4j, 1.7 + 0.5j
     drawn, long = (abs(c) ** 2 + abs(p) ** 2 - np.array([abs(c - p), 2.1]) ** 2) / (2 * abs(c) * abs(p))
     at = places("boom", [0.0, math.pi])["T"]
@@ -162,7 +162,7 @@ def test_a_boom_rises_by_the_triangle_of_its_cylinder():
 
 
 def test_an_ackermann_trapezium_turns_the_inner_wheel_further():
-    """Steered by 40 degrees one way: the other arm by the circle of the tie rod, less far on the outside."""
+    """Steered by 40 degrees to one side: the other arm from the circle of the tie rod, with a smaller outer angle."""
     at = places("ackermann", [0.0, math.pi])
     arm, tie = abs(0.07 - 0.18j), 1.26
     b = -0.7 + (0.07 - 0.18j) * np.exp(-1j * (math.radians(40) + math.atan2(-0.18, 0.07)))
@@ -172,7 +172,7 @@ def test_an_ackermann_trapezium_turns_the_inner_wheel_further():
 
 
 def test_a_klann_leg_walks():
-    """Its foot stays within 5 mm of the ground for two fifths of a turn, on a stride of more than 55 mm."""
+    """The foot stays within 5 mm of the ground for two fifths of a turn, on a stride of more than 55 mm."""
     at = 1000 * places("klann", TURN)["G"]
     low = at[at.imag < at.imag.min() + 5]
     assert len(low) > 0.4 * len(at)
@@ -188,7 +188,7 @@ def test_a_needle_goes_down_by_the_triangles_of_its_crank():
 
 
 def test_a_press_is_down_where_its_crank_and_pull_are_in_line():
-    """Then the knee, which never comes straight, is as near to it as it comes."""
+    """Then the knee, which never becomes straight, is nearest to its straight position."""
     o, f = -420 - 100j, 300j
     crank, pull, upper, lower = 60.0, abs(370 + 90j), abs(-50 - 250j), abs(50 - 250j)
     knee = circles(o, crank + pull, f, upper, -1)

@@ -1,4 +1,4 @@
-"""Machines drawn by hand, from books and the example lists of other programs: where they stand, how far they go."""
+"""Machines drawn by hand, from books and examples of other programs: their positions and crank ranges."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from tests.physics import oracle
 
 SCENES = Path(__file__).parent / "scenes"
 EVERY = sorted(path.stem for path in SCENES.glob("*.toml"))
-ROUGH = {"hoecken", "klann"}  # sketched by eye: lengths count
+ROUGH = {"hoecken", "klann"}  # rough sketches: the lengths are valid
 SLOW = {"boom", "pyslvs-inverted-slider", "pyslvs-stephenson-2", "pyslvs-stephenson-3", "pyslvs-watt-2-slider"}
-CHANGES = {"pyslvs-parallel"}  # no motion of its own: see below
+CHANGES = {"pyslvs-parallel"}  # without an own motion: see below
 NEAR = 1e-9  # of the size
-ROUNDED = {"pyslvs-watt-2-slider": 1e-4, "pyslvs-crank-slider-p": 1e-6, "roberts": 1e-6}  # offsets and sides, likewise
+ROUNDED = {"pyslvs-watt-2-slider": 1e-4, "pyslvs-crank-slider-p": 1e-6, "roberts": 1e-6}  # also offsets and sides
 ANGLES, MOST = 12, 128
 FEW = ["bonnet-hinge", "peaucellier", "shaper", "toggle-press"]  # the others are slow
 
@@ -50,7 +50,7 @@ def _posed(name: str):
 
 
 def places(name: str, angles) -> dict[str, Any]:
-    """Where points are at crank angles, `MOST` at most, by linkjax: one program for a machine."""
+    """Positions of points at crank angles, at most `MOST`, by linkjax: one program for each machine."""
     every = np.zeros(MOST)
     every[: len(angles)] = angles
     here = _posed(name)(jnp.asarray(every))
@@ -67,7 +67,7 @@ def test_there_are_more_than_thirty():
 
 @pytest.mark.parametrize("name", [name for name in EVERY if name not in ROUGH | {"trammel", "locomotive"}])
 def test_every_joint_is_where_it_is_drawn_at_crank_angle_zero(name):
-    """Rounded offsets move what slides by their last digit."""
+    """Rounded offsets move sliders by their last digit."""
     drawing = figure(name)
     at, _ = oracle.assemble(machine(name).mechanism, np.zeros(()))
     for point, spot in drawing.spots.items():
@@ -77,7 +77,7 @@ def test_every_joint_is_where_it_is_drawn_at_crank_angle_zero(name):
 
 @pytest.mark.parametrize("name", some(name for name in EVERY if name not in CHANGES))
 def test_every_joint_is_where_the_closed_loops_have_it(name):
-    """At crank angles through the range, from crank angle zero up: all loops closed in NumPy."""
+    """At crank angles through the range, upwards from crank angle zero: all loops closed in NumPy."""
     drawing = figure(name)
     path, end = drawing.walk(math.pi if drawing.law else 2 * math.pi)
     chosen = [path[i] for i in np.linspace(0, len(path) - 1 - (end is not None), ANGLES).astype(int)]
@@ -89,7 +89,7 @@ def test_every_joint_is_where_the_closed_loops_have_it(name):
 
 @pytest.mark.parametrize("name", some((name for name in EVERY if not figure(name).law), frozenset(EVERY) - {*FEW}))
 def test_a_crank_goes_as_far_as_its_loops_close(name):
-    """The range that holds crank angle zero: a whole turn, or from one fold to the other."""
+    """The range that contains crank angle zero: a whole turn, or from one fold to the other."""
     drawing, found = figure(name), crank_ranges(machine(name).mechanism)[0]
     if name in CHANGES or drawing.walk(2 * math.pi)[1] is None:
         assert tuple(found) == (0.0, 2 * math.pi, "", "")
@@ -99,8 +99,8 @@ def test_a_crank_goes_as_far_as_its_loops_close(name):
 
 
 def test_a_parallelogram_that_nothing_holds_is_not_run_through_its_change_point():
-    """Two cranks and a coupler alone may go either way where they are stretched: that is said, with the angle, and with
-    the key that makes it go on as a parallelogram."""
+    """Two cranks and a coupler alone may move in two ways from the stretched position: this is reported with the angle,
+    and with the key for a continuous parallelogram."""
     told = r'change point at 90\.00 degrees of crank angle \(stretched\).* Write branch = "continue" at the top'
     with pytest.raises(lj.MachineError, match=told):
         lj.analyse(machine("pyslvs-parallel"))

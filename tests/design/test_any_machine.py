@@ -1,4 +1,4 @@
-"""The optimiser on machines that nobody had in mind: the same code, no special cases."""
+"""The optimiser on other machines: the same code, no special cases."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SLOW = [
 
 @pytest.mark.parametrize("machine", SLOW)
 def test_optimised(machine):
-    """Lengths of all bars and the counterweight against the shaking force; δ and transmission no worse than today."""
+    """Lengths of all bars and the counterweight against the shaking force; δ and transmission at least as initially."""
     scene = composed_at_random(machine) if isinstance(machine, int) else weighted(lj.load(machine))
     bars = [name for name, link in scene.mechanism.links.items() if float(link.length) > 0 and name != "crank"]
     free = {f"links.{name}.length": "± 5 %" for name in bars}

@@ -1,4 +1,4 @@
-"""What an independent review found wrong in the optimiser, each as a test."""
+"""Errors of the optimiser found by an independent review, each as a test."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def with_wheel(inertia: float) -> lj.Scene:
 @pytest.mark.slow
 @pytest.mark.parametrize("start", [1e-7, 1e-3, 0.35])
 def test_a_start_that_happens_to_be_small_is_no_measure(start):
-    """A tiny flywheel at the start must not make the limit on δ seem out of reach."""
+    """A tiny flywheel at the start must not make the constraint on δ seem infeasible."""
     found = lj.optimise(with_wheel(start), {WHEEL: "0 to 4 kg m^2"}, WHEEL, limits=["delta <= 0.02"])
     assert found.feasible
     assert found.objective == pytest.approx(float(lj.flywheel_for(with_wheel(start), 0.02)), rel=1e-7)
@@ -34,7 +34,7 @@ def test_a_start_that_happens_to_be_small_is_no_measure(start):
 
 
 def test_a_start_that_happens_to_be_large_is_none_either():
-    """A wall of 1e10 at the start hides what is left to gain; the certificate is relative to the objective found."""
+    """A value of 1e10 at the start hides the possible gain; the certificate is relative to the final objective."""
 
     def walled(scene):
         x = scene.mechanism.flywheel.inertia
@@ -51,8 +51,8 @@ def test_a_start_that_happens_to_be_large_is_none_either():
     ("mass", "at"), [(0.0, (0.03, 0.0)), (0.5, (0.1, 0.1)), (0.5, (0.09, 0.05)), (0.0, (0.0, 0.0))]
 )
 def test_a_weight_without_mass_on_the_wrong_side(mass, at):
-    """Its place has no effect and a little mass does harm, so that the conditions of an optimum hold; it is none. One
-    with a mass at first loses it, all but rounding, on the way."""
+    """Its position has no effect and a small mass is harmful, so the optimality conditions hold without an optimum. A
+    mass that exists at the start vanishes on the way, except for rounding."""
     scene = rotor()
     crank = scene.mechanism.links["crank"]
     weight = Counterweight(mass, Vec(*at), thickness=0.02, density=7850.0)
@@ -65,7 +65,7 @@ def test_a_weight_without_mass_on_the_wrong_side(mass, at):
 
 
 def test_what_is_no_number_is_no_optimum():
-    """A limit that is NaN is not met; an objective that is NaN, or a slope without bound, ends a start and no more."""
+    """A constraint with value NaN is violated; an objective that is NaN, or an infinite slope, ends only this start."""
     free = {WHEEL: (0.0, 2.0)}
     found = lj.optimise(rotor(), free, WHEEL, limits=[at_most(lambda s: s.speed * jnp.nan, 1.0, name="nothing")])
     assert not found.feasible
@@ -75,7 +75,7 @@ def test_what_is_no_number_is_no_optimum():
     assert not lost.feasible
     assert outcome(lost) == "no value"
     cases = [Case("slow", {"speed": 1.0}), Case("fast", {"speed": 3.0})]
-    for both in (cases, cases[::-1]):  # no number in one of them, wherever it stands
+    for both in (cases, cases[::-1]):  # one of them is NaN, in any order
         lost = lj.optimise(rotor(), free, lambda s: jnp.log(2 - s.speed) + s.mechanism.flywheel.inertia, cases=both)
         assert outcome(lost) == "no value"
     steep = lj.optimise(rotor(), free, maximise=lambda s: jnp.sqrt(s.mechanism.flywheel.inertia))
@@ -84,7 +84,7 @@ def test_what_is_no_number_is_no_optimum():
 
 @pytest.mark.parametrize(("low", "high", "side"), [(2.0, 4.0, "lower"), (0.0, 2.0, "upper")])
 def test_prices_of_bounds(low, high, side):
-    """What the objective gains as the bound gives way, at either end: (x - 1)² or (x - 3)², whichever side holds."""
+    """The gain of the objective when the bound is relaxed, at either end: (x - 1)² or (x - 3)², for the active side."""
     best = 1.0 if side == "lower" else 3.0
     found = lj.optimise(rotor(), {WHEEL: (low, high)}, lambda s: (s.mechanism.flywheel.inertia - best) ** 2)
     assert found.x == pytest.approx([2.0])
@@ -92,7 +92,7 @@ def test_prices_of_bounds(low, high, side):
 
 
 def test_too_degenerate_to_certify(monkeypatch):
-    """A point at which the multipliers are not found ends nothing; it only certifies nothing."""
+    """A point without multipliers does not stop the search; it is only not certified."""
 
     def lost(*_, **__):
         raise RuntimeError("Maximum number of iterations reached.")
@@ -104,7 +104,7 @@ def test_too_degenerate_to_certify(monkeypatch):
 
 
 def test_the_clash_is_named_where_the_objective_does_not_care():
-    """Two limits against each other, an objective with nothing to do with either."""
+    """Two conflicting constraints, and an objective that depends on neither."""
     limits = [at_least(lambda s: s.mechanism.flywheel.inertia, 1.5, name="heavy"), at_most(WHEEL, 1.0)]
     found = lj.optimise(rotor(), {WHEEL: (0.0, 2.0), f"{AT}.along": (-0.1, 0.1)},
                         "peak_shaking_force_constant_speed", limits=limits)  # fmt: skip
@@ -140,7 +140,7 @@ def test_refused(change, says):
 
 
 def test_changes_by_hand_come_last():
-    """`[optimise.changes]` makes the scene, `--set` and `load_problem(changes)` change that."""
+    """`[optimise.changes]` defines the scene, `--set` and `load_problem(changes)` modify that scene."""
     rod = "links.rod.length"
     scene, _ = lj.load_problem(
         "hay-press", {rod: "1.1 m", "links.link4.mass_properties": "fixed", "optimise.starts": 3}
@@ -171,8 +171,8 @@ def test_the_last_digits(mass):
 
 
 def test_nothing_left_is_certified():
-    """A rotor balanced exactly: the length of a vector that vanishes has every slope. A limit that does not act, and
-    other starts, change nothing."""
+    """A rotor balanced exactly: the length of a zero vector has subgradients in all directions. An inactive constraint,
+    and other starts, change nothing."""
     found = lj.optimise(rotor(), BALANCING, PEAK, limits=[f"{MASS} <= 2 kg"], starts=3)
     assert found.objective < 1e-9 * found.objective_before
     assert found.kkt_residual <= 1e-7
@@ -181,7 +181,7 @@ def test_nothing_left_is_certified():
 
 
 def test_rounding_is_no_scale():
-    """A bound of zero on what is 5.5e-17 at the start: priced as from exactly zero."""
+    """A bound of zero on a value that is 5.5e-17 at the start: the multiplier is that of a start at exactly zero."""
     scene = rotor()
     crank = scene.mechanism.links["crank"]
     crank = dataclasses.replace(crank, counterweights={"W": Counterweight(1.0, Vec(0.0, 5.5e-17), inertia=0.0)})
@@ -194,7 +194,7 @@ def test_rounding_is_no_scale():
 
 @pytest.mark.slow
 def test_an_own_function_of_the_true_motion_needs_one():
-    """At 20 rpm the pump has no steady motion, whoever asks for it."""
+    """At 20 rpm the pump has no steady-state motion, in every call."""
     scene = lj.load("slider-crank", {"speed": "300 rpm"})
     found = lj.optimise(scene, {"speed": "20 to 400 rpm"}, lambda s: lj.measures.peak_reaction(s))
     assert found.limits["steady_state_margin"].value >= 1e-3 * (1 - 1e-8)
@@ -203,7 +203,7 @@ def test_an_own_function_of_the_true_motion_needs_one():
 
 
 def test_rows_that_are_no_number():
-    """A vector that is NaN is not of length zero."""
+    """A vector of NaN does not have length zero."""
 
     def rows(parts):
         vectors = jnp.stack([parts.scene.mechanism.flywheel.inertia, jnp.nan * parts.scene.speed])[:, None]
@@ -229,7 +229,7 @@ def test_a_start_without_bound():
 
 
 def test_what_depends_on_nothing_is_named():
-    """The flywheel does nothing to the shaking force at constant speed."""
+    """The flywheel does not affect the shaking force at constant speed."""
     found = lj.optimise(rotor(), {WHEEL: (0.0, 2.0), f"{AT}.along": (-0.1, 0.1)}, PEAK)
     assert found.no_effect == (WHEEL,)
 
@@ -279,13 +279,13 @@ def test_a_bound_close_to_zero_is_no_measure():
 
 
 def test_both_senses_traded_off():
-    """A limit of the other sense on the same number, as `--limit` adds one, leaves the trade-off of the first."""
+    """A constraint of the other sense on the same quantity, as added by `--limit`, does not change the trade-off."""
     limits = [f"{MASS} <= 0.5 kg", f"{MASS} >= 0.01 kg"]
     heard = []
     found = lj.optimise(rotor(), BALANCING, PEAK, limits=limits, trade_off=(MASS, ["0.3 kg"]), callback=heard.append)
     assert found.trade_off[0].objective == pytest.approx(12.0, rel=1e-7)
     assert found.traded == f"{MASS} at most"
-    last = heard[-1]  # the trade-off is heard of as the starts are
+    last = heard[-1]  # the callback reports the trade-off like the starts
     assert (last.traded, last.start, last.starts) == (found.traded, 0, 1)
     assert last.best == pytest.approx(found.trade_off[0].objective, rel=1e-8)
     assert last.objective == found.trade_off[0].objective

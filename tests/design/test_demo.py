@@ -1,4 +1,4 @@
-"""The demo: the hay press redesigned, its starts, its certificate, and the optimum computed again by other roads."""
+"""The demo: the hay press optimised, its starts, its certificate, and the optimum recomputed by other methods."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_starts_agree_and_are_certified(best):
 
 @pytest.mark.slow
 def test_the_optimum_by_other_roads(best):
-    """Read back from a file, with 640 nodes and by the equation of motion: every limit holds to 1e-8."""
+    """Read back from a file, with 640 nodes and by the equation of motion: every constraint holds to 1e-8."""
     after = loads_text(text_of(best.after))
     fine = (delta, peak_shaking_force_constant_speed, min_transmission_angle, min_margin, steady_state_margin)
     found = {name: float(v) for name, v in compiled_soon(lambda s: evaluate(s, fine, 640))(after).items()}
@@ -60,7 +60,7 @@ def test_the_optimum_by_other_roads(best):
 
 
 def test_smaller_flywheels_cost_force(best):
-    """Three points, each feasible, the force rising as the flywheel shrinks; the first below the limit itself."""
+    """Three points, each feasible, the force grows as the flywheel decreases; the first below the constraint itself."""
     bounds = [point.bound for point in best.trade_off]
     forces = [best.objective, *(point.objective for point in best.trade_off)]
     assert bounds == [12.0, 10.0, 8.0]
@@ -73,7 +73,7 @@ def test_smaller_flywheels_cost_force(best):
 
 @pytest.mark.slow
 def test_no_feasible_design():
-    """δ ≤ 1e-4 with a flywheel of at most 1 kg m²: said so, and what clashes."""
+    """δ ≤ 1e-4 with a flywheel of at most 1 kg m²: this and the conflicting constraints are reported."""
     scene, asked = lj.load_problem("hay-press")
     asked |= {"limits": ["delta <= 1e-4", "flywheel.inertia <= 1 kg m^2"], "starts": 1, "trade_off": None}
     found = lj.optimise(scene, **asked)

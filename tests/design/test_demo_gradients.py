@@ -25,7 +25,7 @@ GROUPS = (
 
 @functools.cache
 def posed() -> tuple[Problem, jax.Array]:
-    """The demo's free numbers, and designs at random between their bounds, from 0 to 1."""
+    """The design variables of the demo, and random designs between their bounds, scaled from 0 to 1."""
     scene, asked = lj.load_problem("hay-press")
     free = settled(scene, asked["free"], "flywheel.inertia")["free"]
     problem = Problem(scene, free, as_term(lambda scene: scene.mechanism.flywheel.inertia))
@@ -40,13 +40,13 @@ def numbers(names: tuple[str, ...], z: jax.Array) -> jax.Array:
 
 
 def over(function, points: jax.Array) -> np.ndarray:
-    """A function at many points, compiled once, blocks of a few."""
+    """A function at many points, compiled once, in small blocks."""
     return np.asarray(jax.jit(lambda points: jax.lax.map(function, points, batch_size=10))(points))
 
 
 @functools.cache
 def sound() -> np.ndarray:
-    """Designs that can be assembled and run, with room for the steps of the differences."""
+    """Designs that can be assembled and run, with a margin for the steps of the differences."""
     _, z = posed()
     margins = over(lambda z: numbers((min_margin.name, steady_state_margin.name), z), z)
     return np.asarray(np.min(margins, axis=1) > 0.02)
@@ -59,14 +59,14 @@ def test_the_names_are_all():
 @pytest.mark.slow
 @pytest.mark.parametrize("names", GROUPS, ids=lambda names: names[0])
 def test_gradients(names):
-    """Finite everywhere, the same both ways, and by differences of two steps where those agree with each other."""
+    """Finite everywhere, the same both ways, and equal to differences of two steps where these agree."""
     _, z = posed()
     value = functools.partial(numbers, names)
     reverse, forward = over(jax.jacrev(value), z), over(jax.jacfwd(value), z)
     assert np.isfinite(reverse).all()
     size = np.linalg.norm(reverse, axis=2, keepdims=True)
     assert np.max(np.abs(forward - reverse) / size) <= 1e-10
-    assert 0.3 * COUNT <= np.sum(sound()) < COUNT  # designs that cannot be assembled are among them
+    assert 0.3 * COUNT <= np.sum(sound()) < COUNT  # some of these designs cannot be assembled
     some, eye = np.asarray(z)[sound()], np.eye(z.shape[1])
     slopes = []
     for h in (2e-4, 1e-4):
@@ -75,7 +75,7 @@ def test_gradients(names):
         f = over(value, jnp.asarray(points)).reshape((len(some), 4, len(eye), len(names)))
         slopes.append(np.moveaxis(f[:, 0] - f[:, 3] + 8 * (f[:, 2] - f[:, 1]), 1, 2) / (12 * h))
     scale = size[sound()]
-    settled_ = np.max(np.abs(slopes[0] - slopes[1]) / scale, axis=2) <= 1e-6  # else two peaks tie within the steps
+    settled_ = np.max(np.abs(slopes[0] - slopes[1]) / scale, axis=2) <= 1e-6  # otherwise two peaks coincide
     wrong = np.max(np.abs(slopes[1] - reverse[sound()]) / scale, axis=2)
     assert np.mean(~settled_) <= 0.02
     assert np.max(wrong[settled_]) <= 1e-6

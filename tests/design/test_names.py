@@ -1,4 +1,4 @@
-"""Numbers of a scene by name: every one is found, read, changed, and nothing else moves."""
+"""Scene parameters by name: every one is found, read and changed, and no other one changes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def scene() -> lj.Scene:
 
 
 def test_every_number_is_where_its_name_says():
-    """Changing one moves one leaf of the tree, the one that is read back."""
+    """Changing one changes one leaf of the tree, the one that is read back."""
     machine = scene()
     known = numbers(machine)
     leaves = jax.tree.leaves(machine)
@@ -30,7 +30,7 @@ def test_every_number_is_where_its_name_says():
         assert len(different) == 1, name
         moved.add(different[0])
     assert len(moved) == len(known)
-    assert len(leaves) - len(known) <= 2  # the wanted δ is no number of the machine
+    assert len(leaves) - len(known) <= 2  # the required δ is not a number of the machine
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_unknown_names(name, says):
 
 
 def test_a_slot_has_no_guide_of_the_frame():
-    """Names follow the keys of scene files: `offset` of an RPR stands beside its `kind`, that of an RRP in `guide`."""
+    """Names follow the keys of scene files: `offset` of an RPR is beside its `kind`, that of an RRP in `guide`."""
     known = [name for name in numbers(lj.load("quick-return")) if name.startswith("groups.")]
     guide = [f"groups.rod-ram.guide.{key}" for key in ("along", "offset")]
     assert known == ["groups.crank.phase", "groups.lever-die.offset", *guide]

@@ -1,4 +1,4 @@
-"""Optimisation against optima that are known otherwise: closed forms, a fine scan."""
+"""Optimisation against known optima: closed forms, a fine scan."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from linkjax.measures import (
 
 
 def rotor(speed: float = 20.0) -> lj.Scene:
-    """An eccentric crank with a place for a counterweight: 2 kg at 30 mm and 10 mm."""
+    """An eccentric crank with a position for a counterweight: 2 kg at 30 mm and 10 mm."""
     link = lj.Link(length=0.1, mass=2.0, inertia=0.01, centre=Vec(0.03, 0.01),
                    counterweights={"W": Counterweight(1.0, Vec(0.0, 0.0), inertia=0.0)})  # fmt: skip
     mechanism = lj.Mechanism({"O": Vec(0.0, 0.0)}, {"crank": link}, [lj.Crank("crank", "O", "A")], lj.Flywheel(1.0))
@@ -37,7 +37,7 @@ AT = "links.crank.counterweights.W.at"
 
 
 def test_a_rotor_is_balanced():
-    """1 kg opposite twice as far; with less room, what is left is m r ω² of what cannot be reached."""
+    """1 kg opposite at twice the distance; with tighter bounds the remainder is m r ω² of the unreachable part."""
     free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
     found = lj.optimise(rotor(), free, peak_shaking_force_constant_speed, starts=3)
     assert found.feasible
@@ -55,7 +55,7 @@ def test_a_rotor_is_balanced():
 
 @pytest.mark.slow
 def test_multipliers_are_prices():
-    """Smallest flywheel for a limit on δ: known exactly, and the price of the limit by differences."""
+    """Smallest flywheel for a constraint on δ: exactly known, and the multiplier of the constraint by differences."""
 
     def wheel(scene):
         return scene.mechanism.flywheel.inertia
@@ -71,7 +71,7 @@ def test_multipliers_are_prices():
 
 
 def test_worst_of_several_cases():
-    """Two speeds: the faster decides, and both are listed."""
+    """Two speeds: the faster one is decisive, and both are listed."""
     free = {f"{AT}.along": (-0.05, 0.1), f"{AT}.across": (-0.1, 0.1)}
     cases = [Case("slow", {"speed": 10.0}), Case("fast", {"speed": 30.0})]
     found = lj.optimise(rotor(), free, peak_shaking_force_constant_speed, cases=cases)
@@ -80,7 +80,7 @@ def test_worst_of_several_cases():
 
 
 def test_maximise_and_tie():
-    """The largest assembly margin of a four-bar, coupler and rocker kept in proportion; against a scan."""
+    """The largest assembly margin of a four-bar, coupler and rocker in constant proportion; against a scan."""
     scene = lj.load("four-bar")
     base = float(scene.mechanism.links["coupler"].length)
     free = [Variable("links.coupler.length", 0.8 * base, 1.2 * base, linked=("links.rocker.length",))]
@@ -88,7 +88,7 @@ def test_maximise_and_tie():
     problem = found.problem
     values = jax.jit(jax.vmap(lambda x: min_margin(problem.design(x[None]))))
     at, step = base, 0.2 * base
-    for _ in range(4):  # a scan, and finer ones about its best
+    for _ in range(4):  # a scan, and finer ones around its best point
         around = jnp.clip(jnp.linspace(at - step, at + step, 401), 0.8 * base, 1.2 * base)
         at, step = float(around[jnp.argmax(values(around))]), step / 100
     best = float(values(jnp.full(1, at))[0])
@@ -98,7 +98,7 @@ def test_maximise_and_tie():
 
 
 def test_no_feasible_design():
-    """δ and the flywheel clash, by name; what is found violates least."""
+    """δ and the flywheel conflict, and are named; the result has the smallest violation."""
 
     def wheel(scene):
         return scene.mechanism.flywheel.inertia
@@ -111,7 +111,7 @@ def test_no_feasible_design():
 
 @pytest.mark.slow
 def test_lost_machines_are_led_back():
-    """Most of the starts cannot be assembled; all end assembled, nothing throws."""
+    """Most of the starts cannot be assembled; all end assembled, none raises."""
     scene = lj.load("four-bar")
     free = {f"links.{n}.length": (0.02, 0.6) for n in ("coupler", "rocker")}
     found = lj.optimise(scene, free, maximise=min_transmission_angle, starts=6, seed=3)
@@ -124,7 +124,7 @@ def test_lost_machines_are_led_back():
 
 
 def test_compiled_once():
-    """One program for a problem, however many starts."""
+    """One program for a problem, for any number of starts."""
     free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
     found = lj.optimise(rotor(), free, peak_shaking_force_constant_speed, starts=4)
     assert len(found.problem._run.programs) == 1
@@ -132,7 +132,7 @@ def test_compiled_once():
 
 
 def test_today_and_own_functions():
-    """A limit by what the unchanged scene has; an own function of several rows is kept below row by row."""
+    """A constraint relative to the initial value; a user-defined function with several rows is bounded row by row."""
     scene = rotor()
 
     def rows(parts):
@@ -144,7 +144,7 @@ def test_today_and_own_functions():
     free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
     today = at_most(peak_shaking_force_constant_speed, "initial")
     found = lj.optimise(scene, free, places, limits=[today])
-    # the largest of x, y and -x - y is least, zero, only where all vanish
+    # the largest of x, y and -x - y has its minimum, zero, only where all vanish
     assert found.objective == pytest.approx(0.0, abs=1e-7)
     bound = found.limits["peak_shaking_force_constant_speed"].bound
     assert bound == pytest.approx(float(peak_shaking_force_constant_speed(scene)), rel=1e-12)
@@ -186,7 +186,7 @@ def test_what_cannot_be_asked(change, says):
     ],
 )
 def test_rows_hold_the_peak(name, one):
-    """Everything that may be the largest, or the smallest: the first row is the measure itself, and so is its slope."""
+    """All candidates for the maximum or minimum: the first row is the measure itself, with the same slope."""
     scene, made = lj.load(name), one.rows
     assert made is not None
 
@@ -211,7 +211,7 @@ def test_rows_hold_the_peak(name, one):
 
 
 def test_root_mean_square():
-    """Against the forces of an analysis at equal steps, whose mean is exact for what is smooth and periodic."""
+    """Against the forces of an analysis at equal steps, whose mean is exact for smooth periodic functions."""
     scene = lj.load("slider-crank")
     force = lj.analyse(scene, angles=180).forces_constant_speed.shaking
     rms = float(compiled_soon(rms_shaking_force_constant_speed)(scene))
@@ -219,13 +219,13 @@ def test_root_mean_square():
 
 
 def test_every_extreme_has_rows():
-    """A measure that is the largest or smallest of several numbers has a kink where two of them tie; a length has one
-    where it vanishes."""
+    """A measure that is the largest or smallest of several numbers has a kink where two of them are equal; a length has
+    one where it vanishes."""
     assert {name for name, each in lj.measures.MEASURES.items() if each.rows is None} == {"mean_drive_torque"}
 
 
 def test_rows_only_where_the_sense_is_theirs():
-    """`at_least` on what has peaks is one number; on the smallest of several, each; and the other way round."""
+    """`at_least` on a measure with peaks is one number; on the smallest of several, each; and vice versa."""
     asked = [limit(one, 0.1) for one in (peak_shaking_force_constant_speed, min_margin)
              for limit in (at_most, at_least)]  # fmt: skip
     scene = lj.load("four-bar")
@@ -233,12 +233,12 @@ def test_rows_only_where_the_sense_is_theirs():
     force, one_force, one_margin, margins = (rows.vectors.shape for rows, _ in found)
     assert force[0] > 32 and force[1] == 2
     assert one_force == one_margin == (1, 1)
-    assert margins == (2, 1)  # a dyad has two dead positions
+    assert margins == (2, 1)  # a dyad has two singular positions
 
 
 @pytest.mark.slow
 def test_tied_speeds():
-    """Seven lengths against δ: two largest speeds tie at the optimum, which a search on δ itself never reaches."""
+    """Seven lengths against δ: two speed maxima are equal at the optimum, which a search on δ itself never reaches."""
     press = lj.load("hay-press", {"flywheel.inertia": "10 kg m^2"})
     free = {f"links.{name}.length": "± 8 %" for name in ("rod", "link4", "rocker")}
     free |= {"fixed.F.x": "± 5 %", "fixed.F.y": "± 5 %"}

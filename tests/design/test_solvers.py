@@ -19,7 +19,7 @@ SOLVERS = ("cone", "slsqp", "trust-constr", "multistart")
 
 @pytest.fixture
 def few(monkeypatch):
-    """A small crowd: these problems are easy."""
+    """A small batch of starts: these problems are easy."""
     monkeypatch.setattr(_multistart, "CROWD", 8)
     monkeypatch.setattr(_multistart, "TURNS", 30)
 
@@ -33,7 +33,7 @@ def counted(problem: Problem) -> list[None]:
 
 
 def posed(number: int) -> tuple[Problem, list[np.ndarray]]:
-    """A problem of the baseline, and its ten starts in units of the ranges."""
+    """A problem of the baseline, and its ten starts relative to the ranges."""
     problem = balance.problem(number)
 
     def admissible(x):
@@ -50,8 +50,8 @@ def posed(number: int) -> tuple[Problem, list[np.ndarray]]:
     [(1, 52.786870, 319, 510), pytest.param(2, 47.623038, 414, 663, marks=pytest.mark.slow)],
 )
 def test_the_baselines_problems(number, best, cone, sqp, few):
-    """Ten of ten starts at the baseline's optimum with a quarter of its evaluations (1277 and 1658), and four tenths
-    for the same method with exact slopes; all counted truly. One start by the two that need more."""
+    """Ten of ten starts at the optimum of the baseline with a quarter of its evaluations (1277 and 1658), and four
+    tenths for the same method with exact gradients; every call is counted. One start for the two slower solvers."""
     problem, starts = posed(number)
     calls = counted(problem)
     for solver, count, most in ((descend, 10, cone), (slsqp, 10, sqp), (trust, 1, 1000), (multistart, 1, None)):
@@ -71,7 +71,7 @@ def test_the_baselines_problems(number, best, cone, sqp, few):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_rotor_is_balanced(solver, few):
-    """With too little room for the counterweight, what is left is m r ω² of what cannot be reached."""
+    """With tight bounds for the counterweight the remainder is m r ω² of the unreachable part."""
     free = {f"{AT}.along": (-0.05, 0.1), f"{AT}.across": (-0.1, 0.1)}
     found = lj.optimise(rotor(), free, peak_shaking_force_constant_speed, solver=solver)
     assert found.solver == solver
@@ -83,7 +83,7 @@ def test_a_rotor_is_balanced(solver, few):
 
 
 def test_lost_machines_are_led_back(few):
-    """Coupler and rocker far too short: every solver makes them long enough, and none throws or loses itself."""
+    """Coupler and rocker far too short: every solver makes them long enough, and none raises or diverges."""
     free = [Variable(f"links.{name}.length", 0.02, 0.6) for name in ("coupler", "rocker")]
     problem = Problem(lj.load("four-bar"), free, as_term(min_transmission_angle), maximise=True)
     for z in (np.zeros(2), np.array([0.05, 0.02])):
@@ -93,13 +93,13 @@ def test_lost_machines_are_led_back(few):
             assert path.point.unsound <= 1e-8
             assert np.isfinite(path.point.value)
             assert np.isfinite([*path.history]).all()
-            assert path.point.value < -0.3  # maximised: more than 0.3 of what the unchanged machine has
+            assert path.point.value < -0.3  # maximised: more than 0.3 of the initial value
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["slsqp", "multistart"])
 def test_no_feasible_design(solver, few):
-    """δ and the flywheel clash, by name; what is found violates least: it is what the cone solver finds."""
+    """δ and the flywheel conflict, and are named; the violation is the smallest, as with the cone solver."""
 
     def wheel(scene):
         return scene.mechanism.flywheel.inertia

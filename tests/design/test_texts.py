@@ -1,4 +1,4 @@
-"""What is asked as text: ranges, limits, names, and what cannot be understood."""
+"""Problems given as strings: ranges, constraints, names, and invalid strings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of exported machines share."""
+"""Shared parts of the tests of exported machines."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-if TYPE_CHECKING:  # linkjax is imported by tests alone
+if TYPE_CHECKING:  # only tests import linkjax
     from tests.exchange.mujoco_road import Apart
 
 
 @pytest.fixture(scope="module")
 def figures():
-    """Collects how far MuJoCo is apart, and prints the worst (seen with `pytest -s`)."""
+    """Collects the differences to MuJoCo, and prints the largest (seen with `pytest -s`)."""
     found: dict[str, Apart] = {}
     yield found
     if found:

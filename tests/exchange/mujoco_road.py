@@ -1,7 +1,7 @@
 # pyright: reportAttributeAccessIssue=false
 """Machines solved by MuJoCo: positions from its own loop closures, the drive torque by its own inverse dynamics.
 
-Nothing of linkjax is used on that road but the exported model, and what the drive and the loads are meant to do.
+This method uses nothing of linkjax except the exported model, and the intended motion of the drive and the loads.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from linkjax.loads import Force, OpposingForce, Torque
 from linkjax.machine import ready
 from tests.physics import oracle
 
-NEAR, CLOSE = 1e-6, 1e-4  # what is asked for: positions by the longest link, torques by the largest
-STEPS = 96  # a turn, of the walk from one crank angle to the next
-SHUT = 1e-13  # of the size of the machine: what closures may leave open
-START = 0.3  # rad, where the models stand
+NEAR, CLOSE = 1e-6, 1e-4  # tolerances: positions by the longest link, torques by the largest
+STEPS = 96  # per turn, in the walk from one crank angle to the next
+SHUT = 1e-13  # of the size of the machine: allowed closure error
+START = 0.3  # rad, positions of the models
 TURN = START + np.linspace(0.15, 2 * math.pi, 8)
 AWAY = [
     side * 0.1 * 0.3**k for k in range(12) for side in (1, -1)
-]  # rad, from where a model stands to where it is asked
-GAIN = 0.4  # crank acceleration, by the square of the crank speed
-APART = 1e-3  # rad or m, of a joint, between places that say how the closures bend
+]  # rad, from the position of a model to the requested one
+GAIN = 0.4  # crank acceleration, divided by the square of the crank speed
+APART = 1e-3  # rad or m, of a joint, between positions for the curvature of the closures
 
 
 class Found(NamedTuple):
@@ -45,7 +45,7 @@ class Found(NamedTuple):
 
 
 class Road:
-    """A scene as MuJoCo's model, standing at the crank angle `phi`."""
+    """A scene as a MuJoCo model at the crank angle `phi`."""
 
     def __init__(self, scene: lj.Scene, phi: float):
         self.scene, self.phi, self.law = scene, phi, scene.mechanism.driver.follows()
@@ -55,11 +55,11 @@ class Road:
         self.data = mujoco.MjData(self.model)
         longest = max(float(link.length) for link in scene.mechanism.links.values())
         mujoco.mj_kinematics(self.model, self.data)
-        self.size = longest or float(np.max(np.abs(self.data.site_xpos)))  # nothing but blocks has no length
+        self.size = longest or float(np.max(np.abs(self.data.site_xpos)))  # a machine of blocks only has no length
         self.move(phi)
 
     def coordinate(self, phi: float) -> float:
-        """Where the drive stands."""
+        """The position of the drive."""
         driver = self.scene.mechanism.driver
         if self.law is None:
             assert isinstance(driver, Crank)
@@ -67,7 +67,7 @@ class Road:
         return float(oracle.prescribed(self.law, phi) - oracle.prescribed(self.law, self.start))
 
     def rates(self, phi: float) -> tuple[float, float]:
-        """By how much the drive moves on with the crank angle, and how this changes."""
+        """The derivative of the drive position with respect to the crank angle, and its second derivative."""
         driver = self.scene.mechanism.driver
         if self.law is not None:
             first, second = oracle.swinging(self.law, phi)
@@ -76,7 +76,7 @@ class Road:
         return driver.sense, 0.0
 
     def closures(self) -> tuple[np.ndarray, np.ndarray]:
-        """What the constraints leave open, and their Jacobian with a last row for the drive."""
+        """The closure errors of the constraints, and their Jacobian with a last row for the drive."""
         model, data = self.model, self.data
         mujoco.mj_fwdPosition(model, data)
         jacobian, drive = data.efc_J.reshape(data.nefc, model.nv), np.zeros((1, model.nv))
@@ -84,13 +84,13 @@ class Road:
         return data.efc_pos.copy(), np.vstack([jacobian, drive])
 
     def move(self, phi: float) -> None:
-        """Close the loops at a crank angle, by Newton's method from where the machine stands."""
+        """Close the loops at a crank angle, by Newton's method from the present position of the machine."""
         for _ in range(20):
             gap, jacobian = self.closures()
             wanted = self.coordinate(phi) - self.data.actuator_length[0]
             step = np.linalg.lstsq(jacobian, np.append(-gap, wanted), rcond=None)[0]
             self.data.qpos += step
-            if np.max(np.abs(step)) < 1e-8:  # of second order: what is left is below the last digit
+            if np.max(np.abs(step)) < 1e-8:  # of second order: the remainder is below the last digit
                 break
         gap, _ = self.closures()
         assert np.max(np.abs(gap), initial=0.0) < SHUT * max(self.size, 1.0), f"not closed at {phi}"
@@ -109,8 +109,8 @@ class Road:
         return self.solved(jacobian, np.append(0 * gap, self.rates(self.phi)[0]))
 
     def second(self, first: np.ndarray) -> np.ndarray:
-        """Second ones, from how the closures bend along the first: differences of fourth order of their Jacobian, which
-        is smooth wherever the machine stands."""
+        """Second ones, from the curvature of the closures along the first: fourth-order differences of their Jacobian,
+        which is smooth at every position of the machine."""
         here, h = self.data.qpos.copy(), APART / np.max(np.abs(first))
         rates = {}
         for k in (-2, -1, 1, 2):
@@ -127,8 +127,8 @@ class Road:
         return found
 
     def at(self, phi: float, speed: float, acceleration: float, names: list[str]) -> Found:
-        """What MuJoCo finds at a crank angle, crank speed and acceleration: the torque is the generalised force that
-        its inverse dynamics asks for without constraints, projected on how the machine moves."""
+        """Results of MuJoCo at a crank angle, crank speed and acceleration: the torque is the generalised force of its
+        inverse dynamics without constraints, projected on the direction of motion of the machine."""
         self.walk(phi)
         data, model, q1 = self.data, self.model, self.first()
         q2 = self.second(q1)
@@ -142,7 +142,7 @@ class Road:
         return Found(points, inertia_and_weight - self.power(q1))
 
     def power(self, q1: np.ndarray) -> float:
-        """Of the working loads, at unit crank speed."""
+        """Of the applied loads, at unit crank speed."""
         total = 0.0
         for load in self.scene.loads:
             if not oracle.active(load, np.asarray(self.phi), self.scene.cycle):
@@ -165,7 +165,7 @@ class Road:
 
 
 class Apart(NamedTuple):
-    """How far two roads are apart at worst, relative: positions and drive torque."""
+    """The largest relative differences of two methods: positions and drive torque."""
 
     position: float
     torque: float
@@ -173,7 +173,7 @@ class Apart(NamedTuple):
 
 @compiled_soon
 def ours(scene: lj.Scene, phi):
-    """Points, and the drive torque while the crank speeds up."""
+    """Points, and the drive torque while the crank accelerates."""
 
     def at(phi):
         points = {name: jnp.stack([p.r.x, p.r.y]) for name, p in pose(scene.mechanism, phi).points.items()}
@@ -183,17 +183,17 @@ def ours(scene: lj.Scene, phi):
 
 
 def beside(scene: lj.Scene, phi: float) -> Road:
-    """A model that stands near this crank angle, as far away as the machine can be assembled there."""
+    """A model near this crank angle, as far away as the machine can be assembled there."""
     for away in AWAY:
         try:
             return Road(scene, phi + away)
-        except MachineError:  # a dead position lies between
+        except MachineError:  # a singular position lies between
             continue
     raise AssertionError("it can be assembled nowhere beside this crank angle")
 
 
 def compared(scene: lj.Scene, only: float | None = None) -> Apart:
-    """MuJoCo's figures against ours, at crank angles all round the turn, or at this one."""
+    """Results of MuJoCo against ours, at crank angles over the turn, or at this one."""
     angles = TURN if only is None else np.array([only])
     points, torque = jax.device_get(ours(ready(scene), jnp.asarray(angles)))
     road, speed = Road(scene, START) if only is None else beside(scene, only), float(scene.speed)
@@ -205,7 +205,7 @@ def compared(scene: lj.Scene, only: float | None = None) -> Apart:
 
 
 def check(scene: lj.Scene, name: str, figures: dict[str, Apart], only: float | None = None) -> None:
-    """Both roads must agree; how far they are apart is noted."""
+    """Both methods must agree; their differences are recorded."""
     figures[name] = apart = compared(scene, only)
     assert apart.position <= NEAR, name
     assert apart.torque <= CLOSE, name

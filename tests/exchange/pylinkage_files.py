@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false
-"""Files of every kind that pylinkage writes, made by pylinkage itself, and their joints as pylinkage steps them."""
+"""Files of every kind that pylinkage writes, created by pylinkage itself, and their joints as pylinkage steps them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ OMEGA = math.tau / STEPS
 
 
 def six_bar() -> Mechanism:
-    """A four-bar whose coupler is ternary and carries a rod and a lever, with trackers and a point of the frame."""
+    """A four-bar with a ternary coupler that carries a rod and a lever, with trackers and a point of the frame."""
     builder = MechanismBuilder("six-bar")
     builder.add_ground_link("ground", ports={"A": (0.0, 0.0), "D": (4.0, 0.0), "G": (5.0, 3.0), "mark": (1.0, -1.0)})
     builder.add_driver_link("crank", length=1.0, motor_port="A", omega=-OMEGA, initial_angle=0.7)
@@ -67,8 +67,8 @@ def inline_slider() -> Mechanism:
 
 
 def by_hand() -> Mechanism:
-    """Joints and links as one writes them: the initial angle at its default, a link with the name of a joint, a
-    point with the name that linkjax gives to a mass centre, and a tracker that is at rest."""
+    """Joints and links as a user writes them: the initial angle at its default, a link with the name of a joint, a
+    point with the name that linkjax gives to a mass centre, and a tracker at rest."""
     ground = [GroundJoint("O1", position=(0.0, 0.0)), GroundJoint("O2", position=(3.0, 0.0))]
     a, b = RevoluteJoint("A", position=(1.0, 0.0)), RevoluteJoint("B", position=(3.0, 2.0))
     still = TrackerJoint("still", position=(1.0, 1.0))
@@ -94,14 +94,14 @@ def strider() -> Linkage:
 
 
 def unnamed() -> Linkage:
-    """Components without names, which pylinkage calls by numbers."""
+    """Components without names, for which pylinkage uses numbers."""
     o1, o2 = Ground(0.0, 0.0), Ground(3.0, 0.0)
     crank = Crank(o1, radius=1.0, angular_velocity=OMEGA)
     return Linkage([o1, o2, crank, RRRDyad(crank.output, o2, distance1=3.0, distance2=2.0)], name="unnamed")
 
 
 def engine(moving: bool = False) -> Linkage:
-    """A slider on the line of two points: of the frame, or of the rocker of a four-bar."""
+    """A slider on the line through two points: of the frame, or of the rocker of a four-bar."""
     o, crank = (point := Ground(0.0, 0.0, name="O")), Crank(point, radius=1.0, angular_velocity=OMEGA, name="A")
     if not moving:
         one, two = Ground(0.0, -0.3, name="L1"), Ground(5.0, 0.2, name="L2")
@@ -117,7 +117,7 @@ def engine(moving: bool = False) -> Linkage:
 
 
 def triad() -> Mechanism:
-    """A crank and a triad: a group of class III, of which pylinkage knows edges."""
+    """A crank and a triad: a group of class III, which pylinkage stores as edges."""
     places = {"O": (0.0, 0.0), "A": (0.3, 0.0), "P": (5.3, 4.2), "Q": (4.3, 6.9), "X": (4.9, 1.4), "Y": (3.8, 1.8),
               "Z": (4.8, 3.0)}  # fmt: skip
     ground = {name: GroundJoint(name, position=places[name]) for name in "OPQ"}
@@ -147,7 +147,7 @@ def of_graph() -> Mechanism:
 
 
 def stepped_mechanism(times: int = 7) -> Mechanism:
-    """A four-bar that was written while it moved: its initial angle is that of the beginning."""
+    """A four-bar that was written during its motion: its initial angle is that of the beginning."""
     mechanism = fourbar(1.0, 3.5, 2.5, 3.8, omega=OMEGA, initial_angle=0.2)
     for _ in mechanism.step(times):
         pass
@@ -155,7 +155,7 @@ def stepped_mechanism(times: int = 7) -> Mechanism:
 
 
 def of_sim(linkage: Linkage) -> Mechanism:
-    """By way of a hypergraph."""
+    """Via a hypergraph."""
     return of_hypergraph(*from_sim_linkage(linkage))
 
 
@@ -171,8 +171,8 @@ MECHANISMS: dict[str, Callable[[], Mechanism]] = {
 
 
 def stepped(document: dict[str, Any], steps: int = STEPS) -> tuple[dict[str, np.ndarray], float]:
-    """Joints over the turn as pylinkage steps them from where they are drawn, shape (steps, 2), and by how much its own
-    links get longer or shorter meanwhile: its solver steps some mechanisms wrongly."""
+    """Joints over the turn as pylinkage steps them from their drawn positions, shape (steps, 2), and the length changes
+    of its own links: its solver steps some mechanisms incorrectly."""
     theirs = mechanism_from_dict(document)
     theirs.set_joint_positions(theirs.get_joint_positions())  # its drivers read their angles from the drawing
     found = np.array([list(step) for step in theirs.step(steps)], dtype=float)
@@ -181,19 +181,19 @@ def stepped(document: dict[str, Any], steps: int = STEPS) -> tuple[dict[str, np.
 
 
 def bent(document: dict[str, Any], at: dict[str, np.ndarray]) -> float:
-    """The largest change of a distance between two joints of one link, over all places, from what is drawn."""
+    """The largest change of a distance between two joints of one link from the drawing, over all positions."""
     drawn = {joint["id"]: joint["position"] for joint in document["joints"]}
     pairs = [(a, b) for link in document["links"] for a, b in itertools.combinations(link["joints"], 2)]
     return max(np.abs(np.hypot(*(at[a] - at[b]).T) - math.dist(drawn[a], drawn[b])).max() for a, b in pairs)
 
 
 def written(mechanism: Mechanism) -> dict[str, Any]:
-    """What pylinkage writes to a file."""
+    """The content that pylinkage writes to a file."""
     return json.loads(json.dumps(mechanism_to_dict(mechanism)))
 
 
 def chebyshev(initial: float | None) -> dict[str, Any]:
-    """The straight-line mechanism of pylinkage's examples, its arc a little shorter than up to its toggle positions."""
+    """The straight-line mechanism of pylinkage's examples, its arc slightly shorter than up to its toggle positions."""
     arc = 0.66, 1.75
     builder = MechanismBuilder("Chebyshev").add_ground_link("ground", ports={"O1": (0, 0), "O2": (100, 0)})
     builder.add_arc_driver_link("crank", 125, "O1", 0.05, *arc, None if initial is None else arc[0] + initial)
@@ -203,7 +203,7 @@ def chebyshev(initial: float | None) -> dict[str, Any]:
 
 
 def old_four_bar() -> dict[str, Any]:
-    """As pylinkage 0.9 wrote it: places are rough, anchors that were written as places stand inline."""
+    """As pylinkage 0.9 wrote it: positions are rough, anchors that were written as positions are inline."""
     return {
         "name": "old", "solve_order": None,
         "joints": [
@@ -222,7 +222,7 @@ def old_four_bar() -> dict[str, Any]:
 
 
 def now_four_bar() -> Linkage:
-    """The same of pylinkage's present components."""
+    """The same with the present components of pylinkage."""
     o, d, left, right = (Ground(x, y, name=n) for x, y, n in ((0, 0, "O"), (4, 0, "1404"), (0, -1, "L"), (5, 4, "R")))
     a = Crank(o, 1.0, OMEGA, math.pi / 2, name="A")
     c = RRRDyad(a.output, d, 3.5, 2.5, x=3.0, y=2.0, name="C")

@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-"""Exported models of MuJoCo: what is in them, that they run, and what cannot be exported."""
+"""Exported MuJoCo models: their content, that they run, and mechanisms that cannot be exported."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_it_stands_at_the_crank_angle(phi):
 
 
 def test_links_without_mass():
-    """They get the part asked for of the heaviest, and by the square of the greatest distance on a link an inertia."""
+    """They get the given fraction of the heaviest, and with the square of the largest distance on a link an inertia."""
     links = {"crank": Link(length=0.1, mass=2.0, inertia=0.01), "rod": Link(length=0.4, mass=1.0), "ram": Link()}
     groups = [lj.Crank("crank", "A", "B"), lj.RRP("rod", "ram", "B", "D", "A")]
     model = mujoco.MjModel.from_xml_string(to_mjcf(Mechanism({"A": Vec(0.0, 0.0)}, links, groups), massless=1e-6))
@@ -70,8 +70,8 @@ def test_links_without_mass():
 
 
 def test_counterweights_are_part_of_their_link():
-    """Mass, mass centre, and inertia about it by Steiner's theorem; an ideal one leaves mass and inertia about the
-    pivot as they are."""
+    """Mass, mass centre, and inertia about it by Steiner's theorem; an ideal one does not change mass and inertia about
+    the pivot."""
     disc = Counterweight(mass=2.0, at=Vec(-0.1, 0.0), inertia=0.003)
     ideal = Counterweight(mass=0.5, at=Vec(0.0, 0.2), ideal=True)
     crank = Link(length=0.1, mass=3.0, inertia=0.05, centre=Vec(0.05, 0.0), counterweights={"W": disc, "I": ideal})
@@ -90,8 +90,8 @@ def test_counterweights_are_part_of_their_link():
 
 @pytest.mark.parametrize("name", ["hay-press", "quick-return", "moving-guides"])
 def test_it_runs(name):
-    """Half a second of free motion in steps of 0.1 ms: loops stay closed, and energy changes by a thousandth at most of
-    what has passed from weight into motion."""
+    """Half a second of free motion in steps of 0.1 ms: loops stay closed, and the energy changes by 0.1 % at most
+    of the work of the weights."""
     model = mujoco.MjModel.from_xml_string(to_mjcf(machine(name), 0.3))
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = mujoco.MjData(model)
@@ -120,7 +120,9 @@ def test_an_ideal_counterweight_that_no_body_can_have():
     scene = machine("four-bar")
     links = {name: scene.mechanism.links[name] for name in scene.mechanism.link_names}
     links["crank"] = dataclasses.replace(links["crank"], counterweights={"W": ideal})
-    with pytest.raises(StructureError, match=r"links\.crank: no body can have what its ideal counterweight leaves"):
+    with pytest.raises(
+        StructureError, match=r"links\.crank: its ideal counterweight makes its mass or inertia unphysical"
+    ):
         to_mjcf(Mechanism(scene.mechanism.fixed, links, scene.mechanism.groups))
 
 
@@ -138,7 +140,7 @@ def test_one_machine_at_a_time():
     ],
 )
 def test_a_motor_between_two_moving_links(link, on, phase):
-    """It moves as fast as the one link turns against the other, wherever the tree has their pin."""
+    """It moves as fast as one link turns relative to the other, for every position of their pin in the tree."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),
              "ram": Link(pins=("C",), mass=1.0)}  # fmt: skip
     sketch = {"B": lj.Vec(0.07, 0.07), "C": lj.Vec(0.36, 0.0)}

@@ -34,7 +34,7 @@ def balanced() -> lj.Scene:
 
 
 def cross() -> lj.Scene:
-    """A bar that three blocks hold, two pinned to the frame and one to the crank: nothing but slides on the bar."""
+    """A bar held by three sliders, two pinned to the frame and one to the crank: only sliding joints on the bar."""
     links = {
         "crank": Link(length=0.1, mass=1.0, inertia=0.01),
         "bar": Link(length=0.5, mass=2.0, inertia=0.05, centre=Vec(0.25, 0.02), points={"K": Vec(0.2, 0.1)}),

@@ -1,11 +1,11 @@
 """The random machines of the physics in MuJoCo, each at its own crank angle: positions by MuJoCo's constraints, drive
 torques by its inverse dynamics.
 
-They are those of `tests/physics/random_machines.py`: drivers that turn, swing and slide, groups of every class, wheels,
-loads, some drawn by links and joints, however near a dead position. Closures are shut there by Newton's method on
-MuJoCo's own constraints, and not by its soft forces, so that none has to be left out for being near one. Only a belt
-that a crank turns on and on has no place here: its random radii never come back to where they began, and a `Scene` that
-repeats in no number of turns is refused before it is exported. A crank that swings moves the same belts.
+They are those of `tests/physics/random_machines.py`: drivers that rotate, oscillate and slide, groups of every class,
+gears, loads, some drawn by links and joints, also near a singular position. Newton's method closes them on MuJoCo's
+own constraints, not its soft forces, so none near a singular position has to be omitted. The exception is a belt on a
+crank that rotates fully: with its random radii it never returns to its initial position, and a `Scene` that is not
+periodic in any number of turns is refused before the export. An oscillating crank drives the same belts.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tests.physics.test_random_machines import ALONE, DESIGNS, IN_GEAR, IN_LOOPS
 
 FIRST = 4  # designs of each composition
 CASES = [case for case in (*ALONE, *TOGETHER, *IN_GEAR, *IN_LOOPS) if (case.kinds, case.driver) != (("belt",), "turns")]
-QUICK = (TOGETHER[28], TOGETHER[29], TOGETHER[37], IN_GEAR[6])  # a driver that slides, and three that swing
+QUICK = (TOGETHER[28], TOGETHER[29], TOGETHER[37], IN_GEAR[6])  # a driver that slides, and three that oscillate
 
 
 @pytest.mark.parametrize("case", [c if c in QUICK else pytest.param(c, marks=pytest.mark.slow) for c in CASES], ids=str)

@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false
-"""Every kind of file that pylinkage writes: imported with usable names, drawn and moving as there, or refused."""
+"""Every kind of file that pylinkage writes: imported with valid names and the same drawing and motion, or refused."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def over(mechanism: lj.Mechanism, angles) -> dict[str, np.ndarray]:
 
 
 def drawn_in(document) -> tuple[dict[str, np.ndarray], float]:
-    """Where joints are drawn, and the size of the drawing."""
+    """Drawn positions of joints, and the size of the drawing."""
     at = {joint["id"]: np.array(joint["position"], dtype=float) for joint in document["joints"]}
     return at, max(float(np.hypot(*(a - b))) for a in at.values() for b in at.values())
 
@@ -64,7 +64,7 @@ def joints_of(document, read, angles) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def imported():
-    """A file of each kind with what was read, and our joints at crank angle zero and after each of its steps."""
+    """A file of each kind with its imported mechanism, and our joints at crank angle zero and after each step."""
     kept = {}
 
     def one(name: str):
@@ -79,7 +79,7 @@ def imported():
 
 @pytest.mark.parametrize("name", list(MAKE))
 def test_joints_begin_where_they_are_drawn_and_links_stay_as_long(name, imported):
-    """The lengths that the drawing says are kept over the turn; guides of `to_mechanism` are no links."""
+    """The lengths in the drawing are constant over the turn; guides of `to_mechanism` are no links."""
     document, read, ours = imported(name)
     drawn, size = drawn_in(document)
     for joint, at in drawn.items():
@@ -101,7 +101,7 @@ def ours_names(read) -> set[str]:
 
 @pytest.mark.parametrize("name", list(MAKE))
 def test_joints_move_as_pylinkage_steps_them(name, imported):
-    """To the digits of its solver, for every file whose links it keeps as long as they are."""
+    """To the digits of its solver, for every file whose links it keeps at constant length."""
     document, _, ours = imported(name)
     size = drawn_in(document)[1]
     theirs, change = {}, math.inf
@@ -116,7 +116,7 @@ def test_joints_move_as_pylinkage_steps_them(name, imported):
 
 @pytest.mark.parametrize(("name", "moving"), [("dyads-engine", False), ("dyads-moving-guide", True)])
 def test_slides_move_as_pylinkages_linkage_steps_them(name, moving, imported):
-    """Its Linkage knows lines through two joints, which its Mechanism has no word for."""
+    """Its Linkage supports lines through two joints, its Mechanism does not."""
     linkage, (document, _, ours) = engine(moving), imported(name)
     size = drawn_in(document)[1]
     found = np.array([list(step) for step in linkage.step(STEPS)], dtype=float)
@@ -154,7 +154,7 @@ def test_what_is_renamed(imported):
 
 
 def test_names_stay_apart_and_short():
-    """Two names that would become one, one that is too long, a block's, and one that is nothing but a sign."""
+    """Two names that would become one, one that is too long, one of a block, and one that consists only of a sign."""
     document = written(fourbar(1.0, 3.5, 2.5, 3.8))
     old = {joint["id"]: new for joint, new in zip(document["joints"], ("a.b", "a_b", "a b", "%"), strict=True)}
     text = json.dumps(document)
@@ -171,12 +171,12 @@ def test_names_stay_apart_and_short():
 @pytest.mark.parametrize("name", ["A", "é-1_b", "x" * 40, "x" * 41, "1a", "_a", "a.b", "", "a\n", "²", "frame"])
 def test_usable_names_are_those_of_scene_files(name):
     text = f"speed = 1.0\n[fixed]\n{json.dumps(name)} = [0.0, 0.0]\n"
-    with pytest.raises(SceneError) as refused:  # for its name, or because there is nothing else in it
+    with pytest.raises(SceneError) as refused:  # for its name, or because the file has no other content
         loads_text(text)
     assert usable(name) == (refused.value.problem != "not a usable name")
 
 
-# ---- where the driver begins
+# ---- initial position of the driver
 
 
 def test_a_driver_begins_where_it_is_drawn():
@@ -206,7 +206,7 @@ def test_a_file_written_while_the_machine_moves(imported):
 
 @pytest.mark.parametrize("initial", [None, 0.545, 0.2, 1.09])
 def test_an_arc_driver_oscillates_over_its_arc(initial):
-    """Between the ends of its arc, from where it is drawn; at each angle of the crank as pylinkage has it there."""
+    """Between the ends of its arc, from its drawn position; at each crank angle as in pylinkage."""
     document = chebyshev(initial)
     drawn, size = drawn_in(document)
     read = read_pylinkage(document)
@@ -238,7 +238,9 @@ def test_a_slide_off_its_line():
     document = written(MECHANISMS["slider_crank"]())
     slider = next(joint for joint in document["joints"] if joint["type"] == "prismatic")
     slider["line_point"] = [0.0, 0.3]
-    with pytest.raises(StructureError, match=r"rod.1: is drawn at \(.*\), 0.0986394 off its line through \[0.0, 0.3\]"):
+    with pytest.raises(
+        StructureError, match=r"rod.1: is drawn at \(.*\), 0.0986394 from its line through \[0.0, 0.3\]"
+    ):
         lj.from_pylinkage(document)
 
 
@@ -261,7 +263,7 @@ def test_older_linkages_move_as_their_components_do_now():
 
 
 def test_the_command_imports_what_pylinkages_constructors_write(call, tmp_path):
-    """Names are the same as in Python, those that change are printed; what is written is shown and reads back."""
+    """Names are the same as in Python, changed ones are printed; the written file can be shown and read back."""
     path = tmp_path / "four.json"
     mechanism_to_json(fourbar(1.0, 3.5, 2.5, 3.8), path)
     code, out, _ = call("import", path)
@@ -276,7 +278,7 @@ def test_the_command_imports_what_pylinkages_constructors_write(call, tmp_path):
 
 
 def test_rounding_near_zero_is_written_as_zero(call, tmp_path):
-    """A point drawn where the crank's pin is, which the pose has at 1e-32 m: no scene file holds that."""
+    """A point drawn at the crank pin, which is at 1e-32 m in the pose: no scene file can store that."""
     document = written(MECHANISMS["hypergraph-strider"]())
     next(joint for joint in document["joints"] if joint["id"] == "F")["position"] = [0.0, -1.0]
     path = tmp_path / "file.json"

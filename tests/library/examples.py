@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false
-"""One design of every machine of the library, with masses, at work."""
+"""One design of every machine of the library, with masses and loads."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ LOADED = {"scotch_yoke": ("yoke", "E"), "scissor_lift": ("bar", "T")}
 
 
 def scene(name: str) -> lj.Scene:
-    """A machine at work, with a constant force on one of its points."""
+    """A machine with a constant force on one of its points."""
     mechanism = MADE[name]()
     link, point = LOADED.get(name, (mechanism.link_names[-1], mechanism.links[mechanism.link_names[-1]].centre_name))
     loads = (Force("work", link, point, force=Vec(20.0, -50.0)),)

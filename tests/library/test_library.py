@@ -55,8 +55,8 @@ def test_scotch_yoke():
 @pytest.mark.parametrize(("r", "d", "length", "rod", "h", "side"), [(0.12, 0.35, 0.75, 0.3, 0.37, -1),
                                                                     (0.2, 0.08, 0.15, 0.5, 0.02, 1)])  # fmt: skip
 def test_quick_return(r, d, length, rod, h, side):
-    """The lever points from P to the crank pin; the ram is a rod's reach from its end. A lever that swings turns round
-    where the crank is square to it, sin φ = −r / d."""
+    """The lever points from P to the crank pin; the ram is one rod length from its end. An oscillating lever reverses
+    where it is perpendicular to the crank, sin φ = −r / d."""
     mechanism = lj.quick_return(r, d, length, rod, h, side=side)
     at = places(mechanism)
     end = -1j * d + length * np.exp(1j * np.angle(1j * d + r * np.exp(1j * PHI)))
@@ -82,7 +82,7 @@ def test_toggle_press(side):
 
 @pytest.mark.parametrize("kind", ["watt-1", "watt-2", "stephenson-1", "stephenson-3"])
 def test_six_bar(kind):
-    """The four-bar is as it was alone; E and F are where they were put; G by the law of cosines."""
+    """The four-bar is the same as without the dyad; E and F are at the given points; G by the law of cosines."""
     mechanism = MADE[kind]()
     assert mechanism.formula() == "I1(crank) → II1(coupler, rocker) → II1(rod, lever)"
     rotation = "cw" if kind == "stephenson-1" else "ccw"
@@ -144,7 +144,7 @@ NONE = (0.0, 0.0)
         (lambda: lj.four_bar(-0.1, 0.3, 0.3, 0.3), "crank of a four_bar must be above zero, but is -0.1; give a leng"),
         (lambda: lj.four_bar(0.1, 0.3, 0.3, math.nan), "frame of a four_bar must be above zero, but is nan"),
         (lambda: lj.four_bar(0.1, 0.3, 0.3, 0.9), "frame of a four_bar is 0.9, but all others together are 0.7, so"),
-        (lambda: lj.slider_crank(0.1, 0.2, 0.4), "offset of a slider_crank is 0.4, but crank and rod reach no farther"),
+        (lambda: lj.slider_crank(0.1, 0.2, 0.4), "offset of a slider_crank is 0.4, but crank and rod reach only"),
         (lambda: lj.scotch_yoke(0.0), "crank of a scotch_yoke must be above zero, but is 0;"),
         (lambda: lj.quick_return(0.1, 0.1, 0.3, 0.2, 0.1), "crank and distance of a quick_return are both 0.1, so th"),
         (lambda: lj.toggle_press(0.1, 0.2, 0.3, 0.3, (2.0, 0.0)), "pivot of a toggle_press is 2, but all others toge"),
@@ -153,8 +153,8 @@ NONE = (0.0, 0.0)
         (lambda: lj.scissor_lift(2.0, 1.2, 0.2, 0.7), "eye of a scissor_lift is 1.2, but half a bar is 1; give its d"),
         (lambda: lj.scissor_lift(2.0, 0.5, 0.2, 0.7, pairs=3), "pairs of a scissor_lift must be 1 or 2, but is 3;"),
         (lambda: lj.scissor_lift(2.0, 0.5, 0.2, 0.7, base=(0.1, 2.0)), "cylinder of a scissor_lift is 1.746[0-9]* m"),
-        (lambda: lj.scissor_lift(2.0, 0.5, 0.7, 0.2), "low and high of a scissor_lift are 0.7 and 0.2 rad; write ang"),
-        (lambda: lj.scotch_yoke(0.1, links={"yok": Link()}), "has 'yok', which it does not have; did you mean 'yoke'"),
+        (lambda: lj.scissor_lift(2.0, 0.5, 0.7, 0.2), "low and high of a scissor_lift are 0.7 and 0.2 rad; write inc"),
+        (lambda: lj.scotch_yoke(0.1, links={"yok": Link()}), "it has no link 'yok'; did you mean 'yoke'"),
         (lambda: lj.scotch_yoke(0.1, links={"crank": Link(length=0.2)}), r"links\['crank'\] of a scotch_yoke has the"),
         (lambda: lj.four_bar(0.1, 0.3, 0.3, 0.3, side=0), "side of an RRR must be 1 or -1, but is 0"),
     ],

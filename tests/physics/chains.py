@@ -1,6 +1,6 @@
 """Every plane kinematic chain of one degree of freedom with simple revolute joints, up to isomorphism.
 
-A chain is a graph: links are vertices, joints edges. Of `n` links and the joints between them no part may be rigid.
+A chain is a graph: links are vertices, joints edges. No part of the `n` links and their joints may be rigid.
 Known counts: 1, 2 and 16 chains with 4, 6 and 8 links, e.g. Crossley, A contribution to Gruebler's theory in the number
 synthesis of plane mechanisms, J. Eng. Ind. 86 (1964).
 """
@@ -43,7 +43,7 @@ def canonical(count: int, edges: Iterable[Edge], marks: Sequence[int] = ()) -> t
 
 
 def _stays_loose(count: int, edges: Sequence[Edge], new: Edge) -> bool:
-    """Whether no part of the links with the new joint is rigid."""
+    """Whether no part of the links is rigid with the new joint."""
     others = [v for v in range(count) if v not in new]
     for size in range(count - 1):
         for more in itertools.combinations(others, size):
@@ -55,7 +55,7 @@ def _stays_loose(count: int, edges: Sequence[Edge], new: Edge) -> bool:
 
 @functools.cache
 def chains(count: int) -> tuple[Chain, ...]:
-    """All chains with so many links."""
+    """All chains with this number of links."""
     level: set[Chain] = {()}
     for _ in range((3 * count - 4) // 2):
         grown = set()
@@ -97,7 +97,7 @@ def sliding(count: int) -> list[tuple]:
 
 
 def named(chain, ground, letters=None) -> list[Pair]:
-    """The pairs of a chain; links are called by their numbers, the ground is the frame."""
+    """The pairs of a chain; links are named by their numbers, the ground is the frame."""
     names = [FRAME if v == ground else f"k{v}" for v in range(1 + max(itertools.chain(*chain)))]
     letters = letters or {}
     pairs = []

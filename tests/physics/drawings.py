@@ -1,7 +1,7 @@
-"""Random machines drawn by coordinates alone: links and joints at places, and nothing else that says where things are.
+"""Random machines drawn by coordinates alone: links and joints at points, with no other data for their positions.
 
-Linkages are the kinematic chains with four, six and eight links, with any ground and any joint as the drive; joints of
-theirs are sliders, on the frame or on links. Machines with gears are drawn in mesh.
+Linkages are the kinematic chains with four, six and eight links, with any ground and any joint as the drive; some of
+their joints are sliders, on the frame or on links. Machines with gears are drawn in mesh.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from linkjax.mechanism import Link, linkage
 from linkjax.mechanism._freedom import blocks, freedom
 from tests.physics.chains import driven_chains, links_of, named
 
-PUSH = 0.05  # m, or rad: what a law moves
+PUSH = 0.05  # m, or rad: amplitude of a motion law
 THIRD = 0.3  # of the linkages: those with a second slider
 
 
 @dataclasses.dataclass(frozen=True)
 class Drawing:
-    """A machine as drawn: where points are (m), those of the frame, the pins of links, slots as (block, link of the
-    guide, a point of that link, direction of the line in the drawing), what drives what and in which sense, whether by
-    a law, gears as (wheel, other, mesh), and racks as (rack, wheel, side)."""
+    """A machine as drawn: positions of points (m), those of the frame, the pins of links, slots as (block, link of the
+    guide, a point of that link, direction of the line in the drawing), the driving and the driven link with its sense,
+    whether with a motion law, gears as (gear, other, mesh), and racks as (rack, gear, side)."""
 
     spots: dict[str, complex]
     fixed: tuple[str, ...]
@@ -40,12 +40,12 @@ class Drawing:
     racks: tuple[tuple[str, str, int], ...] = ()
 
     def size(self) -> float:
-        """The largest distance of two points (m)."""
+        """The largest distance between two points (m)."""
         spots = np.array(list(self.spots.values()))
         return float(np.abs(spots[:, None] - spots).max())
 
     def moved(self, turned: float, shifted: complex, mirrored: bool) -> tuple[Drawing, Callable[[complex], complex]]:
-        """The drawing mirrored on the x axis, turned (rad) and shifted (m), and where that puts a place."""
+        """The drawing mirrored on the x axis, turned (rad) and shifted (m), and the same transformation for points."""
         sense = -1 if mirrored else 1
 
         def there(z: complex) -> complex:
@@ -64,13 +64,13 @@ class Drawing:
         return cmath.phase(self.spots[self.pins[link][1]] - self.spots[self.pins[link][0]]) if lean is None else lean
 
     def _along(self, slot: tuple[str, str, str, float]) -> complex:
-        """How far along and beside its guide a block is drawn (m)."""
+        """The drawn position of a block along and beside its guide (m)."""
         block, _, through, lean = slot
         return (self.spots[self.pins[block][0]] - self.spots[through]) * cmath.exp(-1j * lean)
 
     def built(self, measured: Collection[str] = (), longer: float = 1.0) -> lj.Mechanism:
-        """The machine: no length, phase or start is given but that of a law's end, and the lengths of the links
-        `measured`, so many times as long as drawn."""
+        """The machine: no length, phase or start is given except the end of a motion law and the lengths of the links
+        `measured`, multiplied by this factor."""
         blocks_ = {block for block, *_ in self.slots}
         links = {name: Link(mass=1.0, pins=pins) for name, pins in self.pins.items()}
         for name in (name for name in measured if len(self.pins[name]) > 1 and name not in blocks_):
@@ -105,7 +105,7 @@ def _every(count: int) -> list:
 
 
 def linkage_of(rng: np.random.Generator) -> Drawing:
-    """A four-, six- or eight-bar, some of whose joints may slide, at random places, in random units of length."""
+    """A four-, six- or eight-bar, some of whose joints may slide, at random points, in random units of length."""
     while True:
         count = int(rng.choice([4, 6, 6, 8]))
         every = _every(count)
@@ -117,7 +117,7 @@ def linkage_of(rng: np.random.Generator) -> Drawing:
 
 
 def _with_sliders(chain, ground: int, edge, sliders, rng: np.random.Generator) -> Drawing | None:
-    """A chain with these joints as sliders; None where it cannot be or would not move."""
+    """A chain with these joints as sliders; None if this is impossible or would not move."""
     names, letters = links_of(chain, ground), dict.fromkeys(sliders, "P")
     pairs = named(chain, ground, letters)
     drive = next(p for p in pairs if p.name == f"j{min(edge)}{max(edge)}")
@@ -129,7 +129,7 @@ def _with_sliders(chain, ground: int, edge, sliders, rng: np.random.Generator) -
     spots = {p.name: complex(*rng.uniform(-scale, scale, 2)) for p in pairs if p.letter == "R"}
     spots["ground"] = complex(*rng.uniform(-scale, scale, 2))
     fixed = tuple({p.name: 0 for p in pairs if p.letter == "R" and FRAME in p.ends} | {"ground": 0})
-    held = [sorted(p.ends, key=lambda end: order[end]) for p in pairs if p.letter == "P"]  # what is first has the guide
+    held = [sorted(p.ends, key=lambda end: order[end]) for p in pairs if p.letter == "P"]  # the first one has the guide
     taken = [block for _, block in held]
     if len(set(taken)) < len(taken):
         return None
@@ -137,7 +137,7 @@ def _with_sliders(chain, ground: int, edge, sliders, rng: np.random.Generator) -
     for name in names:
         own = [p.name for p in pairs if p.letter == "R" and name in p.ends]
         rng.shuffle(own)
-        for k in range(max(0, (1 if name in taken else 2) - len(own))):  # a point that says where the link is
+        for k in range(max(0, (1 if name in taken else 2) - len(own))):  # a point that defines the position of the link
             own.append(f"e{name}{k}")
             spots[own[-1]] = complex(*rng.uniform(-scale, scale, 2))
         pins[name] = tuple(own)
@@ -150,7 +150,7 @@ def _with_sliders(chain, ground: int, edge, sliders, rng: np.random.Generator) -
     if drive.letter == "P":
         moved, against = next((block, on) for on, block in held if {block, on} == set(drive.ends))
     elif any(end in taken and len(pins[end]) < 2 for end in (moved, against)):
-        return None  # nothing shows how such a block turns
+        return None  # nothing defines the angle of such a block
     turns = int(rng.choice([1, -1]))
     return Drawing(spots, fixed, pins, slots, (moved, against), turns, bool(rng.random() < 0.3))
 
@@ -164,19 +164,19 @@ def geared(rng: np.random.Generator) -> Drawing:
     dyad = {"left": ("B", "P"), "right": ("C", "P")}
     five = {"crank": ("A", "B"), "wheel": ("D", "C"), **dyad}
     kind = int(rng.integers(5))
-    if kind == 0:  # a five-bar whose cranks are in mesh; any pin drives
+    if kind == 0:  # a five-bar with its cranks in mesh; any pin drives
         pins = five
         drive = [("crank", FRAME), ("wheel", FRAME), ("left", "right"), ("left", "crank")][rng.integers(4)]
         gears = (("wheel", "crank", mesh),) if rng.random() < 0.5 else (("crank", "wheel", mesh),)
         return _only(spots, "AD", pins, (), drive, turns, law, gears)
-    if kind == 1:  # over an idler that is drawn by its pivot alone
+    if kind == 1:  # over an idler that is drawn by its pivot only
         pins = {**five, "idler": ("E",)}
         gears = (("idler", "crank", mesh), ("wheel", "idler", Teeth((40, 20))))
         return _only(spots, "ADE", pins, (), ("crank", FRAME), turns, law, gears)
-    if kind == 2:  # a planet on a crank, round a wheel of the frame, and a dyad behind it
+    if kind == 2:  # a planet on a crank, around a gear of the frame, followed by a dyad
         pins = {"crank": ("A", "B"), "planet": ("B", "C"), "left": ("C", "P"), "right": ("D", "P")}
         return _only(spots, "AD", pins, (), ("crank", FRAME), turns, law, (("planet", FRAME, teeth),))
-    if kind == 3:  # a sun drives planet and arm together
+    if kind == 3:  # a sun gear drives planet and arm simultaneously
         pins = {"sun": ("A", "S"), "arm": ("A", "B"), "planet": ("B", "Q"), "left": ("Q", "P"), "right": ("D", "P")}
         gears = (("planet", "sun", Teeth((20, 40))), ("planet", FRAME, Teeth((20, 80), internal=True)))
         return _only(spots, "AD", pins, (), ("sun", FRAME), turns, law, gears[:: int(rng.choice([1, -1]))])

@@ -1,22 +1,22 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false, reportIndexIssue=false
 # pyright: reportOptionalMemberAccess=false, reportReturnType=false
-"""A batch of random machines, judged: closure, coefficients, reactions and gradients by other roads, each error beside
-what the problem's own condition allows.
+"""A batch of random machines, checked: closure, coefficients, reactions and gradients by independent methods, with the
+error that the condition number of the problem allows.
 
-The condition number of a result is the largest change of it, of its size, for a relative change of the numbers of the
-machine and its state, found by changing all of them in the NumPy oracle. Every number is changed in proportion to
-itself: an angle or an offset that happens to be small is held to be known that much better, and a zero is exact, which
-is the strictest choice there is. Sizes are the largest of a kind in a machine: of all points, of all links, of all
-joints. A result may be off by 1e-14 times its condition number, and 1e-12, of its size.
+The condition number of a result is its largest relative change for a relative change of the numbers of the machine and
+its state. It is found by changing all of them in the NumPy oracle. Every number is changed in proportion to itself: an
+angle or an offset that happens to be small is assumed to be known with the same relative accuracy, and a zero is exact.
+This is the strictest choice possible. Sizes are the largest of a kind in a machine: of all points, of all links, of all
+joints. The error of a result may be 1e-14 times its condition number, plus 1e-12, relative to its size.
 
-Gradients are those of two weighted sums of results, each kind by its size: without the reactions and with them. The
-size of a gradient is its norm with every number's slope times the number. As its condition number counts the largest of
-the kinds in the sum, which is no more than its own: that of d^-p is p / d, that of its slope (p + 1) / d. The truth is
-a difference along one random direction, with 80 digits.
+Gradients are those of two weighted sums of results, each kind relative to its size: without and with the reactions. The
+size of a gradient is its norm, where every slope is multiplied by its number. Its condition number is taken as the
+largest of the kinds in the sum, which is not more than its own: that of d^-p is p / d, that of its slope (p + 1) / d.
+The reference is a difference along one random direction, with 80 digits.
 
 In mpmath the positions are closed by angles, coefficients are differences, the drive torque is that of virtual power,
-and reactions solve the equations of Newton and Euler of all links at once: all kinds of groups, general ones too, all
-drivers, teeth, belts and racks.
+and reactions solve the Newton-Euler equations of all links simultaneously, for all kinds of groups including those of
+higher class, all drivers, gears, belts and racks.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ CHANGE, CHANGES = 1e-9, 12
 
 
 class Verdict(NamedTuple):
-    """Errors over what is allowed, by kind and road, for every machine of a batch; condition numbers, by kind."""
+    """Errors relative to the tolerance, by kind and method, for every machine of a batch; condition numbers by kind."""
 
     over: dict[tuple[str, str], np.ndarray]
     condition: dict[str, np.ndarray]
@@ -64,7 +64,7 @@ def moving(mechanism) -> list[str]:
 
 
 def results(scene, phi, speed, acceleration, keys) -> dict[str, jax.Array]:
-    """What linkjax finds, a vector for each kind."""
+    """Results of linkjax, a vector for each kind."""
     here = pose(scene.mechanism, phi)
     forces = kinetostatics(scene, phi, speed, acceleration)
     points = [here.points[p] for p in moving(scene.mechanism)]
@@ -106,13 +106,13 @@ def _by_differentiation(mechanism, phi) -> dict[str, jax.Array]:
 
 
 def weights(count: int) -> np.ndarray:
-    """How much each entry of a vector counts in the scalar that is differentiated."""
+    """The weight of each entry of a vector in the scalar that is differentiated."""
     return np.cos(1.0 + 1.7 * np.arange(count))
 
 
 def computed(scene, paths, phi, speed, acceleration, tangent, scales, keys):
-    """For every design, with the reference paths of its general groups: results, coefficients by nested
-    differentiation, and of two weighted sums, the second of which counts reactions too, the derivative along a tangent,
+    """For every design, with the reference paths of its groups of higher class: results, coefficients by nested
+    differentiation, and of two weighted sums, the second of which includes reactions, the derivative along a tangent,
     forward and in reverse, with the size of the scaled gradient."""
 
     def one(scene, paths, phi, speed, acceleration, tangent, scales):
@@ -144,7 +144,7 @@ def valued(scene, paths, phi, speed, acceleration, keys):
 
 
 def with_paths(mechanism, paths):
-    """The mechanism with reference paths of its general groups, which belong to no design's numbers."""
+    """The mechanism with reference paths of its groups of higher class, which belong to no design's numbers."""
     groups = tuple(with_path(g, paths[i]) if i in paths else g for i, g in enumerate(mechanism.groups))
     return eqx.tree_at(lambda m: m.groups, mechanism, groups) if paths else mechanism
 
@@ -159,7 +159,7 @@ def paths_of(mechanism):
 at_once, values_at_once = (compiled_soon(each, static=("keys",)) for each in (computed, valued))
 
 
-# ---- by other roads
+# ---- by independent methods
 
 
 def by_numpy(scene, phi, speed, acceleration) -> tuple[dict[str, np.ndarray], tuple]:
@@ -184,8 +184,8 @@ def by_numpy(scene, phi, speed, acceleration) -> tuple[dict[str, np.ndarray], tu
 
 
 def by_mpmath(scene, phi: float, speed: Any, acceleration: Any, digits: int = 50, step: str = "1e-13"):
-    """One design with 50 digits: places and coefficients, the drive torque by virtual power, and the reactions by the
-    equations of Newton and Euler."""
+    """One design with 50 digits: positions and coefficients, drive torque by virtual power, and the reactions by the
+    Newton-Euler equations."""
     mechanism = scene.mechanism
     here = oracle.exact(mechanism, phi, digits, step)
     points = [here.points[p] for p in moving(mechanism)]
@@ -229,8 +229,8 @@ def _slopes_by_mpmath(batch: Batch, i: int, tangent, scales) -> list[float]:
 
 
 def sizes(truth: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The largest of each kind, for each design; one where all are zero. Links that hardly turn are measured by what
-    their points move."""
+    """The largest of each kind, for each design; one where all are zero. Links that hardly turn are measured by the
+    motion of their points."""
     found = {kind: np.max(np.abs(values), axis=-1) for kind, values in truth.items()}
     found["turn"] = np.maximum(found["turn"], found["velocity"] / found["position"])
     found["turning"] = np.maximum(found["turning"], found["acceleration"] / found["position"])
@@ -238,7 +238,7 @@ def sizes(truth: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def conditions(batch: Batch, truth: dict[str, np.ndarray], rng) -> dict[str, np.ndarray]:
-    """Condition number of every kind of result: the largest over some changes of all numbers at once."""
+    """Condition number of every kind of result: the largest over some simultaneous changes of all numbers."""
     count = len(batch.phi)
 
     def many(x):
@@ -261,8 +261,8 @@ def conditions(batch: Batch, truth: dict[str, np.ndarray], rng) -> dict[str, np.
 def judged(
     batch: Batch, rng: np.random.Generator, compiled: bool = False, exact: int = 999, slopes: int = 999
 ) -> Verdict:
-    """All comparisons of a batch; so many of its designs with 50 digits, and their derivatives, or no derivatives at
-    all. Compiled or, since that takes minutes for a long chain of groups, step by step."""
+    """All comparisons of a batch; some of its designs with 50 digits, and their derivatives, or without derivatives.
+    Compiled or, since that takes minutes for a long chain of groups, step by step."""
     state = batch.phi, batch.speed, batch.acceleration
     truth, keys = by_numpy(batch.scene, *state)
     condition = conditions(batch, truth, rng)
@@ -304,7 +304,7 @@ def judged(
 
 
 def closure(batch: Batch, found: dict[str, np.ndarray]) -> np.ndarray:
-    """What links and guides leave open in the positions that were found, of the size and of 1e-13."""
+    """Closure errors of links and guides in the computed positions, relative to the size and to 1e-13."""
     mechanism = batch.scene.mechanism
     here = oracle.numbers(mechanism)
     places, directions = (v[:, 0::2] + 1j * v[:, 1::2] for v in (found["position"], found["direction"]))
@@ -356,7 +356,7 @@ def closure(batch: Batch, found: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def driven(g: General, phi, points, u, reach) -> np.ndarray:
-    """What the drive inside a group leaves open."""
+    """The closure error of the drive inside a group."""
     wanted, slot = oracle.stands(g.drive, phi), g.driven_slot()
     if slot is None:
         return reach * np.abs(u[g.drive.link] / u[g.drive.on] - np.exp(1j * (g.drive.phase + wanted)))
@@ -365,7 +365,7 @@ def driven(g: General, phi, points, u, reach) -> np.ndarray:
 
 
 def in_gear(g, batch: Batch, points, u) -> list[np.ndarray]:
-    """What wheels leave open, as differences of unit vectors: of crank, planet and wheels that follow the crank."""
+    """The closure errors of gears, as differences of unit vectors: of crank, planet and gears that follow the crank."""
     crank = batch.scene.mechanism.groups[0]
     turned = crank.sense * batch.phi if crank.law is None else oracle.prescribed(crank.law, batch.phi)
     counted = {"frame": 0.0, "crank": crank.phase + turned}
@@ -382,8 +382,8 @@ def in_gear(g, batch: Batch, points, u) -> list[np.ndarray]:
 
 
 def histogram(verdicts: list[Verdict]) -> list[str]:
-    """Machines by decades of error over what is allowed, a line for each kind: the worst of all roads, then the worst
-    by each; and the largest condition number."""
+    """Machines by decades of error relative to the tolerance, a line for each kind: the worst of all methods, then the
+    worst of each; and the largest condition number."""
     edges = np.asarray([-np.inf, -4, -3, -2, -1, 0, np.inf])
     count, exact = (sum(len(v.over[road]) for v in verdicts) for road in (CLOSURE, ("position", "mpmath")))
     heads = "".join(f"{text:>7}" for text in ("<1e-4", "<1e-3", "<0.01", "<0.1", "<1", ">1", "cond."))
@@ -407,7 +407,7 @@ def histogram(verdicts: list[Verdict]) -> list[str]:
 
 
 def _most(roads: list[np.ndarray]) -> np.ndarray:
-    """Of every machine the worst of all roads, some of which were taken for the first machines only."""
+    """The worst of all methods for every machine; some methods were used for the first machines only."""
     found = np.zeros(max((len(each) for each in roads), default=0))
     for each in roads:
         found[: len(each)] = np.maximum(found[: len(each)], each)

@@ -1,4 +1,4 @@
-"""The machines that the tests of the physics share, and what can be done to them: mirrored, scaled, moved."""
+"""The machines that the physics tests share, and their transformations: mirrored, scaled, moved."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ COMPOSED = (
     "geared",
     "rolling",
 )
-PRESCRIBED = ("swinging", "hydraulic")  # by a law of motion
+PRESCRIBED = ("swinging", "hydraulic")  # by a motion law
 
 
 def turn(degrees: float) -> float:
@@ -78,7 +78,7 @@ def _two_on_one_crank() -> lj.Scene:
 
 
 def _coupler_points() -> lj.Scene:
-    """Groups that hang on points of couplers: a dyad on the coupler of a four-bar, a slider on that dyad's rocker."""
+    """Groups attached to coupler points: a dyad on the coupler of a four-bar, a slider on the rocker of that dyad."""
     links = {
         "crank": Link(length=0.1, mass=1.0, inertia=0.004, centre=Vec(0.03, 0.0)),
         "coupler": Link(length=0.35, mass=1.4, inertia=0.02, centre=Vec(0.16, 0.03), points={"E": Vec(0.2, 0.14)}),
@@ -104,7 +104,7 @@ def _coupler_points() -> lj.Scene:
 
 
 def _clockwise() -> lj.Scene:
-    """A clockwise crank with a phase, off the origin; an inclined guide, offset, taken backwards; right-hand dyad."""
+    """A clockwise crank with a phase, off the origin; an inclined guide, offset and reversed; right-hand dyad."""
     links = {
         "crank": Link(
             length=0.08, mass=1.0, inertia=0.003, centre=Vec(0.02, 0.01), reference_length=0.1, mass_properties="scaled"
@@ -134,8 +134,8 @@ def _clockwise() -> lj.Scene:
 
 
 def _slotted_levers() -> lj.Scene:
-    """A lever with an eccentric slot about the frame drives a ram; a cylinder swings about the ram, its rod on a point
-    of the lever, taken backwards."""
+    """A lever with an eccentric slot about the frame drives a ram; a cylinder oscillates about the ram, its rod on a
+    point of the lever, reversed."""
     links = {
         "crank": Link(length=0.12, mass=3.0, inertia=0.01, centre=Vec(0.03, 0.01)),
         "lever": Link(length=0.75, mass=6.0, inertia=0.3, centre=Vec(0.35, 0.02), points={"K": Vec(0.5, 0.1)}),
@@ -162,8 +162,8 @@ def _slotted_levers() -> lj.Scene:
 
 
 def _moving_guides() -> lj.Scene:
-    """On the rocker of a four-bar: a guide with a slider, and a slide with a slot driven by the crank; a pin between
-    a slot of the coupler and one of the frame; a dyad on the slide."""
+    """On the rocker of a four-bar: a guide with a slider, and a slider with a slot driven by the crank; a pin between
+    a slot of the coupler and one of the frame; a dyad on the slider with the slot."""
     links = {
         "crank": Link(length=0.1, mass=1.0, inertia=0.004, centre=Vec(0.03, 0.0)),
         "coupler": Link(length=0.35, mass=1.4, inertia=0.02, centre=Vec(0.16, 0.03), points={"E": Vec(0.2, 0.14)}),
@@ -196,7 +196,7 @@ def _moving_guides() -> lj.Scene:
 
 
 def _triad() -> lj.Scene:
-    """A plate on three bars, of which the crank moves one (class III), with a slider on a corner of the plate."""
+    """A plate on three bars, one of which is moved by the crank (class III), with a slider on a corner of the plate."""
     links = {
         "crank": Link(length=0.045, mass=1.0, inertia=0.002, centre=Vec(0.02, 0.0)),
         "plate": Link(length=0.25, mass=2.0, inertia=0.02, centre=Vec(0.12, 0.05), points={"G": Vec(0.1, 0.2)}),
@@ -221,7 +221,7 @@ def _triad() -> lj.Scene:
 
 
 def _swinging() -> lj.Scene:
-    """A crank that swings between two angles moves a four-bar out of line, and a slider."""
+    """A crank that oscillates between two angles moves an offset four-bar, and a slider."""
     links = {
         "crank": Link(length=0.2, mass=1.0, inertia=0.01, centre=Vec(0.1, 0.01)),
         "coupler": Link(length=0.5, mass=1.4, inertia=0.02, centre=Vec(0.25, 0.03), points={"E": Vec(0.3, 0.1)}),
@@ -244,7 +244,7 @@ def _swinging() -> lj.Scene:
 
 
 def _hydraulic() -> lj.Scene:
-    """A slide on an inclined, offset guide swings a lever, and a lever with a slot."""
+    """A linear driver on an inclined, offset guide moves a lever, and a lever with a slot."""
     links = {
         "ram": Link(mass=3.0, inertia=0.01, centre=Vec(-0.1, 0.01), points={"K": Vec(0.05, 0.04)}),
         "bar": Link(length=0.5, mass=1.4, inertia=0.02, centre=Vec(0.25, 0.03)),
@@ -267,8 +267,8 @@ def _hydraulic() -> lj.Scene:
 
 
 def _geared() -> lj.Scene:
-    """Wheels of all kinds: a five-bar between crank and wheel, one that runs inside a ring of the frame on the crank's
-    pin, one on a lever round a wheel that stands still, a belt from that lever, racks, and a pinion."""
+    """Gears of all kinds: a five-bar between crank and gear, one inside a ring gear of the frame on the crank pin, one
+    on a lever around a fixed gear, a belt from that lever, racks, and a pinion."""
 
     def link(length: float, mass: float, **points: Vec) -> Link:
         return Link(length=length, mass=mass, inertia=0.02 * mass * (0.2 + length) ** 2,
@@ -303,8 +303,8 @@ def _geared() -> lj.Scene:
 
 
 def _rolling() -> lj.Scene:
-    """A lever with a wheel that rolls on one of the frame and moves a rack along the lever, and a pulley on its other
-    arm with a belt to the frame: the crank moves the rack by a rod, so that all must be found together."""
+    """A lever with a gear that rolls on one of the frame and moves a rack along the lever, and a pulley on its other
+    arm with a belt to the frame: the crank moves the rack by a rod, so all are solved simultaneously."""
 
     def link(length: float, mass: float, **points: Vec) -> Link:
         return Link(length=length, mass=mass, inertia=0.02 * mass * (0.2 + length) ** 2,
@@ -347,7 +347,7 @@ def machine(name: str) -> lj.Scene:
 
 
 def mirrored(mechanism: Mechanism) -> Mechanism:
-    """The mirror image in the x axis; the crank turns the other way."""
+    """The mirror image in the x axis; the crank rotates in the opposite sense."""
 
     def flip(at: Vec) -> Vec:
         return Vec(at.x, -at.y)
@@ -495,7 +495,7 @@ class Drawn(NamedTuple):
 
 
 def composed_at_random(seed: int) -> lj.Scene:
-    """A crank and two or three groups of random kinds on random points, that can be assembled with room to spare."""
+    """A crank and two or three groups of random kinds on random points, that can be assembled with a margin."""
     rng = np.random.default_rng(seed)
     count, margin = int(rng.integers(2, 4)), jax.jit(min_margin)
     structure = [
@@ -510,7 +510,7 @@ def composed_at_random(seed: int) -> lj.Scene:
 
 
 def _dimensioned(structure: list[Drawn], rng: np.random.Generator) -> lj.Scene:
-    """Random numbers for a structure; it may not be possible to assemble."""
+    """Random numbers for a structure; assembly may be impossible."""
 
     def bar(length: float) -> Link:
         centre = Vec(rng.uniform(0.3, 0.6) * length, rng.uniform(-0.1, 0.1) * length)

@@ -1,8 +1,8 @@
-"""Groups close to a dead position, computed by linkjax and with 160 digits, and how far rounding must spoil them.
+"""Groups close to a singular position, by linkjax and with 160 digits, with the unavoidable effect of rounding.
 
-`condition` is what one relative rounding in each number of the design and in the crank angle can do to a result, by
-differences of the 160-digit solution: no program that starts from float64 numbers can promise an error much below
-unit roundoff times that.
+`condition` is the effect of one relative rounding error in each number of the design and in the crank angle on a
+result, by differences of the 160-digit solution: no program that starts from float64 numbers can guarantee an error
+much below unit roundoff times that.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from tests.physics.twins import all_loosely
 CASES = ("stretched", "folded", "left", "pivot", "pivot, offset", "parallel")
 PASSING = ("passing stretched", "passing folded")
 PHI = 0.83
-HALF = np.finfo(float).eps / 2  # what a rounding may do
+HALF = np.finfo(float).eps / 2  # size of a rounding error
 DIGITS, STEP = 160, "1e-45"
 PARTS = ("position", "coefficients", "reactions")
 
 
 def near(case: str, distance: float) -> lj.Scene:
-    """A machine whose group is this far from its dead position (of the lengths its margin is measured by) at `PHI`.
+    """A machine whose group is this far from its singular position (relative to the lengths in its margin) at `PHI`.
 
-    Where it is passing the position, the crank comes nearest to it there, and goes on round. (A PRP or an RPP has none
-    with two ways that meet: where their guides are parallel they cross at infinity. Of an RPP slot and guide are on one
-    link, so that its angle is one and the same for ever, and a dead position a matter of the design alone.)"""
+    In the passing variant the crank is nearest to the position there, and rotates on. (A PRP or an RPP has no such
+    position with two coinciding assembly modes: their parallel guides intersect at infinity. Slot and guide of an RPP
+    are on one link, so its angle is constant, and a singular position depends on the design alone.)"""
 
     def body(length: float, mass: float) -> Link:
         return Link(length=length, mass=mass, inertia=0.02 * mass, centre=Vec(0.4 * length + 0.01, 0.02))
@@ -76,7 +76,7 @@ def near(case: str, distance: float) -> lj.Scene:
 
 
 def figures(scene: lj.Scene, group: AbstractGroup, phi: jax.Array) -> dict[str, jax.Array]:
-    """What the equations of a group give: places, first and second coefficients, reactions at 1 rad/s."""
+    """Solution of the equations of a group: positions, first and second coefficients, reactions at 1 rad/s."""
     here = pose(scene.mechanism, phi)
     forces = kinetostatics(scene, phi, jnp.ones(()), jnp.zeros(()))
     pins, links = [here.points[p] for p in group.brings()], [here.links[name] for name in group.link_names()]
@@ -91,7 +91,7 @@ def figures(scene: lj.Scene, group: AbstractGroup, phi: jax.Array) -> dict[str, 
 
 
 def exact(scene: lj.Scene, leaves: list, phi) -> dict[str, list]:
-    """The same from numbers of any precision, by other equations: angles, differences, Newton and Euler's."""
+    """The same from numbers of any precision, by other equations: angles, differences, Newton-Euler equations."""
     mechanism = jax.tree.unflatten(jax.tree.structure(scene.mechanism), leaves)
     group, here = mechanism.groups[-1], oracle.exact(mechanism, phi, DIGITS, STEP)
     forces = newton_euler.solve(oracle.with_numbers(scene, mechanism), phi, 1, 0, mpmath, here).reactions
@@ -105,7 +105,7 @@ def exact(scene: lj.Scene, leaves: list, phi) -> dict[str, list]:
 
 
 def vectors(scene: lj.Scene) -> dict[str, list[int]]:
-    """For every component of the parts, the number of the vector that it belongs to."""
+    """For every component of the parts, the number of its vector."""
     group = scene.mechanism.groups[-1]
     pins, links, joints = len(group.brings()), len(group.link_names()), len(group.joints())
     return {
@@ -116,32 +116,32 @@ def vectors(scene: lj.Scene) -> dict[str, list[int]]:
 
 
 def together(values: np.ndarray, numbers: list[int]) -> np.ndarray:
-    """For every component the largest of its vector: a direction along x has a y that is small, and no better known."""
+    """For every component the largest of its vector: a direction along x has a small y, known with the same error."""
     return np.asarray([max(v for v, k in zip(values, numbers, strict=True) if k == number) for number in numbers])
 
 
 class Judged(NamedTuple):
-    """Errors of the components of a result; what one relative rounding everywhere does to each vector, and its size."""
+    """Errors of the components of a result; the effect of one relative rounding on each vector, and its size."""
 
     error: np.ndarray
     condition: np.ndarray
     size: np.ndarray
 
     def excess(self) -> float:
-        """Largest error over what half a unit of rounding in every number and in the result does."""
+        """Largest error relative to the effect of half a rounding unit in every number and in the result."""
         allowed = HALF * (self.condition + self.size)
-        there = allowed > 1e-40 * np.max(allowed)  # else exactly zero, but for the differences behind the truth
+        there = allowed > 1e-40 * np.max(allowed)  # otherwise exactly zero, except for the differences in the reference
         assert np.all(self.error[~there] <= 1e-40 * np.max(allowed))
         return float(np.max(self.error[there] / allowed[there], initial=0.0))
 
 
 def direction(leaves: list) -> list[float]:
-    """Changes of all numbers, for derivatives, of their `scale`."""
+    """Changes of all numbers, for derivatives, by their `scale`."""
     return [math.cos(1.0 + 2.7 * k) for k, _ in enumerate(leaves)]
 
 
 def scale(leaf) -> Any:
-    """What a number is changed in proportion to: itself, or, where it is zero, something."""
+    """The scale of the change of a number: the number itself or, if it is zero, another one."""
     return leaf if leaf else mpmath.mpf("0.125")
 
 
@@ -149,7 +149,7 @@ def scale(leaf) -> Any:
 def computed(
     scene: lj.Scene, phi: jax.Array, loose: bool = False
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array], jax.Array]:
-    """The figures, their derivatives along `direction`, and one of them in reverse mode; with the group in closed form
+    """The results, their derivatives along `direction`, and one of them in reverse mode; with the group in closed form
     or, as links and joints, by Newton's method."""
     leaves, tree = jax.tree.flatten(scene.mechanism)
     moves = [jnp.where(leaf == 0, 0.125, leaf) * c for leaf, c in zip(leaves, direction(leaves), strict=True)]
@@ -165,13 +165,13 @@ def computed(
 
 
 def judged(case: str, distance: float) -> dict[str, Judged]:
-    """Position, coefficients, reactions and gradients of all three this near to a dead position; where it is passed, by
-    Newton's method, which must be led past it."""
+    """Position, coefficients, reactions and gradients of all three at this distance from a singular position; in the
+    passing variant by Newton's method, which must be guided past it."""
     return judge(near(case, distance), distance, case in PASSING)
 
 
 def judge(scene: lj.Scene, distance: float = 1.0, loose: bool = False) -> dict[str, Judged]:
-    """The same of a scene whose numbers must change by the `distance`, relatively, to make another of it."""
+    """The same for a scene whose numbers must change by the relative `distance` to become singular."""
     values, slopes, back = jax.device_get(computed(scene, jnp.asarray(PHI), loose=loose))
     got = {**values, "gradients": np.concatenate([*(slopes[part] for part in PARTS), back[None]])}
     with mpmath.workdps(DIGITS):
@@ -192,7 +192,7 @@ def judge(scene: lj.Scene, distance: float = 1.0, loose: bool = False) -> dict[s
         here = everything(leaves, phi)
         others = [everything(leaves, phi * (1 + t))]
         others += [everything([*leaves[:i], x + t * scale(x), *leaves[i + 1 :]], phi) for i, x in enumerate(leaves)]
-        rounded = [others[0], *(o for o, x in zip(others[1:], leaves, strict=True) if x)]  # zero is no rounded number
+        rounded = [others[0], *(o for o, x in zip(others[1:], leaves, strict=True) if x)]  # zero is not rounded
 
         def felt_by(others, part):
             return np.asarray([float(sum(abs(o[part][k] - e) for o in others) / t) for k, e in enumerate(here[part])])

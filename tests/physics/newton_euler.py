@@ -1,7 +1,7 @@
-"""All forces of a machine at once: the Newton-Euler equations of every link as one linear system.
+"""All forces of a machine simultaneously: the Newton-Euler equations of every link as one linear system.
 
-Unknown are the two components of the force at every pin, normal force and couple of every guide, and the drive torque.
-In NumPy for arrays of states, or for one state with as many digits as its rates have, in mpmath.
+Unknowns are the two components of the force at every pin, normal force and couple of every guide, and the drive torque.
+In NumPy for arrays of states, or for one state in mpmath with as many digits as its rates have.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tests.physics import oracle, wheels
 
 class Joint(NamedTuple):
     """What `by` exerts on `link`: a force at a point, or normal force and couple of a guide (referred to the point), or
-    what a driver that follows a law is driven by, or what wheels in gear exert (referred to the point)."""
+    the drive load of a driver with a motion law, or the load between gears in mesh (referred to the point)."""
 
     name: str
     point: str
@@ -145,9 +145,9 @@ def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = Non
             act(j.link, j.point, 2 * k + c, force, couple)
             act(j.by, j.point, 2 * k + c, -force, -couple)
     crank = mechanism.groups[0]
-    pace = 1 + 0 * phi  # the driver's own first coefficient
+    pace = 1 + 0 * phi  # the first coefficient of the driver
     inside = crank.drive if isinstance(crank, General) else None
-    if isinstance(crank, General) and inside is not None:  # between two links, or one and the frame
+    if isinstance(crank, General) and inside is not None:  # between two links, or one link and the frame
         point = dict(crank.members)[inside.link][0]
         along, couple = (none, 1.0) if crank.driven_slot() is None else (here.links[inside.link].r, 0.0)
         act(inside.link, point, size - 1, along, couple)
@@ -200,8 +200,8 @@ def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = Non
 
 
 def _carried_by(contacts, matrix, right, first, row, centre):
-    """The unknowns, and force and moment (about the origin) of every contact: each in the one of its two ways in which
-    its force is not less than the least that it can be."""
+    """The unknowns, and force and moment (about the origin) of every contact, in the one of its two modes whose force
+    is not less than its minimum."""
     way = np.zeros((len(contacts), *right.shape[:-1]), dtype=int)
 
     def chosen(k, parts):
@@ -238,7 +238,7 @@ def _carried_by(contacts, matrix, right, first, row, centre):
 
 
 def _solved(matrix, right) -> list:
-    """The unknowns of linear systems: arrays, or of mpmath's numbers one by one."""
+    """The unknowns of linear systems: arrays, or one by one in mpmath."""
     if matrix.dtype == object:
         return list(mpmath.lu_solve(mpmath.matrix(matrix.tolist()), mpmath.matrix(right.tolist())))
     return list(np.moveaxis(np.linalg.solve(matrix, right[..., None])[..., 0], -1, 0))

@@ -1,10 +1,10 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
 # pyright: reportReturnType=false, reportOptionalMemberAccess=false
-"""Planar machines by other roads: NumPy and mpmath, straight from the laws.
+"""Planar machines by independent methods: NumPy and mpmath, directly from the laws of mechanics.
 
-Nothing of linkjax is used but the numbers and names of a design. Points and link directions are complex numbers,
+Nothing of linkjax is used except the numbers and names of a design. Points and link directions are complex numbers,
 linkages are closed with angles and the law of cosines, rates come from the loop equations solved as linear systems (or
-from differences of 50-digit positions), forces from the Newton-Euler equations of all links at once.
+from differences of 50-digit positions), forces from the Newton-Euler equations of all links simultaneously.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class Body(NamedTuple):
 
 
 def reader(m) -> Callable[[Any], Any]:
-    """How a number of a design is read: as mpmath's exact number, or as a NumPy array."""
+    """How a number of a design is read: as an exact mpmath number, or as a NumPy array."""
     if m is mpmath:
         return lambda x: x if isinstance(x, mpmath.mpf) else mpmath.mpf(float(x))
     return lambda x: np.asarray(x, dtype=float)
 
 
 def body(link, m=np) -> Body:
-    """What a link is at its present length."""
+    """The data of a link at its present length."""
     n = reader(m)
     place = {name: n(at.x) + 1j * n(at.y) for name, at in link.points.items()}
     centre = n(link.centre.x) + 1j * n(link.centre.y)
@@ -56,7 +56,7 @@ def body(link, m=np) -> Body:
 
 
 class Numbers(NamedTuple):
-    """What is read of a mechanism: its links (places from where the group holds them), the distance of the pins at
+    """The data read from a mechanism: its links (points from where the group holds them), the distance of the pins at
     which the group holds each and the direction of this line in the link's axes, its fixed points, the pins of groups.
     """
 
@@ -67,11 +67,11 @@ class Numbers(NamedTuple):
     pins: list[dict[str, tuple[str, str | None]]]
 
 
-_READ: dict[int, tuple[Mechanism, Numbers]] = {}  # the mechanism too: while it is here its id is no other's
+_READ: dict[int, tuple[Mechanism, Numbers]] = {}  # the mechanism too: while it exists its id is unique
 
 
 def numbers(mechanism: Mechanism, m=np) -> Numbers:
-    """What a mechanism is; NumPy's, which thousands of evaluations ask for, are kept for the last few."""
+    """The data of a mechanism; those in NumPy, needed by thousands of evaluations, are kept for the last few."""
     if m is np and id(mechanism) in _READ:
         return _READ[id(mechanism)][1]
     n = reader(m)
@@ -99,20 +99,20 @@ def numbers(mechanism: Mechanism, m=np) -> Numbers:
 
 
 def prescribed(law, phi, m=np):
-    """Where a law puts the driver."""
+    """The position of the driver that a motion law prescribes."""
     assert isinstance(law, Harmonic)
     start, stop = (reader(m)(end) for end in (law.start, law.stop))
     return (start + stop) / 2 + (start - stop) / 2 * m.cos(phi)
 
 
 def swinging(law, phi, m=np):
-    """First and second derivatives of where it puts it."""
+    """First and second derivatives of that position."""
     half = (reader(m)(law.stop) - reader(m)(law.start)) / 2
     return half * m.sin(phi), half * m.cos(phi)
 
 
 class Path(NamedTuple):
-    """A guide as it stands: a point it runs through, its direction, its offset, and the link it is on."""
+    """A guide in its present position: a point on it, its direction, its offset, and its link."""
 
     base: Any
     along: Any
@@ -121,21 +121,21 @@ class Path(NamedTuple):
 
 
 def way(guide, points, directions, m=np) -> Path:
-    """A guide, where points and links stand."""
+    """A guide, for given positions of points and links."""
     n = reader(m)
     turned = 1 if guide.on == "frame" else directions[guide.on]
     return Path(points[guide.through], m.exp(1j * n(guide.along)) * turned, n(guide.offset), guide.on)
 
 
 def meeting(one: Path, two: Path) -> Any:
-    """Where two paths cross."""
+    """Intersection of two straight paths."""
     far = two.base + 1j * two.offset * two.along
     near = one.base + 1j * one.offset * one.along
     return near + one.along * ((far - near) / two.along).imag / (one.along / two.along).imag
 
 
 def open_joints(g: General, places, points, directions, x, m=np, phi=0.0) -> list:
-    """What the pins and slots of a general group leave open, and its drive; `x` has x, y and angle of every link."""
+    """Closure errors of pins, slots and drive of a group of higher class; `x` has x, y and angle of every link."""
     n = reader(m)
     at = {link: x[3 * i] + 1j * x[3 * i + 1] for i, (link, _) in enumerate(g.members)}
     u = {link: m.exp(1j * x[3 * i + 2]) for i, (link, _) in enumerate(g.members)}
@@ -164,7 +164,7 @@ def open_joints(g: General, places, points, directions, x, m=np, phi=0.0) -> lis
 
 
 def stands(drive, phi, m=np):
-    """How far a drive inside a group has moved, without its phase."""
+    """The displacement of a drive inside a group, without its phase."""
     return drive.sense * phi if drive.law is None else prescribed(drive.law, phi, m)
 
 
@@ -174,7 +174,7 @@ def drive_rates(drive, phi, m=np):
 
 
 def in_axes(g: General, mechanism: Mechanism, m=np) -> dict[str, dict[str, Any]]:
-    """Where the points of the links of a general group are in their own axes."""
+    """The points of the links of a group of higher class in their own axes."""
     here = numbers(mechanism, m)
     found = {}
     for link, pins in g.members:
@@ -188,8 +188,8 @@ STEP = math.radians(2.0)
 
 
 def closed_at(g: General, places, points, directions, x, phi) -> tuple[np.ndarray, np.ndarray]:
-    """The configuration near `x` that closes the joints at `phi`, NaN where there is none, and the sense of the
-    determinant of its Jacobian: Newton's method with differences, for many designs at once."""
+    """The configuration near `x` that closes the joints at `phi`, NaN if there is none, and the sign of the
+    determinant of its Jacobian: Newton's method with differences, for many designs simultaneously."""
     count = len(x)
     size = np.max([np.abs(at) + 0 * phi for link, pins in g.members for p, at in places[link].items() if p in pins], 0)
     size = np.where(size > 0, size, 1.0)
@@ -207,12 +207,12 @@ def closed_at(g: General, places, points, directions, x, phi) -> tuple[np.ndarra
         x, sense = x + unit * move * np.minimum(1.0, 0.3 / np.maximum(most, 0.3)), np.sign(np.linalg.det(matrix))
         if last:
             break
-        last = not np.any(most > 1e-7)  # the next step is good to rounding
+        last = not np.any(most > 1e-7)  # the next step is accurate to rounding
     return np.where(found & (np.max(np.abs(gap), 0) < 1e-9 * size), x, np.nan), sense
 
 
 def sketched(g: General, places, points, directions) -> np.ndarray:
-    """The configuration that the sketch of a general group gives."""
+    """The configuration in the sketch of a group of higher class."""
     n = reader(np)
     spots = {**points, **{p: n(at.x) + 1j * n(at.y) for p, at in g.sketch.items()}}
     guides, u = {slot.block: slot.guide for slot in g.slots}, {"frame": 1.0, **directions}
@@ -235,9 +235,9 @@ _PATHS: dict[int, tuple[Any, list[tuple[np.ndarray, np.ndarray]]]] = {}
 
 
 def followed(g: General, mechanism: Mechanism, phi, before) -> np.ndarray:
-    """The configuration at `phi`, from the sketch on in steps of two degrees at most; NaN where it cannot be followed
-    without a turn of the sense of its Jacobian. Many designs go side by side, each to its own angle; of a single one
-    the way is kept, for any number of angles."""
+    """The configuration at `phi`, followed from the sketch in steps of at most two degrees; NaN if it cannot be
+    followed without a sign change of its Jacobian. Many designs are followed simultaneously, each to its own angle;
+    for a single one the path is stored, for any number of angles."""
     places = in_axes(g, mechanism)
 
     def next_one(path, at):
@@ -262,7 +262,7 @@ def followed(g: General, mechanism: Mechanism, phi, before) -> np.ndarray:
 
 
 def general(g: General, mechanism: Mechanism, phi, before, m=np) -> dict[str, tuple[Any, Any]]:
-    """Origins and directions of the links of a general group."""
+    """Origins and directions of the links of a group of higher class."""
     x = followed(g, mechanism, np.asarray(phi, dtype=float), lambda phi: before(phi, np))
     if m is mpmath:
         places, (points, directions) = in_axes(g, mechanism, m), before(phi, m)
@@ -357,7 +357,7 @@ def assemble(mechanism: Mechanism, phi, m=np, groups=None) -> tuple[dict[str, An
 
 
 class Jet(NamedTuple):
-    """A quantity with its first and second derivatives by the crank angle (NumPy arrays over the angles)."""
+    """A quantity with its first and second derivatives with respect to the crank angle (NumPy arrays)."""
 
     r: Any
     v: Any
@@ -372,7 +372,7 @@ class Rates(NamedTuple):
 
 
 def exact(mechanism: Mechanism, phi: Any, digits: int = 50, step: str = "1e-13") -> Rates:
-    """Positions with 50 digits, and their differences: rates right to about 1e-22."""
+    """Positions with 50 digits, and their differences: rates correct to about 1e-22."""
     with mpmath.workdps(digits):
         h, at = mpmath.mpf(step), reader(mpmath)(phi)
         before, here, after = (assemble(mechanism, at + k * h, mpmath) for k in (-1, 0, 1))
@@ -487,7 +487,7 @@ def rates(mechanism: Mechanism, phi: np.ndarray) -> Rates:
 
 
 def _general_rates(g: General, places, at, directions, points, links, still, phi) -> None:
-    """Velocities, then accelerations, of all links of a general group and along its slots: a linear system for each."""
+    """Velocities, then accelerations, of all links of a group of higher class and along its slots: linear systems."""
     names, count = [link for link, _ in g.members], 3 * len(g.members) + len(g.slots)
     origin = {link: at[pins[0]] for link, pins in g.members}
     holders: dict[str, list[str]] = {}
@@ -498,7 +498,7 @@ def _general_rates(g: General, places, at, directions, points, links, still, phi
     slides: list[list[Any]] = []
 
     def moved(link: str, arm: Any, order: int) -> Any:
-        """What is known of the second derivative of a point of a link: the part that its velocity gives."""
+        """The known part of the second derivative of a point of a link: the part from its velocity."""
         return -(solved[0][link][1] ** 2) * arm if order else 0 * arm
 
     for order in (0, 1):
@@ -586,7 +586,7 @@ def _solve(a, b, right):
 
 
 def active(load, phi, cycle) -> Any:
-    """One where a load is on: half-open window, modulo the cycle."""
+    """One where a load acts: half-open window, modulo the cycle."""
     if load.window is None:
         return 1.0 + 0.0 * phi
     on, off = float(load.window.on), float(load.window.off)
@@ -628,7 +628,7 @@ class Reduction(NamedTuple):
 
 
 def reduction(scene, phi, m=np, here: Rates | None = None) -> Reduction:
-    """Kinetic energy and power at unit crank speed; with the rates there, where they are not NumPy's."""
+    """Kinetic energy and power at unit crank speed; with the rates there, if they are not in NumPy."""
     phi = reader(m)(phi)
     here = rates(scene.mechanism, phi) if here is None else here
     shaft = here.links[scene.mechanism.driving_link]
@@ -649,7 +649,7 @@ def reduction(scene, phi, m=np, here: Rates | None = None) -> Reduction:
 
 
 def jumps(scene) -> np.ndarray:
-    """Crank angles where a load switches or turns round, sorted, in [0, cycle)."""
+    """Crank angles where a load switches or reverses, sorted, in [0, cycle)."""
     found = [float(end) for load in scene.loads if load.window for end in (load.window.on, load.window.off)]
     scan = np.linspace(0.0, scene.cycle, 4001) + 1e-4
     for load in (load for load in scene.loads if load.opposing):

@@ -1,7 +1,7 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-"""General groups for the random machines: a pose at crank angle zero is drawn, and all dimensions are measured in it.
+"""Groups of higher class for the random machines: a pose at crank angle zero is drawn, all dimensions follow from it.
 
-So each of them closes at zero; whether it can be followed from there to the tested angle the oracle tells.
+So each of them closes at zero; the oracle checks whether it can be followed from there to the tested angle.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from linkjax.groups import Drive, General, Slot
 if TYPE_CHECKING:
     from tests.physics.random_machines import Dice
 
-LINKS = {  # with their pins: digits are points that are there, letters new ones
+LINKS = {  # with their pins: digits are existing points, letters new ones
     "triad": {"a": "EFH", "b": "1E", "c": "2F", "d": "3H"},
     "triad on a guide": {"a": "EFH", "b": "1E", "c": "2F", "d": "H"},
     "triad with a slot": {"a": "EF", "b": "1E", "c": "2F", "d": "3"},
@@ -32,19 +32,19 @@ DRIVERS = {"cylinder": {"lever": "1B", "barrel": "2V", "rod": "B"}, "inside": {"
 
 
 class Pose(NamedTuple):
-    """Where everything is at crank angle zero: points and directions of links that are there, of every design."""
+    """Positions at crank angle zero: points and directions of existing links, of every design."""
 
     points: dict[str, Any]
     directions: dict[str, Any]
 
 
 def outer_count(kind: str) -> int:
-    """How many points a group hangs on."""
+    """The number of points to which a group is attached."""
     return sum(pin.isdigit() for pins in LINKS[kind].values() for pin in pins)
 
 
 def group_of(kind: str, number: int, dice: Dice, outer: list[str], guide: Guide, pose: Pose, scaled: bool):
-    """A group of random dimensions that hangs on these points, with its links; of a guide the offset is measured."""
+    """A group of random dimensions attached to these points, with its links; the offset of a guide is measured."""
     names = {p: f"{p}{number}" for pins in LINKS[kind].values() for p in pins}
     names |= {str(k): p for k, p in enumerate(outer, 1)}
     members = tuple((f"{link}{number}", tuple(names[p] for p in pins)) for link, pins in LINKS[kind].items())
@@ -59,8 +59,8 @@ def group_of(kind: str, number: int, dice: Dice, outer: list[str], guide: Guide,
 
 
 def driver_of(kind: str, dice: Dice, fixed: dict[str, Vec]) -> tuple[General, dict[str, Link]]:
-    """A driving group between two points of the frame, with its links: a cylinder that moves a lever, or a dyad of
-    which a third link is turned against the first."""
+    """A driving group between two points of the frame, with its links: a cylinder that moves a lever, or a dyad with a
+    third link that is turned relative to the first."""
     members = tuple((link, tuple({"1": "A", "2": "P"}.get(p, p) for p in pins)) for link, pins in DRIVERS[kind].items())
     pose = Pose({p: np.asarray(at.x) + 1j * np.asarray(at.y) for p, at in fixed.items()}, {})
     at, u, links = _measured(members, dice, pose, 0, False)
@@ -77,13 +77,13 @@ def driver_of(kind: str, dice: Dice, fixed: dict[str, Vec]) -> tuple[General, di
 
 
 def points_of(kind: str) -> dict[str, str]:
-    """The moving points of a driving group that others can hang on, with their links."""
+    """The moving points of a driving group to which others can be attached, with their links."""
     at = {"B": "lever" if kind == "cylinder" else "disc"}
     return at | {f"K0{link}": link for link in DRIVERS[kind]}
 
 
 def _measured(members, dice: Dice, pose: Pose, number: int, scaled: bool):
-    """Places of all pins, directions of the links that have two, and the links."""
+    """Positions of all pins, directions of the links that have two, and the links."""
     new = [p for p in dict.fromkeys(p for _, pins in members for p in pins) if p not in pose.points]
     outer = [pose.points[p] + np.zeros(dice.count) for _, pins in members for p in pins if p in pose.points]
     middle, reach = np.mean(outer, 0), 0.1 + np.max(np.abs(np.asarray(outer) - outer[0]), 0)
@@ -108,12 +108,12 @@ def _measured(members, dice: Dice, pose: Pose, number: int, scaled: bool):
 
 
 def _through(guide: Guide, block, at, u) -> Guide:
-    """The guide with the offset at which it leads a block through its place."""
+    """The guide with the offset that leads a block through its position."""
     along = np.exp(1j * np.asarray(guide.along)) * u.get(guide.on, 1.0)
     return dataclasses.replace(guide, offset=((block - at[guide.through]) / along).imag)
 
 
 def _sketch(at, pose: Pose, dice: Dice) -> dict[str, Vec]:
-    """Where the new points are, a little off."""
+    """The positions of the new points, with small deviations."""
     new = {p: z for p, z in at.items() if p not in pose.points}
     return {p: Vec(z.real, z.imag) + dice.point(1e-3) for p, z in new.items()}

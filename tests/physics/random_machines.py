@@ -1,13 +1,13 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-"""Random machines by the batch: one composition of groups, many designs of it, each at a crank angle of its own.
+"""Random machines in batches: one composition of groups, many designs of it, each at its own crank angle.
 
-A plan decides what hangs where: a driver that turns, swings or slides, and up to eight groups of class II on anything
-that is there already. A design is drawn group by group until the group can be assembled at the tested angle, however
-narrowly: nothing else is asked of it. All numbers of a batch are arrays over its designs.
+A plan defines the composition: a driver that rotates, oscillates or slides, and up to eight groups of class II attached
+to any existing links. A design is drawn group by group until the group can be assembled at the tested angle, with any
+margin; there is no other condition. All numbers of a batch are arrays over its designs.
 
-General groups begin with a sketch at crank angle zero. So machines that have one are tested up to a radian from there,
-and a group is drawn until the oracle can follow it, in steps of two degrees, all the way and two steps of its path
-further at either end. Groups before it must stand all that way, too.
+Groups of higher class begin with a sketch at crank angle zero. So machines with such a group are tested up to a radian
+from there, and a group is drawn until the oracle can follow it, in steps of two degrees, to the tested angle and two
+steps of its path further at either end. Groups before it must be assembled on the whole way, too.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ from linkjax.mechanism import linkage
 from tests.physics import oracle, random_general
 
 KINDS = ("RRR", "RRP", "RPR", "PRP", "RPP")
-WHEELS = ("gear", "planet", "belt", "rack", "pinion")  # the last two behind a wheel and a rack
+WHEELS = ("gear", "planet", "belt", "rack", "pinion")  # the last two after a gear and a rack
 TRIES = 200
-AS_SKETCHED = 0.05  # m, what a general group may move from its sketch to where it closes
-FROM_SKETCH = 1.0  # rad, how far from the sketch general groups are tested
-FURTHER = math.radians(6.0)  # how much further they close at either end: two steps of the path they are followed along
+AS_SKETCHED = 0.05  # m, allowed movement of a group of higher class from its sketch to closure
+FROM_SKETCH = 1.0  # rad, distance from the sketch within which groups of higher class are tested
+FURTHER = math.radians(6.0)  # further range of closure at either end: two steps of the path they are followed along
 
 
 class Batch(NamedTuple):
@@ -70,7 +70,7 @@ class Batch(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """What a group hangs on: points, guides as (link, point), its side; further points that are there."""
+    """The attachment of a group: points, guides as (link, point), its side; additional points that exist."""
 
     one: str
     to: str
@@ -92,7 +92,7 @@ class Dice:
         return Vec(reach * self.between(-1, 1), reach * self.between(-1, 1))
 
     def link(self, length: Any, point: str, scaled: bool = False) -> Link:
-        """A link, or a block where the length is zero, with a marked point."""
+        """A link, or a block where the length is zero, with an additional point."""
         block = np.all(length == 0)
         reach = np.full(self.count, 0.1) if block else length
         extra = {"reference_length": reach * self.between(0.7, 1.3), "mass_properties": "scaled"} if scaled else {}
@@ -104,7 +104,7 @@ class Dice:
 
 
 def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), driver: str = "") -> Batch:
-    """So many designs of the composition of this number."""
+    """So many designs of the composition with this number."""
     choose, dice = np.random.default_rng((7, plan)), Dice(np.random.default_rng((8, plan)), count)
     kinds = kinds or tuple(str(kind) for kind in choose.choice(KINDS, groups))
     driver = driver or str(choose.choice(["turns", "turns", "turns", "swings", "slides"]))
@@ -116,7 +116,7 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
     for number, kind in enumerate(kinds, 1):
         asked = _ask(choose, fixed, moving, kind in random_general.LOOPS)
         scaled = bool(choose.random() < 0.3)
-        ahead = any(kind in random_general.LOOPS for kind in kinds[number - 1 :])  # it or one behind it is followed
+        ahead = any(kind in random_general.LOOPS for kind in kinds[number - 1 :])  # it or a later one is followed
         angles = np.linspace(-FURTHER, phi + FURTHER, 37) if ahead else phi
         group, new = _assembled(kind, number, dice, asked, scaled, (fixed, links, made, angles))
         links |= new
@@ -141,7 +141,7 @@ def composed(plan: int, groups: int, count: int, kinds: tuple[str, ...] = (), dr
 
 
 def _driver(driver: str, choose, dice: Dice, fixed, phi):
-    """The driver, its links, and the points on them that others can hang on."""
+    """The driver, its links, and the points on them to which others can be attached."""
     if driver in random_general.DRIVERS:
         so_far = fixed, {}, [], np.stack([0 * phi - FURTHER, phi + FURTHER])
         first, links = _until_it_stands(dice, lambda: random_general.driver_of(driver, dice, fixed), so_far)
@@ -192,7 +192,7 @@ def _assembled(kind: str, number: int, dice: Dice, asked: Asked, scaled: bool, s
 
 
 def _until_it_stands(dice: Dice, draw: Callable[[], Any], so_far):
-    """What is drawn, anew for every design that does not stand."""
+    """The random data, drawn anew for every design that is not assembled."""
     fixed, links, made, phi = so_far
     done, found = np.zeros(dice.count, bool), None
     for _ in range(TRIES):
@@ -231,11 +231,11 @@ def _drawn(kind: str, number: int, dice: Dice, asked: Asked, points, scaled: boo
 
 
 def _wheel(kind: str, number: int, dice: Dice, side: int, mark: str, points):
-    """A wheel in gear with the crank or with the last wheel, or a rack, with its link."""
+    """A gear in mesh with the crank or with the last gear, or a rack, with its link."""
     name, end, phase = f"a{number}", f"G{number}", dice.between(-3, 3)
     teeth = tuple(int(n) for n in dice.rng.choice(range(12, 80), 2, replace=False))
     link = {name: dice.link(0.0 if kind == "rack" else dice.between(0.05, 0.2), mark)}
-    if kind == "rack":  # on a guide of the frame, moved by the wheel that came before it
+    if kind == "rack":  # on a guide of the frame, moved by the previous gear
         guide, radius, start = dice.guide(("frame", "P")), dice.between(0.02, 0.2), dice.between(-0.2, 0.2)
         return Rack(name, end, guide, f"a{number - 1}", "Q", radius, side, start, dice.between(0, 0.5)), link
     if kind == "pinion":
@@ -251,7 +251,7 @@ def _wheel(kind: str, number: int, dice: Dice, side: int, mark: str, points):
 
 
 def _stands(fixed, links, made, new, phi) -> np.ndarray:
-    """Which designs of the last group can be assembled."""
+    """The designs whose last group can be assembled."""
     group, own = new
     machine = SimpleNamespace(fixed=fixed, links=links | own, groups=[*made, group])
     with np.errstate(invalid="ignore"):
@@ -275,7 +275,7 @@ def _stands(fixed, links, made, new, phi) -> np.ndarray:
 
 
 def drawn(batch: Batch, plan: int) -> Batch:
-    """The same machines given by links and joints, the axes of links through other pins than groups hold them at."""
+    """The same machines given by links and joints, with link axes through other pins than those held by groups."""
     each = [(batch.one(i), float(phi)) for i, phi in enumerate(batch.phi)]
     scenes = [_drawn_one(scene, phi, np.random.default_rng((9, plan))) for scene, phi in each]
     scene = jax.tree.map(lambda *leaves: np.asarray(leaves, dtype=float), *scenes)
@@ -326,7 +326,7 @@ def _drawn_one(scene: lj.Scene, phi: float, choose: np.random.Generator) -> lj.S
 
 
 def _redrawn(link: Link, origin: str, far: str | None, pins: list[str]) -> tuple[Link, complex]:
-    """A link in the axes that begin at the first of its pins and run to the second, and the direction of these."""
+    """A link in axes from the first of its pins to the second, and the direction of these axes."""
     body = link.actual()
     places = {p: complex(at.x, at.y) for p, at in body.points.items()} | {origin: 0j}
     if far is not None:

@@ -1,4 +1,4 @@
-"""The steady regime by another road: SciPy's DOP853 on the equation of motion, started so that the mean is right."""
+"""The steady-state motion by an independent method: SciPy's DOP853 on the equation of motion, for the given mean."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def work(scene, low: float, high: float) -> float:
 
 class Fitted:
     """Reduced inertia, slope and torque over a range without jumps, by Chebyshev polynomials through the values of
-    `oracle.reduction`: as exact as they are, and a hundred times as fast for an integrator that asks one by one."""
+    `oracle.reduction`: as accurate as these, and a hundred times as fast for an integrator with single evaluations."""
 
     NODES = 24
-    SMALLEST = 1e-3  # rad: what is not smooth to rounding by then has rounding of its own
+    SMALLEST = 1e-3  # rad: a function not resolved to rounding at this width has rounding noise of its own
 
     def __init__(self, scene, low: float, high: float):
         self.low, self.high, self.order = low, high, np.arange(self.NODES)
@@ -66,7 +66,7 @@ class Fitted:
 
 
 class Turn(NamedTuple):
-    """One cycle: drive torque, δ, extreme speeds and their angles, speed at the start, and the misfit at its end."""
+    """One cycle: drive torque, δ, extreme speeds and their angles, speed at the start, and the residual at its end."""
 
     drive: float
     delta: float
@@ -77,10 +77,10 @@ class Turn(NamedTuple):
 
 
 def shoot(scene, tolerance: float = 1e-12) -> Turn:
-    """The steady periodic regime for a constant drive torque that balances the cycle (time mean of the speed)."""
+    """The steady-state motion for a constant drive torque that balances the cycle (time mean of the speed)."""
     edges = oracle.jumps(scene)
     edges = np.concatenate([edges, edges[:1] + scene.cycle])
-    inside = 1e-13 * scene.cycle  # off the jumps themselves
+    inside = 1e-13 * scene.cycle  # next to the jumps
     panels = [Fitted(scene, low + inside, high - inside) for low, high in itertools.pairwise(edges)]
     drive = -sum(smooth.work() for smooth in panels) / scene.cycle
     mean = float(scene.speed)

@@ -1,4 +1,4 @@
-"""A machine drawn by coordinates alone has, at crank angle zero, every joint where it is drawn."""
+"""A machine drawn by coordinates alone has, at crank angle zero, every joint at its drawn position."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from linkjax.kinematics import pose
 from tests.physics import oracle
 from tests.physics.drawings import Drawing, geared, linkage_of
 
-NEAR = 1e-9  # of the drawing's size
+NEAR = 1e-9  # of the size of the drawing
 SOON, LATER = range(100), range(100, 1000)
 BATCH = 25
 
 
 def drawn(number: int) -> Drawing:
-    """A machine of its own for every number; every fourth has gears."""
+    """A separate machine for every number; every fourth has gears."""
     rng = np.random.default_rng((28, number))
     return geared(rng) if number % 4 == 0 else linkage_of(rng)
 
 
 def off(drawing: Drawing, points: dict[str, complex]) -> float:
-    """How far from where it is drawn a joint is, at most, of the drawing's size."""
+    """The largest distance of a joint from its drawn position, relative to the size of the drawing."""
     return max(abs(points[name] - at) for name, at in drawing.spots.items()) / drawing.size()
 
 
@@ -37,8 +37,8 @@ EVERY = [*batches(SOON), *(pytest.param(each, marks=pytest.mark.slow) for each i
 
 @pytest.mark.parametrize("numbers", EVERY, ids=lambda numbers: f"{numbers[0]}-{numbers[-1]}")
 def test_every_joint_is_where_it_is_drawn(numbers):
-    """Random linkages of four to eight links and machines with gears, any joint as the drive; places by the oracle.
-    Lengths that are given as they are drawn, here of half the links of every second one, change nothing."""
+    """Random linkages of four to eight links and machines with gears, any joint as the drive; positions by the oracle.
+    Lengths given as drawn, here for half of the links of every second machine, change nothing."""
     for number in numbers:
         drawing, rng = drawn(number), np.random.default_rng((30, number))
         given = [name for name in drawing.pins if number % 2 and rng.random() < 0.5]
@@ -47,7 +47,7 @@ def test_every_joint_is_where_it_is_drawn(numbers):
 
 
 def test_another_length_changes_no_other():
-    """Of a drawn machine one length is given, a little longer than drawn: the others stay those of the drawing."""
+    """One length of a drawn machine is given, slightly longer than drawn: the others stay those of the drawing."""
     for number in range(1, 40):
         drawing = drawn(number)
         usual, blocks = drawing.built(), {block for block, *_ in drawing.slots}
@@ -64,7 +64,7 @@ def test_another_length_changes_no_other():
     ids=lambda numbers: f"{numbers[0]}-{numbers[-1]}",
 )  # fmt: skip
 def test_a_drawing_moved_or_mirrored_is_the_same_machine(numbers):
-    """Rotated, shifted or mirrored: the same lengths and groups, and the same motion, seen from there."""
+    """Rotated, shifted or mirrored: the same lengths and groups, and the same motion, transformed."""
     for number in numbers:
         drawing, rng = drawn(number), np.random.default_rng((29, number))
         shift = drawing.size() * complex(*rng.uniform(-2, 2, 2))
@@ -74,7 +74,7 @@ def test_a_drawing_moved_or_mirrored_is_the_same_machine(numbers):
         for name, link in one.links.items():
             assert float(two.links[name].length) == pytest.approx(float(link.length), rel=NEAR), number
         phi = np.asarray(1e-3)
-        with np.errstate(invalid="ignore"):  # NaN where a machine drawn at the end of its range does not go on
+        with np.errstate(invalid="ignore"):  # NaN where a machine drawn at the end of its range stops
             before, after = (oracle.assemble(machine, phi)[0] for machine in (one, two))
         for name in drawing.spots:
             if np.isfinite(before[name]):

@@ -1,5 +1,5 @@
 # pyright: reportAttributeAccessIssue=false
-"""Does it assemble? Random designs against a brute-force oracle; finite everywhere; gradients that lead back."""
+"""Does it assemble? Random designs against a brute-force oracle; finite everywhere; gradients towards assembly."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from linkjax.mechanism import Mechanism
 from tests.physics import machines, oracle
 from tests.physics.machines import machine
 
-BUILT_IN = [name for name in machines.BUILT_IN if name != "scotch-yoke"]  # which is assembled whatever its lengths
+BUILT_IN = [name for name in machines.BUILT_IN if name != "scotch-yoke"]  # which is assembled for all lengths
 ANGLES = 3600
-BAND = 1e-9  # nearer to zero than this either answer will do
+BAND = 1e-9  # nearer to zero than this either result is accepted
 BLOCK = 50
 MANY = [2000, pytest.param(100_000, marks=pytest.mark.slow)]
 
@@ -37,7 +37,7 @@ def sized(mechanism: Mechanism, lengths) -> Mechanism:
 
 
 def sample(name: str, count: int) -> np.ndarray:
-    """Random link lengths, each within 30 % of its own; 80 % for a slider-crank, which is never lost within 30 %."""
+    """Random link lengths, each within 30 % of its own; 80 % for a slider-crank, which always assembles within 30 %."""
     lengths = np.asarray([float(link.length) for link in machine(name).mechanism.links.values()])
     rng = np.random.default_rng(zlib.crc32(f"{name} {count}".encode()))
     spread = 0.8 if name == "slider-crank" else 0.3
@@ -45,7 +45,7 @@ def sample(name: str, count: int) -> np.ndarray:
 
 
 def margins_at(mechanism: Mechanism, phi: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
-    """Closeness of every group to its dead positions, from places of pins; NaN where the machine fell apart before."""
+    """Distance of every group from its singular positions, from positions of pins; NaN after a group that fails."""
     with np.errstate(invalid="ignore"):
         points, directions = oracle.assemble(mechanism, phi)
     found = {}
@@ -73,7 +73,7 @@ def margins_at(mechanism: Mechanism, phi: np.ndarray) -> dict[tuple[str, str], n
 
 
 def least(mechanism: Mechanism, lengths: np.ndarray) -> dict[tuple[str, str], np.ndarray]:
-    """Every margin's least value over the cycle: a scan, and its three lowest valleys searched ever more finely."""
+    """The minimum of every margin over the cycle: a scan, and refined searches in its three lowest valleys."""
     designs = sized(mechanism, lengths[:, None, :])
     scan = np.linspace(0.0, 2 * np.pi, ANGLES, endpoint=False)[None]
     found = {}
@@ -118,7 +118,7 @@ def all_margins(mechanism: Mechanism, lengths: jax.Array):
 @pytest.mark.parametrize("count", MANY)
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_assembles_or_not(name, count):
-    """The same answer outside the band; the same margins wherever they mean something."""
+    """The same result outside the band; the same margins wherever they are meaningful."""
     expected = known(name, count)
     got = jax.device_get(all_margins(machine(name).mechanism, jnp.asarray(sample(name, count))))
     margins = {(group, side): at.value for group, sides in got.items() for side, at in sides.items()}
@@ -135,7 +135,7 @@ def test_assembles_or_not(name, count):
         angle = got[group][side].angle
         assert np.all((angle >= 0) & (angle < 2 * np.pi + 1e-12))
 
-    assert 0.05 <= np.mean(flags > 0) <= 0.95  # both kinds are there, else this would show nothing
+    assert 0.05 <= np.mean(flags > 0) <= 0.95  # both kinds occur, otherwise the test would show nothing
 
 
 THREE = (delta, peak_shaking_force_constant_speed, min_margin)
@@ -152,7 +152,7 @@ def values_and_gradients(scene, lengths: jax.Array):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_never_nan(name):
-    """Values and gradients by every number of the design, assembled or lost."""
+    """Values and gradients with respect to all numbers of the design, assembled or not."""
     lengths, runs = sample(name, 2000), overall(known(name, 2000)) > 0
     lost = np.flatnonzero(~runs)[:100]
     some = np.concatenate([lost, np.flatnonzero(runs)[: 200 - lost.size]])
@@ -193,7 +193,7 @@ def led_back(scene, lengths: jax.Array):
 
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_the_gradient_leads_back(name):
-    """At least 95 % of the lost designs can be assembled in the end, says the oracle."""
+    """According to the oracle, at least 95 % of the designs that cannot be assembled can be in the end."""
     lost = sample(name, 2000)[overall(known(name, 2000)) < -BAND][:300]
     after = np.asarray(led_back(machine(name), jnp.asarray(lost)))
     assert np.all(np.isfinite(after)) and np.all(after >= 0)

@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportOptionalIterable=false, reportOperatorIssue=false
-"""General groups beside the ends of their ranges, and behind groups whose ranges end: against mpmath, and against the
-fine continuation in NumPy of `test_followed`."""
+"""Groups of higher class beside the ends of their ranges, and after groups with limited ranges: against mpmath, and
+against the fine continuation in NumPy of `test_followed`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NEAR = 10.0 ** -np.arange(2, 11)  # rad from an end
 
 def exact(made: Made, x: np.ndarray, phi, end: bool) -> tuple[list, object, float]:
     """Coordinates of a triad to 50 digits, from rough ones, and the crank angle, which at an `end` makes the Jacobian
-    singular; and how far rounding of a unit moves them: one over the least singular value, of rows of length one."""
+    singular; and the effect of one rounding unit: one over the least singular value, of rows of length one."""
     numbers = [each.cell_contents for each in made.closure.__closure__]
     crank, inside, legs, phase, pivots = numbers
 
@@ -69,8 +69,8 @@ def plates(mechanism: Mechanism, at: jax.Array) -> tuple[jax.Array, jax.Array]:
     return jax.vmap(one)(at)
 
 
-# found among random triads: their branches bend so much beside an end that a cubic through places a degree apart misses
-# them; the second swings by less than a degree
+# found among random triads: their branches bend so much beside an end that a cubic through points one degree apart
+# misses them; the second range is less than one degree wide
 BENT = [
     triad(
         0.46782629159873823,
@@ -96,9 +96,9 @@ BENT = [
 
 
 def test_random_triads_beside_their_ends(rng):
-    """Ends to 1e-12 rad. Places from 1e-2 to 1e-10 rad before them are told as sound, on the side of crank angle zero,
-    and within 1e-14 times the condition and 1e-12; those from 1e-4 to 1e-8 rad beyond are
-    told as open, and nothing is no number anywhere."""
+    """Ends to 1e-12 rad. Positions from 1e-2 to 1e-10 rad before them, on the side of crank angle zero, are assembled
+    with errors within 1e-14 times the condition number and 1e-12; positions from 1e-4 to 1e-8 rad beyond are
+    reported as not assembled, and there is no NaN."""
     ended, worst = 0, 0.0
     for made in [*(drawn(rng, False) for _ in range(40)), *BENT]:
         found = crank_ranges(made.mechanism)[0]
@@ -125,13 +125,13 @@ def test_random_triads_beside_their_ends(rng):
 
 
 def unnamed(made: Made) -> dict[str, Link]:
-    """Its links, whose mass centres are named anew when more are added."""
+    """Its links, whose mass centres get new names when more are added."""
     return {name: dataclasses.replace(link, centre_name="") for name, link in made.mechanism.links.items()}
 
 
 def behind(made: Made, hinge, corners: tuple[complex, ...], pivots: tuple[complex, complex]) -> Made:
-    """A further plate on three legs, one of them on the point K of a link that is there, which stands at `hinge(x,
-    phi)`, given with its derivatives by x."""
+    """An additional plate on three legs, one of them on the point K of an existing link, which is at `hinge(x,
+    phi)`, given with its derivatives with respect to x."""
     at = hinge(made.start, 0.0)[0]
     legs = [abs(corner - end) for corner, end in zip(corners, (at, *pivots), strict=True)]
     axis = corners[1] - corners[0]
@@ -159,7 +159,7 @@ def behind(made: Made, hinge, corners: tuple[complex, ...], pivots: tuple[comple
 
 
 def four_bar(lengths: tuple[float, float, float], base: float, phase: float, k: complex) -> tuple[Made, object]:
-    """One in closed form, and where the point K of its coupler is."""
+    """One in closed form, and the position of point K of its coupler."""
     a, b, c = lengths
     hinge = a * cmath.exp(1j * phase)
     r = abs(base - hinge)
@@ -199,7 +199,7 @@ def with_k(made: Made, k: complex) -> Made:
 K_OF_FOUR_BAR = -0.5712483475083188 + 0.13044376590304663j
 K_OF_FIRST, K_OF_SECOND = -0.1783178800473813 - 0.3884985665254801j, 0.28181771644916687 - 0.2864268022131127j
 BEHIND = {
-    # its range ends where the four-bar does; through where that cannot be assembled it would come out as another
+    # its range ends where that of the four-bar ends; beyond, it would continue in another assembly mode
     "behind a dyad": lambda: behind(
         *four_bar((0.5012274016524757, 0.7514049993984951, 0.6545780479618694), 0.4142386717826857,
                   -0.7942617442435318, K_OF_FOUR_BAR),
@@ -207,7 +207,7 @@ BEHIND = {
          0.8609797955035372 - 0.13782444680525607j),
         (-0.16642327359851805 - 0.6924991298351377j, -0.8718926360962198 + 0.8856617296588014j),
     ),
-    # the first of these goes on for more than a turn, the second ends the machine's range
+    # the first of these continues for more than a turn, the second ends the machine's range
     "behind one that goes up for more than a turn": lambda: behind(
         with_k(triad(0.46774938783064235, -0.5783993444208719,
                      (-0.36328927294377333 + 0.7952678469498398j, -0.31218557330440455 - 0.33514121706188615j),
@@ -234,7 +234,7 @@ BEHIND = {
 @pytest.mark.slow
 @pytest.mark.parametrize("make", BEHIND.values(), ids=BEHIND)
 def test_behind_another_group(make):
-    """Ends of the range to 1e-6 rad, and places in it, all told as sound."""
+    """Ends of the range to 1e-6 rad, and positions in it, all reported as assembled."""
     made = make()
     (low, below), (high, above) = (followed(made, way) for way in (-1.0, 1.0))
     found = crank_ranges(made.mechanism)[0]
@@ -249,12 +249,12 @@ def test_behind_another_group(make):
 
 @compiled_soon()
 def wheels(mechanism: Mechanism, at: jax.Array) -> tuple[jax.Array | None, jax.Array]:
-    """Angle of the wheel, and the least margin."""
+    """Angle of the gear, and the least margin."""
     return jax.vmap(lambda phi: (pose(mechanism, phi).links["wheel"].angle, least(mechanism, phi)))(at)
 
 
 def test_wheels_on_a_rocker_near_its_dead_position(rng):
-    """Their turns are those of the rocker up to the end of its range, where it moves as fast as one likes."""
+    """Their revolutions are those of the rocker up to the end of its range, where its speed is unbounded."""
     numbers = [((0.53897, 0.57063, 0.81091), 0.30711, -0.56094)]
     numbers += [
         (tuple(10 ** rng.uniform(-0.6, 0, 3)), 10 ** rng.uniform(-0.6, 0), rng.uniform(-3, 3)) for _ in range(60)
@@ -291,7 +291,7 @@ def _rocker(lengths: tuple[float, float, float], base: float, crank: float) -> f
     return cmath.phase(elbow - base)
 
 
-# at crank angle zero what is drawn where a law begins leads to another of its assemblies
+# at crank angle zero the drawing at the beginning of a motion law leads to another assembly mode
 SWUNG = triad(
     0.6235812433172111,
     1.2757053680593842,
@@ -305,7 +305,7 @@ SWUNG = triad(
 
 
 def test_ranges_of_a_crank_that_follows_a_law(rng):
-    """They are those of the crank without the law, wherever that begins, and in the assembly that is drawn there."""
+    """They are those of the crank without the law, for every beginning, and in the assembly mode drawn there."""
     made = [SWUNG, *(drawn(rng, False) for _ in range(6))]
     for k, each in enumerate(made):
         crank, group = each.mechanism.groups
@@ -325,7 +325,7 @@ def test_ranges_of_a_crank_that_follows_a_law(rng):
         np.testing.assert_allclose((found.start, found.stop), (low, high), atol=1e-6)
 
 
-# swinging inside its range from one end to the other it would begin where what is drawn leads to another assembly
+# an oscillation over its whole range would begin where the drawing leads to another assembly mode
 FAR_AROUND = triad(
     0.30584897572866454,
     2.8233525787957428,
@@ -340,7 +340,7 @@ FAR_AROUND = triad(
 
 @pytest.mark.slow
 def test_the_law_that_is_proposed_can_be_driven():
-    """What the message of a crank that does not come round tells is true: its range, and a law inside."""
+    """The message about a crank that cannot rotate fully is correct: its range, and a law within it."""
     machine = dataclasses.replace(FAR_AROUND.mechanism, flywheel=Flywheel(1.0))
     low, high = (math.degrees(followed(FAR_AROUND, way)[0]) for way in (-1.0, 1.0))
     with pytest.raises(lj.MachineError, match=f"only as another .* from {low:.4f} to {high:.4f} degrees") as told:

@@ -1,7 +1,7 @@
-"""Every chain there is with up to eight links as a machine: random places, masses and directions of slides.
+"""Every chain with up to eight links as a machine: random positions, masses and directions of sliders.
 
-Positions are those drawn, rates those that the joints allow (one linear system for all links), and every link is in
-equilibrium under what its joints exert, its weight and its inertia.
+Positions are those drawn, rates those that the joints permit (one linear system for all links), and every link is in
+equilibrium under its joint forces, its weight and its inertia.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ SPEED, ACCELERATION = 3.0, -4.0
 
 
 class Made(NamedTuple):
-    """A machine of a chain: its scene, where pins are (m, complex), the pair that slides with a place and the direction
-    of its line, and the pair that drives with the link that it moves and its pace."""
+    """A machine of a chain: its scene, positions of pins (m, complex), the sliding pair with a point and the direction
+    of its line, and the driving pair with the link that it moves and its rate."""
 
     scene: lj.Scene
     spots: dict[str, complex]
@@ -38,13 +38,13 @@ class Made(NamedTuple):
 
 
 def machine_of(chain: Chain, ground: int, edge: Edge, other: Edge | None, rng: np.random.Generator) -> Made:
-    """Links and joints of a chain, of which the joint `other` slides, drawn at random places."""
+    """Links and joints of a chain, of which the joint `other` slides, drawn at random positions."""
     first = f"j{edge[0]}{edge[1]}"
     names, pairs = links_of(chain, ground), named(chain, ground, {other: "P"} if other else {})
     drive = next(p for p in pairs if p.name == first)
     slider = next((p for p in pairs if p.letter == "P"), None)
     order = {name: i for i, part in enumerate(blocks(names, pairs, drive)) for name in part} | {FRAME: -1}
-    # what stands first carries the guide
+    # the first one carries the guide
     on, block = ("", "") if slider is None else sorted(slider.ends, key=lambda end: order[end])
     spots = {f"j{a}{b}": complex(*rng.uniform(-1, 1, 2)) for a, b in chain if (a, b) != other}
     fixed = {p: at for p, at in spots.items() if ground in map(int, p[1:])} or {"ground": 0.3 - 0.2j}
@@ -61,7 +61,7 @@ def machine_of(chain: Chain, ground: int, edge: Edge, other: Edge | None, rng: n
             points = {p: lj.Vec(z.real, z.imag) for p, z in at.items()}
             links[name] = Link(**body, pins=tuple(own), points=points)
             continue
-        if len(own) == 1:  # its axis runs to a point on which nothing hangs
+        if len(own) == 1:  # its axis runs to a point to which nothing is attached
             own.append(f"e{name[1]}")
             spots[own[1]] = complex(*rng.uniform(-1, 1, 2))
         links[name] = Link(**body, pins=tuple(own))
@@ -89,8 +89,8 @@ def machine_of(chain: Chain, ground: int, edge: Edge, other: Edge | None, rng: n
 
 
 def allowed_rates(made: Made, so_far: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """How rates of x, y and angle of every link violate the joints, and the rates that do not; where all links have
-    gone a little further by their rates `so_far`."""
+    """Violation of the joints by rates of x, y and angle of every link, and the rates without violation, after all
+    links have moved slightly by their rates `so_far`."""
     names = sorted(made.scene.mechanism.links)
     x, y, w = np.zeros((3, len(names))) if so_far is None else so_far.reshape((-1, 3)).T
     moved = {FRAME: lambda z: z}
@@ -115,7 +115,7 @@ def there(scene):
 
 
 def out_of_balance(scene: lj.Scene, here, forces) -> float:
-    """What is left of the forces and moments on every link, of the largest force."""
+    """The residual forces and moments on every link, relative to the largest force."""
     mechanism = scene.mechanism
     at = {joint.name: here.points[joint.point].r for group in mechanism.groups for joint in group.joints()}
     left, size = [], 1e-300
@@ -136,7 +136,7 @@ def out_of_balance(scene: lj.Scene, here, forces) -> float:
 
 
 def check(made: Made, rounding: float):
-    """Places, rates and equilibrium."""
+    """Positions, rates and equilibrium."""
     mechanism, names = made.scene.mechanism, sorted(made.scene.mechanism.links)
     here, forces = there(made.scene)
     matrix, found = allowed_rates(made)
@@ -160,19 +160,19 @@ CASES = [(count, i, *one) for count, each in ((4, 1), (6, 1), (8, 23))
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}-{case[1]}-{case[4]}-on-{case[3]}")
 def test_every_chain_moves(case):
-    """Every ground and every driving joint, of moving links too; of chains with eight links every 23rd."""
+    """Every ground and every driving joint, also of moving links; of chains with eight links every 23rd."""
     count, number, chain, ground, edge = case
     check(machine_of(chain, ground, edge, None, np.random.default_rng((count, number))), 1e-15 if count < 8 else 1e-14)
 
 
-SOON = [(4, 0), (6, 0), (6, 3)]  # whose groups are closed in closed form
+SOON = [(4, 0), (6, 0), (6, 3)]  # whose groups have closed forms
 LATER = [(4, 1), (4, 2), *((6, i) for i in range(54) if i not in (0, 3)), *((8, i) for i in range(0, 1377, 23))]
 
 
 @pytest.mark.parametrize(("count", "number"), [*SOON, *(pytest.param(*c, marks=pytest.mark.slow) for c in LATER)])
 def test_every_chain_with_a_slider_moves(count, number):
-    """One joint of every chain is a slider, in any direction; of those with eight links every 23rd. Rounding counts as
-    in all random machines: groups hand on places with some."""
+    """One joint of every chain is a slider, in any direction; of those with eight links every 23rd. The tolerance for
+    rounding is that of all random machines: groups pass on positions with rounding errors."""
     chain, ground, edge, other = sliding(count)[number]
     check(machine_of(chain, ground, edge, other, np.random.default_rng((count, number))), 1e-15 if count < 8 else 1e-14)
 
@@ -186,7 +186,7 @@ PUSHED = [(count, i, *one) for count, each in ((4, 1), (6, 1), (8, 23))
     ids=lambda case: f"{case[0]}-{case[1]}",
 )  # fmt: skip
 def test_every_chain_pushed_by_a_slide(case):
-    """The driving joint itself is a slider with a law: a cylinder on the frame, or a block that is pushed."""
+    """The driving joint itself is a slider with a motion law: a cylinder on the frame, or a driven block."""
     count, number, chain, ground, edge = case
     check(machine_of(chain, ground, edge, edge, np.random.default_rng((count, number, 1))), 1e-14)
 

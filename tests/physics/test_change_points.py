@@ -1,4 +1,4 @@
-"""Machines that run through their change points: smooth with branch = "continue", refused with a fixed side."""
+"""Machines that pass through their change points: smooth with branch = "continue", refused with a fixed side."""
 
 import dataclasses
 import math
@@ -33,7 +33,7 @@ def slider(branch: str = "continue") -> Mechanism:
 
 
 def check(state, exact, first, second):
-    """Place, first and second coefficients of a point: fifteen, thirteen and eleven digits also at the change point."""
+    """Position, first and second coefficients of a point: 15, 13 and 11 digits, also at the change point."""
     for part, truth, tolerance in zip(state, (exact, first, second), (1e-14, 1e-12, 1e-10), strict=True):
         np.testing.assert_allclose(part.x + 1j * part.y, truth, rtol=0, atol=tolerance)
 
@@ -80,7 +80,7 @@ def test_a_kite_stays_one():
 
 @pytest.mark.slow
 def test_a_kite_on_its_own_line_needs_two_turns():
-    """Crank and frame alike: the pin runs on the half angle, and is back after two turns only."""
+    """Crank and frame of equal length: the pin moves on the half angle, and returns only after two turns."""
     machine = prepared(four_bar(0.3, 0.4, 0.4, 0.3), 2)
     phi = np.concatenate([ANGLES, ANGLES + 2 * math.pi])
     here = jax.device_get(poses(machine, jnp.asarray(phi)))
@@ -91,7 +91,7 @@ def test_a_kite_on_its_own_line_needs_two_turns():
 
 
 def test_a_slider_with_a_rod_as_long_as_its_crank():
-    """2 r cos φ: through the dead point, where the crank stands across the guide."""
+    """2 r cos φ: through the dead centre, where the crank is perpendicular to the guide."""
     phi = np.mod(ANGLES + 0.5 * math.pi, 2 * math.pi)
     here = jax.device_get(poses(prepared(slider()), jnp.asarray(phi)))
     check(here.points["D"], 0.4 * np.cos(phi), -0.4 * np.sin(phi), -0.4 * np.cos(phi))
@@ -107,7 +107,7 @@ def test_where_there_is_no_change_point_nothing_changes():
 
 
 def test_the_course_belongs_to_its_numbers():
-    """A mechanism made anew has none, and none has derivatives by the design."""
+    """A newly built mechanism has no path, and no path has derivatives with respect to the design."""
     machine = prepared(four_bar(0.1, 0.4, 0.1, 0.4))
     group = machine.groups[1]
     assert isinstance(group, RRR) and group.path is not None
@@ -125,7 +125,7 @@ def test_a_branch_that_is_none():
 
 @pytest.mark.slow
 def test_a_parallelogram_at_work():
-    """A brake on the rocker is a brake on the crank: the crank turns evenly. Reactions have no bound, which is said."""
+    """A brake on the rocker acts like a brake on the crank: constant speed. Reactions are reported as unbounded."""
     scene = lj.Scene(four_bar(0.1, 0.4, 0.1, 0.4), (OpposingTorque("brake", "rocker", magnitude=3.0),), speed=10.0)
     cycle = lj.analyse(scene, angles=36)
     assert int(cycle.result) == 0 and float(cycle.delta) < 1e-10
@@ -151,7 +151,7 @@ def test_a_parallelogram_at_work():
     ],
 )
 def test_a_fixed_side_at_a_bifurcation(machine, places):
-    """Where all links lie in line, or rod and crank across the guide, both assemblies meet: it says so and where."""
+    """Where all links are in line, or rod and crank at a right angle, both assembly modes coincide: reported."""
     scene = lj.Scene(machine, (Torque("brake", "crank", torque=-1.0),), Vec(0.0, -9.81), speed=10.0)
     with pytest.raises(lj.MachineError, match=r"has a change point at .* which it takes is chance") as told:
         lj.analyse(scene, angles=36)
@@ -163,7 +163,7 @@ def test_a_fixed_side_at_a_bifurcation(machine, places):
 
 @pytest.mark.slow
 def test_a_slider_at_work():
-    """Drive torque at constant speed: the brake's and what the ram takes, m x′ x″ ω²."""
+    """Drive torque at constant speed: the brake's and that of the ram, m x′ x″ ω²."""
     scene = lj.Scene(slider(), (Torque("brake", "crank", torque=-1.0),), speed=10.0)
     cycle = lj.analyse(scene, angles=36)
     assert int(cycle.result) == 0
@@ -177,7 +177,7 @@ def test_a_slider_at_work():
     (0.0, math.pi), *(pytest.param(law, marks=pytest.mark.slow) for law in ((0.0, math.pi / 3), (math.pi / 6, math.pi)))
 ])  # fmt: skip
 def test_a_law_that_turns_back_at_a_change_point(law):
-    """Motion comes to the change point and goes back: the parallelogram stays one, and is where it began."""
+    """The motion reaches the change point and reverses: it stays a parallelogram, returning to its initial position."""
     machine = four_bar(0.1, 0.4, 0.1, 0.4)
     crank = Crank("crank", "A", "B", law=lj.Harmonic(*law))
     machine = prepared(Mechanism(machine.fixed, machine.links, [crank, machine.groups[1]], machine.flywheel))
@@ -190,8 +190,8 @@ def test_a_law_that_turns_back_at_a_change_point(law):
 
 
 def test_a_wheel_on_a_kite_that_is_nearly_one():
-    """The far pins of the dyad pass each other so closely that a link turns half round in less than a step of the path:
-    wheels on it are right, against a scan as fine as that, or told to follow what is too fast."""
+    """The far pins of the dyad pass each other so closely that a link turns half a revolution in less than a path step:
+    gears on it are correct, against an equally fine scan, or the driving link is reported as too fast."""
     rng, at = np.random.default_rng(7), np.linspace(0.1, 6.2, 12)
 
     @jax.jit
@@ -220,8 +220,8 @@ def test_a_wheel_on_a_kite_that_is_nearly_one():
 
 
 def rocker_angle(crank: float, coupler: float, rocker: float, near: float, at: np.ndarray) -> np.ndarray:
-    """The rocker's angle, unwound through angles as near to the passage as it is narrow, of a frame longer than the
-    crank by this part of it."""
+    """The rocker angle, unwrapped through angles as close to the passage as it is narrow, for a frame longer than the
+    crank by this fraction."""
     passage = np.geomspace(1e-14, 0.3, 3000)
     scan = np.unique(np.concatenate([at, np.linspace(at[0], at[-1], 2000), 2 * np.pi - passage, 2 * np.pi + passage]))
     off = scan - 2 * np.pi

@@ -31,7 +31,7 @@ def fitted(scene: lj.Scene, pieces: W) -> lj.Scene:
 
 
 def cast(link: Link, *pieces: Counterweight) -> Link:
-    """Link and pieces in one casting, by Steiner's theorem; its marked points stay, its old centre becomes one."""
+    """Link and pieces as one casting, by Steiner's theorem; its additional points stay, its old centre becomes one."""
     mass = link.mass + sum(p.mass for p in pieces)
     moment = link.centre * link.mass + sum((p.at * p.mass for p in pieces), Vec(0.0, 0.0))
     centre = moment * (1 / mass)
@@ -87,7 +87,7 @@ def alike(one, two) -> None:
 
 
 def test_heavy_ones_are_part_of_their_link():
-    """Reduction and every force, while the crank speeds up."""
+    """Reduction and every force, while the crank accelerates."""
     one, two = (loaded(scene, jnp.asarray(ANGLES), jnp.asarray(300.0)) for scene in heavy())
     alike(one[1:], two[1:])
     assert {"W1", "W2", "W3", "W4", "W5"} <= one[0].points.keys()
@@ -95,7 +95,7 @@ def test_heavy_ones_are_part_of_their_link():
 
 @pytest.mark.slow
 def test_a_whole_analysis_with_heavy_ones():
-    """Everything that it says."""
+    """All of its results."""
     one, two = (lj.analyse(scene, angles=24) for scene in heavy())
     for got in (one, two):
         assert max(float(check) for check in jax.tree.leaves(got.checks)) < 1e-10
@@ -105,7 +105,7 @@ def test_a_whole_analysis_with_heavy_ones():
 
 
 def test_ideal_ones_add_the_product_alone():
-    """Shaking force -ω² m r on the crank by hand; weight torque yes; no inertia, no weight, no frame force at rest."""
+    """Shaking force -ω² m r on the crank by hand; torque of the weight; no inertia, weight or frame force at rest."""
     scene = machine("hay-press")
     product = {"crank": Vec(-3.0, 0.7), "rocker": Vec(-0.8, -0.3)}
     pieces: W = {name: {f"W{name}": Counterweight(1.0, at, ideal=True)} for name, at in product.items()}
@@ -126,7 +126,7 @@ def test_ideal_ones_add_the_product_alone():
 
 
 def test_gradients_of_a_counterweight():
-    """Peak shaking force by mass and place of one on the crank, against differences; also from no mass at all."""
+    """Peak shaking force by mass and position of one on the crank, against differences; also from zero mass."""
     scene = machine("slider-crank")
 
     def peak(x):
@@ -143,7 +143,7 @@ def test_gradients_of_a_counterweight():
 def test_what_cannot_be():
     with pytest.raises(ValueError, match="thickness and density"):
         Counterweight(1.0, Vec(0.1, 0.0), thickness=0.1)
-    with pytest.raises(ValueError, match="inertia of a counterweight is fixed by inertia already"):
+    with pytest.raises(ValueError, match="inertia of a counterweight is already given by inertia"):
         Counterweight(1.0, Vec(0.1, 0.0), inertia=0.1, ideal=True)
     with pytest.raises(ValueError, match="inertia and thickness"):
         Counterweight(1.0, Vec(0.1, 0.0), inertia=0.1, thickness=0.1, density=7850.0)
@@ -152,9 +152,9 @@ def test_what_cannot_be():
         Counterweight(1.0, pair)
     scene = machine("hay-press")
     for link in ("rod", "slider"):
-        with pytest.raises(StructureError, match=f"link '{link}': it has no fixed pivot"):
+        with pytest.raises(StructureError, match=f"link '{link}' has no fixed pivot"):
             fitted(scene, {link: {"W": Counterweight(1.0, Vec(0.1, 0.0), ideal=True)}})
-    with pytest.raises(StructureError, match="'G' is used already"):
+    with pytest.raises(StructureError, match="'G' is already used"):
         fitted(scene, {"rocker": {"G": Counterweight(1.0, Vec(0.1, 0.0))}})
 
 

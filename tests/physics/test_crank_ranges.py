@@ -1,4 +1,4 @@
-"""Cranks that do not come round: where they stop, against the law of cosines, and what is said of it."""
+"""Cranks that cannot rotate fully: the ends of their ranges, against the law of cosines, and the messages."""
 
 import dataclasses
 import itertools
@@ -25,13 +25,13 @@ def body(length: float) -> Link:
 
 
 def stretched(crank: float, reach: float, frame: float) -> float:
-    """Crank angle at which the far pin of the crank is this far from the rocker's pivot: the law of cosines."""
+    """Crank angle at which the far pin of the crank is at this distance from the rocker's pivot: the law of cosines."""
     return math.acos((crank**2 + frame**2 - reach**2) / (2 * crank * frame))
 
 
 @pytest.mark.parametrize("rotation", ["ccw", "cw"])
 def test_a_four_bar_that_stretches(rotation):
-    """A double rocker: the dyad stretches on either side of the line of centres, from which it is symmetrical."""
+    """A double rocker: the dyad stretches symmetrically on either side of the line of centres."""
     machine = four_bar(0.3, 0.25, 0.2, 0.4)
     machine = dataclasses.replace(machine, groups=(Crank("crank", "A", "B", rotation), machine.groups[1]))
     (only,) = crank_ranges(machine)
@@ -104,8 +104,8 @@ def test_the_second_group_ends_it():
 
 
 def test_two_dyads_one_lost_beside_the_other():
-    """Where the first folds the second moves as the root of the distance, and may be lost a little before: random
-    six-bars against a fine scan of both by the law of cosines, halved on whether both close."""
+    """Where the first folds the second moves as the root of the distance, and may fail slightly earlier: random
+    six-bars against a fine scan of both by the law of cosines, bisected on whether both close."""
     rng, beside = np.random.default_rng(5), 0
     for _ in range(60):
         a, b, c, d = rng.uniform(0.2, 0.9, 4)
@@ -152,8 +152,8 @@ def test_two_dyads_one_lost_beside_the_other():
 
 @pytest.mark.slow
 def test_a_triad_ends_where_the_other_way_round_it_reverses():
-    """A six-bar of Stephenson's third kind, driven by its lever: one group of class III. The lever's range is what it
-    covers when the crank drives, between dead centres found in closed form, group by group."""
+    """A six-bar of Stephenson's third kind, driven by its lever: one group of class III. The range of the lever is that
+    with the crank as the driver, between limit positions found in closed form, group by group."""
     usual = load("stephenson-3").mechanism
     here = pose(usual, jnp.zeros(()))
     sketch = {p: here.points[p].r for p in "BCEG"}
@@ -177,7 +177,7 @@ PINS = {"crank": ("A", "B"), "coupler": ("B", "C", "E"), "rocker": ("D", "C"), "
 
 @pytest.mark.slow
 def test_what_is_said_of_it():
-    """The message has the range, and a law inside it, with which the machine runs."""
+    """The message has the range, and a law within it, with which the machine runs."""
     scene = lj.Scene(dataclasses.replace(four_bar(0.3, 0.25, 0.2, 0.4), flywheel=Flywheel(1.0)), speed=3.0)
     with pytest.raises(lj.MachineError) as told:
         lj.analyse(scene, angles=8, nodes=32)
@@ -191,7 +191,7 @@ def test_what_is_said_of_it():
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.8, 1.05])
 def test_an_oscillating_drive(share):
-    """Inside the range it runs, beyond it the message says where the range ends."""
+    """Within the range it runs, beyond it the message gives the end of the range."""
     end = stretched(0.3, 0.45, 0.4)
     machine = four_bar(0.3, 0.25, 0.2, 0.4)
     crank = Crank("crank", "A", "B", law=lj.Harmonic(-share * end, share * end))
@@ -205,7 +205,7 @@ def test_an_oscillating_drive(share):
 
 
 def test_a_dyad_that_continues_has_its_limits_too():
-    """Not coming round is no reason to close nowhere; a kite goes through its change points all round."""
+    """A crank that cannot rotate fully still has ranges; a kite passes through all its change points."""
     one, two = (crank_ranges(three(branch, (0.3, 0.2, 0.2, 0.3))) for branch in ("fixed", "continue"))
     assert len(one) == len(two) == 1
     assert (two[0].start, two[0].stop) == pytest.approx((one[0].start, one[0].stop), abs=1e-8)
@@ -214,7 +214,7 @@ def test_a_dyad_that_continues_has_its_limits_too():
 
 
 def three(branch: str, lengths: tuple[float, float, float, float]) -> Mechanism:
-    """A four-bar with a phase, whose dyad keeps its side or goes on through change points."""
+    """A four-bar with a phase, whose dyad keeps its side or continues through change points."""
     machine = four_bar(*lengths)
     dyad = dataclasses.replace(machine.groups[1], branch=branch)
     return dataclasses.replace(machine, groups=(Crank("crank", "A", "B", phase=0.5), dyad))
@@ -222,7 +222,7 @@ def three(branch: str, lengths: tuple[float, float, float, float]) -> Mechanism:
 
 @pytest.mark.slow
 def test_a_general_group_is_followed_both_ways():
-    """Up to where it stops, and down from zero to where it stops on the other side: the four-bar in closed form."""
+    """Upwards to the end of its range, and downwards from zero to the other end: the four-bar in closed form."""
     links = {"crank": Link(length=0.3), "coupler": Link(length=0.25), "rocker": Link(length=0.2)}
     fixed, crank = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, Crank("crank", "A", "B", phase=0.5)
     members = (("coupler", ("B", "C")), ("rocker", ("D", "C")))
@@ -239,7 +239,7 @@ def test_a_general_group_is_followed_both_ways():
 @pytest.mark.slow
 @pytest.mark.parametrize("end", ["start", "stop"])
 def test_crank_angle_zero_beside_the_end_of_a_range(end):
-    """The path then goes on from its last place to its first: the four-bar in closed form, on both sides of zero."""
+    """The path then continues from its last point to its first: the four-bar in closed form, on both sides of zero."""
     links = {"crank": Link(length=0.3), "coupler": Link(length=0.25), "rocker": Link(length=0.2)}
     fixed, beside = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0)}, 1e-4 if end == "stop" else -1e-4
     closed = Mechanism(fixed, links, [Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C", 1)])
@@ -289,8 +289,8 @@ SLOW = {
 @pytest.mark.parametrize("phase", [1.0, 4.0])
 @pytest.mark.parametrize("ratio", SLOW)
 def test_a_crank_that_swings_in_gear_with_a_slow_wheel(ratio, phase):
-    """Nothing repeats after a turn, nor has it to: |D + c exp i(phase + k φ) - b exp iφ| = l + r, next to where the law
-    begins either way, which may be more than a turn away."""
+    """Not periodic, as is permitted here: |D + c exp i(phase + k φ) - b exp iφ| = l + r, nearest to the beginning of
+    the law on either side, which may be more than a turn away."""
     wheels, k = SLOW[ratio]
 
     def apart(phi):
@@ -314,7 +314,7 @@ def next_root(function, begin: float, way: int) -> float:
 
 
 def geared(wheels, begin: float, phase: float) -> Mechanism:
-    """A five-bar whose second crank is a wheel in gear with the first, which swings."""
+    """A five-bar whose second crank is a gear in mesh with the first, which oscillates."""
     links = {name: body(length) for name, length in (("crank", 0.05), ("wheel", 0.04), ("left", 0.1), ("right", 0.1))}
     groups = [
         Crank("crank", "A", "B", law=lj.Harmonic(begin, begin + 0.3)),
@@ -326,8 +326,8 @@ def geared(wheels, begin: float, phase: float) -> Mechanism:
 
 @pytest.mark.parametrize("begin", [7.0, 9.0, 16.0, -6.0, -9.0])
 def test_where_a_law_begins_where_nothing_closes(begin):
-    """Ranges of a machine that does not repeat are told where they are, within a turn either way: the next comes first,
-    then those after it, then those before."""
+    """Ranges of a machine that is not periodic are reported within a turn on either side: the next comes first, then
+    those after it, then those before."""
     wheels, k = SLOW["third"]
 
     def apart(phi):
@@ -347,8 +347,8 @@ def test_where_a_law_begins_where_nothing_closes(begin):
 
 @pytest.mark.parametrize("teeth", [20, 500])
 def test_a_gearbox_before_a_double_rocker(teeth):
-    """The crank turns many times from end to end: the law of cosines for the wheel, by the ratio. Beyond 32 turns
-    either way it is told as far as it was looked at."""
+    """The crank makes many turns from end to end: the law of cosines for the gear, by the ratio. Beyond 32 turns on
+    either side the searched range is reported."""
     links = {"crank": Link(length=0.01), "wheel": body(0.3), "coupler": body(0.25), "rocker": body(0.2)}
     groups = [
         Crank("crank", "M", "N", law=lj.Harmonic(0.3, 2.0)),
@@ -366,7 +366,7 @@ def test_a_gearbox_before_a_double_rocker(teeth):
 
 
 def test_a_gearbox_whose_law_begins_out_of_range():
-    """The range is some turns further on, by the law of cosines for the wheel."""
+    """The range is some turns further on, by the law of cosines for the gear."""
     links = {"crank": Link(length=0.01), "wheel": body(0.3), "coupler": body(0.25), "rocker": body(0.2)}
     groups = [
         Crank("crank", "M", "N", law=lj.Harmonic(0.3, 2.0)),
@@ -381,7 +381,7 @@ def test_a_gearbox_whose_law_begins_out_of_range():
 @pytest.mark.slow
 @pytest.mark.parametrize("law", [None, lj.Harmonic(0.4, 0.5)])
 def test_a_general_group_that_never_repeats(law):
-    """It closes at every crank angle, but an irrational belt never brings it back: told as far as it was looked at."""
+    """It closes at every crank angle, but an irrational belt ratio is not periodic: the searched range is reported."""
     lengths = {"crank": 0.028, "wheel": 0.069, "left": 0.15, "right": 0.14}
     links = {name: body(length) for name, length in lengths.items()}
     crank, fixed = Crank("crank", "A", "B", law=law), {"A": Vec(0.0, 0.0), "D": Vec(0.148, 0.0)}
@@ -390,7 +390,7 @@ def test_a_general_group_that_never_repeats(law):
     here = pose(Mechanism(fixed, links, [crank, wheel, dyad]), jnp.zeros(())).points["P"].r
     general = General((("left", ("B", "P")), ("right", ("C", "P"))), ("B", "C"), {"P": here})
     reach = [abs(0.148 + s * 0.069 + t * 0.028) for s in (-1, 1) for t in (-1, 1)]
-    assert min(reach) > 0.01 and max(reach) < 0.29  # the pins' distance is between these
+    assert min(reach) > 0.01 and max(reach) < 0.29  # the distance of the pins is between these
     (found,) = crank_ranges(Mechanism(fixed, links, [crank, wheel, general]))
     begin = 0.0 if law is None else 0.4
     assert found == (begin - 16 * math.pi, begin + 16 * math.pi, "", "")
@@ -400,8 +400,8 @@ def test_a_general_group_that_never_repeats(law):
 @pytest.mark.parametrize("radius", [0.02, 0.1])
 @pytest.mark.parametrize("begin", [None, 1.0])
 def test_a_pinion_moves_a_rack(begin, radius, general):
-    """Several turns of a crank push a pin along a line, |start + r φ - D| <= l1 + l2: a rack never comes back, be there
-    a law or none."""
+    """Several turns of a crank push a pin along a line, |start + r φ - D| <= l1 + l2: a rack never returns, with or
+    without a law."""
     links = {"crank": Link(length=0.01), "rack": Link(), "coupler": body(0.25), "rocker": body(0.2)}
     guide, law = Guide("A", offset=-0.02), None if begin is None else lj.Harmonic(begin, 2.0)
     crank, rack = Crank("crank", "A", "N", law=law), lj.Rack("rack", "R", guide, "crank", "A", radius, start=0.1)
@@ -421,7 +421,7 @@ def test_a_pinion_moves_a_rack(begin, radius, general):
 
 @pytest.mark.slow
 def test_what_is_said_of_a_crank_in_gear_with_a_slow_wheel():
-    """The range is that about where its law begins, also where a general group closes the loop."""
+    """The range is that about the beginning of its law, also if a group of higher class closes the loop."""
     machine = geared(SLOW["half"][0], -0.5, 4.0)
     (low, high), *_ = (each[:2] for each in crank_ranges(machine))
     members, here = (("left", ("B", "P")), ("right", ("C", "P"))), pose(machine, jnp.zeros(()))
@@ -440,7 +440,7 @@ def test_what_is_said_of_a_crank_in_gear_with_a_slow_wheel():
 
 @pytest.mark.slow
 def test_what_is_said_where_the_law_cannot_begin_where_it_is_drawn():
-    """A double rocker that does not close at crank angle zero, and beside it a general group drawn there."""
+    """A double rocker that does not close at crank angle zero, and beside it a group of higher class drawn there."""
     links = {"crank": body(0.3), "coupler": body(0.25), "rocker": body(0.2), "rod": body(0.9), "lever": body(0.8)}
     fixed = {"A": Vec(0.0, 0.0), "D": Vec(-0.4, 0.0), "E": Vec(0.6, 0.0)}
     r = 0.3  # from E to B at crank angle zero; the tip of the triangle on it

@@ -1,4 +1,4 @@
-"""Machines with a zero in them: masses, inertias, ground links, offsets; points that coincide or lie in line."""
+"""Machines with a zero: masses, inertias, ground links, offsets; points that coincide or are in line."""
 
 import dataclasses
 import math
@@ -61,7 +61,7 @@ DEGENERATE = {
 
 
 def judged(name: str) -> dict[str, Judged]:
-    """With no ground nothing moves against the crank: what is zero then is measured by the largest of its kind."""
+    """With zero ground nothing moves relative to the crank: zero values are compared with the largest of their kind."""
     found = judge(DEGENERATE[name])
     if name != "no ground":
         return found
@@ -72,7 +72,7 @@ def judged(name: str) -> dict[str, Judged]:
     "name", [pytest.param(n, marks=[pytest.mark.slow] * (i > 6)) for i, n in enumerate(DEGENERATE)]
 )
 def test_against_160_digits(name):
-    """Positions, rates, reactions, and derivatives by every number, those that are zero too."""
+    """Positions, rates, reactions, and derivatives with respect to every number, including zeros."""
     assert {part: each.excess() for part, each in judged(name).items() if each.excess() > 10} == {}
 
 
@@ -89,7 +89,7 @@ def test_a_ground_of_length_zero_turns_as_one_body():
 
 
 def test_a_guide_along_the_rod():
-    """In the dead centres of a slider in line the rod lies on the guide: x″ = -r (cos φ + r / l), ω′ = -r cos φ / l."""
+    """In the dead centres of an in-line slider the rod is on the guide: x″ = -r (cos φ + r / l), ω′ = -r cos φ / l."""
     here = at(DEGENERATE["no offset"].mechanism, [0.0, math.pi])
     r, length, cosine = 0.13, 0.4, np.asarray([1.0, -1.0])
     np.testing.assert_allclose(here.points["D"].r.x, r * cosine + length, rtol=1e-15)
@@ -101,7 +101,7 @@ def test_a_guide_along_the_rod():
 
 @pytest.mark.slow
 def test_a_guide_along_the_rod_all_the_way():
-    """A guide on the crank through the rod's own pin: the rod lies on it for good, and turns with the crank."""
+    """A guide on the crank through the pin of the rod: the rod always stays along it, and turns with the crank."""
     links = {"crank": body(0.13), "rod": body(0.4), "block": NOTHING}
     groups = [Crank("crank", "A", "B"), RRP("rod", "block", "B", "D", Guide("B", 0.7, on="crank"))]
     phi = np.linspace(0.0, 6.0, 7)
@@ -115,13 +115,13 @@ def test_a_guide_along_the_rod_all_the_way():
 
 @pytest.mark.slow
 def test_points_that_coincide():
-    """A marked point on a pin moves as the pin does; a dyad may hang on either."""
+    """An additional point on a pin moves as the pin does; a dyad may be attached to either."""
     mark = dataclasses.replace(body(0.4), points={"E": Vec(0.4, 0.0), "O": Vec(0.0, 0.0)})
     scene = chain(one=mark)
     links = {**scene.mechanism.links, "arm": body(0.3), "lever": body(0.25)}
     fixed = {**scene.mechanism.fixed, "H": Vec(0.5, 0.5), "A2": Vec(0.0, 0.0)}
     states = []
-    for pin in ("E", "G"):  # a marked point, and the pin itself
+    for pin in ("E", "G"):  # an additional point, and the pin itself
         groups = [*scene.mechanism.groups, RRR(("arm", "lever"), pin, "H", "K", 1)]
         states.append(at(Mechanism(fixed, links, groups), [0.3, 2.0, 4.0]))
     one, two = states

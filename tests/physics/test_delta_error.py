@@ -1,4 +1,4 @@
-"""The stated error of δ: never below the true error, seldom far above it, on random designs of every scene."""
+"""The stated error of δ: never below the true error, rarely far above it, on random designs of every scene."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.physics.machines import BUILT_IN, machine
 
 DESIGNS, SPREAD = 200, 0.3
 TRUTH = 400  # nodes
-LEAST = 1e-11  # errors below this count as this
+LEAST = 1e-11  # smaller errors count as this value
 COARSE = ("hay-press-slider", "slider-crank")
 ALL = (32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160)
 
@@ -31,7 +31,7 @@ def chosen(scene: lj.Scene):
 
 
 def sample(name: str) -> list[jax.Array]:
-    """Random designs around a scene, each number within its share."""
+    """Random designs around a scene, each number within its range."""
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     return [jnp.asarray(float(x) * (1 + SPREAD * rng.uniform(-1, 1, DESIGNS))) for x in chosen(machine(name))]
 
@@ -42,7 +42,7 @@ def design(scene: lj.Scene, numbers: list[jax.Array]) -> lj.Scene:
 
 @compiled_soon(static=("nodes",))
 def found(scene: lj.Scene, numbers: list[jax.Array], nodes: int):
-    """δ, its stated error, and whether there is anything to be stated."""
+    """δ, its stated error, and whether they exist."""
 
     def one(numbers):
         here = design(scene, numbers)
@@ -59,7 +59,7 @@ def at(name: str, nodes: int) -> tuple[np.ndarray, ...]:
 
 
 def honesty(counts: tuple[int, ...], names: tuple[str, ...]) -> dict[tuple[str, int], np.ndarray]:
-    """Stated over true error, of every design that runs."""
+    """Stated error over true error, of every design that runs."""
     ratios = {}
     for name in names:
         truth, surely, runs = at(name, TRUTH)

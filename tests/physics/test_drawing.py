@@ -1,4 +1,4 @@
-"""Machines as drawn: what the sketch says, and what follows from where things truly are."""
+"""Machines as drawn: the data of the sketch, and their consequences in the true position."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from linkjax.scenes import loads_text, text_of
 
 
 def places(mechanism, names, phi=0.0) -> dict[str, complex]:
-    """Where points are."""
+    """Positions of points."""
     at = pose(mechanism, jnp.asarray(phi)).points
     return {name: complex(at[name].r.x, at[name].r.y) for name in names}
 
@@ -50,8 +50,8 @@ ORDERS = list(zip(itertools.permutations("ABE"), [0.12, -0.12, 0.12j] * 2, stric
 
 @pytest.mark.parametrize(("pins", "on_ram"), ORDERS)
 def test_without_any_length_it_stands_as_sketched(pins, on_ram):
-    """Every sketch whose blocks are on their guides is a machine: a crank with three pins, in any order, and a ram with
-    further pins ahead of the first, behind or beside it."""
+    """Every sketch with blocks on their guides is a machine: a crank with three pins, in any order, and a ram with
+    additional pins ahead of the first, behind or beside it."""
     spots = {**SPOTS, "D": SPOTS["C"] + LEAN * on_ram, "X": SPOTS["C"] - LEAN * (0.05 + 0.02j)}
     fixed = {"A": 0j, "H": 0.5 - 0.1j, "J": -0.4 + 0.5j}
     links = {name: Link(pins=tuple(own)) for name, own in {
@@ -68,8 +68,8 @@ def test_without_any_length_it_stands_as_sketched(pins, on_ram):
 
 
 def test_a_crank_has_the_shape_that_is_sketched():
-    """Where the phase is not quite that of the sketch, the crank is turned, and not bent; where it is another, the
-    machine is refused."""
+    """If the phase differs slightly from the sketch, the crank is turned, not deformed; for another phase the machine
+    is refused."""
     links = {"crank": Link(pins=("A", "B", "E")), "coupler": Link(pins=("B", "C")), "rocker": Link(pins=("D", "C")),
              "rod": Link(pins=("E", "G")), "lever": Link(pins=("D", "G"))}  # fmt: skip
     sketch = {"B": (0.0, 0.1), "E": (-0.1, 0.0), "C": (0.3, 0.25), "G": (0.3, -0.25)}
@@ -87,7 +87,7 @@ def test_a_crank_has_the_shape_that_is_sketched():
 
 
 def test_pins_of_a_link_whose_second_pin_is_a_marked_point():
-    """A third pin is where the sketch has it, though the axis of the link does not run through the second."""
+    """A third pin is at its position in the sketch, even if the axis of the link does not run through the second."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "rocker": Link(pins=("D", "C"), length=0.25),
              "coupler": Link(pins=("B", "C", "E"), points={"C": lj.Vec(0.2, 0.2)}),
              "arm": Link(pins=("E", "F")), "lever": Link(pins=("D", "F"))}  # fmt: skip
@@ -99,7 +99,7 @@ def test_pins_of_a_link_whose_second_pin_is_a_marked_point():
 
 @pytest.mark.slow
 def test_sides_are_those_of_the_true_places():
-    """A pin sketched far off its place does not turn the dyad that hangs on it."""
+    """A pin sketched far off its position does not reverse the dyad attached to it."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "E", "C"), length=0.15,
              points={"C": lj.Vec(0.35, 0.0)}), "rocker": Link(pins=("D", "C"), length=0.25),
              "arm": Link(pins=("E", "G"), length=0.3), "lever": Link(pins=("D", "G"), length=0.3)}  # fmt: skip
@@ -123,8 +123,8 @@ def test_sides_are_those_of_the_true_places():
 )
 @pytest.mark.parametrize("far", [lj.Vec(0.3, 0.0), lj.Vec(0.28, 0.1)])
 def test_a_second_pin_that_is_a_marked_point(drive, far):
-    """It is where the mark is, whatever the length: the machine whose coupler has that distance as its length. Its mass
-    centre lies in the axes of the link, not of the line between the pins."""
+    """It is at the given point, for any length: the machine whose coupler has that distance as its length. Its mass
+    centre is in the axes of the link, not of the line between the pins."""
     reach = math.hypot(float(far.x), float(far.y))
     lean = math.atan2(float(far.y), float(far.x))
     plain = {"crank": Link(pins=("A", "B"), length=0.1), "rocker": Link(pins=("D", "C"), length=0.25),
@@ -141,7 +141,7 @@ def test_a_second_pin_that_is_a_marked_point(drive, far):
 
 
 def test_a_crank_held_anywhere_is_a_crank():
-    """With its frame pin third, or its far pin a marked point, it takes a flywheel, is written and read again."""
+    """With its frame pin third, or its far pin an additional point, it takes a flywheel, is written and read again."""
     rest = {"coupler": Link(pins=("B", "C"), length=0.35), "rocker": Link(pins=("D", "C"), length=0.25)}
     fixed, sketch = {"A": (0.0, 0.0), "D": (0.38, 0.0)}, {"C": (0.36, 0.25)}
     usual = linkage(fixed, {"crank": Link(pins=("A", "B"), length=0.1, mass=1.0)} | rest, Drive("crank"), (), sketch)
@@ -160,7 +160,7 @@ def test_a_crank_held_anywhere_is_a_crank():
 
 
 def test_a_drive_half_a_turn_off():
-    """Between a block and a link, and in a general group that is not drawn: told, not closed the other way round."""
+    """Between a block and a link, and in a group of higher class that is not drawn: reported, not closed otherwise."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "die": Link(pins=("B",)),
              "lever": Link(pins=("P", "E"), length=0.4)}  # fmt: skip
     given = {"fixed": {"A": (0, 0), "P": (-0.2, 0)}, "links": links, "slots": [Slot("die", Guide("P", on="lever"))],
@@ -193,7 +193,7 @@ FIVE = {"a": Link(pins=("A", "B"), length=0.1), "b": Link(pins=("A", "E"), lengt
     ids=["on one shaft", "of three at a pin"],
 )
 def test_links_at_one_pin_driven_against_each_other(driver, against):
-    """Two on one shaft of the frame, two of three at a pin: the machine that a crank drives, at another pace."""
+    """Two on one shaft of the frame, two of three at a pin: the machine that a crank drives, at another rate."""
 
     def made(drive):
         sketch = {"B": (0.0, 0.1), "E": (0.14, -0.04), "C": (0.26, 0.2)}
@@ -214,7 +214,7 @@ def test_links_at_one_pin_driven_against_each_other(driver, against):
 
 
 def test_a_truss_on_the_frame():
-    """Links that cannot move may be drawn, before the crank, too: what hangs on them hangs on a point of the frame."""
+    """Rigid links may be drawn, also before the crank: links attached to them are attached to a point of the frame."""
     truss = {"one": Link(pins=("D", "H")), "two": Link(pins=("G", "H"))}
     bars = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.35),
             "rocker": Link(pins=("H", "C"), length=0.25)}  # fmt: skip
@@ -225,7 +225,8 @@ def test_a_truss_on_the_frame():
     assert places(made, "HBC", 0.7) == pytest.approx(places(plain, "HBC", 0.7), abs=1e-15)
     on_top = truss | {"crank": Link(pins=("H", "B"), length=0.1)}
     with pytest.raises(
-        StructureError, match=r"drive: moves 'crank' against 'two', but one, two cannot move, as good as"
+        StructureError,
+        match=r"drive: moves 'crank' against 'two', but one, two cannot move relative to the frame; delete these links",
     ):
         linkage(fixed, on_top, Drive("crank", "two"), sketch={"H": (0.5, 0.1)})
 
@@ -235,7 +236,7 @@ CYLINDER = {"boom": Link(pins=("A", "B"), length=0.3), "barrel": Link(pins=("P",
 
 
 def test_a_cylinder_named_the_other_way_round():
-    """Its barrel on its rod is its rod on its barrel."""
+    """Its barrel on its rod is equivalent to its rod on its barrel."""
     law, slots = lj.Harmonic(0.34, 0.37), [Slot("rod", Guide("P", on="barrel"))]
     given = {"A": (0, 0), "P": (0.4, 0)}, CYLINDER
     one, two = (
@@ -252,18 +253,18 @@ def test_a_cylinder_named_the_other_way_round():
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ({"links": {"frame": Link(pins=("A", "B"), length=0.1)}}, r"links\.frame: the name is taken by the frame"),
+        ({"links": {"frame": Link(pins=("A", "B"), length=0.1)}}, r"links\.frame: the name is reserved for the frame"),
         ({"links": {"boom": Link(pins=("A", "B"), length=jnp.asarray([0.3, 0.4]))}},
-         r"links\.boom: has numbers that are traced or batched; build the mechanism once, and change its numbers th"),
+         r"links\.boom: has numbers that are traced or batched; build the mechanism with plain numbers, then"),
         ({"drive": Drive("rod", "barrel", law=lj.Harmonic(jnp.ones(2), 0.2))}, "drive: has numbers that are traced or"),
         ({"slots": [Slot("rod", Guide("P", jnp.ones(2), on="barrel"))]}, "slot of rod: has numbers that are traced or"),
         ({"slots": [Slot("rod", Guide("P", on="barrel")), Slot("barrel", Guide("B", on="rod"))]},
-         "slot of rod: slides along 'barrel', which slides along it"),
+         "slot of rod: slides along 'barrel', which itself slides along 'rod'"),
         ({"links": {"rod": Link(pins=("B",), mass_properties="section", area=1.0, density=1.0)}},
-         r"links\.rod: a sliding block without length has none for its mass to follow"),
+         r"links\.rod: mass_properties 'section' needs a length, but this block has none"),
         ({"fixed": {"A": (0, 0, 0), "P": (0.4, 0)}}, r"fixed\.A: must be x and y, but is \(0, 0, 0\)"),
-        ({"drive": Drive("boom", "boom")}, "drive: moves 'boom' against 'boom'; name the link that it moves"),
-        ({"drive": Drive("frame", "boom")}, "drive: moves 'frame' against 'boom'; name the link that it moves"),
+        ({"drive": Drive("boom", "boom")}, "drive: moves 'boom' against 'boom'; name a link, and what it moves"),
+        ({"drive": Drive("frame", "boom")}, "drive: moves 'frame' against 'boom'; name a link, and what it moves"),
     ],
 )  # fmt: skip
 def test_what_no_drawing_can_hold(given, told):
@@ -280,7 +281,7 @@ def test_what_no_drawing_can_hold(given, told):
 
 @pytest.mark.slow
 def test_dead_centres_where_two_links_are_driven_against_each_other():
-    """A slider stops where crank and rod are in line, and covers twice the crank."""
+    """A slider stops where crank and rod are in line; its stroke is twice the crank."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),
              "ram": Link(pins=("C",))}  # fmt: skip
     sketch = {"B": (0.07, 0.07), "C": (0.36, 0.0)}
@@ -293,7 +294,7 @@ def test_dead_centres_where_two_links_are_driven_against_each_other():
 
 
 def triad(base, plate) -> AssemblyModes:
-    """The ways to put a plate on three legs, given where they stand in one of them."""
+    """The assembly modes of a plate on three legs, given their positions in one of them."""
     at = dict(zip("BCDEFG", (*base, *plate), strict=True))
     links = {"crank": Link(pins=("A", "B"), length=0.3), "plate": Link(pins=("E", "F", "G")),
              "leg1": Link(pins=("B", "E")), "leg2": Link(pins=("C", "F")), "leg3": Link(pins=("D", "G"))}  # fmt: skip
@@ -303,17 +304,17 @@ def triad(base, plate) -> AssemblyModes:
 
 
 def test_a_triad_that_can_move_by_itself():
-    """Equal legs, parallel as drawn, on a plate like its base: it shifts along circles, which no list of ways can hold;
-    told so, and not that there is none."""
+    """Equal legs, parallel as drawn, on a plate like its base: it moves along circles, so no list of modes is complete;
+    the message says this, and not that there is no mode."""
     base = 0j, 1 + 0j, 2 + 0j
     found = triad(base, [z + 0.3 + 0.5j for z in base])
     assert found.moves and not found.all_found
-    assert str(found).endswith("besides, there are places in which it can move by itself")
+    assert str(found).endswith("; the group has positions in which it can move with the crank fixed")
     assert len(found.sketches) <= 6
 
 
 def test_a_triad_whose_circles_share_a_line():
-    """Legs on one line and a plate all of whose pins are on one: every way has its mirror image, and all are found."""
+    """Legs on one line and all pins of a plate on one line: every mode has its mirror image, and all are found."""
     found = triad((0j, 1 + 0j, 2.2 + 0j), (0.3 + 0.5j, 1.0 + 0.5j, 1.9 + 0.5j))
     ways = [np.array([complex(s[p].x, s[p].y) for p in "EFG"]) for s in found.sketches]
     assert found.all_found and not found.moves and len(ways) in (2, 4, 6)
@@ -327,7 +328,7 @@ def test_a_triad_whose_circles_share_a_line():
     (0.001, "sketch: does not fit the lengths: from 'B' to 'C' of 'coupler' it is 1000 times as small as the link"),
 ])  # fmt: skip
 def test_a_sketch_in_another_unit(unit, told):
-    """Told with the factor, whichever of the two is wrong; a rough sketch of twice or half the size will do."""
+    """Reported with the factor, whichever of the two is wrong; a rough sketch of twice or half the size is accepted."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.3),
              "rocker": Link(pins=("D", "C"), length=0.25)}  # fmt: skip
 
@@ -343,7 +344,7 @@ def test_a_sketch_in_another_unit(unit, told):
 def press(
     crank: float = 0.1, coupler: float = 0.3, rocker: float = 0.25, E: tuple = (0.2, -0.1), drawn: dict | None = None
 ):
-    """A four-bar whose rocker is a plate that pulls a ram, with rough places of its pins."""
+    """A four-bar whose rocker is a plate that pulls a ram, with rough positions of its pins."""
     links = {"crank": Link(pins=("A", "B"), length=crank), "coupler": Link(pins=("B", "C"), length=coupler),
              "rocker": Link(pins=("D", "C", "E"), length=rocker, points={"E": Vec(*E)}),
              "rod": Link(pins=("E", "U"), length=0.5), "ram": Link(pins=("U",))}  # fmt: skip
@@ -353,20 +354,20 @@ def press(
 
 
 @pytest.mark.parametrize(("given", "told"), [
-    ({"rocker": 25.0}, "links.rocker.length: is 25 m from 'D' to 'C', but the sketch has 0.26 m; "
-     'write what is meant, e.g. length = "260 mm", or correct the places of the pins'),
-    ({"coupler": 0.03}, "links.coupler.length: is 0.03 m from 'B' to 'C', but 'B' is 0.3 m from 'C' as that is "
-     "sketched and 'crank' has it; write what is meant, "),
-    ({"crank": 0.02, "coupler": 0.02}, "links.coupler.length: is 0.02 m from 'B' to 'C', but 'B' is 0.3538 m from 'C' "
-     "as that is sketched and 'crank' has it; write what is meant, "),
-    ({"crank": 100.0}, "links.crank.length: is 100 m, so that 'B' is 99.72 m from 'C' as that is sketched, where "
-     """'coupler' has 0.3 m; write the unit that is meant, e.g. length = "100 mm\""""),
-    ({"E": (2.0, -1.0)}, "links.rocker.points.E: puts it 2.016 m away from 'C' to 'E', but the sketch has 0.1217 m"),
-    ({"drawn": {"E": (0.2, 0.05)}}, "sketch.E: lies to the left of the line from 'D' to 'C', but 'rocker' has it on "
-     "the other side; turn the sign of its `across` on the link, or sketch it near (0.396, 0.232) m"),
+    ({"rocker": 25.0}, "links.rocker.length: is 25 m from 'D' to 'C', but 0.26 m in the sketch; "
+     'write the intended length, e.g. length = "260 mm", or correct the sketch'),
+    ({"coupler": 0.03}, "links.coupler.length: is 0.03 m from 'B' to 'C', but 'crank' is placed so that 'B' is "
+     "0.3 m from the sketched point 'C'; write the intended length, "),
+    ({"crank": 0.02, "coupler": 0.02}, "links.coupler.length: is 0.02 m from 'B' to 'C', but 'crank' is placed so that "
+     "'B' is 0.3538 m from the sketched point 'C'; write the intended length, "),
+    ({"crank": 100.0}, "links.crank.length: is 100 m, so that 'B' is 99.72 m from the sketched point 'C', but "
+     """'coupler' spans 0.3 m; write the intended unit, e.g. length = "100 mm\""""),
+    ({"E": (2.0, -1.0)}, "links.rocker.points.E: makes the distance from 'C' to 'E' 2.016 m, but 0.1217 m in the"),
+    ({"drawn": {"E": (0.2, 0.05)}}, "sketch.E: is to the left of the line from 'D' to 'C', but 'rocker' has it on "
+     "the other side; change the sign of its `across` on the link, or sketch it near (0.396, 0.232) m"),
 ])  # fmt: skip
 def test_a_sketch_that_disagrees_with_one_link(given, told):
-    press()  # rough places will do, also of two points that are near to each other
+    press()  # rough positions are accepted, also of two points that are near each other
     press(E=(0.25, 0.01), drawn={"E": (0.33, 0.25)})
     with pytest.raises(StructureError) as caught:
         press(**given)
@@ -374,22 +375,22 @@ def test_a_sketch_that_disagrees_with_one_link(given, told):
 
 
 def test_a_crank_in_another_unit_that_nothing_reaches():
-    """Its pin runs in a slot: nothing but its size is strange."""
+    """Its pin runs in a slot: only its size is unusual."""
     links = {
         "crank": Link(pins=("O", "B"), length=100.0),
         "lever": Link(pins=("P", "E"), length=0.3),
         "die": Link(pins=("B",)),
     }
     with pytest.raises(
-        StructureError, match=r"links\.crank\.length: is 100 m, and all else that is drawn lies within 0\.34 m"
+        StructureError, match=r"links\.crank\.length: is 100 m, but the rest of the drawing is only 0\.34 m across"
     ):
         linkage({"O": (0, 0), "P": (0, -0.04)}, links, Drive("crank"), [Slot("die", Guide("P", on="lever"))],
                 sketch={"E": (0.0, 0.3)})  # fmt: skip
 
 
 def test_rough_sketches_and_odd_machines_pass():
-    """Two pins of a plate near to each other, a yoke beside its crank's pivot, a slide that goes far: none is refused;
-    what a law puts out of reach is told of the drive."""
+    """Two pins of a plate near each other, a yoke beside its crank pivot, a long slider motion: none is refused;
+    a law that demands an unreachable position is reported for the drive."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "rod": Link(pins=("B", "C"), length=0.3),
              "bell": Link(pins=("D", "E", "C"), length=0.006, points={"C": Vec(0.0, 0.25)}),
              "pull": Link(pins=("E", "U"), length=0.3), "ram": Link(pins=("U",))}  # fmt: skip
@@ -404,14 +405,14 @@ def test_rough_sketches_and_odd_machines_pass():
         "arm": Link(pins=("D", "C"), length=0.3),
     }
     with pytest.raises(
-        StructureError, match=r"drive: puts 'ram' so that 'U' is .* as that is sketched, where 'rod' has"
+        StructureError, match=r"drive: places 'ram' so that 'U' is .* from the sketched point 'C', but 'rod' spans"
     ):
         linkage({"T": (0, 0), "D": (0.3, 0)}, links, Drive("ram", law=lj.Harmonic(100.0, 101.0)),
                 [Slot("ram", Guide("T"))], sketch={"C": (0.3, 0.3)})  # fmt: skip
 
 
 def test_a_change_point_at_the_start_is_not_open():
-    """A parallelogram in line with its frame: its margin is zero but for rounding."""
+    """A parallelogram in line with its frame: its margin is zero except for rounding."""
     for arm, span, lean in ((0.3, 0.7, 0.3), (0.39, 1.164, 1.931), (0.615, 0.709, 2.350)):
         at = cmath.rect(span, lean)
         links = {"crank": Link(length=arm), "coupler": Link(length=span), "rocker": Link(length=arm)}
@@ -420,16 +421,16 @@ def test_a_change_point_at_the_start_is_not_open():
 
 
 def test_pins_that_nothing_else_names():
-    """Too many degrees of freedom: the pin that was forgotten elsewhere is told."""
+    """Too many degrees of freedom: the pin that is missing elsewhere is reported."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "coupler": Link(pins=("B", "C"), length=0.3),
              "rocker": Link(pins=("D", "K"), length=0.25)}  # fmt: skip
-    told = r"coupler, rocker can still move .*; nothing else names 'C' of 'coupler', 'K' of 'rocker'; a link from"
+    told = r"coupler, rocker can still move .*; pins of one link only: 'C' of 'coupler', 'K' of 'rocker'; add a binary"
     with pytest.raises(StructureError, match=told):
         linkage({"A": (0, 0), "D": (0.38, 0)}, links, Drive("crank"), sketch={"C": (0.28, 0.24)})
 
 
 def test_what_cannot_be_assembled_is_told_in_lengths():
-    """At crank angle zero, by `structure` already."""
+    """At crank angle zero, already by `structure`."""
     assert open_at_start(press()) == ""
     said = open_at_start(press(coupler=0.065, rocker=0.06, E=(0.1, -0.1)))
     told = (
@@ -443,7 +444,7 @@ def test_what_cannot_be_assembled_is_told_in_lengths():
 
 @pytest.mark.slow
 def test_a_machine_whose_numbers_changed_since_it_was_sketched():
-    """Written, it is sketched where it is now, where the sketch that it has would be refused."""
+    """Written, it is sketched in its present position, where its own sketch would be refused."""
     scene = lj.load("elliptic-trammel")
     group = scene.mechanism.groups[0]
     assert isinstance(group, General) and group.drive is not None
@@ -458,7 +459,7 @@ def test_a_machine_whose_numbers_changed_since_it_was_sketched():
 
 
 def test_a_mass_belongs_to_the_reference_length_that_is_given():
-    """Where the length itself comes from the sketch."""
+    """If the length itself comes from the sketch."""
     coupler = Link(mass=2.0, reference_length=1.0, mass_properties="scaled", pins=("B", "C"))
     links = {"crank": Link(length=0.1, pins=("A", "B")), "rocker": Link(length=0.25, pins=("D", "C"))}
     made = linkage(

@@ -1,4 +1,4 @@
-"""General groups beside the ends of their ranges, wherever these lie between places of the path: four-bars in closed
+"""Groups of higher class beside the ends of their ranges, anywhere between points of the path: four-bars in closed
 form."""
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ BEFORE = np.asarray([10.0**-k for k in range(2, 12)])  # rad from the fold
 
 def four_bar(numbers, general: bool, wheel: bool = False, sketch: Vec | None = None) -> Mechanism:
     """A four-bar from the lengths of crank, coupler, rocker and frame and the phase of its crank; its dyad in closed
-    form, or closed by Newton's method; with a wheel at D, after it or in it."""
+    form, or closed by Newton's method; with a gear at D, after it or in it."""
     a, b, c, d, phase = numbers
     none = jnp.zeros_like(jnp.asarray(d))
     links = {"crank": Link(length=a), "coupler": Link(length=b), "rocker": Link(length=c)}
@@ -49,8 +49,8 @@ def least(mechanism: Mechanism, phi) -> jax.Array:
 
 
 def drawn(rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
-    """A random four-bar that folds or stretches at a crank angle in a random place of a step, without another end
-    between there and zero; that angle, and 1 where it is above."""
+    """A random four-bar that folds or stretches at a crank angle at a random point of a step, without another end
+    between this angle and zero; that angle, and 1 if it is above."""
     while True:
         a, b, c, d = 10 ** rng.uniform(-1, 0, 4)
         above = bool(rng.integers(2))  # it stretches above, or folds below
@@ -67,9 +67,9 @@ def drawn(rng: np.random.Generator) -> tuple[np.ndarray, float, float]:
 
 @pytest.mark.slow
 def test_a_fold_anywhere_in_a_step(rng):
-    """Places, first and second coefficients and their derivatives by the lengths, forwards and backwards, are as exact
-    as the numbers of the design allow, to the last 1e-11 rad: ten times what a rounding of each of them changes, by the
-    derivatives of the closed form."""
+    """Positions, first and second coefficients and their derivatives with respect to lengths, forward and reverse, are
+    as accurate as the numbers of the design permit, to the last 1e-11 rad: ten times the effect of a rounding of each,
+    by the derivatives of the closed form."""
 
     def figures(mechanism, phi):
         here = pose(mechanism, phi).points["C"]
@@ -120,8 +120,8 @@ def ends(mechanism: Mechanism) -> list[tuple[float, float]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("phase", [-47.5, -47.2, -46.7])
 def test_a_gap_between_two_places_of_the_path(phase):
-    """A dyad that folds over a little less than a degree between two places: the path must not go on beyond in the
-    other assembly."""
+    """A dyad that folds over slightly less than a degree between two points: the path must not continue beyond in the
+    other assembly mode."""
     a, d, lack = 0.13, 0.416, -1e-5
     b = 1.7 * (d - a)
     numbers = (a, b, (b * (1 + lack) - (d - a)) / (1 - lack), d, phase * STEP)
@@ -146,7 +146,7 @@ def places(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
 @pytest.mark.slow
 def test_what_lies_beyond_a_gap_is_another_assembly():
     """A crank with two ranges: in the second, which its path may reach on the wrong side only, no margin is above
-    zero at places on that side, and no range is told there."""
+    zero at positions on that side, and no range is reported there."""
     for numbers in (
         (0.741311835, 0.495710799, 0.726643918, 0.605965677, 0.934331916),
         (0.435196576, 0.475771549, 0.318996948, 0.484100176, 1.280477872),
@@ -170,7 +170,7 @@ def beyond(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
 
 @pytest.mark.slow
 def test_a_wheel_in_a_group_that_does_not_come_round():
-    """It is in gear with a crank that could: its angles go on below zero, and beyond a turn, as in closed form."""
+    """It is in mesh with a crank that could: its angles continue below zero, and beyond a turn, as in closed form."""
     numbers = (0.3, 0.25, 0.2, 0.4, 0.1)
     closed, general = (four_bar(numbers, kind, wheel=True) for kind in (False, True))
     np.testing.assert_allclose(ends(general), ends(closed), atol=1e-12)
@@ -183,7 +183,7 @@ def test_a_wheel_in_a_group_that_does_not_come_round():
 
 @compiled_soon
 def turned(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
-    """Angles of wheel and rocker's direction, and the least margin."""
+    """Angles of gear and rocker direction, and the least margin."""
 
     def at(phi):
         here = pose(mechanism, phi).links
@@ -195,8 +195,8 @@ def turned(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
 
 
 def test_a_group_too_short_at_crank_angle_zero():
-    """Stretched out between B and D, which are 0.9 m apart, links of 0.45 m in all leave 0.15 m open at each of three
-    pins: no less is told, and not much more, though the last of the way there is slow."""
+    """Stretched between B and D, which are 0.9 m apart, links of 0.45 m in total leave a closure error of 0.15 m at
+    each of three pins: the reported value is not less, and not much more, though the last iterations are slow."""
     machine = four_bar((0.1, 0.35, 0.1, 1.0, 0.0), True, sketch=Vec(0.6, 0.1))
     machine = dataclasses.replace(machine, flywheel=Flywheel(1.0))
     with pytest.raises(lj.MachineError, match=r"'coupler-rocker' .* crank angle zero.* joints \(B, C, D\)") as told:
@@ -207,7 +207,7 @@ def test_a_group_too_short_at_crank_angle_zero():
 
 @pytest.mark.slow
 def test_a_general_group_behind_a_dyad_too_short_at_crank_angle_zero():
-    """The dyad is told, and how far it reaches: what is open behind it says nothing."""
+    """The dyad is reported, with its reach: closure errors after it have no meaning."""
     machine = four_bar((0.1, 0.35, 0.1, 1.0, 0.0), False)
     links = {**machine.links, "rod": Link(length=0.5), "lever": Link(length=0.5)}
     behind = General((("rod", ("C", "F")), ("lever", ("E", "F"))), ("C", "E"), {"F": Vec(0.6, 0.5)})
@@ -222,7 +222,7 @@ def test_a_general_group_behind_a_dyad_too_short_at_crank_angle_zero():
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_blocks_without_arms_of_any_size(size):
-    """Two blocks on two guides have no arm to measure by; closed to rounding in micrometres and in megametres."""
+    """Two blocks on two guides have no length for comparison; closed to rounding in micrometres and in megametres."""
     links = {"crank": Link(length=0.13 * size), "one": Link(), "two": Link()}
     fixed = {"A": Vec(0.0, 0.0), "P": Vec(0.1 * size, 0.25 * size)}
     guides = (Guide("P", 0.4, 0.02 * size), Guide("B", 1.2, -0.01 * size, "crank"))

@@ -1,4 +1,4 @@
-"""How far general groups can be followed: against a fine continuation in NumPy that knows nothing of linkjax, and
+"""How far groups of higher class can be followed: against a fine continuation in NumPy independent of linkjax, and
 against the closed form of four-bars whose ranges have narrow gaps or are narrow themselves."""
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from linkjax.groups import General
 from linkjax.kinematics import crank_ranges, min_margin, pose, prepared
 from tests.physics.test_folds import STEP, beyond, ends, four_bar, least, places
 
-LONGEST = 4 * math.pi  # rad that the continuation goes either way
+LONGEST = 4 * math.pi  # rad that the continuation goes on either side
 WIDEST = 5e-3  # rad: its steps
 
 
 class Made(NamedTuple):
-    """A machine, what its closure leaves open for its coordinates at a crank angle (and the derivatives by these),
+    """A machine, the closure errors for its coordinates at a crank angle (and their derivatives with respect to these),
     coordinates at crank angle zero, and the link whose angle is the last of them."""
 
     mechanism: Mechanism
@@ -40,7 +40,7 @@ def point(z: complex) -> Vec:
 
 
 def triad(crank: float, phase: float, pivots: tuple[complex, complex], corners: tuple[complex, ...]) -> Made:
-    """A plate on three legs, one of them on the crank, as it stands at crank angle zero."""
+    """A plate on three legs, one of them on the crank, at crank angle zero."""
     ends = crank * cmath.exp(1j * phase), *pivots
     legs = [abs(corner - end) for corner, end in zip(corners, ends, strict=True)]
     axis = corners[1] - corners[0]
@@ -60,7 +60,7 @@ def triad(crank: float, phase: float, pivots: tuple[complex, complex], corners: 
 
 
 def on_legs(x, hinges, inside, legs) -> tuple[list[float], list[list[float]]]:
-    """What a plate whose first corner is at x[0], x[1], turned by x[2], leaves open of its legs, and derivatives."""
+    """Closure errors of the legs of a plate with its first corner at x[0], x[1], turned by x[2], and derivatives."""
     turn = cmath.exp(1j * x[2])
     rods = [x[0] + 1j * x[1] + at * turn - hinge for at, hinge in zip(inside, hinges, strict=True)]
     gap = [abs(rod) ** 2 - leg**2 for rod, leg in zip(rods, legs, strict=True)]
@@ -69,7 +69,7 @@ def on_legs(x, hinges, inside, legs) -> tuple[list[float], list[list[float]]]:
 
 
 def planet(lengths: tuple[float, float, float], pivot: complex, teeth: int, angles: tuple[float, float, float]) -> Made:
-    """A five-bar whose third link is a wheel on the coupler in gear with the crank: at both its ends it is pinned."""
+    """A five-bar whose third link is a gear on the coupler in mesh with the crank, pinned at both ends."""
     ratio, (crank, coupler, wheel) = -teeth / 20, lengths
     phase = angles[2] - angles[1] - ratio * (angles[0] - angles[1])
     b = crank * cmath.exp(1j * angles[0])
@@ -96,8 +96,8 @@ def planet(lengths: tuple[float, float, float], pivot: complex, teeth: int, angl
 
 
 def followed(made: Made, way: float) -> tuple[float, dict[float, np.ndarray]]:
-    """How far it goes on one way (rad), infinite where it goes on for long, and its coordinates on the way: by small
-    steps that are halved where Newton's method does not close, jumps, or turns the Jacobian's sign."""
+    """The range on one side (rad), infinite if it is long, and its coordinates on the way: by small steps that are
+    halved if Newton's method does not close, jumps, or changes the sign of the Jacobian."""
     x, before, phi, last, step, seen = made.start, None, 0.0, 0.0, WIDEST, {}
     sense = np.sign(np.linalg.det(made.closure(x, 0.0)[1]))
     while step > 1e-9:
@@ -130,7 +130,7 @@ def drawn(rng: np.random.Generator, wheel: bool) -> Made:
     return triad(10 ** rng.uniform(-1, -0.2), rng.uniform(-3, 3), (d, e), tuple(corners))
 
 
-# its Jacobian's least singular value comes down to 3e-3 of its usual size, and no further; its range is longer than a
+# its Jacobian's least singular value falls to 3e-3 of its usual size, and not further; its range is longer than a
 # turn
 NEARLY = triad(
     0.2893764517344917,
@@ -158,8 +158,8 @@ def angles_of(mechanism: Mechanism, link: str, at: jax.Array) -> tuple[jax.Array
 @pytest.mark.slow
 @pytest.mark.parametrize("wheel", [False, True])
 def test_ranges_of_random_machines(rng, wheel):
-    """Ends of ranges to 1e-6 rad, also of those longer than a turn; places in between; and none that does not come
-    round passes for one that does."""
+    """Ends of ranges to 1e-6 rad, also of those longer than a turn; positions in between; and no limited range is
+    reported as a full rotation."""
     longer = 0
     for made in [*(drawn(rng, wheel) for _ in range(24)), *([] if wheel else [NEARLY])]:
         (low, below), (high, above) = (followed(made, way) for way in (-1.0, 1.0))
@@ -170,7 +170,7 @@ def test_ranges_of_random_machines(rng, wheel):
         longer += high - low > 2 * math.pi
         np.testing.assert_allclose((found.start, found.stop), (low, high), atol=1e-6)
         assert float(min_margin(made.mechanism)) < 0
-        first = max(low, high - 2 * math.pi + 2 * STEP)  # what the path over one turn can hold
+        first = max(low, high - 2 * math.pi + 2 * STEP)  # the longest range that the path over one turn can store
         seen = {at: x for at, x in {**below, **above}.items() if first + 1e-3 < at < min(high, 2 * math.pi) - 1e-3}
         at = np.resize(list(seen), 256)
         found, margin = angles_of(prepared(made.mechanism), link=made.link, at=jnp.asarray(at))
@@ -181,14 +181,14 @@ def test_ranges_of_random_machines(rng, wheel):
 
 
 def gap(width: float, at: float) -> tuple[float, ...]:
-    """A four-bar that folds over a gap so wide (rad), at a crank angle."""
+    """A four-bar that folds over a gap of this width (rad), at a crank angle."""
     a, d = 0.13, 0.416
     b = 1.7 * math.sqrt((d - a) ** 2 + 4 * a * d * math.sin(width / 4) ** 2)
     return a, b, b / 1.7 * 0.7, d, -at
 
 
 def gaps(fold: float, stretch: float, at: float) -> tuple[float, ...]:
-    """One that folds over a gap so wide (rad) at a crank angle, and stretches over another half a turn from there."""
+    """One that folds over a gap of this width (rad) at a crank angle, and stretches over another half a turn later."""
     a, d = 0.13, 0.416
     near = math.sqrt((d - a) ** 2 + 4 * a * d * math.sin(fold / 4) ** 2)
     far = math.sqrt((d + a) ** 2 - 4 * a * d * math.sin(stretch / 4) ** 2)
@@ -196,7 +196,7 @@ def gaps(fold: float, stretch: float, at: float) -> tuple[float, ...]:
 
 
 def island(half: float, middle: float) -> tuple[float, ...]:
-    """One that can be assembled half so far either way (rad) of a crank angle."""
+    """One that can be assembled within half this width (rad) on either side of a crank angle."""
     a, d = 0.13, 0.416
     reach = math.sqrt((d - a) ** 2 + 4 * a * d * math.sin(half / 2) ** 2)
     return a, 0.6 * reach, 0.4 * reach, d, -middle
@@ -222,8 +222,8 @@ FOUR_BARS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("numbers", FOUR_BARS.values(), ids=FOUR_BARS)
 def test_narrow_gaps_and_narrow_ranges(numbers):
-    """The range about crank angle zero as in closed form, places in it, none told as sound that are not; and an
-    analysis says that the crank does not come round."""
+    """The range about crank angle zero as in closed form, positions in it, no wrong position reported as assembled; and
+    an analysis reports that the crank cannot rotate fully."""
     closed, general = four_bar(numbers, False), four_bar(numbers, True)
     (first, *_), found = ends(closed), ends(general)
     assert first[0] < 0 < first[1]

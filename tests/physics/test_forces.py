@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
 # pyright: reportReturnType=false, reportOptionalMemberAccess=false
-"""Forces against the Newton-Euler equations of all links at once, momentum, virtual power, and brute force."""
+"""Forces against the Newton-Euler equations of all links simultaneously, momentum, virtual power, and brute force."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_newton_euler(name):
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_virtual_power(name):
-    """The drive torque is what the energy of the whole machine asks for."""
+    """The drive torque is that of the energy balance of the whole machine."""
     phi, speed, acceleration = states(name)
     reduced = oracle.reduction(machine(name), phi)
     parts = reduced.inertia * acceleration, 0.5 * reduced.slope * speed**2, -reduced.torque
@@ -139,7 +139,7 @@ def test_what_the_frame_feels(name):
         np.testing.assert_allclose(value.moment, couple + 0 * phi, rtol=0, atol=1e-12 * reach)
         total = type(total)(*(a + b for a, b in zip(total, value, strict=True)))
     np.testing.assert_allclose(plane(got.frame), plane(total), rtol=0, atol=1e-12 * size)
-    turns = 0 if mechanism.prescribed else mechanism.groups[0].sense  # a law's drive is a joint of the frame
+    turns = 0 if mechanism.prescribed else mechanism.groups[0].sense  # the drive of a law is a joint of the frame
     np.testing.assert_allclose(got.frame.moment, total.moment + turns * got.drive_torque, rtol=0, atol=1e-11 * reach)
     net = plane(got.frame) - sum(f for _, _, f, _ in own)
     np.testing.assert_allclose(plane(got.net_frame), net, rtol=0, atol=1e-12 * size)
@@ -149,7 +149,7 @@ def test_what_the_frame_feels(name):
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_action_and_reaction(name):
-    """Away from the frame the forces at a joint add up to nothing, and every side says by whom it is pushed."""
+    """Away from the frame the sum of the forces at a joint is zero, and both links of each force are named."""
     by, got = other_sides(machine(name)), computed(name).reactions
     assert {j: set(sides) for j, sides in by.items()} == {j: set(sides) for j, sides in got.items()}
     expected: dict[str, dict[str, set[str]]] = {}
@@ -168,7 +168,7 @@ def test_action_and_reaction(name):
 
 
 def test_guide_couple():
-    """The piston's mass centre lies ahead of its pin: the guide holds its weight's moment, nothing else turns it."""
+    """The mass centre of the piston is ahead of its pin: the guide balances the moment of its weight, nothing else."""
     scene = machine("slider-crank")
     piston = scene.mechanism.links["piston"]
     couple = computed("slider-crank").reactions["piston.guide"]["piston"].moment
@@ -178,7 +178,7 @@ def test_guide_couple():
 
 
 def reversal(name: str) -> tuple[float, float]:
-    """Crank angle where the slider that an opposing load acts on stops while that is on, and the size of the load."""
+    """Crank angle where the slider with an active opposing load stops, and the size of the load."""
     scene = machine(name)
     load = next(load for load in scene.loads if load.opposing and load.point)
     guide = next(g.guide for g in scene.mechanism.groups if getattr(g, "end", "") == load.point and g.kind == "RRP")
@@ -198,7 +198,7 @@ def reversal(name: str) -> tuple[float, float]:
     [("hay-press", "window"), ("four-bar", "window"), ("hay-press-slider", "reversal"), ("clockwise", "reversal")],
 )
 def test_limits_at_a_jump(name, kind):
-    """At a jump: the limit from increasing φ; from the other side when asked."""
+    """At a jump: the limit from increasing φ; from the other side on request."""
     scene, w = machine(name), float(machine(name).speed)
     if kind == "window":
         load = next(load for load in scene.loads if load.window is not None)
@@ -224,13 +224,13 @@ def test_limits_at_a_jump(name, kind):
 
 @pytest.mark.parametrize("name", lj.scene_names())
 def test_every_peak_has_a_name_of_its_own(name):
-    """Also where four links meet at a pin, each of which may carry it."""
+    """Also where four links are joined at a pin, each of which may carry it."""
     names = peak_names(lj.load(name))
     assert len(set(names)) == len(names)
 
 
 def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
-    """Size of everything whose peak is reported, rows in the order of `peak_names`, from the Newton-Euler equations."""
+    """Size of everything with a reported peak, rows in the order of `peak_names`, from the Newton-Euler equations."""
     known, mechanism = newton_euler.solve(scene, phi, speed, acceleration), scene.mechanism
     here = oracle.rates(mechanism, phi)
     about = here.points[mechanism.groups[0].needs()[0]].r
@@ -250,7 +250,7 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
 
 @pytest.mark.parametrize("name", [n if n == "slider-crank" else pytest.param(n, marks=pytest.mark.slow) for n in EVERY])
 def test_peaks_and_checks(name):
-    """Suprema over 20 000 angles and both sides of every jump, each looked at more closely around the highest."""
+    """Suprema over 20 000 angles and both sides of every jump, with a finer search around the highest."""
     scene = machine(name)
     cycle = lj.analyse(scene, angles=24)
     for check in (cycle.checks.virtual_power, cycle.checks.energy_closure, cycle.checks.force_balance):
@@ -272,7 +272,7 @@ def test_peaks_and_checks(name):
         fine = sizes((tops[:, None] + np.linspace(-1, 1, 401) * scan[1]).ravel()).reshape((len(tops), len(tops), 401))
         known = np.maximum(coarse.max(axis=1), np.diagonal(fine).max(axis=0))
         assert peak.value.shape == known.shape
-        # right at a reversal the direction of the load is that of a speed of 1e-9: good to eight digits
+        # at a reversal the load has the direction of a speed of 1e-9: accurate to eight digits
         np.testing.assert_allclose(peak.value, known, rtol=1e-8)
         assert np.all(np.abs(np.asarray(peak.value) - known) <= np.asarray(peak.error) + 1e-8 * known)
         at = np.asarray(peak.angle)

@@ -1,8 +1,8 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-"""Wheels in gear: closed forms, wheels whose turns must be counted, what is refused, and machines drawn with them.
+"""Gears in mesh: closed forms, gears whose revolutions are counted, refused input, and machines drawn with them.
 
-Their kinematics and forces against 50 digits and against contacts that only press are with all other machines
-(`geared` in machines.py); as models of MuJoCo they are in tests/exchange.
+Their kinematics and forces are compared with 50 digits and with one-sided contacts together with all other machines
+(`geared` in machines.py); MuJoCo models of them are in tests/exchange.
 """
 
 import math
@@ -43,7 +43,7 @@ FIXED = {"A": Vec(0.0, 0.0), "D": Vec(0.3, 0.0)}
 
 
 def test_cardans_wheels():
-    """A wheel inside a ring of twice its size: a point of its pitch circle keeps to a diameter."""
+    """A gear inside a ring of twice its size: a point of its pitch circle moves along a diameter."""
     links = {"arm": Link(length=0.1, mass=1.0), "planet": Link(length=0.1, mass=2.0)}
     planet = Gear("planet", "B", Teeth((20, 40), internal=True), "frame", "A", "Q", carrier="arm")
     mechanism = Mechanism({"A": Vec(0.0, 0.0)}, links, [Crank("arm", "A", "B"), planet])
@@ -52,7 +52,7 @@ def test_cardans_wheels():
     np.testing.assert_allclose(q.ddr.x, -0.2 * np.cos(ANGLES), atol=1e-15)
     np.testing.assert_allclose(q.r.y, 0.0, atol=5e-17)
     assert np.all(np.asarray(wheel.w) == -1.0)
-    force = lj.Force("pull", "planet", point="Q", force=Vec(7.0, 0.0))  # along the diameter: its power is the drive's
+    force = lj.Force("pull", "planet", point="Q", force=Vec(7.0, 0.0))  # along the diameter: power of the drive
     scene = lj.Scene(mechanism, (force,), speed=3.0)
     drive = [
         float(kinetostatics(scene, jnp.asarray(phi), jnp.asarray(1e-9), jnp.asarray(0.0)).drive_torque)
@@ -65,7 +65,7 @@ def test_cardans_wheels():
     ("teeth", "inside", "ratio"), [((40, 20), False, -0.5), ((20, 60), True, 3.0), ((60, 20), True, 1 / 3)]
 )
 def test_willis(teeth, inside, ratio):
-    """Turns of a wheel on an arm round one that stands still, and on a frame round one that turns."""
+    """Revolutions of a gear on an arm around a fixed gear, and on a frame around a rotating one."""
     links = {name: Link(length=0.1, mass=1.0) for name in ("arm", "wheel")}
     wheel = Gear("wheel", "B", Teeth(teeth, inside), "frame", "A", carrier="arm")
     found = at(Mechanism(FIXED, links, [Crank("arm", "A", "B"), wheel])).links["wheel"]
@@ -76,7 +76,7 @@ def test_willis(teeth, inside, ratio):
 
 
 def drag_link(*more, turns: int = 1, **links: Link) -> lj.Scene:
-    """A double crank: its second crank turns all round, unevenly; and wheels behind it."""
+    """A double crank: its second crank rotates fully, non-uniformly; followed by gears."""
     lengths = {"crank": 0.3, "coupler": 0.25, "second": 0.28}
     own = {name: Link(length=length, mass=1.0, inertia=0.01) for name, length in lengths.items()}
     groups = [Crank("crank", "A", "B"), RRR(("coupler", "second"), "B", "D", "C", 1), *more]
@@ -90,7 +90,7 @@ BELTS = [pytest.param(Belt(0.06, 0.09, crossed=crossed), marks=pytest.mark.slow)
 
 @pytest.mark.parametrize("mesh", [Teeth((20, 30)), *BELTS])
 def test_turns_of_what_turns_all_round_are_counted(mesh):
-    """One and a half turns for each of the second crank: unwound by hand, over two turns of the crank."""
+    """One and a half turns for each of the second crank: unwrapped by hand, over two turns of the crank."""
     scene = drag_link(Gear("wheel", "E", mesh, "second", "D", None, 0.3), turns=2, wheel=Link(mass=1.0, inertia=0.01))
     mechanism = prepared(scene.mechanism, 2)
     angles = np.linspace(0.0, 4 * math.pi, 401)
@@ -107,7 +107,7 @@ def test_turns_of_what_turns_all_round_are_counted(mesh):
 
 @pytest.mark.slow
 def test_an_analysis_over_counted_turns():
-    """Two turns of the crank, and three of the wheel."""
+    """Two turns of the crank, and three of the gear."""
     wheel = Gear("wheel", "E", Teeth((20, 30)), "second", "D", None, 0.3)
     cycle = lj.analyse(drag_link(wheel, turns=2, wheel=Link(mass=1.0, inertia=0.01)), angles=36)
     assert float(cycle.checks.virtual_power) < 1e-12 and float(cycle.checks.force_balance) < 1e-12
@@ -115,7 +115,7 @@ def test_an_analysis_over_counted_turns():
 
 @pytest.mark.slow
 def test_what_does_not_come_back_is_told():
-    """After one turn the wheel has made one and a half."""
+    """After one turn the gear has made one and a half."""
     wheel = Gear("wheel", "E", Teeth((20, 30)), "second", "D")
     with pytest.raises(
         lj.MachineError, match="'wheel' is not after the cycle where it began: it goes on for more turns"
@@ -126,19 +126,19 @@ def test_what_does_not_come_back_is_told():
 
 
 def least(mechanism: Mechanism, turns: int = 1) -> dict[str, float]:
-    """Whether wheels come round, as margins over the cycle."""
+    """Whether gears return to their initial angle, as margins over the cycle."""
     found = compiled_soon(assembly_margins, static=("cycle_turns",))(mechanism, cycle_turns=turns)
     return {group: float(sides["turns"].value) for group, sides in found.items() if "turns" in sides}
 
 
 def test_behind_a_counted_wheel():
-    """A second wheel, and a rack, are looked at as the first is."""
+    """A second gear, and a rack, are checked like the first."""
     one = Gear("one", "E", Teeth((20, 20)), "second", "D")
     wheels = {name: Link(mass=1.0, inertia=0.01) for name in ("one", "two")}
     scene = drag_link(one, Gear("two", "F", Teeth((40, 20)), "one", "E"), **wheels)
     assert least(scene.mechanism) == {"one": 1.0, "two": -1e-6}
     assert least(scene.mechanism, 2) == {"one": 1.0, "two": 1.0}
-    assert float(margins(scene.mechanism, jnp.asarray(0.3))["two"]["turns"].value) == 1.0  # it stands at every angle
+    assert float(margins(scene.mechanism, jnp.asarray(0.3))["two"]["turns"].value) == 1.0  # assembled at every angle
     rack = drag_link(one, Rack("rack", "R", "F", "one", "E", 0.05), one=wheels["one"], rack=Link(mass=1.0))
     assert least(rack.mechanism)["rack"] < 0
     belt = drag_link(Gear("one", "E", Belt(0.05, 0.05), "second", "D"), one=wheels["one"])
@@ -147,7 +147,7 @@ def test_behind_a_counted_wheel():
 
 
 def test_angles_beyond_the_cycle():
-    """A pose knows nothing of the cycle: the wheel goes on as it should, a turn and a half for each."""
+    """A pose does not depend on the cycle: the gear continues correctly, a turn and a half for each."""
     scene = drag_link(Gear("wheel", "E", Teeth((20, 30)), "second", "D"), turns=2, wheel=Link(mass=1.0))
     first, *later = (float(pose(scene.mechanism, jnp.asarray(1.0 + 2 * math.pi * k)).links["wheel"].angle)
                      for k in (0, 1, 2, -1))  # fmt: skip
@@ -156,7 +156,7 @@ def test_angles_beyond_the_cycle():
 
 @pytest.mark.parametrize(("fast", "counts"), [(7, True), (121, True), (400, False)])
 def test_fast_wheels_are_counted(fast, counts):
-    """A double crank behind a wheel of many turns a turn of the crank; too many are told."""
+    """A double crank after a gear of many turns per turn of the crank; too many are reported."""
     links = {"crank": Link(length=0.1, mass=1.0), "quick": Link(length=0.3, mass=1.0)}
     links |= {name: Link(length=long, mass=1.0) for name, long in (("coupler", 0.25), ("second", 0.28), ("out", 0.0))}
     groups = [Crank("crank", "D", "X"), Gear("quick", "A", Teeth((5, 5 * fast)), "crank", "D", "B"),
@@ -168,7 +168,7 @@ def test_fast_wheels_are_counted(fast, counts):
 
 
 def five_bar(teeth: tuple[int, int], turns: int) -> lj.Scene:
-    """Two cranks in gear, and a dyad between them."""
+    """Two cranks in mesh, and a dyad between them."""
     lengths = {"crank": 0.06, "wheel": 0.05, "left": 0.25, "right": 0.22}
     links = {name: Link(length=length, mass=1.0, inertia=0.01) for name, length in lengths.items()}
     groups = [
@@ -182,9 +182,9 @@ def five_bar(teeth: tuple[int, int], turns: int) -> lj.Scene:
 
 def test_another_number_of_turns_is_refused():
     """With the right one."""
-    with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so nothing repeats; write 2"):
+    with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so the motion is not periodic; write 2"):
         five_bar((40, 20), 1)
-    with pytest.raises(StructureError, match=r"in 2 turns of the crank 'wheel' turns -1.42857 times.*; write 7"):
+    with pytest.raises(StructureError, match=r"in 2 turns of the crank, 'wheel' turns -1.42857 times.*; write 7"):
         five_bar((28, 20), 2)
 
 
@@ -194,11 +194,11 @@ def test_a_cycle_of_several_turns():
     cycle = lj.analyse(five_bar((40, 20), 2), angles=72)
     assert float(cycle.checks.energy_closure) < 1e-12
     path = xy(cycle.pose.points["P"].r)
-    assert np.max(np.abs(path[:, :36] - path[:, 36:])) > 0.01  # the second turn is another one
+    assert np.max(np.abs(path[:, :36] - path[:, 36:])) > 0.01  # the second turn differs
 
 
 def test_gradients_through_a_belt():
-    """Of the swing of a belt's wheel by its radius, the reaction of its shaft by the tension."""
+    """Derivatives of a pulley angle with respect to its radius, and of a shaft reaction with respect to the tension."""
     links = {name: Link(length=long, mass=1.0) for name, long in (("crank", 0.1), ("rod", 0.35), ("lever", 0.3))}
     links |= {"pulley": Link(mass=1.0, inertia=0.01)}
     groups = [Crank("crank", "A", "B"), RRR(("rod", "lever"), "B", "D", "C"),
@@ -228,7 +228,7 @@ def test_gradients_through_a_belt():
 
 @pytest.mark.slow
 def test_a_belt_that_cannot_be():
-    """Two wheels of 0.15 m, 0.29 m apart, leave no room for strands that cross."""
+    """Two pulleys of 0.15 m, 0.29 m apart, have no space for crossed strands."""
     links = {"crank": Link(length=0.1, mass=1.0, inertia=0.1), "wheel": Link(mass=1.0, inertia=0.01)}
     groups = [Crank("crank", "A", "B"), Gear("wheel", "D", Belt(0.15, 0.15, crossed=True), "crank", "A")]
     scene = lj.Scene(Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.32, 0.0)}, links, groups), (), speed=5.0)
@@ -248,42 +248,42 @@ CRANK = Crank("crank", "A", "B")
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda: Teeth((20, 0)), r"must be two whole numbers, but are \(20, 0\)"),
-        (lambda: Teeth((20, 20), internal=True), "20 teeth each none can run inside"),
+        (lambda: Teeth((20, 0)), r"must be two integers from 1 to 100000, but are \(20, 0\)"),
+        (lambda: Teeth((20, 20), internal=True), "internal pair must differ in size, but have 20 teeth each"),
         (lambda: Belt(0.0, 0.1), "radius of a belt must be above zero, but is 0.0 m"),
         (lambda: Rack("rack", "R", "A", "crank", "A", -0.1), "radius of a rack must be above zero"),
         (lambda: Pinion("wheel", "D", "rack", "R", 0.1, side=2), "side of a pinion must be 1 or -1"),
         (lambda: Gear("wheel", "B", Teeth((20, 20)), "crank", "A", carrier="crank"), "name another carrier"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "D", Teeth((20, 20)), "other", "A")]),
-         "link 'other' is not attached yet; move this group behind the one that brings it in"),
+         "link 'other' is not attached yet; move this group after the one that introduces it"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "B")]),
          "point 'B' is not of the frame"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "B", Teeth((20, 20)), "crank", "A")]),
          "point 'B' is not of the frame"),
         (lambda: Teeth((20, 20), pressure_angle=20.0), "must be from 0 to 60 degrees, but is 20.0 rad"),
-        (lambda: Belt(0.1, 0.1, tension=-5.0), "can only pull, but its tension is -5.0 N"),
-        (lambda: Rack("rack", "R", Guide("A", on="crank"), "crank", "B", 0.1), "slides on 'crank', its own wheel"),
-        (lambda: Gear("wheel", "D", Teeth((20, 20)), "wheel", "A"), "in gear with itself"),
+        (lambda: Belt(0.1, 0.1, tension=-5.0), "the slack strand of a belt must not be negative, but is -5.0 N"),
+        (lambda: Rack("rack", "R", Guide("A", on="crank"), "crank", "B", 0.1), "slides on 'crank', its own gear"),
+        (lambda: Gear("wheel", "D", Teeth((20, 20)), "wheel", "A"), "in mesh with itself"),
         (lambda: Mechanism(FIXED, {"crank": BARS["crank"], "other": Link(mass=1.0)}, [
-            CRANK, Rack("other", "A", "D", "crank", "A", 0.05)]), "point name 'A' is used already"),
+            CRANK, Rack("other", "A", "D", "crank", "A", 0.05)]), "point name 'A' is already used"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Pinion("wheel", "D", "crank", "B", 0.05)]),
-         "'crank' does not slide along 'frame'; name what it slides along: nothing"),
+         "'crank' does not slide along 'frame'; it slides along: nothing"),
         (lambda: lj.Scene(Mechanism(FIXED, {**BARS, "wheel": Link(mass=1.0), "other": Link(mass=1.0)}, [
             CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("other", "R", "D", "wheel", "D", 0.05)])),
-         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+         "'wheel' turns -1 times in a cycle, so the rack does not return"),
         (lambda: General((("wheel", ("D",)),), ("D",), {}, gears=(Gear("wheel", "E", Teeth((20, 20)), "crank", "A"),)),
-         "the group of wheel: a wheel turns about 'E', which is no pin of 'wheel'; its pins are D"),
+         "the group of wheel: a gear turns about 'E', which is not a pin of 'wheel'; its pins are D"),
         (lambda: General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {}, (Slot("rack", "D"),), gears=(
             Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("rack", "R", "A", "wheel", "D", 0.05))),
-         "the rack 'rack' is in none of its slots; add one along the same guide"),
+         "the rack 'rack' has no slot; add a slot along the same guide"),
         (lambda: lj.Scene(Mechanism(FIXED, {"crank": BARS["crank"], "wheel": Link(mass=1.0), "rack": Link(mass=1.0)}, [
             CRANK, General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {"R": Vec(0.3, 0.05)}, (Slot("rack", "D"),),
             gears=(Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("rack", "R", "D", "wheel", "D", 0.05)))])),
-         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+         "'wheel' turns -1 times in a cycle, so the rack does not return"),
     ],
 )  # fmt: skip
 def test_refused(make, told):
-    """What is no wheel, and what hangs on nothing."""
+    """Invalid gears, and gears that are attached to nothing."""
     with pytest.raises((ValueError, StructureError), match=told):
         make()
 
@@ -302,11 +302,11 @@ def drawn(drive: Drive, racks=(), gears=None, **more) -> Mechanism:
 
 
 def test_drawn_with_gears():
-    """The parts of a machine that is drawn, its mobility, and the same motion when the other wheel drives."""
+    """The parts of a machine that is drawn, its mobility, and the same motion when the other gear drives."""
     mechanism = drawn(Drive("crank"))
     assert mechanism.formula() == "I1(crank) → G(wheel) → II1(left, right) → II2(rod, ram) → G(sector)"
     found = structure(mechanism)
-    assert found.mobility == 1 and found.mobility_told() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
+    assert found.mobility == 1 and found.mobility_formula() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
     assert found.formula(letters=True).startswith("R(crank) → RG(wheel) → RRR(left, right)")
     other = drawn(Drive("wheel", rotation="cw", phase=0.35))
     assert other.formula().startswith("I1(wheel) → G(crank) → II1(left, right)")
@@ -317,7 +317,7 @@ def test_drawn_with_gears():
 
 
 def test_a_rack_that_drives():
-    """The ram driven along its guide: the wheels follow from the far side, by the chain rule."""
+    """The ram driven along its guide: the gears follow from the far side, by the chain rule."""
     mechanism, phi = drawn(Drive("crank")), jnp.asarray(1.2)
     here = pose(mechanism, phi)
     far = float(here.points["U"].r.x) - 0.2
@@ -351,22 +351,22 @@ def test_a_rack_that_drives():
         ({"gears": [GearPair("wheel", "crnk", Teeth((30, 30)))]}, "link 'crnk' is not defined; did you mean 'crank'"),
         (
             {"gears": [GearPair("wheel", "ram", Teeth((30, 30)))]},
-            "'wheel' and 'ram' are in gear, but nothing carries",
+            "'wheel' and 'ram' are in mesh, but have no common carrier",
         ),
-        ({"gears": []}, "can still move at .* when the drive is held"),
-        ({"racks": [RackPair("rod", "sector", 0.04)]}, "'rod' is a rack, but no slot's block"),
-        ({"racks": [RackPair("ram", "rod", 0.04)]}, "its wheel 'rod' is not pinned to 'frame'"),
+        ({"gears": []}, "with the drive held, .* can still move at"),
+        ({"racks": [RackPair("rod", "sector", 0.04)]}, "'rod' is a rack, but is not the block of any slot"),
+        ({"racks": [RackPair("ram", "rod", 0.04)]}, "its gear 'rod' is not pinned to 'frame'"),
     ],
 )
 def test_drawn_wrong(change, told):
-    """What a drawing with wheels gets wrong."""
+    """Errors in drawings with gears."""
     with pytest.raises(StructureError, match=told):
         drawn(Drive("crank"), **change)
 
 
 @pytest.mark.parametrize("lean", [175.0, 185.0])
 def test_a_train_over_an_idler(lean):
-    """Wheels with one pin; behind them a dyad that meets where it is sketched, whatever turn the wheels are in."""
+    """Gears with one pin; after them a dyad with its pin as sketched, for every revolution of the gears."""
     pins = {"crank": ("A", "B"), "idler": ("D",), "wheel": ("E", "C"), "left": ("B", "P"), "right": ("C", "P")}
     lengths = {"crank": 0.05, "wheel": 0.05, "left": 0.4, "right": 0.4}
     links = {name: Link(length=lengths.get(name, 0.0), mass=1.0, pins=at) for name, at in pins.items()}
@@ -384,7 +384,7 @@ def test_a_train_over_an_idler(lean):
 
 
 def test_racks_in_any_order():
-    """One that drives, and one that follows."""
+    """One that drives, and one that is driven."""
     links = {
         "one": Link(mass=1.0, pins=("U",)),
         "wheel": Link(mass=1.0, pins=("D",)),
@@ -402,7 +402,7 @@ def test_racks_in_any_order():
 
 
 def test_a_rack_that_stands_elsewhere_than_sketched():
-    """Where it is follows from its start and its wheel; the start that is told fits the sketch."""
+    """Its position follows from its start and its gear; the reported start agrees with the sketch."""
     links = {"wheel": Link(length=0.2, mass=1.0, pins=("D", "E")), "rack": Link(mass=1.0, pins=("V",))}
 
     def made(start: float) -> lj.Mechanism:
@@ -411,12 +411,12 @@ def test_a_rack_that_stands_elsewhere_than_sketched():
         return linkage({"A": (0.0, 0.0), "D": (0.3, 0.1)}, links, drive, [Slot("rack", Guide("A"))],
                        {"V": (0.35, 0.0)}, racks=racks)  # fmt: skip
 
-    told = r'is 0\.3 m along its guide at crank angle zero, but drawn at 0\.35 m; write start = "0\.15 m", delete it'
+    told = r'is 0\.3 m along its guide at crank angle zero, but is drawn at 0\.35 m; write start = "0\.15 m", delete it'
     with pytest.raises(StructureError, match=f"rack rack: with this start it {told}"):
         made(0.1)
     assert float(pose(made(0.15), jnp.asarray(0.0)).points["V"].r.x) == pytest.approx(0.35, abs=1e-15)
 
 
 def test_written_and_read_back():
-    """A drawn machine with wheels as a scene file, to the last bit."""
+    """A drawn machine with gears as a scene file, to the last bit."""
     same(lj.Scene(drawn(Drive("crank")), (), speed=5.0))

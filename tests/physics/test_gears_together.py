@@ -1,8 +1,8 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportOptionalMemberAccess=false
-"""Wheels in gear that only come out together with other links: where they begin, phases and starts that contradict
-the sketch and their remedies, whole turns, and what does not come back.
+"""Gears in mesh that are coupled with other links and solved simultaneously: their initial angles, phases and starts
+that contradict the sketch and their remedies, revolutions, and motions that are not periodic.
 
-Wheels by themselves are in test_gears.py.
+Gears by themselves are in test_gears.py.
 """
 
 import cmath
@@ -45,7 +45,7 @@ SUN = {"sun": Link(length=0.05, mass=1.0, pins=("A", "S")), "arm": Link(length=0
 
 
 def epicyclic(drive: Drive, **changes) -> Mechanism:
-    """A sun, and a planet that runs inside a ring of the frame."""
+    """A sun gear, and a planet inside a ring of the frame."""
     planet = {"phase": 0.3, **changes}
     gears = [
         GearPair("planet", "sun", Teeth((20, 40)), **planet),
@@ -56,7 +56,7 @@ def epicyclic(drive: Drive, **changes) -> Mechanism:
 
 
 def test_wheels_that_only_come_out_together():
-    """The sun or the arm drives the same machine: one solves arm and planet together, the other one after the other."""
+    """The sun or the arm drives the same machine: one solves arm and planet simultaneously, the other in sequence."""
     by_arm, by_sun = epicyclic(Drive("arm", phase=0.0)), epicyclic(Drive("sun", phase=0.15))
     assert by_arm.formula() == "I1(arm) → G(planet) → G(sun)"
     assert by_sun.formula() == "I1(sun) → G(arm, planet)"
@@ -72,10 +72,10 @@ def test_wheels_that_only_come_out_together():
 
 
 def test_phases_and_sketch_that_contradict_each_other():
-    """Wheels that come out together stand where their phases say: the one that the sketch has is told, and fits."""
+    """Coupled gears are at the angles given by their phases: the reported one is that of the sketch, and agrees."""
     with pytest.raises(StructureError, match=r"'arm' is at .*, but is drawn at 0 deg; write phase = ") as told:
         epicyclic(Drive("sun"), phase=3.0)
-    found = re.search(r'phase = "(.*) deg" for that of', str(told.value))
+    found = re.search(r'phase = "(.*) deg" for the pair', str(told.value))
     assert found is not None
     gears = [GearPair("planet", "sun", Teeth((20, 40)), 3.0),
              GearPair("planet", "frame", Teeth((20, 80), internal=True), math.radians(float(found[1])))]  # fmt: skip
@@ -85,7 +85,7 @@ def test_phases_and_sketch_that_contradict_each_other():
 
 @pytest.mark.slow
 def test_a_belt_that_cannot_be_in_a_loop():
-    """Also where arm and pulley come out together, wheels that overlap leave no room for a belt between them."""
+    """Also if arm and pulley are coupled, overlapping pulleys leave no space for a belt between them."""
 
     def least(radius: float) -> dict[str, float]:
         gears = [GearPair("planet", "sun", Belt(0.03, 0.02, crossed=True), 0.3),
@@ -102,15 +102,15 @@ def test_a_belt_that_cannot_be_in_a_loop():
 
 
 def test_a_wheel_with_one_pin_cannot_drive():
-    """Nothing says how it stands."""
+    """Its angle is not defined."""
     links = {"arm": SUN["arm"], "planet": Link(mass=1.0, pins=("B",))}
-    with pytest.raises(StructureError, match=r"planet.* does not say how it stands; give it another pin"):
+    with pytest.raises(StructureError, match=r"planet.* does not show its direction; give it another pin"):
         linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm"), (), {"B": (0.1, 0.001)},
                 gears=[GearPair("planet", "frame", Teeth((20, 40)))])  # fmt: skip
 
 
 def test_the_remedy_is_for_what_was_drawn():
-    """A gear drawn from the sun to the planet, solved the other way round: its own phase is told, and fits."""
+    """A gear drawn from the sun to the planet, solved in the opposite order: its own phase is reported, and agrees."""
     sketch = {"B": (0.001, 0.1)}
 
     def made(phase: float) -> Mechanism:
@@ -120,7 +120,7 @@ def test_the_remedy_is_for_what_was_drawn():
 
     with pytest.raises(StructureError, match=r"'arm' is at .*, but is drawn at 89\.42.* deg") as told:
         made(0.0)
-    found = re.search(r'phase = "(.*) deg" for that of \'sun\' with \'planet\'', str(told.value))
+    found = re.search(r'phase = "(.*) deg" for the pair \'sun\' and \'planet\'', str(told.value))
     assert found is not None
     here = at(made(math.radians(float(found[1]))), jnp.zeros(1))
     assert float(here.links["arm"].angle[0]) == pytest.approx(math.atan2(0.1, 0.001), abs=1e-5)
@@ -128,7 +128,7 @@ def test_the_remedy_is_for_what_was_drawn():
 
 @pytest.mark.parametrize(("phase", "told"), [(1.0, "'planet' is at -28.64"), (3.0, "'planet' is at -85.94")])
 def test_a_drive_on_the_arm_has_a_phase_too(phase, told):
-    """The planet is driven against the arm: its phase and that of its teeth leave one place for both."""
+    """The planet is driven relative to the arm: its phase and that of its teeth leave one position for both."""
     links = {name: dataclasses.replace(SUN[name], centre_name="") for name in ("arm", "planet")}
     with pytest.raises(StructureError, match=told):
         linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm", phase=0.0), (),
@@ -137,7 +137,7 @@ def test_a_drive_on_the_arm_has_a_phase_too(phase, told):
 
 
 def test_a_drive_on_the_arm_starts_where_it_is_drawn():
-    """With the phase that fits, which follows from Willis: planet = phase + (1 + 40 / 20) arm, and planet = arm."""
+    """With the correct phase, which follows from Willis: planet = phase + (1 + 40 / 20) arm, and planet = arm."""
     links = {name: dataclasses.replace(SUN[name], centre_name="") for name in ("arm", "planet")}
     lean = math.atan2(0.001, 0.1)
     made = linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm"), (), {"B": (0.1, 0.001), "Q": (0.15, 0.0015)},
@@ -148,7 +148,7 @@ def test_a_drive_on_the_arm_starts_where_it_is_drawn():
 
 
 def tied(phase: float) -> Mechanism:
-    """Two wheels in gear that a crank moves by rods from where both meet."""
+    """Two gears in mesh that a crank moves by rods from their common pin."""
     where = {"A": 0.3j, "B": 0.03 + 0.3j, "D": 0.2 + 0j, "E": 0.4 + 0j, "P": 0.3 + 0.3j,
              "C": 0.2 + 0.06 * cmath.exp(2.0j), "F": 0.4 + 0.06 * cmath.exp(0.8j)}  # fmt: skip
     pins = {"crank": "AB", "pull": "BP", "one": "DC", "two": "EF", "left": "CP", "right": "FP"}
@@ -162,7 +162,7 @@ def tied(phase: float) -> Mechanism:
 
 @pytest.mark.parametrize("turns", [0, 1])
 def test_whole_turns_of_a_phase_change_nothing(turns):
-    """Wheels with rods stand as they are drawn, whatever turn their phase is given in."""
+    """Gears with rods are at their drawn angles, whatever revolution their phase is given in."""
     mechanism = tied(2 * math.pi * turns)
     assert mechanism.formula() == "I1(crank) → G(pull, one, two, left, right)"
     here = at(mechanism, jnp.zeros(1))
@@ -180,7 +180,7 @@ THREE = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("stand", "ratio", "second", "turns", "order"), THREE)
 def test_three_wheels_tied_to_one_body(stand, ratio, second, turns, order):
-    """They are where they are drawn, in whatever order and turn, and whichever of two wheels is named first."""
+    """They are at their drawn angles, in any order and revolution, whichever of two gears is named first."""
     where = {"A": 0.5j, "B": 0.05 + 0.5j, "V": 0.2 + 0.5j, "P": 0.3 + 0.4j, "Q": 0.4 + 0.35j, "R": 0.6 + 0.42j,
              "D": 0.2 + 0j, "E": 0.4 + 0j, "G": 0.6 + 0j}  # fmt: skip
     where |= {end: where[at] + 0.06 * cmath.exp(1j * angle) for end, at, angle in zip("CFH", "DEG", stand, strict=True)}
@@ -213,7 +213,7 @@ TOGETHER = General((("wheel", ("E",)), ("rack", ("R",))), ("E",), {"R": Vec(0.3,
 
 
 def double_crank(*more, fast: int | None = None) -> Mechanism:
-    """Its second crank turns all round, unevenly; a wheel of many turns drives it where it is `fast`."""
+    """Its second crank rotates fully, non-uniformly; a gear of many turns drives it if `fast`."""
     lengths = {"crank": 0.3, "coupler": 0.25, "second": 0.28}
     links = {name: Link(length=long, mass=1.0, inertia=0.01) for name, long in lengths.items()}
     fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.1, 0.0), "E": Vec(0.6, 0.0), "F": Vec(0.9, 0.0)}
@@ -227,7 +227,7 @@ def double_crank(*more, fast: int | None = None) -> Mechanism:
 
 @pytest.mark.slow
 def test_racks_that_run_away_behind_a_link_that_turns_round():
-    """Inside a group that is solved together, and behind one, as by themselves."""
+    """Inside a group that is solved simultaneously, and after one, as by themselves."""
     alone = assembly_margins(double_crank(*TOGETHER.gears))
     more = [Gear("out", "F", Teeth((40, 20)), "wheel", "E"), Rack("other", "U", "F", "out", "F", 0.05)]
     behind = assembly_margins(double_crank(TOGETHER, *more))
@@ -254,20 +254,20 @@ def test_what_is_told_of_wheels_that_do_not_come_back(fast, more, told):
 
 @pytest.mark.slow
 def test_racks_that_contradict_the_sketch():
-    """A rack that comes out with its wheel is where its start says: the one that the sketch has is told, and fits."""
+    """A rack coupled with its gear is at its start: the reported start is that of the sketch, and agrees."""
     text = text_of(machine("rolling"))
     with pytest.raises(SceneError, match=r"'rack' stands at .* m along its guide .*; write start = ") as told:
         loads_text(text.replace('start = "-0.1 m"', 'start = "-0.3 m"'))
     found = re.search(r"write start = (.*) for the rack", str(told.value))
     assert found is not None
 
-    def start(way, lever):  # by Willis the wheel stands at 0.4 + 2.8 lever, and rolls on the rack with 0.05 m
+    def start(way, lever):  # by Willis the gear is at 0.4 + 2.8 lever, and rolls on the rack with 0.05 m
         return way + 0.05 * (0.4 + 1.8 * lever)
 
     lever = cmath.phase((0.3 - 0.05j) / (0.32 - 0.05j))  # from F to E: as sketched, and in its own axes
     sketched = -0.1 * math.cos(lever + 0.3)  # of U before E, along the guide
     assert f"but at {sketched:.4g} in the sketch" in str(told.value)
-    assert float(found[1]) == pytest.approx(start(sketched, lever), rel=1e-5)  # six digits are told
+    assert float(found[1]) == pytest.approx(start(sketched, lever), rel=1e-5)  # six digits are reported
     made = loads_text(text.replace('start = "-0.1 m"', f'start = "{found[1]} m"')).mechanism
     here = pose(made, jnp.zeros(()))
     along = here.links["lever"].u.turned(Vec(math.cos(0.3), math.sin(0.3)))
@@ -276,8 +276,8 @@ def test_racks_that_contradict_the_sketch():
 
 
 def test_where_wheels_in_a_loop_begin():
-    """From a rough sketch they are turned so that teeth and racks fit best, about what is sketched of them; carriers
-    are counted from within half a turn of zero."""
+    """From a rough sketch they are turned so that teeth and racks fit best, close to the sketch; carriers are counted
+    from within half a revolution of zero."""
     scene = machine("rolling")
     group = scene.mechanism.groups[1]
     assert isinstance(group, General)
@@ -288,7 +288,7 @@ def test_where_wheels_in_a_loop_begin():
     drawn = group.sketched(links, *known, still)
     begun, _ = group.wound(links, *known, still, drawn[:, :2], drawn[:, 2])
     gap, matrix = group.opened(links, *known, still, begun, jnp.zeros(15))
-    rows, wheels = slice(-3, None), [5, 14]  # angles of wheel and pulley
+    rows, wheels = slice(-3, None), [5, 14]  # angles of gear and pulley
     np.testing.assert_allclose(matrix[rows][:, wheels].T @ gap[rows], 0.0, atol=1e-15)
     assert float(jnp.linalg.norm(gap[rows])) < 0.1 * float(jnp.linalg.norm(drawn))
     ahead = jnp.stack([jnp.cos(begun[1, 2]), jnp.sin(begun[1, 2])])
@@ -300,9 +300,9 @@ def test_where_wheels_in_a_loop_begin():
 
 
 def test_a_cycle_of_a_sun():
-    """After how many turns of the sun all is where it began."""
+    """The number of turns of the sun after which the machine returns to its initial position."""
     machine = epicyclic(Drive("sun", phase=0.15))
-    with pytest.raises(StructureError, match=r"'arm' turns 0.333333 times, so nothing repeats; write 3"):
+    with pytest.raises(StructureError, match=r"'arm' turns 0.333333 times, so the motion is not periodic; write 3"):
         lj.Scene(machine, speed=5.0)
     lj.Scene(machine, speed=5.0, cycle_turns=3)
 
@@ -314,7 +314,7 @@ def test_written_and_read_back():
 
 @pytest.mark.slow
 def test_what_comes_out_together_is_found_apart():
-    """As a file, a machine solved together is cut into the smallest groups, and moves as it did."""
+    """As a file, a machine solved simultaneously is decomposed into the smallest groups, and moves as before."""
     scene = machine("rolling")
     again = loads_text(text_of(scene)).mechanism
     assert again.formula() == "I1(crank) → G(lever, wheel, rack, rod) → G(pulley) → II2(coupler, slide)"
@@ -326,7 +326,7 @@ def test_what_comes_out_together_is_found_apart():
 @pytest.mark.parametrize("crank", [1.007, 0.997])
 def test_a_wheel_of_a_general_group_on_a_fast_link(crank):
     """Ten times as fast as the second link of a drag link near its change point, more than three turns between two
-    places of the path: it turns as that link does, unwound in small steps, and as it does by itself."""
+    points of the path: it turns as that link does, unwrapped in small steps, and as it does by itself."""
     links = {name: Link(length=length) for name, length in (("crank", crank), ("coupler", 2.0), ("second", 2.0))}
     fixed = {"A": Vec(0.0, 0.0), "D": Vec(1.0, 0.0), "E": Vec(9.6, 0.0)}
     groups = [Crank("crank", "A", "B", phase=0.4), RRR(("coupler", "second"), "B", "D", "C", 1)]
@@ -351,7 +351,7 @@ def test_a_wheel_of_a_general_group_on_a_fast_link(crank):
 
 
 def test_loose_wheels_do_not_make_ranges_longer():
-    """A wheel in gear with the crank is never after a turn where it began; the range is that of the other links."""
+    """A gear in mesh with the crank does not return to its initial position; the range is that of the other links."""
     links = {name: Link(length=length) for name, length in (("crank", 0.3), ("coupler", 0.25), ("rocker", 0.2))}
     fixed = {"A": Vec(0.0, 0.0), "D": Vec(0.4, 0.0), "E": Vec(-0.5, 0.0)}
     crank, dyad = Crank("crank", "A", "B"), RRR(("coupler", "rocker"), "B", "D", "C")

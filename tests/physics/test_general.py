@@ -1,7 +1,7 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
-"""Groups closed by Newton's method: the same machines as class II, a drive inside a group, what cannot be assembled.
+"""Groups closed by Newton's method: the same machines as class II, a drive inside a group, impossible assembly.
 
-The triad of `machines.py` is held against 50 digits, nested derivatives and Newton-Euler with all the others.
+The triad of `machines.py` is compared with 50 digits, nested derivatives and Newton-Euler together with all others.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def test_class_two_by_newtons_method(name):
 
 @compiled_soon
 def followed(mechanism, phi):
-    """Points and links, and where Newton's method begins, of every general group."""
+    """Points and links, and the initial configuration of Newton's method, of every group of higher class."""
     begun = [(g.path, g.cycle_turns) for g in mechanism.groups if isinstance(g, General) and g.path is not None]
     return jax.vmap(lambda phi: (pose(mechanism, phi), [path.at(phi, turns) for path, turns in begun]))(phi)
 
@@ -85,8 +85,8 @@ GENERAL = ("triad", "rolling", "elliptic-trammel", "scissor-lift", "hay-press, l
 
 @pytest.mark.parametrize("name", ["triad", *(pytest.param(n, marks=pytest.mark.slow) for n in GENERAL[1:])])
 def test_five_steps_close_every_joint(name):
-    """At 360 equal steps, halfway between the places of the reference path: with the five steps that are taken nothing
-    is left open, and five of Newton's steps, with the oracle's equations and from where ours begin, do as much."""
+    """At 360 equal steps, halfway between the points of the reference path: the five steps leave no closure error, and
+    five Newton steps with the equations of the oracle, from the same initial configuration, give the same."""
     assert NEAR + LAST <= 5
     mechanism, angles = prepared(general_machines(name)), ANGLES + math.pi / 360
     here, begun = jax.device_get(followed(mechanism, jnp.asarray(angles)))
@@ -107,7 +107,7 @@ def test_five_steps_close_every_joint(name):
         assert np.max(np.abs(left(x))) <= 1e-13 * size
         angle = start[..., 2] if g.gears else np.arctan2(start[..., 3], start[..., 2])
         x = np.stack([start[..., 0], start[..., 1], angle], -1).reshape((len(angles), -1)).T
-        assert np.max(np.abs(left(x))) > 1e-11 * size  # there is something to do
+        assert np.max(np.abs(left(x))) > 1e-11 * size  # the initial error is not zero
         for _ in range(5):
             slopes = [(left(x + h[:, None]) - left(x - h[:, None])) / 2e-6 for h in 1e-6 * np.eye(len(x))]
             x = x - np.linalg.solve(np.moveaxis(slopes, -1, 0).swapaxes(1, 2), left(x).T[..., None])[..., 0].T
@@ -116,7 +116,7 @@ def test_five_steps_close_every_joint(name):
 
 @pytest.mark.slow
 def test_gradients_of_a_cycle():
-    """δ as all lengths change together, each by its own share, forward and by differences."""
+    """δ when all lengths change together, each by its own fraction, forward and by differences."""
     scene = machine("triad")
     names = list(scene.mechanism.links)
     ways = np.linspace(-1.0, 1.3, len(names))
@@ -146,7 +146,7 @@ def test_reverse_mode_agrees():
 
 
 def lift(law) -> lj.Scene:
-    """A cylinder from a point of the frame swings a lever that carries a weight."""
+    """A cylinder from a point of the frame moves a lever that carries a weight."""
     links = {
         "barrel": Link(length=0.3, mass=2.0, inertia=0.02, centre=Vec(0.12, 0.0)),
         "rod": Link(mass=1.0, inertia=0.01, centre=Vec(-0.1, 0.0)),
@@ -163,7 +163,7 @@ def lift(law) -> lj.Scene:
 
 
 def test_a_cylinder_between_frame_and_lever():
-    """The lever's angle by the law of cosines; nearly at rest, the force of the cylinder by virtual work."""
+    """The lever angle by the law of cosines; nearly at rest, the cylinder force by virtual work."""
     scene = dataclasses.replace(lift(Harmonic(0.55, 0.75)), speed=jnp.asarray(1e-6))
     here, forces = everything(scene.with_mechanism(prepared(scene.mechanism)))
     s, base = 0.65 - 0.1 * np.cos(ANGLES), 0.5 - 0.1j
@@ -176,7 +176,7 @@ def test_a_cylinder_between_frame_and_lever():
     np.testing.assert_allclose((pin - base) / 0.4, turn, atol=1e-14)
     drive = forces.reactions["rod.drive"]["rod"]
     push = np.asarray(drive.fx) * (pin / s).real + np.asarray(drive.fy) * (pin / s).imag
-    per_stroke = s / (abs(base) * 0.4 * np.sin(corner))  # lever's angle by the stroke, falling with it
+    per_stroke = s / (abs(base) * 0.4 * np.sin(corner))  # lever angle over the stroke, which it decreases with
     swing = ((1j * turn * -per_stroke) * (0.9 * 500 + 0.3 * 3 * 9.81)).imag
     beta = np.angle(pin)
     tilt = (np.abs(-per_stroke) * 0.4 * ((1j * turn * -1) / np.exp(1j * beta)).imag) / s
@@ -197,7 +197,7 @@ def test_the_whole_story_of_a_cylinder():
 
 @pytest.mark.slow
 def test_where_it_cannot_be_assembled():
-    """The cylinder is longer than the lever allows: the stroke is named, and the gradient leads back."""
+    """The cylinder is longer than the lever permits: the stroke is named, and the gradient leads back."""
     scene = lift(Harmonic(0.55, 0.95))
     with pytest.raises(
         lj.MachineError, match=r"'lever-barrel-rod' cannot be assembled at 1[0-9.]+ degrees .* \(loops\)"
@@ -230,7 +230,7 @@ def singular_values(mechanism: Mechanism, angles) -> np.ndarray:
 
 
 def test_the_margin_is_the_least_singular_value():
-    """With its rates, against differences of equations written down anew."""
+    """With its rates, against differences of independently written equations."""
     mechanism = prepared(machine("triad").mechanism)
     angles, h = np.asarray([0.4, 1.7, 3.1, 5.2]), 0.02
     every = np.concatenate([angles + k * h for k in (0, 1, -1, 2, -2)])
@@ -243,7 +243,7 @@ def test_the_margin_is_the_least_singular_value():
 
 
 def four_bar(crank=0.1, coupler=0.3, rocker=0.25, far=0.4, phase=0.0, law=None) -> Mechanism:
-    """A four-bar whose dyad is a general group."""
+    """A four-bar whose dyad is a group of higher class."""
     links = {"crank": Link(length=crank), "coupler": Link(length=coupler), "rocker": Link(length=rocker)}
     group = General((("coupler", ("B", "C")), ("rocker", ("D", "C"))), ("B", "D"), {"C": Vec(0.3, 0.2)})
     return Mechanism(
@@ -253,13 +253,13 @@ def four_bar(crank=0.1, coupler=0.3, rocker=0.25, far=0.4, phase=0.0, law=None) 
 
 @pytest.fixture(scope="module")
 def least():
-    """Least margin of a four-bar, and its slope by the coupler's length, by one program."""
+    """Least margin of a four-bar, and its slope over the coupler length, by one program."""
     return jax.jit(jax.value_and_grad(lambda coupler, m: kinematics.min_margin(
         dataclasses.replace(m, links={**m.links, "coupler": Link(length=coupler)}))))  # fmt: skip
 
 
 def test_the_least_margin(least):
-    """It does not depend on where the scan begins, and its slope is that of differences."""
+    """It does not depend on the start of the scan, and its slope is that of differences."""
     one, two = (least(0.3, four_bar(phase=phase)) for phase in (0.0, 0.37))
     np.testing.assert_allclose(one, two, rtol=1e-9)
     step = 1e-6
@@ -274,7 +274,7 @@ def test_a_parallelogram_has_a_change_point(least, phase):
 
 
 def test_close_to_a_dead_position(least):
-    """What closes by 1e-5 closes, what falls short by 1e-5 does not."""
+    """A linkage that closes by 1e-5 is assembled, one that is 1e-5 too short is not."""
     for phase in (0.03, 0.37):
         assert float(least(0.3, four_bar(far=0.45 - 1e-5, phase=phase))[0]) > 0
         assert float(least(0.3, four_bar(far=0.45 + 1e-4, phase=phase))[0]) < 0
@@ -282,7 +282,7 @@ def test_close_to_a_dead_position(least):
 
 @pytest.mark.slow
 def test_a_fast_law_is_followed(least):
-    """A law that turns the crank by six degrees a step of the path."""
+    """A law that turns the crank by six degrees per path step."""
     law = lj.Spline((0.0, 1.5, 3.0, 4.5), [-0.0195, -0.9717, 1.5215, 0.0266])
     mechanism = four_bar(0.2976, 0.3089, 0.2916, 0.3165, law=law)
     every = compiled_soon(lambda m, phi: jax.vmap(lambda phi: margins(m, phi)["coupler-rocker"]["loops"].value)(phi))
@@ -312,7 +312,7 @@ def test_a_law_of_two_turns():
 
 @pytest.mark.slow
 def test_single_precision(least):
-    """Without enable_x64 a sound machine is sound."""
+    """Without enable_x64 a valid machine is accepted."""
     exact = float(least(0.3, four_bar())[0])
     with jax.enable_x64(False), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -330,8 +330,12 @@ def test_a_path_belongs_to_its_numbers():
 @pytest.mark.parametrize(
     ("members", "outer", "says"),
     [
-        ((("one", ("B", "C")), ("two", ("D", "C"))), ("B",), "2 links have 6 degrees of freedom, their joints take 4"),
-        ((("one", ("B", "C")),), ("B", "C"), "1 links have 3 degrees of freedom, their joints take 4"),
+        (
+            (("one", ("B", "C")), ("two", ("D", "C"))),
+            ("B",),
+            "2 links have 6 degrees of freedom, but their joints remove 4",
+        ),
+        ((("one", ("B", "C")),), ("B", "C"), "1 links have 3 degrees of freedom, but their joints remove 4"),
     ],
 )
 def test_what_is_no_group(members, outer, says):
@@ -340,7 +344,7 @@ def test_what_is_no_group(members, outer, says):
 
 
 def test_a_sketch_of_many_designs():
-    """Points that are sketched on one place are found in any of them."""
+    """Points that coincide in the sketch are found in any of them."""
     links = {"crank": Link(length=0.1), "plate": Link(length=0.25, points={"G": Vec(0.1, 0.2)})}
     links |= {"bar": Link(length=0.3), "arm": Link(length=0.3), "block": Link()}
     members = (("plate", ("E", "F", "G")), ("bar", ("B", "E")), ("arm", ("D", "F")), ("block", ("G",)))
@@ -351,16 +355,16 @@ def test_a_sketch_of_many_designs():
         return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.5, 0.0)}, links, [Crank("crank", "A", "B"), group])
 
     assert made([0.3, 0.4]).driving_link == "crank"
-    with pytest.raises(StructureError, match="puts 'E' and 'F' of link 'plate' on one place"):
+    with pytest.raises(StructureError, match="'E' and 'F' of link 'plate' coincide in the sketch"):
         made([0.3, 0.1])
 
 
 def test_what_a_drive_cannot_do():
     members = (("lever", ("D", "C")), ("barrel", ("A", "H")), ("rod", ("C",)))
     slot = Slot("rod", Guide("A", on="barrel"))
-    with pytest.raises(ValueError, match="cannot do for ever"):
+    with pytest.raises(ValueError, match="along a guide, which requires a motion law; set `law`"):
         General(members, ("D", "A"), {}, (slot,), Drive("rod", "barrel"))
-    with pytest.raises(ValueError, match="moves 'ram' against 'barrel'; name links of the group"):
+    with pytest.raises(ValueError, match="moves 'ram' relative to 'barrel'; name links of the group"):
         General(members, ("D", "A"), {}, (slot,), Drive("ram", "barrel"))
 
 
@@ -374,8 +378,8 @@ def test_names_are_checked():
 @pytest.mark.parametrize(
     ("plate", "sketch", "through", "says"),
     [
-        (("E", "F", "H"), {"E": Vec(0.15, 0.28), "F": Vec(0.4, 0.25)}, "E", "link 'plate' has no marked point 'H'"),
-        (("E", "F", "G"), {"E": Vec(0.15, 0.28)}, "E", "does not say where link 'plate' is; sketch two of its points"),
+        (("E", "F", "H"), {"E": Vec(0.15, 0.28), "F": Vec(0.4, 0.25)}, "E", "link 'plate' has no coupler point 'H'"),
+        (("E", "F", "G"), {"E": Vec(0.15, 0.28)}, "E", "does not locate link 'plate'; sketch two of its points"),
         (("E", "F", "G"), {"E": Vec(0.15, 0.28), "F": Vec(0.4, 0.25)}, "D", "on link 'plate', but point 'D' is not"),
     ],
 )

@@ -1,6 +1,6 @@
-"""Reference cases G1-G5, G7-G10 and T5: truths computed elsewhere by two routes, and what the source texts print.
+"""Reference cases G1-G5, G7-G10 and T5: values computed elsewhere by two methods, and printed values of the sources.
 
-Tolerances are those stated with the cases. `tests/data` holds the numbers.
+Tolerances are those stated with the cases. `tests/data` contains the numbers.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def test_g5_reduction(at45):
     assert reduced.inertia[0] == pytest.approx(6.248729, rel=1e-5)
     assert reduced.slope[0] == pytest.approx(12.2366, rel=1e-5)
     assert reduced.by_load["gravity"][0] == pytest.approx(-57.5408, rel=1e-5)
-    assert reduced.torque[0] == reduced.by_load["gravity"][0]  # 45 degrees lie outside the load's window
+    assert reduced.torque[0] == reduced.by_load["gravity"][0]  # 45 degrees is outside the load's window
     printed = PRINTED["reduced_inertia"]
     assert reduced.inertia[0] == pytest.approx(printed["value"], rel=printed["relative"])
 
@@ -113,11 +113,11 @@ def test_the_cycle_in_twelve_positions(at45):
     np.testing.assert_allclose(
         np.stack(columns, axis=-1)[3:], np.delete(golden, [0, slopes, 13], axis=1), rtol=1e-9, atol=1e-9
     )
-    # the table's slope is a difference quotient: 1.6e-8 off at 60 degrees, as 50-digit arithmetic shows
+    # the slope in the table is a difference quotient: 1.6e-8 wrong at 60 degrees, by 50-digit arithmetic
     np.testing.assert_allclose(reduced.slope[3:], golden[:, slopes], rtol=0, atol=2e-8)
     truth = oracle.reduction(machine("hay-press"), np.radians(golden[:, 0])).slope
     np.testing.assert_allclose(reduced.slope[3:], truth, rtol=0, atol=1e-12)
-    torque = forces.drive_torque[3:] + reduced.by_load["hay"][3:]  # the table holds gravity and inertia alone
+    torque = forces.drive_torque[3:] + reduced.by_load["hay"][3:]  # the table contains gravity and inertia only
     np.testing.assert_allclose(torque, golden[:, -1], rtol=1e-9, atol=1e-9)
 
 
@@ -138,7 +138,7 @@ def test_g7_newton_euler(at45, case, number):
 
 
 def test_g8_forces_on_the_frame(at45):
-    """What the joints and the guide pass to the frame is weight and inertia."""
+    """The forces of joints and guide on the frame are weight and inertia."""
     forces, scene = at45[2], machine("hay-press")
     into = [forces.reactions["A"]["crank"], forces.reactions["F"]["rocker"], forces.reactions["slider.guide"]["slider"]]
     mass = 5 + 15 + 40 + 3.2 + 10
@@ -188,7 +188,7 @@ def test_g9_steady_cycle_and_flywheel(regime):
 
 
 def test_the_mean_drive_torque_in_closed_form(regime):
-    """In the window the rocker swings one way: the work is force times radius times angle."""
+    """In the window the rocker oscillates in one direction: the work is force times radius times angle."""
     on, off = np.radians([90.0, 335.0])
     before, after = (oracle.assemble(machine("hay-press").mechanism, phi)[1]["rocker"] for phi in (on, off))
     swing = abs(np.angle(after / before))

@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false
-"""Guides on moving links, slides and crossing slots (RRP, RPP, PRP): closed forms, limits, messages."""
+"""Guides on moving links, sliders and crossing slots (RRP, RPP, PRP): closed forms, ends of ranges, messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ poses = compiled_soon(lambda mechanism: jax.vmap(lambda phi: pose(mechanism, phi
 
 
 def yoke(slot: float, offset: float = 0.0, along: float = 0.0, path: float = 0.0) -> Mechanism:
-    """A crank of 0.1 m drives a slide through a slot."""
+    """A crank of 0.1 m drives a slider through a slot."""
     links = {"crank": Link(length=0.1), "yoke": Link(points={"N": Vec(0.3, 0.1)}), "die": Link()}
     guide = Guide("A", along, path)
     groups = [Crank("crank", "A", "B"), RPP("yoke", "die", "B", "E", guide, slot, offset)]
@@ -72,7 +72,7 @@ def test_the_built_in_yoke():
     assert float(cycle.work["pressure"]) == pytest.approx(-2 * 3000 * 0.08, rel=1e-13)
     assert float(cycle.steady.mean_drive_torque) == pytest.approx(2 * 3000 * 0.08 / (2 * math.pi), rel=1e-13)
     assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-10
-    # the guide holds what the slot's push turns: the piston's force runs through A, the slot's through the pin
+    # the guide balances the moment of the slot force: the piston force runs through A, the slot force through the pin
     w = float(scene.speed)
     at = lj.analyse(scene, angles=90, constant_speed=True).forces
     push = -12 * 0.08 * w**2 * np.cos(phi) + np.where(out, 3000.0, 0.0)
@@ -82,8 +82,8 @@ def test_the_built_in_yoke():
 
 
 def test_a_guide_on_the_crank_itself():
-    """A rod from a frame point to a block on a radial guide of the crank: at the crank's angle, at a distance that the
-    law of cosines gives; the block turns with the crank."""
+    """A rod from a frame point to a block on a radial guide of the crank: at the crank angle, at a distance from the
+    law of cosines; the block turns with the crank."""
     links = {"crank": Link(length=0.1), "rod": Link(length=0.5), "block": Link()}
     groups = [Crank("crank", "A", "B"), RRP("rod", "block", "F", "D", Guide("A", on="crank"))]
     here = poses(Mechanism({"A": Vec(0.0, 0.0), "F": Vec(0.2, 0.0)}, links, groups))

@@ -1,4 +1,4 @@
-"""Machines at the limits: change points, no masses, no loads, a crank alone, several turns, windows that touch."""
+"""Machines at the limits: change points, zero masses, no loads, a crank alone, several turns, adjacent windows."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def four_bar(crank: float, coupler: float, rocker: float, frame: float, mass: fl
 
 
 def crank_slider(ram: float) -> Mechanism:
-    """Central, and nothing has a mass but the ram."""
+    """Central, and only the ram has mass."""
     links = {"crank": Link(length=0.1), "rod": Link(length=0.3), "ram": Link(mass=ram)}
     groups = [Crank("crank", "A", "B"), RRP("rod", "ram", "B", "D", "A", 1)]
     return Mechanism({"A": Vec(0.0, 0.0)}, links, groups, Flywheel(0.0))
@@ -68,7 +68,7 @@ def finite_gradient(scene: lj.Scene):
 @pytest.mark.parametrize("lengths", [pytest.param((0.1, 0.4, 0.1, 0.4), id="parallelogram"),
                                      pytest.param((0.1, 0.1, 0.4, 0.4), id="kite")])  # fmt: skip
 def test_change_points(lengths):
-    """The two ways of assembly meet: said so, with the place, and nothing is NaN."""
+    """The two assembly modes coincide: reported with the position, and nothing is NaN."""
     scene = lj.Scene(four_bar(*lengths), gravity=Vec(0.0, -9.81), speed=10.0)
     cycle = told(scene)
     assert lj.Result(int(cycle.result)) is lj.Result.CANNOT_BE_ASSEMBLED
@@ -78,8 +78,8 @@ def test_change_points(lengths):
 
 
 def test_a_parallelogram_between_its_change_points():
-    """With the pin to the left of the line of the outer pins it is a parallelogram in the upper half turn, in which
-    the rocker turns as the crank does, and crossed in the lower, in which it turns against it."""
+    """With the pin to the left of the line of the outer pins it is a parallelogram in the upper half turn, where the
+    rocker turns with the crank, and crossed in the lower half turn, where it turns against the crank."""
     links = jax.vmap(lambda phi: lj.pose(four_bar(0.1, 0.4, 0.1, 0.4), phi).links)
     upper, lower = links(jnp.linspace(0.1, 3.0, 9)), links(jnp.linspace(3.3, 6.1, 9))
     np.testing.assert_allclose(upper["rocker"].w, 1.0, rtol=1e-12)
@@ -91,7 +91,7 @@ def test_a_parallelogram_between_its_change_points():
 
 
 def test_no_loads_at_all():
-    """The kinetic energy stays: ω = √(2 E / J), so δ follows from the extremes of J alone."""
+    """The kinetic energy is constant: ω = √(2 E / J), so δ follows from the extremes of J alone."""
     scene = lj.Scene(four_bar(0.1, 0.4, 0.3, 0.4), speed=10.0)
     got = told(scene)
     assert int(got.result) == 0
@@ -112,7 +112,7 @@ def test_no_loads_at_all():
 
 @pytest.mark.slow
 def test_a_crank_alone():
-    """It turns evenly, its torque balances the brake, and there is nothing that could not be assembled."""
+    """Constant speed, its torque balances the brake, and it can always be assembled."""
     scene = lj.Scene(crank_alone(), (Torque("brake", "crank", torque=-3.0),), speed=10.0)
     got = told(scene)
     assert int(got.result) == 0
@@ -123,7 +123,7 @@ def test_a_crank_alone():
 
 @pytest.mark.slow
 def test_massless_links():
-    """Rods without mass carry forces like any: SciPy's motion, the checks, and finite gradients."""
+    """Rods without mass transmit forces like any others: SciPy's motion, the checks, and finite gradients."""
     scene = machine("hay-press-slider")
     for name in ("rod", "link4"):
         scene = eqx.tree_at(
@@ -144,8 +144,8 @@ def test_massless_links():
     ],
 )
 def test_nothing_to_set_in_motion(mechanism, where, degrees):
-    """No inertia anywhere, or none where the ram stops: the speed has no bound there, which is said with the place, and
-    all that needs no motion is there."""
+    """Zero inertia everywhere, or where the ram stops: the speed is unbounded there, reported with the position,
+    and all results that need no motion exist."""
     scene = lj.Scene(mechanism, (Torque("brake", "crank", torque=-3.0),), speed=10.0)
     cycle = told(scene)
     assert cycle.missing is not None and cycle.steady is None and cycle.forces is None and cycle.work is None
@@ -155,7 +155,7 @@ def test_nothing_to_set_in_motion(mechanism, where, degrees):
     assert cycle.missing.fails == (degrees is not None)
     if degrees is not None:
         assert min(abs(math.remainder(float(found[1]) - d, 360.0)) for d in degrees) < 0.01
-    mean = jnp.mean(cycle.forces_constant_speed.drive_torque)  # against the brake; masses take and give back
+    mean = jnp.mean(cycle.forces_constant_speed.drive_torque)  # against the brake; masses absorb and return energy
     assert float(mean) == pytest.approx(3.0, rel=1e-9)
     with pytest.raises(lj.MachineError, match=r"Read forces_constant_speed\.reactions"):
         _ = cycle.reactions
@@ -164,7 +164,7 @@ def test_nothing_to_set_in_motion(mechanism, where, degrees):
 
 @pytest.mark.slow
 def test_gradients_where_there_is_no_steady_motion():
-    """Of what exists at constant speed, through the whole analysis: against differences, and the same under jit."""
+    """Of the results at constant speed, through the whole analysis: against differences, and the same under jit."""
     scene = lj.Scene(four_bar(0.1, 0.4, 0.3, 0.4, 0.0, 0.0), (), lj.Vec(0.0, -9.81), 1.0)
 
     def peak(mass):
@@ -179,8 +179,8 @@ def test_gradients_where_there_is_no_steady_motion():
 
 @pytest.mark.parametrize("short", [1e-3, 1e-6])
 def test_least_inertia_beside_a_sharp_peak(short):
-    """A heavy rocker that jerks near a change point: the least inertia, over its mean, is what the machine has at the
-    angle told, by the kinetic energy at unit speed."""
+    """A heavy rocker that jerks near a change point: the minimum inertia, over its mean, is that of the machine at the
+    reported angle, by the kinetic energy at unit speed."""
     mechanism = four_bar(0.1, 0.3, 0.2 * (1 + short), 0.4)
     rocker = dataclasses.replace(mechanism.links["rocker"], inertia=1.0)
     scene = lj.Scene(dataclasses.replace(mechanism, links={**mechanism.links, "rocker": rocker}), (), speed=5.0)
@@ -200,7 +200,7 @@ def test_least_inertia_beside_a_sharp_peak(short):
 
 
 def test_two_turns_a_cycle():
-    """A load in every other turn, against SciPy; as accurate as one turn, since nodes count by the turn."""
+    """A load in every second turn, against SciPy; as accurate as one turn, because nodes are counted per turn."""
     scene = machine("hay-press-slider")
     load = dataclasses.replace(scene.loads[0], window=window(90.0, 335.0 + 180.0))
     scene = dataclasses.replace(scene, cycle_turns=2, loads=(load,))
@@ -215,7 +215,7 @@ def test_two_turns_a_cycle():
 
 @pytest.mark.slow
 def test_an_analysis_of_two_turns():
-    """The stroke of a slider in line with its crank, in either turn."""
+    """The stroke of an in-line slider, in either turn."""
     scene = dataclasses.replace(machine("hay-press-slider"), cycle_turns=2)
     stroke = document(lj.analyse(scene))["strokes"]["D"]
     assert (stroke["value"], stroke["time_ratio"]) == pytest.approx((0.6, 1.0), rel=1e-12)
@@ -223,7 +223,7 @@ def test_an_analysis_of_two_turns():
 
 @pytest.mark.slow
 def test_windows_that_touch():
-    """Loads that switch at the same angles, one on where another goes off, are one load that changes its size."""
+    """Loads that switch at the same angles, one on where another ends, are equivalent to one load of varying size."""
     scene = machine("hay-press-slider")
     press = scene.loads[0]
 
@@ -239,7 +239,7 @@ def test_windows_that_touch():
 
 
 def test_a_window_without_width():
-    """Nobody can write one, but a search may close it: never on then, as if the load were not there."""
+    """It cannot be written, but a search may close it: then it never acts, as if the load did not exist."""
     scene = machine("hay-press-slider")
     with pytest.raises(lj.StructureError, match=r"loads\[0\] \(hay\).* the ends of the window are one place"):
         dataclasses.replace(scene, loads=(dataclasses.replace(scene.loads[0], window=window(90.0, 90.0)),))

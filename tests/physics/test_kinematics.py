@@ -121,11 +121,11 @@ def test_transmission_angles(name):
         one, two = g.link_names()
         turn = directions[two] / directions[one]
         truth = np.abs(np.angle(turn))
-        if isinstance(g, RRP):  # from the left normal of the guide: 90 degrees when the rod lies along it
+        if isinstance(g, RRP):  # from the left normal of the guide: 90 degrees when the rod is along it
             truth = np.abs(np.angle(directions[one] / (1j * directions[two])))
         if isinstance(g, RPP | RRP) and g.guide.on != "frame":
             assert np.ptp(np.angle(directions[two])) > 0.1
-        if isinstance(g, RPR):  # from the left normal of the lever: 90 degrees where the pin runs on its axis
+        if isinstance(g, RPR):  # from the left normal of the lever: 90 degrees where the pin is on its axis
             points = oracle.assemble(mechanism, ANGLES)[0]
             truth = np.abs(np.angle((points[g.from_] - points[g.about]) / (1j * directions[one])))
         np.testing.assert_allclose(got.transmission["-".join((one, two))], truth, atol=1e-12)
@@ -137,7 +137,7 @@ def test_transmission_angles(name):
     "name", ["hay-press", "coupler-points", "clockwise", "slotted-levers", "moving-guides", "hydraulic"]
 )
 def test_mirror_image(name):
-    """Rotation the other way is the mirror image."""
+    """Rotation in the opposite sense is the mirror image."""
     got = computed(name)
     image = jax.device_get(sheet(mirrored(machine(name).mechanism), jnp.asarray(ANGLES)))
     for p, state in got.points.items():
@@ -164,7 +164,7 @@ def test_scale(name, factor):
 
 @pytest.mark.parametrize("name", SOON)
 def test_translation_of_the_frame(name):
-    """Elsewhere on the frame all is the same, less the digits that large coordinates cost."""
+    """Elsewhere on the frame all results are the same, with fewer digits because of the large coordinates."""
     away = (300.0, -70.0)
     got, there = computed(name), moved(machine(name).mechanism, *away)
     other = jax.device_get(sheet(there, jnp.asarray(ANGLES)))
@@ -180,7 +180,7 @@ DEAD = ("stretched", "folded", "folded with the second link longer", "left", "ri
 
 
 def near_dead(case: str, distance: float, phi: float) -> Mechanism:
-    """A machine whose dyad is this close to a dead position (a fraction of its length) at the crank angle `phi`."""
+    """A machine whose dyad is this close to a singular position (a fraction of its length) at the crank angle `phi`."""
     crank = Link(length=0.13)
     pin = 0.13 * complex(math.cos(phi), math.sin(phi))
     if case in ("left", "right"):
@@ -209,7 +209,7 @@ def near_dead(case: str, distance: float, phi: float) -> Mechanism:
 
 
 def parts(mechanism: Mechanism, points, directions) -> list:
-    """Coordinates of the dyad's pin, then the components of its links' directions (complex numbers go in)."""
+    """Coordinates of the dyad's pin, then the components of its links' directions (complex arguments)."""
     last = mechanism.groups[-1]
     if isinstance(last, RRP):
         found = points[last.end], directions[last.link]
@@ -221,7 +221,7 @@ def parts(mechanism: Mechanism, points, directions) -> list:
 
 @pytest.mark.parametrize("case", DEAD)
 def test_errors_near_a_dead_position_are_those_of_the_problem(case):
-    """At most ten times what half a unit of rounding in every number of the design, the angle and the result does."""
+    """At most ten times the effect of half a rounding unit in every number of the design, the angle and the result."""
     values = jax.jit(lambda m, phi: (pose(m, phi), margins(m, phi)))
     phi = 0.83
     for exponent in range(2, 8 if case == "one to a million" else 13):
@@ -252,7 +252,7 @@ def test_errors_near_a_dead_position_are_those_of_the_problem(case):
 
 @pytest.mark.parametrize("name", ["hay-press", "four-bar", "two-on-one-crank", "clockwise"])
 def test_dead_centres(name):
-    """Where sliders and rockers stop: sign changes on a fine scan, bisected; what they cover: the speed's integral."""
+    """Where sliders and rockers stop: sign changes on a fine scan, bisected; strokes as integrals of the speed."""
     mechanism = machine(name).mechanism
     found = compiled_soon(dead_centres)(mechanism)
     covered = compiled_soon(strokes)(mechanism, found)

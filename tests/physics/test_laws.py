@@ -1,5 +1,5 @@
 # pyright: reportArgumentType=false
-"""Drivers that follow a law of motion: the laws against SciPy, forces and power of the drive, what is refused."""
+"""Drivers with a motion law: the laws against SciPy, forces and power of the drive, refused input."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_harmonic_ends():
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) for n in PRESCRIBED])
 def test_the_analysis(name):
-    """The speed is what was asked for; drive force or torque times the driver's velocity is what the loads take."""
+    """The speed is the prescribed one; drive force or torque times the driver velocity is the power of the loads."""
     scene = machine(name)
     cycle = lj.analyse(scene, angles=72)
     w = float(scene.speed)
@@ -123,7 +123,7 @@ def test_a_spline_drives_as_the_law_that_it_follows():
 
 
 def test_the_trammel():
-    """Two blocks on crossed guides of the frame, the one driven: every point of the bar runs on an ellipse."""
+    """Two blocks on crossed guides of the frame, one of them driven: every point of the bar moves on an ellipse."""
     links = {"shoe": Link(), "bar": Link(length=0.5, points={"T": Vec(0.2, 0.0), "U": Vec(0.7, 0.0)}), "block": Link()}
     law = Harmonic(0.4, -0.4)
     groups = [LinearDriver("shoe", "P", "O", law), RRP("bar", "block", "P", "Q", Guide("O", math.pi / 2))]
@@ -144,21 +144,21 @@ def test_what_is_refused():
     swinging = simple(law=Harmonic(0.0, 1.0))
     with pytest.raises(StructureError, match="target_delta: has no effect: the driver follows a law"):
         lj.Scene(swinging, target_delta=0.1)
-    with pytest.raises(ValueError, match="no sense of rotation"):
+    with pytest.raises(ValueError, match="takes its sense from the law"):
         simple(law=Harmonic(0.0, 1.0), rotation="cw")
     with pytest.raises(ValueError, match="no equation of motion is to be solved"):
         lj.analyse(lj.Scene(swinging), method="diffrax")
-    with pytest.raises(StructureError, match=r"the cycle of 6\.28319 rad is no multiple of the period of the law"):
+    with pytest.raises(StructureError, match=r"the cycle of 6\.28319 rad is not a multiple of the period of the law"):
         lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)))
     assert lj.Scene(simple(law=Spline((0.0, 1.0, 2.0), [0.0, 1.0, 0.5], 4 * math.pi)), cycle_turns=2).cycle_turns == 2
-    with pytest.raises(ValueError, match="three or more and rise"):
+    with pytest.raises(ValueError, match="needs three or more angles that increase"):
         Spline((0.0, 2.0, 1.0), [0.0, 1.0, 0.5])
-    with pytest.raises(ValueError, match="three or more and rise"):
+    with pytest.raises(ValueError, match="needs three or more angles that increase"):
         Spline((0.0, 1.0, 7.0), [0.0, 1.0, 0.5])
     with pytest.raises(ValueError, match="a value at each of its 3 angles"):
         Spline((0.0, 1.0, 2.0), [0.0, 1.0])
     slide = [LinearDriver("block", "D", "A", Harmonic(0.0, 0.1))]
-    with pytest.raises(StructureError, match="flywheel: there is no shaft for it: no crank drives"):
+    with pytest.raises(StructureError, match="flywheel: needs a crank as the driver"):
         Mechanism({"A": Vec(0, 0)}, {"block": Link()}, slide, Flywheel(1.0))
     with pytest.raises(StructureError, match="the guide is on 'block', a link of the group itself"):
         Mechanism(
@@ -224,7 +224,7 @@ def test_messages(old, new, key, says):
 
 
 def test_values_of_a_spline_are_free_numbers():
-    """By name; at a knot the crank stands at its value, whatever the others are."""
+    """By name; at a knot the crank is at its value, for all values of the others."""
     links = {"crank": Link(length=0.1, mass=1.0)}
     crank = lj.Crank("crank", "A", "B", law=Spline(tuple(KNOTS), VALUES))
     scene = lj.Scene(Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [crank]), (), speed=3.0)

@@ -1,4 +1,4 @@
-"""Every measure on every scene: finite, differentiable both ways, right by differences, blind to nodes and units."""
+"""Every measure on every scene: finite, differentiable both ways, against differences, same for all nodes and units."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ NAMES = sorted(MEASURES)
 
 
 def varied(scene: lj.Scene, by: jax.Array) -> lj.Scene:
-    """The scene with every number changed by its share of itself, of 0.3 (of the size of a link) where it is zero."""
+    """The scene with every number changed by a fraction of itself, of 0.3 (of the size of a link) where it is zero."""
     leaves, tree = jax.tree.flatten(scene)
     zero = ZERO.get(scene.title, 0.3)
     return jax.tree.unflatten(tree, [leaf + jnp.where(leaf == 0, zero, leaf) * by[i] for i, leaf in enumerate(leaves)])
 
 
-GROUPS = {  # measures that share most of their work, compiled together; the last takes what is left
+GROUPS = {  # measures that share most of their work, compiled together; the last takes the rest
     "motion": (
         "delta",
         "max_crank_speed",
@@ -56,11 +56,11 @@ CASES = [
     for group in GROUPS
 ]
 SCENES = [pytest.param(name, marks=[] if name == "slider-crank" else [pytest.mark.slow]) for name in EVERY]
-SYMMETRIC = ("two-cylinder", "two-slider-press", "elliptic-trammel", "geared-press", "kozhevnikov-press")  # tied peaks
-CHANGED = {  # the larger of two tied values has no slope
-    "elliptic-trammel": {"gravity": ["0.2 m/s^2", "-0.5 m/s^2"]},  # one way round it is as the other otherwise
-    "oscillating-cylinder": {"groups[1].offset": "5 mm"},  # or its transmission angle is a right one all along
-    "two-cylinder": {  # its twins are nearly tied otherwise; nor is a peak smooth where two loads switch as one
+SYMMETRIC = ("two-cylinder", "two-slider-press", "elliptic-trammel", "geared-press", "kozhevnikov-press")  # equal peaks
+CHANGED = {  # the larger of two equal values has no slope
+    "elliptic-trammel": {"gravity": ["0.2 m/s^2", "-0.5 m/s^2"]},  # otherwise it is the same in both senses
+    "oscillating-cylinder": {"groups[1].offset": "5 mm"},  # or its transmission angle is a right angle throughout
+    "two-cylinder": {  # otherwise its pairs are nearly equal; and a peak is not smooth where two loads switch together
         "groups[1].guide.offset": "25 mm",
         "loads[0].force": [0, "-2600 N"],
         "loads[0].window": ["272 deg", "93 deg"],
@@ -68,15 +68,15 @@ CHANGED = {  # the larger of two tied values has no slope
         "loads[2].window": ["98 deg", "281 deg"],
         "loads[3].window": ["277 deg", "84 deg"],
     },
-    "scissor-lift": {"loads[0].force": [0, "-3000 N"]},  # both bars are loaded alike otherwise
+    "scissor-lift": {"loads[0].force": [0, "-3000 N"]},  # otherwise both bars carry the same load
     "two-slider-press": {"groups[1].guide.offset": "3 mm", "links.crank.centre": "20 mm"},
 }
 H = 3e-4  # step of the differences
 FINER = {"scissor-lift": 3e-5}  # its forces are steep where it is folded
-ZERO = {"Andrews' squeezer": 3e-5}  # what its share is taken of where a number is zero; this one weighs grams
+ZERO = {"Andrews' squeezer": 3e-5}  # the scale of a change of a zero; this machine weighs grams
 EVEN = {  # measures without slope
     "andrews-squeezer": ("mean_drive_torque",),  # without loads
-    "scissor-lift": (  # a law holds the crank's speed, weights and inertia count for nothing beside the load
+    "scissor-lift": (  # a motion law prescribes the crank speed, weights and inertia are negligible beside the load
         "delta", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque", "flywheel_for_target_delta",
         "peak_shaking_force", "peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed",
         "min_transmission_angle",
@@ -86,7 +86,7 @@ EVEN = {  # measures without slope
 
 @functools.cache
 def swept(name: str) -> lj.Scene:
-    """A built-in scene, changed a little where its measures are not smooth."""
+    """A built-in scene, changed slightly where its measures are not smooth."""
     scene = lj.load(name, CHANGED.get(name, {}))
     if name not in SYMMETRIC:
         return scene
@@ -125,14 +125,14 @@ def around(scene: lj.Scene, shifts: jax.Array, directions: jax.Array, names: tup
 
 @compiled_soon(static=("names",))
 def backward(scene: lj.Scene, weights: jax.Array, names: tuple[str, ...]) -> lj.Scene:
-    """Gradient of the weighted sum of measures. By the scene itself and one at a time: what goes through `varied`, or
-    is pulled back in a loop, compiles ten times longer for a machine of many groups."""
+    """Gradient of the weighted sum of measures. With respect to the scene itself and one at a time: a program through
+    `varied`, or with pullbacks in a loop, compiles ten times longer for a machine of many groups."""
     return jax.grad(lambda scene: weights @ every(scene, names, MANY))(scene)
 
 
 @functools.cache
 def gradients(name: str, group: str) -> np.ndarray:
-    """Gradients of measures by what `varied` is given: (measures, numbers)."""
+    """Gradients of measures with respect to the arguments of `varied`: (measures, numbers)."""
     scene, names = swept(name), names_of(name, group)
     leaves = np.asarray(jax.tree.leaves(scene))
     size = np.where(leaves == 0, ZERO.get(scene.title, 0.3), leaves)
@@ -147,8 +147,8 @@ def all_values(name: str) -> np.ndarray:
 
 @functools.cache
 def neighbours(name: str, group: str) -> tuple[np.ndarray, np.ndarray]:
-    """Measures with every number two steps down, one down, one up and two up, and (last row) as it is; and their
-    derivatives by every number, forwards: (numbers, measures). One program for both."""
+    """Measures with every number two steps down, one down, one up and two up, and (last row) unchanged; and their
+    derivatives with respect to every number, forward: (numbers, measures). One program for both."""
     count, h = len(jax.tree.leaves(swept(name))), FINER.get(name, H)
     steps = np.concatenate([*(k * h * np.eye(count) for k in (-2, -1, 1, 2)), np.zeros((1, count))])
     shifts = jnp.asarray(np.concatenate([steps, np.zeros((count, count))]))
@@ -159,7 +159,7 @@ def neighbours(name: str, group: str) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize(("name", "group"), CASES)
 def test_gradients(name, group):
-    """Finite, not zero, and the same forwards, backwards and by fourth-order differences, by every number."""
+    """Finite, not zero, and the same forward, in reverse and by fourth-order differences, for every number."""
     names, reverse, (f, ahead) = names_of(name, group), gradients(name, group), neighbours(name, group)
     assert np.all(np.isfinite(reverse))
     size = np.linalg.norm(reverse, axis=1, keepdims=True)
@@ -198,18 +198,18 @@ POWERS = {
 @pytest.mark.parametrize("units", [(1e3, 1e-3, 1.0), (1e-6, 1e-18, 1e-2), (1e6, 1e9, 1e3)])
 @pytest.mark.parametrize("name", SCENES)
 def test_unchanged_by_units(name, units):
-    """Millimetres and tonnes, micro machines and giants: the same numbers in their own units."""
+    """Millimetres and tonnes, very small and very large machines: the same numbers in their own units."""
     before, names = all_values(name), names_of(name)
     after = np.asarray(values(resized(swept(name), *units), names=names, nodes=FEW))
     back = [np.prod([u**-p for u, p in zip(units, POWERS[MEASURES[n].unit], strict=True)]) for n in names]
-    even = np.asarray([n in EVEN.get(name, ()) for n in names])  # zeros, but for rounding beside kilonewtons
+    even = np.asarray([n in EVEN.get(name, ()) for n in names])  # zeros, except for rounding beside kilonewtons
     assert np.all(np.abs(after * back - before) <= 1e-9 * np.abs(before) + np.where(even, 1e-10, 1e-12))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_an_analysis_holds_the_same_numbers(name):
-    """What `measured` reads from a cycle, found by other programs; a target for the flywheel only some scenes have."""
+    """The values that `measured` reads from a cycle, from other programs; only some scenes have a target for δ."""
     found = measured(lj.analyse(swept(name), angles=4, nodes=FEW))
     expected = dict(zip(names_of(name), all_values(name), strict=True))
     assert set(expected) - set(found) <= {"flywheel_for_target_delta"}
@@ -219,7 +219,7 @@ def test_an_analysis_holds_the_same_numbers(name):
 
 
 def test_windows_that_switch_together_do_not_shake():
-    """At constant speed no load shakes the frame: its window has no slope, even where a panel has no width."""
+    """At constant speed no load shakes the frame: its window has no slope, even in a panel of zero width."""
     scene = machine("slider-crank")
     both = lj.Window(jnp.asarray(0.7), jnp.asarray(4.0))
     loads = tuple(lj.Torque(name, "crank", torque=-size, window=both) for name, size in (("one", 3.0), ("two", 5.0)))
@@ -240,7 +240,7 @@ def switched_together() -> lj.Scene:
 
 @functools.cache
 def by_single_ends(measure) -> np.ndarray:
-    """Derivatives by each end of each window of `switched_together`, (loads, ends)."""
+    """Derivatives with respect to each end of each window of `switched_together`, (loads, ends)."""
     slope = compiled_soon(jax.grad(measure))(switched_together())
     return np.asarray([[load.window.on, load.window.off] for load in slope.loads[1:]])
 
@@ -254,7 +254,7 @@ def swing(scene: lj.Scene) -> jax.Array:
 
 
 def test_windows_that_switch_together_count_each_for_itself():
-    """The drive makes up for what a load gives where it begins or ends, whatever else switches there (closed form)."""
+    """The drive compensates a load at its beginning and end, whatever else switches there (closed form)."""
     scene = switched_together()
     torque = np.asarray([float(load.torque) for load in scene.loads if isinstance(load, lj.Torque)])
     expected = torque[:, None] * np.asarray([1, -1]) / scene.cycle
@@ -262,7 +262,7 @@ def test_windows_that_switch_together_count_each_for_itself():
 
 
 def test_the_swing_by_a_window_that_switches_with_others():
-    """By differences: the window moved out of the row, both ways."""
+    """By differences: the window shifted separately, in both directions."""
     program, scene = compiled_soon(swing), switched_together()
     found, h = by_single_ends(swing), 1e-4
     for i, end in itertools.product(range(4), (0, 1)):
@@ -289,7 +289,7 @@ SLOW_ROWS = [pytest.param(name, marks=pytest.mark.slow) for name in ("delta", "p
 
 @pytest.mark.parametrize("name", ["min_inertia_ratio", *SLOW_ROWS])
 def test_rows_where_windows_switch_together(name):
-    """In a panel without width nothing can be found that is no number; the extreme row is the measure itself."""
+    """In a panel of zero width there is no NaN; the extreme row is the measure itself."""
     measure = MEASURES[name]
     all_rows = measure.rows
     assert all_rows is not None
@@ -309,7 +309,7 @@ def test_rows_where_windows_switch_together(name):
 
 
 def test_an_analysis_where_windows_switch_together():
-    """Every number of it is one, whatever the windows share."""
+    """All of its values are finite, for all common ends of windows."""
     both = lj.Window(4.1887902047863905, 1.6951199159934145)
     sizes = {"a": -26.280501500841055, "b": -329.0426908961035}
     loads = tuple(lj.Torque(name, "crank", torque=size, window=both) for name, size in sizes.items())

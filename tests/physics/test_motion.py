@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
 # pyright: reportReturnType=false, reportOptionalMemberAccess=false
-"""The steady regime against differential equations, energy, its own definition; and how honestly evaluations count."""
+"""The steady motion against differential equations, energy, its own definition; and the count of evaluations."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def at(name: str, phi) -> tuple[np.ndarray, np.ndarray]:
 
 
 def panels(name: str) -> list[tuple[float, float]]:
-    """The cycle cut at the jumps of the loads, and some more."""
+    """The cycle divided at the jumps of the loads, and further."""
     scene = machine(name)
     jumps = oracle.jumps(scene)
     first = jumps[0] if jumps.size else 0.0
@@ -81,7 +81,7 @@ def along(name: str, points: int):
 )
 def test_quadrature_and_diffrax_agree(name):
     scene = machine(name)
-    nodes = 192 if name in ("geared", "rolling") else 96  # its wheels turn faster than the crank
+    nodes = 192 if name in ("geared", "rolling") else 96  # its gears turn faster than the crank
     one, two = regime(name), compiled_soon(lambda scene: steady_by_diffrax(scene, nodes))(scene)
     for field in ("delta", "max_speed", "min_speed", "drive_torque", "mean_speed", "period", "energy"):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), rel=1e-9), field
@@ -124,7 +124,7 @@ def test_accuracy_for_the_evaluations(nodes, evaluations, error):
     ("name", "mean"), [("hay-press-slider", "time"), ("hay-press", "time"), ("four-bar", "midrange")]
 )
 def test_evaluations_are_counted_honestly(name, mean, monkeypatch):
-    """Every pose begins with the crank: count at run time how often it is asked for its place."""
+    """Every pose begins with the crank: count at run time how often its position is evaluated."""
     seen = []
     solve = Crank.solve
 
@@ -149,7 +149,7 @@ def test_evaluations_are_counted_honestly(name, mean, monkeypatch):
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_the_time_mean_is_honoured(name):
-    """The duration of the cycle, integrated anew."""
+    """The duration of the cycle, integrated independently."""
     scene = machine(name)
     phi, weights = along(name, 60)
     period = np.sum(weights / at(name, phi)[0])
@@ -161,7 +161,7 @@ def test_the_time_mean_is_honoured(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["hay-press", "clockwise"])
 def test_the_midrange_is_honoured(name):
-    """(ω_max + ω_min) / 2, with the extremes looked for by another search."""
+    """(ω_max + ω_min) / 2, with the extremes from another search."""
     scene = dataclasses.replace(machine(name), mean="midrange")
     got = quadrature(scene, nodes=FINE)
     scan = np.linspace(0.0, 2 * math.pi, 2000)
@@ -212,7 +212,7 @@ def test_the_equation_of_motion_holds(name):
 
 @pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "four-bar"])
 def test_no_periodic_regime(name):
-    """Below the lowest mean speed the energy runs out; just above it does not. Nothing is ever NaN."""
+    """Below the lowest mean speed the energy is insufficient; just above it is sufficient. Nothing is ever NaN."""
     scene = refitted(machine(name), jnp.asarray(0.0))
     slow = dataclasses.replace(scene, speed=0.05 * scene.speed)
     margin_and_slope = compiled_soon(
@@ -226,7 +226,7 @@ def test_no_periodic_regime(name):
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves((got, gradient)))
     lowest = got.min_mean_speed
     assert float(lowest) > float(slow.speed)
-    for _ in range(3):  # what counts as running is in proportion to the speed asked for
+    for _ in range(3):  # the threshold for running is in proportion to the given speed
         lowest = margin_and_slope(dataclasses.replace(scene, speed=lowest))[0].min_mean_speed
     margins = [
         margin_and_slope(dataclasses.replace(scene, speed=lowest * k))[0].steady_state_margin for k in (0.98, 1.02)
@@ -248,7 +248,7 @@ def test_flywheel_for_a_wanted_fluctuation(name):
     fitted = refitted(scene, inertia)
     assert float(quadrature(fitted, nodes=96).delta) == pytest.approx(target, rel=1e-10)
     more = fit(eqx.tree_at(lambda s: s.mechanism.flywheel.inertia, scene, jnp.asarray(3.0)), jnp.asarray(target))
-    assert float(more) == pytest.approx(float(inertia), rel=1e-10)  # whatever flywheel there was
+    assert float(more) == pytest.approx(float(inertia), rel=1e-10)  # for any initial flywheel
 
 
 def test_textbook_flywheel():
@@ -257,7 +257,7 @@ def test_textbook_flywheel():
     got = float(compiled_soon(textbook_flywheel)(regime("hay-press"), jnp.asarray(0.15)))
     assert got == pytest.approx(5.75, abs=0.005)
     drive = float(regime("hay-press").drive_torque)
-    turns = [a for a, _ in panels("hay-press")]  # the excess work turns where the excess torque does, or jumps
+    turns = [a for a, _ in panels("hay-press")]  # extremes of the excess work are zeros or jumps of the excess torque
     for low, high in panels("hay-press"):
         scan = np.linspace(low + 1e-12, high - 1e-12, 200)
         excess = oracle.reduction(scene, scan).torque + drive

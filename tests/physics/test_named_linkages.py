@@ -1,10 +1,10 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false, reportCallIssue=false
-"""Linkages known by name whose groups are of a high class, and a cylinder between two moving links, by other roads.
+"""Named linkages whose groups are of higher class, and a cylinder between two moving links, by independent methods.
 
-Here a linkage is a handful of loops: sums of arms turned by the angles of links, closed by SciPy from one crank angle
-to the next. Rates solve the loops' first and second derivatives. A reaction is what virtual power says: the joint is
-moved apart by a hair while the crank stands still, and what the joint does on that way all weights, loads and inertia
-do elsewhere.
+Here a linkage is a set of loops: sums of arms turned by the angles of links, closed by SciPy from one crank angle to
+the next. Rates solve the first and second derivatives of the loops. A reaction follows from virtual power: the joint
+is separated by a small displacement while the crank is fixed, and the work of the joint on this displacement is the
+work of all weights, loads and inertia elsewhere.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ STROKE = 0.55, 0.42  # m, of the cylinder
 
 
 class Named(NamedTuple):
-    """Places of points at crank angle zero (the frame's first), the pins of links, crank first, the loops that close
-    them, each from a point of the frame to another, link by link, and the formula that is to be found."""
+    """Positions of points at crank angle zero (the frame's first), the pins of links, crank first, the loops that close
+    them, each from a point of the frame to another, link by link, and the expected formula."""
 
     fixed: dict[str, complex]
     sketch: dict[str, complex]
@@ -44,10 +44,10 @@ class Named(NamedTuple):
     formula: str
 
 
-# In Stephenson's chain two links have three joints each; two bars join them one by one, and two in a row. II stands on
-# one of those in a row, III on a link with three joints; driven from the far side, by one of those in a row, III is no
-# four-bar with a dyad. In the double butterfly, of eight links, four have three joints, two and two of these are pinned
-# to each other, and no loop has less than five links; it stands on one of the four.
+# In Stephenson's chain two links have three joints each; two bars join them one by one, and two in series. II is fixed
+# at one of those in series, III at a link with three joints; driven from the far side, by one of those in series, III
+# is no four-bar with a dyad. In the double butterfly, of eight links, four have three joints, two and two of these are
+# pinned to each other, and no loop has less than five links; it is fixed at one of the four.
 LINKAGES = {
     "Stephenson II": Named(
         {"A": 0j, "D": 0.7 + 0.06j},
@@ -83,7 +83,7 @@ LINKAGES = {
 
 
 def scene(named: Named) -> lj.Scene:
-    """The linkage drawn by links and joints, at work."""
+    """The linkage drawn by links and joints, with loads."""
     at, links = named.fixed | named.sketch, {}
     for number, (name, pins) in enumerate(named.links.items()):
         axis = at[pins[1]] - at[pins[0]]
@@ -109,7 +109,7 @@ class Turned(NamedTuple):
 
 
 class Loops:
-    """The linkage by its loops. `x` are the angles of all links but the crank, in their order."""
+    """The linkage by its loops. `x` are the angles of all links except the crank, in their order."""
 
     def __init__(self, named: Named, scene: lj.Scene):
         self.named, self.scene, self.links = named, scene, list(named.links)
@@ -124,7 +124,7 @@ class Loops:
         self.x = np.array([np.angle(drawn[pins[1]] - drawn[pins[0]]) for pins in named.links.values()])[1:]
 
     def sums(self, way: list[str], terms: np.ndarray) -> complex:
-        """The arms of a way, each times the term of its link."""
+        """The arms of a path, each times the term of its link."""
         steps = zip(way[0::2], way[1::2], way[2::2], strict=False)
         return sum(
             (self.arms[link][to] - self.arms[link][at]) * terms[self.links.index(link)] for at, link, to in steps
@@ -141,13 +141,13 @@ class Loops:
         return np.ravel([(gap.real, gap.imag) for gap in gaps])
 
     def close(self, phi: float) -> np.ndarray:
-        """The angles of all links, from where the linkage stands."""
+        """The angles of all links, from the present configuration."""
         self.x, told, _, _ = fsolve(self.left, self.x, (phi,), full_output=True, xtol=1e-13)
         assert np.max(np.abs(told["fvec"])) < 1e-13
         return np.append(phi, self.x)
 
     def solved(self, terms, right: list[complex]) -> np.ndarray:
-        """Rates of the angles for which the loops move by what is on the right."""
+        """Rates of the angles for which the loops move by the right-hand side."""
         columns = [[self.sums(way, 1j * terms * one) for way in self.loops] for one in np.eye(len(self.links))[1:]]
         matrix = np.array([[part for z in column for part in (z.real, z.imag)] for column in columns]).T
         return np.linalg.solve(matrix, np.ravel([(z.real, z.imag) for z in right]))
@@ -169,7 +169,7 @@ class Loops:
         return start + self.sums(way, u), self.sums(way, 1j * u * w), self.sums(way, u * (1j * e - w**2))
 
     def forces(self, here: Turned) -> dict[str, tuple[complex, float]]:
-        """What weight, loads and inertia do to every link, at its centre: a force and a couple."""
+        """Force and couple of weight, loads and inertia on every link, at its centre."""
         found, gravity = {}, complex(self.scene.gravity.x, self.scene.gravity.y)
         for k, name in enumerate(self.links):
             link, (s, v, a) = self.scene.mechanism.links[name], self.point(here, f"S{name}", name)
@@ -186,7 +186,7 @@ class Loops:
         return found
 
     def power(self, here: Turned, forces, turns: np.ndarray, moves: dict[str, complex]) -> float:
-        """Of these forces where links turn, and their centres move besides."""
+        """Power of these forces for given rotations of links and displacements of their centres."""
         found = 0.0
         for k, (name, (force, couple)) in enumerate(forces.items()):
             v = self.sums(self.way_to(f"S{name}", name), 1j * here.u * turns) + moves.get(name, 0j)
@@ -194,10 +194,10 @@ class Loops:
         return found
 
     def reaction(self, here: Turned, forces, joint: str, link: str) -> complex:
-        """On a link at a joint: that is moved away from all others there, along x and y."""
+        """On a link at a joint: it is separated from all others there, along x and y."""
 
         def shifted(way: list[str], by: complex) -> complex:
-            """How much further a way ends."""
+            """The additional displacement of the end of a path."""
             ends = [(way[i - 1] if i else "", way[i + 1] if i + 1 < len(way) else "") for i in range(0, len(way), 2)]
             return sum(by * ((on == link) - (off == link))
                        for (off, on), at in zip(ends, way[0::2], strict=True) if at == joint)  # fmt: skip
@@ -218,7 +218,7 @@ def everything(scene, angles):
 
 
 def near(got, truth, size: float | None = None) -> None:
-    """SciPy closes the loops to 1e-13, and rates are some ten times as sensitive; of the largest in the turn."""
+    """SciPy closes the loops to 1e-13, and rates are about ten times as sensitive; of the largest in the turn."""
     size = float(np.max(np.abs(truth))) if size is None else size
     np.testing.assert_allclose(got, truth, rtol=0, atol=1e-11 * size)
 
@@ -227,7 +227,7 @@ def near(got, truth, size: float | None = None) -> None:
     "name", [n if n == "Stephenson II" else pytest.param(n, marks=pytest.mark.slow) for n in LINKAGES]
 )
 def test_linkages_by_name(name):
-    """Directions, first and second coefficients, points, drive torque and every reaction, all round the turn."""
+    """Directions, first and second coefficients, points, drive torque and every reaction, over the whole turn."""
     named, machine = LINKAGES[name], scene(LINKAGES[name])
     assert structure(machine.mechanism).formula(numbers=True) == named.formula
     here, forces = jax.device_get(everything(machine, jnp.asarray(ANGLES)))
@@ -259,7 +259,7 @@ def test_linkages_by_name(name):
 
 
 def loader() -> lj.Scene:
-    """A four-bar that a cylinder moves, between its lever and its rocker: both its ends move."""
+    """A four-bar moved by a cylinder between its lever and its rocker: both ends of the cylinder move."""
     links = {
         "lever": Link(length=0.5, mass=3.0, inertia=0.06, centre=Vec(0.22, 0.03), pins=("A", "B", "K"),
                       points={"K": Vec(0.2, -0.06)}),
@@ -294,7 +294,7 @@ def four_bar(lever) -> dict[str, Any]:
 
 
 def moved(phi) -> dict[str, Any]:
-    """The same by the crank angle: the lever stands where the cylinder has its length."""
+    """The same by the crank angle: the lever is where the cylinder has its prescribed length."""
     start, stop = (mpmath.mpf(end) for end in STROKE)
     length = (start + stop) / 2 + (start - stop) / 2 * mpmath.cos(phi)
     lever = mpmath.findroot(
@@ -305,7 +305,7 @@ def moved(phi) -> dict[str, Any]:
 
 def cylinder_by_mpmath(machine: lj.Scene, phi: float) -> dict[str, Any]:
     """Every quantity of `moved` with its rates (of a direction those of its angle), by differences of 50 digits; and
-    the push of the cylinder, which does what all else would undo."""
+    the force of the cylinder, whose power balances that of all other forces."""
     with mpmath.workdps(50):
         h = mpmath.mpf("1e-15")
         before, here, after = (moved(mpmath.mpf(phi) + k * h) for k in (-1, 0, 1))
@@ -318,7 +318,7 @@ def cylinder_by_mpmath(machine: lj.Scene, phi: float) -> dict[str, Any]:
             found[name] = z, (ahead + behind) / (2 * h), (ahead - behind) / h**2
 
         def point(start: str, link: str, at: Vec):
-            """A point of a link, from where its axes begin."""
+            """A point of a link, from the origin of its axes."""
             (p, v, a), (u, w, e) = found[start], found[link]
             arm = mpmath.mpc(float(at.x), float(at.y)) * u
             return p + arm, v + 1j * w * arm, a + (1j * e - w**2) * arm
@@ -341,7 +341,7 @@ def cylinder_by_mpmath(machine: lj.Scene, phi: float) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_a_cylinder_between_two_moving_links():
-    """Places, coefficients, and the push of the cylinder by virtual power, against the four-bar in closed form."""
+    """Positions, coefficients, and the cylinder force by virtual power, against the four-bar in closed form."""
     machine, angles = loader(), ANGLES + 0.2
     here, forces = jax.device_get(everything(machine, jnp.asarray(angles)))
     truth = [cylinder_by_mpmath(machine, float(phi)) for phi in angles]

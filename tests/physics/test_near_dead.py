@@ -1,4 +1,4 @@
-"""What is left of position, coefficients, reactions and gradients at 1e-2 … 1e-14 of a length from a dead position."""
+"""Errors of position, coefficients, reactions and gradients at 1e-2 … 1e-14 of a length from a singular position."""
 
 import math
 
@@ -13,7 +13,7 @@ QUICK = ("stretched", "parallel")
 
 @pytest.mark.parametrize("case", [c if c in QUICK else pytest.param(c, marks=pytest.mark.slow) for c in CASES])
 def test_errors_grow_as_the_condition_of_the_problem_does(case):
-    """At most ten times what half a unit of rounding in every number of the design and in the result does to it."""
+    """At most ten times the effect of half a rounding unit in every number of the design and in the result."""
     for distance in DISTANCES:
         for part, found in judged(case, distance).items():
             assert found.excess() <= 10, (distance, part)
@@ -22,8 +22,8 @@ def test_errors_grow_as_the_condition_of_the_problem_does(case):
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_at_every_power_of_ten(case):
-    """The same, and that the condition itself grows as it must: the height of a dyad's crossing is the root of the
-    distance, rates are over that height and its powers; where two lines cross is over the distance itself."""
+    """The same, and the growth of the condition number: the height of a dyad's intersection is the root of the
+    distance, rates are over that height and its powers; the intersection of two lines is over the distance itself."""
     conditions = []
     for exponent in range(2, 15):
         found = judged(case, 10.0**-exponent)
@@ -39,6 +39,6 @@ def test_at_every_power_of_ten(case):
     "exponent", [e if e in (4, 10) else pytest.param(e, marks=pytest.mark.slow) for e in range(2, 15)]
 )
 def test_general_groups_pass_a_dead_position(case, exponent):
-    """The same of a dyad that is closed by Newton's method, while the crank leads it past the position."""
+    """The same for a dyad closed by Newton's method, while the crank moves it past the position."""
     for part, found in judged(case, 10.0**-exponent).items():
         assert found.excess() <= 10, part

@@ -1,7 +1,7 @@
 """A structural group written outside linkjax, as a user would: nothing else has to change for it.
 
-The slotted lever of a shaper: a block on the crank pin slides along a lever that swings about the frame, and the lever
-drives the ram.
+The slotted lever of a shaper: a block on the crank pin slides along a lever that oscillates about the frame, and the
+lever drives the ram.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class SlottedLever(AbstractGroup):
         return {self.block: (self.from_, None), self.lever: (self.about, self.end)}
 
     def _reach(self, points):
-        """Distance of the block from the lever's pivot, its derivatives, and the lever's state."""
+        """Distance of the block from the lever pivot, its derivatives, and the state of the lever."""
         b, a = points[self.from_], points[self.about]
         d, v, c = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
         r = safe_sqrt(d.squared())
@@ -115,7 +115,7 @@ def test_the_whole_analysis_holds(shaper):
     assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-10
     assert cycle.forces.reactions["block.guide"].keys() == {"block", "lever"}
     assert 0 < float(cycle.delta_error) < 1e-6 * float(cycle.delta)
-    # the lever is nearest to its pivot's dead position when crank and lever are in line
+    # the lever is nearest to its singular position when crank and lever are in line
     assert float(cycle.margins["block-lever"]["pivot"].value) == pytest.approx((0.35 - 0.12) / 0.75, rel=1e-12)
     assert float(cycle.work["drive"]) == pytest.approx(-float(cycle.work["cut"]), rel=1e-12)
 
@@ -131,7 +131,7 @@ def test_it_can_be_drawn(shaper, tmp_path):
 
 
 def test_positions_and_rates(shaper):
-    """The lever's angle in closed form, every rate by nested differentiation."""
+    """The lever angle in closed form, every rate by nested differentiation."""
     phi = jnp.linspace(0.1, 6.2, 17)
 
     @compiled_soon
@@ -166,7 +166,7 @@ def test_positions_and_rates(shaper):
 
 
 def test_gradients_flow_through_it(shaper):
-    """δ by the lever's length and the pivot's height, against central differences."""
+    """δ over the lever length and the pivot height, against central differences."""
 
     def delta(x):
         mechanism = shaper.mechanism
@@ -184,7 +184,7 @@ def test_gradients_flow_through_it(shaper):
 
 
 def test_it_is_solved_in_mujoco(shaper):
-    """The export knows a group by its joints: a block has the axes of its guide."""
+    """The export uses the joints of a group: a block has the axes of its guide."""
     apart = compared(shaper)
     assert apart.position < 1e-12
     assert apart.torque < 1e-8

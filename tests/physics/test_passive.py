@@ -1,4 +1,4 @@
-"""Passive links: found where a chain moves though its joints are too many, analysed, and their joints named."""
+"""Redundant links: found where a chain moves despite too many joints, analysed, and their joints named."""
 
 import math
 
@@ -36,7 +36,7 @@ ARM, LONG = 0.1, 0.4
 
 
 def parallel(more: dict[str, float], off: float = 0.0, drawn: bool = True) -> Mechanism:
-    """A parallelogram with further cranks at these places along coupler and frame, too long by `off`."""
+    """A parallelogram with additional cranks at these points along coupler and frame, too long by `off`."""
     links = {
         "crank": Link(length=ARM, mass=1.0, pins=("A", "B")),
         "coupler": Link(length=LONG, mass=2.0, inertia=0.02, centre=Vec(0.15, 0.01), pins=("B", "C", *more),
@@ -57,7 +57,7 @@ def parallel(more: dict[str, float], off: float = 0.0, drawn: bool = True) -> Me
 
 
 def test_a_third_and_a_fourth_parallel_crank():
-    """They are found, and stand as the others do."""
+    """They are found, and have the same motion as the others."""
     for more in ({"F": 0.2}, {"F": 0.2, "G": 0.1}):
         mechanism = parallel(more)
         names = [f"crank{name}" for name in more]
@@ -66,7 +66,7 @@ def test_a_third_and_a_fourth_parallel_crank():
         assert mechanism.formula() == f"I1(crank) → II1(coupler, rocker) → {told}"
         found, count = structure(mechanism), len(more)
         assert found.mobility == 1 - count
-        assert found.mobility_told() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"
+        assert found.mobility_formula() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"
         here = compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(ANGLES)))(mechanism)
         for name in names:
             np.testing.assert_allclose(here.links[name].u.x, np.cos(1.0 + ANGLES), atol=1e-14)
@@ -75,8 +75,8 @@ def test_a_third_and_a_fourth_parallel_crank():
 
 
 def test_forces_of_a_passive_crank():
-    """It carries its own weight and inertia alone: across its axis by its moment, the rest at the frame; the drive
-    torque is what the energy of the whole asks for; every joint that shares is named."""
+    """It carries only its own weight and inertia: transverse to its axis by its moment, the rest at the frame; the
+    drive torque is that of the energy balance of the whole machine; every joint that shares loads is named."""
     mechanism, g, speed = parallel({"F": 0.2}), 9.81, 12.0
     scene = lj.Scene(mechanism, (lj.OpposingTorque("brake", "rocker", magnitude=2.0),), Vec(0.0, -g), speed)
     three = jax.vmap(lambda phi: kinetostatics(scene, phi, jnp.asarray(speed), jnp.asarray(0.0)))
@@ -88,14 +88,14 @@ def test_forces_of_a_passive_crank():
     far, near = (found.reactions[joint]["crankF"] for joint in ("F", "F0"))
     np.testing.assert_allclose(np.asarray(far.fx) + 1j * np.asarray(far.fy), across, rtol=1e-11)
     np.testing.assert_allclose(np.asarray(near.fx) + 1j * np.asarray(near.fy), -load - across, rtol=1e-11)
-    arms = [(1.0, 0.0), (2.0, ARM), (1.0, 0.05), (1.5, complex(0.04, 0.01))]  # what moves up and down, by the crank
+    arms = [(1.0, 0.0), (2.0, ARM), (1.0, 0.05), (1.5, complex(0.04, 0.01))]  # vertical motion, driven by the crank
     rise = sum(m * (1j * arm * u).imag for m, arm in arms)
     np.testing.assert_allclose(found.drive_torque, g * rise + 2.0, rtol=1e-11)
     assert set(indeterminate(mechanism)) == {"A", "B", "C", "D", "F", "F0"}
 
 
 def press() -> Mechanism:
-    """A ram in its guide, and a shoe of it in another beside it."""
+    """A ram in its guide, and a shoe of it in a parallel guide."""
     links = {
         "crank": Link(length=0.1, mass=1.0, pins=("A", "B")), "rod": Link(length=0.4, mass=2.0, pins=("B", "U")),
         "ram": Link(mass=3.0, points={"K": Vec(0.1, 0.05)}, pins=("U", "K")), "shoe": Link(mass=0.2, pins=("K",)),
@@ -108,7 +108,7 @@ def press() -> Mechanism:
 
 
 def test_a_doubled_guide():
-    """The shoe is found; the force across and the couple of both guides are shared, and the pin between."""
+    """The shoe is found; transverse force and couple of both guides are shared, and the pin between them."""
     mechanism = press()
     assert mechanism.formula() == "I1(crank) → II2(rod, ram) → passive(shoe)"
     assert set(indeterminate(mechanism)) == {"ram.guide", "shoe.guide", "K"}
@@ -116,7 +116,7 @@ def test_a_doubled_guide():
 
 @pytest.mark.slow
 def test_an_analysis_names_what_is_shared():
-    """In its document; energy and virtual power close."""
+    """In its document; energy and virtual power balance."""
     mechanism = press()
     cycle = lj.analyse(
         lj.Scene(mechanism, (lj.OpposingForce("cut", "ram", "U", magnitude=50.0),), speed=9.0), angles=36
@@ -141,8 +141,8 @@ def trammel() -> Mechanism:
 
 
 def test_a_change_point_that_a_passive_link_passes():
-    """Where the rest could go either way only the passive block holds the bar: reactions have no bound if it carries
-    nothing, but drive torque and what the frame bears do not depend on it, and are Newton's at the very point, too."""
+    """At a change point of the rest only the redundant slider holds the bar: reactions are unbounded if it carries
+    nothing, but drive torque and frame forces do not depend on it, and equal Newton's, also at this point."""
     mechanism, g, speed, grows = trammel(), 9.81, 12.0, jnp.asarray(-3.0)
     scene = lj.Scene(prepared(mechanism), (), Vec(0.0, -g), speed)
     phi = np.concatenate([np.radians([30.0, 210.0, 120.0]), np.pi / 6 + np.array([1e-9, -1e-6, 1e-4]), ANGLES])
@@ -166,7 +166,7 @@ def test_a_change_point_that_a_passive_link_passes():
 
 @pytest.mark.slow
 def test_an_analysis_through_such_a_point():
-    """Only what depends on the passive link is not told there."""
+    """Only results that depend on the redundant link are omitted there."""
     scene = lj.Scene(trammel(), (lj.OpposingForce("pen", "bar", "X", magnitude=5.0),), Vec(0.0, -9.81), 6.0)
     cycle = lj.analyse(scene, angles=36)
     assert float(cycle.checks.virtual_power) < 1e-11 and float(cycle.checks.force_balance) < 1e-11
@@ -185,14 +185,14 @@ def test_nothing_is_shared_in_a_plain_machine():
 
 
 def test_what_does_not_fit_holds_fast():
-    """Another length, and the chain cannot move, as its count says."""
-    told = r"'crankF' is 0.101 m, but as the rest moves its ends are 0.1 m apart; give it dimensions"
+    """With another length the chain cannot move, as given by its mobility."""
+    told = r"'crankF' is 0.101 m long, but the motion of the other links puts its ends 0.1 m apart; give it"
     with pytest.raises(StructureError, match=rf"links.crankF: nothing can move \(W = .* 3·4 - 2·6 = 0\): {told}"):
         parallel({"F": 0.2}, off=1e-3)
 
 
 def test_a_misfit_is_told():
-    """In groups one says oneself what is passive: a millionth of the length is let pass, more is not."""
+    """In groups the user marks redundant links: deviations of a millionth of the length are accepted, more are not."""
     links = {name: Link(length=long, mass=1.0, pins=()) for name, long in (("crank", 0.1), ("rod", 0.3), ("arm", 0.25))}
     links["rod"] = Link(length=0.3, mass=1.0, points={"F": Vec(0.3, 0.0)})
 
@@ -208,7 +208,7 @@ def test_a_misfit_is_told():
         lj.MachineError, match=r"group 'tie' does not fit: at .* degrees it is off by 0.00398 of its length"
     ):
         lj.analyse(scene(0.251), angles=12)
-    with pytest.raises(ValueError, match="both ends of an RedundantLink hang on the point 'D'"):
+    with pytest.raises(ValueError, match="both ends of a redundant link are attached to the point 'D'"):
         RedundantLink("tie", "D", "D")
 
 

@@ -1,7 +1,7 @@
-"""Random machines by the thousand: each group alone, and compositions of up to eight groups, against other roads.
+"""Thousands of random machines: each group alone, and compositions of up to eight groups, by independent methods.
 
-None of them is left out: what can be assembled at its crank angle is judged there, however near a dead position; groups
-closed by Newton's method where they can be followed from their sketch, and six degrees further at either end.
+None is omitted: a machine that can be assembled at its crank angle is checked there, also near a singular position;
+groups closed by Newton's method where they can be followed from their sketch, and six degrees further at either end.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ QUICK = [TOGETHER[0]]
 
 @pytest.fixture(scope="module")
 def verdicts(tell):
-    """Collects the verdicts under what they are about, and tells how near to what is allowed they come."""
+    """Collects the results by subject, and prints their ratio to the tolerance."""
     found: defaultdict[str, list[Verdict]] = defaultdict(list)
     yield found
     for about, each in found.items():
@@ -108,7 +108,7 @@ def test_compiled(case, verdicts):
 
 @pytest.mark.slow
 def test_what_is_wrong_is_seen(monkeypatch):
-    """A link of the group two parts in 10^12 too long, as linkjax solves it."""
+    """A link of the group two parts in 10^12 too long in the solution of linkjax."""
 
     def solve(self, links, states, points, phi, true=RRR.solve):
         longer = dataclasses.replace(links["a1"], length=links["a1"].length * (1 + 2e-12))
@@ -123,7 +123,7 @@ def test_what_is_wrong_is_seen(monkeypatch):
 
 @pytest.mark.slow
 def test_a_wrong_slope_of_a_reaction_is_seen(monkeypatch):
-    """Forces of the group that are right, with slopes that are not: forward and reverse mode agree on them."""
+    """Correct forces of the group with wrong slopes: forward and reverse mode agree on them."""
 
     def react(self, loads, states, points, true=RRR.react):
         x = points[self.meet].r.x

@@ -1,4 +1,4 @@
-"""A block on a lever (RPR): closed forms of the quick return, and where a linkage of this kind breaks."""
+"""A block on a lever (RPR): closed forms of the quick return, and the end of its range."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from linkjax.viz import machine_view
 from linkjax.viz._skeleton import places, skeleton
 
 APART, AXIS = math.hypot(10, 350), math.atan2(350, 10)  # of the bearings (mm), direction from lever's to crank's
-REST = math.asin(120 / APART)  # the lever's lean when the crank stands at right angles to it
+REST = math.asin(120 / APART)  # the lever angle when the crank is perpendicular to it
 
 
 def geneva(crank: float, apart: float, offset: float = 0.0, side: int = 1) -> Mechanism:
@@ -33,7 +33,7 @@ def geneva(crank: float, apart: float, offset: float = 0.0, side: int = 1) -> Me
 
 
 def test_the_quick_return():
-    """Swing, dead centres and time ratio of the shaper in closed form."""
+    """Oscillation angle, limit positions and time ratio of the shaper in closed form."""
     data = document(lj.analyse(lj.load("quick-return"), angles=36))
     lever, ram = data["strokes"]["lever"], data["strokes"]["R"]
     assert lever["value"] == pytest.approx(2 * REST, rel=1e-12)
@@ -50,7 +50,7 @@ def test_the_quick_return():
 
 
 def test_a_lever_that_comes_round():
-    """A crank longer than the frame (Whitworth): both turn; angle and rates in closed form."""
+    """A crank longer than the frame (Whitworth): both rotate fully; angle and rates in closed form."""
     mechanism, phi = geneva(0.2, 0.08), jnp.linspace(0.0, 6.2, 14)
     at = compiled_soon(jax.vmap(pose, in_axes=(None, 0)))(mechanism, phi).links["lever"]
     phi = np.asarray(phi)
@@ -64,7 +64,7 @@ def test_a_lever_that_comes_round():
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_an_eccentric_slot(side):
-    """The pin stays on the shifted line, ahead of or behind the pivot, however the numbers are scaled."""
+    """The pin stays on the shifted line, ahead of or behind the pivot, for all scales of the numbers."""
     for scale in (1e-6, 1.0, 1e6):
         mechanism = geneva(0.1 * scale, 0.3 * scale, 0.04 * scale, side)
         mechanism = eqx.tree_at(lambda m: m.links["lever"].length, mechanism, jnp.asarray(0.5 * scale))
@@ -78,7 +78,7 @@ def test_an_eccentric_slot(side):
     ("crank", "apart", "offset"), [(0.1, 0.12, 0.03), (0.1, 0.1, 0.0), (0.1, 0.1, 0.02), (0.1, 0.0, 0.2)]
 )
 def test_where_it_cannot_be(crank, apart, offset):
-    """The pin closer to the pivot than the slot is: told by the margin, the gradient leads out."""
+    """The pin closer to the pivot than the slot: shown by the margin, the gradient leads out."""
     mechanism = geneva(crank, apart, offset)
     least = compiled_soon(assembly_margins)(mechanism)["lever-die"]["pivot"]
     assert float(least.value) == pytest.approx((abs(crank - apart) - offset) / 0.5, abs=1e-9)
@@ -95,7 +95,7 @@ def test_where_it_cannot_be(crank, apart, offset):
 
 @pytest.mark.parametrize("offset", [0.0, 0.03])
 def test_the_pin_right_on_the_pivot(offset):
-    """Everything finite in both modes: place, rates, forces, transmission angle."""
+    """Everything finite in both modes: position, rates, forces, transmission angle."""
     mechanism = dataclasses.replace(geneva(0.1, 0.0, offset), fixed={"O": Vec(0.0, 0.0), "P": Vec(0.1, 0.0)})
     scene = lj.Scene(mechanism, speed=10.0)
     leaves, tree = jax.tree.flatten(scene)
@@ -115,7 +115,7 @@ def test_the_pin_right_on_the_pivot(offset):
 
 
 def test_the_offset_that_transmits_best():
-    """None at all: the transmission angle is acute on one side and obtuse on the other, and its rows know both."""
+    """None at all: the transmission angle is acute on one side and obtuse on the other, and its rows contain both."""
     scene = lj.Scene(geneva(0.1, 0.3), speed=10.0)
     found = lj.optimise(scene, {"groups.lever-die.offset": "-20 to 50 mm"}, maximise="min_transmission_angle",
                         starts=2)  # fmt: skip
@@ -125,7 +125,7 @@ def test_the_offset_that_transmits_best():
 
 
 def test_how_it_is_drawn():
-    """The block lies along its lever, at every crank angle."""
+    """The block is parallel to its lever, at every crank angle."""
     scene = lj.load("quick-return")
     data = document(lj.analyse(scene, angles=36))
     look = skeleton(data, scene)
@@ -147,13 +147,13 @@ def test_how_it_is_drawn():
 
 
 def test_what_is_wrong_is_told():
-    """The group that fails, not the one behind it, which only hangs on what is none."""
+    """The group that fails, not the one after it, which is only attached to an undefined position."""
     told = r"'lever-die' cannot be .* 268.36 degrees .* 'P' and 'B' are 0.2301 m apart, less than its offset of 0.24 m"
     with pytest.raises(lj.MachineError, match=told):
         lj.analyse(lj.load("quick-return", {"groups[1].offset": "240 mm"}), angles=8)
     with pytest.raises(ValueError, match="side of an RPR must be 1 or -1"):
         RPR("lever", "die", "B", "P", "E", 0)
-    with pytest.raises(ValueError, match="both ends of an RPR hang on the point 'P'; name two points"):
+    with pytest.raises(ValueError, match="both ends of an RPR are attached to the point 'P'; name two points"):
         RPR("lever", "die", "P", "P", "E")
     with pytest.raises(lj.SceneError, match=r'groups\[1\].from = "P": the same point as `about`'):
         lj.load("quick-return", {"groups[1].from": "P"})
@@ -161,7 +161,7 @@ def test_what_is_wrong_is_told():
 
 @pytest.mark.slow
 def test_gradients_of_a_cycle():
-    """δ of the shaper by the pivot's place, the lever's length and the offset, against differences."""
+    """δ of the shaper over the pivot position, the lever length and the offset, against differences."""
 
     def found(x):
         scene = lj.load("quick-return")

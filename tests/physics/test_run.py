@@ -1,4 +1,4 @@
-"""The general road from any state: SciPy, energy, one road against the other, stalls, and derivatives."""
+"""The equation of motion from any state: SciPy, energy, two methods compared, stalls, and derivatives."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STATES = [("clockwise", -7.9, 43.0, -2.0), ("hay-press", 1.3, 80.0, 400.0), ("fo
 
 
 def by_scipy(scene: lj.Scene, angles: np.ndarray, speed: float, drive: float) -> tuple[np.ndarray, np.ndarray]:
-    """Speeds and times at crank angles by DOP853, cut at every jump of the loads and at every angle asked for."""
+    """Speeds and times at crank angles by DOP853, divided at every jump of the loads and at every requested angle."""
     jumps = np.mod(oracle.jumps(scene), scene.cycle)
     turns = np.arange(math.floor(angles[0] / scene.cycle), math.ceil(angles[-1] / scene.cycle) + 1)
     cuts = np.unique(np.concatenate([angles, (jumps[None] + scene.cycle * turns[:, None]).ravel()]))
@@ -48,7 +48,7 @@ def by_scipy(scene: lj.Scene, angles: np.ndarray, speed: float, drive: float) ->
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "angle", "speed", "drive"), STATES)
 def test_both_roads_from_any_state(name, angle, speed, drive):
-    """More than a cycle from a state that is no steady one, with a torque that does not balance the cycle."""
+    """More than a cycle from a state that is not steady, with a torque that does not balance the cycle."""
     scene = machine(name)
     angles = angle + np.linspace(0.0, 9.0, 7)
     speeds, times = by_scipy(scene, angles, speed, drive)
@@ -63,7 +63,7 @@ def test_both_roads_from_any_state(name, angle, speed, drive):
 
 
 def test_the_steady_regime_repeats_itself():
-    """Started in the steady regime, the general road stays there: three cycles on, the same speed and three periods."""
+    """Started in the steady-state motion, a run stays there: three cycles later, the same speed and three periods."""
     scene = machine("hay-press-slider")
     motion = compiled_soon(steady_motion)(scene)
     start = jnp.asarray(1.0)
@@ -75,7 +75,7 @@ def test_the_steady_regime_repeats_itself():
 
 @pytest.mark.parametrize("road", ["angle", pytest.param("time", marks=pytest.mark.slow)])
 def test_a_machine_that_stalls(road):
-    """It says so, is infinite from there on, and stops where its kinetic energy is used up."""
+    """It is reported, the result is infinite from there on, and it stops where its kinetic energy is zero."""
     scene = machine("hay-press-slider")
     start, drive = 1.7, 0.0
     angles = start + np.linspace(0.0, 2.0, 401)
@@ -98,7 +98,7 @@ def test_a_machine_that_stalls(road):
     assert not np.any(np.isnan(np.asarray([got.angle, got.speed, got.time])))
     last = np.asarray(got.angle)[done][-1]
     assert stop - 0.02 < last < stop + 1e-4
-    # exactly: where the kinetic energy is used up, and the time to there with the end's singularity taken out
+    # exactly: where the kinetic energy is zero, and the time to there without the singularity at the end
     place = root_scalar(
         lambda phi: 0.5 * inertia * speed**2 + shooting.work(scene, start, phi), bracket=(stop - 0.05, stop + 0.05)
     ).root
@@ -126,7 +126,7 @@ def test_start_from_rest():
 
 
 def window(scene: lj.Scene) -> lj.Window:
-    """When the load of the press is on."""
+    """Times at which the load of the press acts."""
     found = scene.loads[0].window
     assert found is not None
     return found
@@ -138,7 +138,7 @@ def _crank_alone() -> lj.Mechanism:
 
 
 def _sensitivity(function, adjoint, design):
-    """Gradient along the design: by reverse mode, or by forward mode, whichever the adjoint allows."""
+    """Gradient along the design: by reverse mode, or by forward mode, as the adjoint permits."""
     if isinstance(adjoint, diffrax.ForwardMode):
         return jax.jacfwd(lambda x: function(x, adjoint))(design)
     return jax.grad(lambda x: function(x, adjoint))(design)
@@ -147,7 +147,7 @@ def _sensitivity(function, adjoint, design):
 @pytest.mark.slow
 @pytest.mark.parametrize("road", ["angle", "time"])
 def test_derivatives_from_any_state(road):
-    """By start, torque, a length, and the angles at which the load switches: both adjoints against differences."""
+    """For start, torque, a length, and the angles at which the load switches: both adjoints against differences."""
     scene, tolerance = machine("hay-press-slider"), 1e-12
     ends = window(scene).on, window(scene).off
     origin = jnp.asarray([1.3, 80.0, 400.0, 1.0, *(float(a) for a in ends), 1.0])
@@ -181,7 +181,7 @@ def test_derivatives_from_any_state(road):
 @pytest.mark.slow
 @pytest.mark.parametrize("adjoint", [diffrax.ForwardMode(), diffrax.RecursiveCheckpointAdjoint()])
 def test_derivatives_of_the_steady_regime_by_diffrax(adjoint):
-    """By a length and the angle at which the load sets in: the general road against the quadrature."""
+    """For a length and the angle at which the load begins: the equation of motion against the quadrature."""
     scene = machine("hay-press-slider")
 
     def delta(x, road, **options):

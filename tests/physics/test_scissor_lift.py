@@ -1,10 +1,10 @@
 # pyright: reportArgumentType=false
 """A scissor lift raised by its cylinder, one group with the drive inside, against the equations of statics and the
-figures printed with them.
+printed values.
 
 Source: a paper on a scissor lift of two bars of 2.94 m, cylinder from the fixed foot to an eye 0.5 m above the hinge,
 3125 N at every bar's end. Printed with two pairs of bars side by side on a cylinder: 27448 N at 45 degrees. Its 66530 N
-at 11.2 degrees are those of 11.1 (the equations give 66001.55), and its hinge forces do not fulfil its own equations.
+at 11.2 degrees belong to 11.1 (the equations give 66001.55), and its hinge forces do not satisfy its own equations.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ L, B, F = 1.47, 0.5, 3125.0
 LOW, HIGH = math.radians(11.2), math.radians(45.0)
 ALPHA = np.radians([11.2, 15, 20, 25, 30, 35, 40, 45])
 BETA = [21.907, 28.554, 36.472, 43.442, 49.541, 54.885, 59.595, 63.785]  # printed
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)  # over the half cycle that raises: rounding, for what is so smooth
-EYE, BASE, G = 1.2, complex(0.7, 0.1), 9.81  # anchors elsewhere
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)  # over the half cycle of raising: rounding (smooth function)
+EYE, BASE, G = 1.2, complex(0.7, 0.1), 9.81  # other anchors
 EXACT = 1e-12
 
 
@@ -37,8 +37,8 @@ def stroke(alpha):
 
 
 def to_and_fro(share):
-    """Crank angle at which a cosine has gone so much of its way."""
-    return np.arccos(np.clip(1 - 2 * share, -1.0, 1.0))  # a rounding beyond an end is one at the end
+    """Crank angle at which a cosine has this fraction of its range."""
+    return np.arccos(np.clip(1 - 2 * share, -1.0, 1.0))  # a rounding error beyond an end counts as the end
 
 
 def loaded(mechanism, pairs: int = 1, **of) -> lj.Scene:
@@ -61,7 +61,7 @@ def at(scene, phi, speed: float = 0.0):
 
 @pytest.fixture(scope="module")
 def story():
-    """Poses and forces while it is raised, at the nodes of a sum, then at the bar angles of the printed table."""
+    """Poses and forces while it is raised, at the quadrature nodes, then at the bar angles of the printed table."""
     printed = to_and_fro((stroke(ALPHA) - stroke(LOW)) / (stroke(HIGH) - stroke(LOW)))
     phi = np.concatenate([0.5 * math.pi * (1 + NODES), printed])
     return at(loaded(lj.scissor_lift(2 * L, B, LOW, HIGH)), phi)
@@ -92,7 +92,7 @@ def test_the_cylinder_force(raised):
 
 
 def test_feet_and_hinge(raised):
-    """Feet carry F each and nothing sideways; the hinge −F (L − b) / (b tan α) and −F (L + b) / b."""
+    """Feet carry F each and no horizontal force; the hinge −F (L − b) / (b tan α) and −F (L + b) / b."""
     forces = raised[1]
     np.testing.assert_allclose(forces["roller.guide"]["roller"].fy, F, rtol=EXACT)
     foot = forces["O"]["bar"], forces["O"]["barrel"]
@@ -104,7 +104,7 @@ def test_feet_and_hinge(raised):
 
 
 def test_the_work_of_a_stroke(story):
-    """What two pairs ask of the cylinder from the lowest to the highest position is what the loads gain: 18848.06 J."""
+    """The cylinder work of two pairs from lowest to highest position is the energy of the loads: 18848.06 J."""
     torque = 2 * story[1].drive_torque[: NODES.size]
     work = 0.5 * math.pi * np.sum(WEIGHTS * torque)
     assert work == pytest.approx(4 * F * 2 * L * (math.sin(HIGH) - math.sin(LOW)), rel=EXACT)
@@ -112,7 +112,7 @@ def test_the_work_of_a_stroke(story):
 
 
 def heavy() -> lj.Scene:
-    """Two pairs with weights, the cylinder on a base of its own, the bars' angle as a cosine."""
+    """Two pairs with weights, the cylinder on a separate base, the bar angle as a cosine."""
     masses = {
         "bar": Link(mass=40.0, inertia=9.0, centre=Vec(1.3, 0.05)),
         "other": Link(mass=35.0, centre=Vec(1.6, -0.04), counterweights={"W": Counterweight(5.0, Vec(2.0, 0.1))}),
@@ -125,14 +125,14 @@ def heavy() -> lj.Scene:
 
 @pytest.fixture(scope="module")
 def even():
-    """At even steps of the bars' angle."""
+    """At equal steps of the bar angle."""
     alpha = np.linspace(LOW, HIGH, 11)
     return alpha, *at(heavy(), to_and_fro((alpha - LOW) / (HIGH - LOW)))
 
 
 @pytest.mark.slow
 def test_bars_that_follow_a_cosine(even):
-    """The bars' angle is what was asked for, with both derivatives by the crank angle."""
+    """The bar angle is the prescribed one, with both derivatives with respect to the crank angle."""
     alpha, here, _ = even
     bar, half = here.links["bar"], 0.5 * (HIGH - LOW)
     np.testing.assert_allclose(np.arctan2(bar.u.y, bar.u.x), alpha, atol=1e-14)
@@ -143,7 +143,7 @@ def test_bars_that_follow_a_cosine(even):
 
 @pytest.mark.slow
 def test_two_pairs_with_weights(even):
-    """The cylinder's force by virtual work: two pairs of loads and bars, one cylinder. The ground bears it all."""
+    """The cylinder force by virtual work: two pairs of loads and bars, one cylinder. The ground carries everything."""
     alpha, _, forces = even
     cosine, sine = np.cos(alpha), np.sin(alpha)
     axis = (L - EYE) * cosine + 1j * (L + EYE) * sine - BASE
@@ -160,7 +160,7 @@ def test_two_pairs_with_weights(even):
 
 
 def test_what_two_pairs_weigh():
-    """A second pair is another of everything but the cylinder; an ideal disc beside another is one twice as thick."""
+    """A second pair doubles everything except the cylinder; an ideal disc beside another equals one twice as thick."""
     links = heavy().mechanism.links
     disc = Counterweight(3.0, Vec(0.1, 0.0), thickness=0.02, density=7800.0)
     one, two = (
@@ -174,8 +174,8 @@ def test_what_two_pairs_weigh():
 
 @pytest.mark.slow
 def test_the_work_of_a_stroke_in_motion():
-    """Bars, blocks and cylinder begin and end at rest: what moves them in between, at thousands of newtons, adds
-    nothing to what weights and loads gain."""
+    """Bars, blocks and cylinder begin and end at rest: the forces that move them in between, thousands of newtons, add
+    nothing to the work for weights and loads."""
     (_, still), (_, moved) = (at(heavy(), 0.5 * math.pi * (1 + NODES), speed) for speed in (0.0, 10.0))
     high, low = (np.exp(1j * a) for a in (HIGH, LOW))
     turned = high - low

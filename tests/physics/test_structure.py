@@ -25,7 +25,7 @@ from tests.physics.machines import machine
 
 
 def smallest_parts(links, pairs, drive) -> list[frozenset[str]]:
-    """The parts by trying all sets of links, smallest first: those whose joints, with what is placed, hold them."""
+    """The parts by trying all sets of links, smallest first: those fixed by their joints and links placed before."""
     placed, found = {FRAME}, []
     while len(placed) <= len(links):
         rest = [name for name in links if name not in placed]
@@ -56,7 +56,7 @@ def class_of(part, pairs) -> str:
         return {"RRR": "II1", "RRP": "II2", "RPR": "II3", "PRP": "II4", "RPP": "II5"}[first + middle + last]
 
     def loops(at: str, goal: str, seen: tuple[str, ...]):
-        """Lengths of the ways from link to link."""
+        """Lengths of the paths from link to link."""
         if at == goal:
             yield len(seen)
         for a, b in within:
@@ -81,7 +81,7 @@ EIGHT = pytest.param(8, marks=pytest.mark.slow)
 
 @pytest.mark.parametrize("count", [4, 6, EIGHT])
 def test_parts_of_every_chain(count):
-    """Every ground and every driving joint: the same parts as by trying all sets of links, in an order that works."""
+    """Every ground and every driving joint: the same parts as by trying all sets of links, in a possible order."""
     kinds = set()
     for chain, ground, edge in driven_chains(count, at_ground=False):
         pairs, links = named(chain, ground), links_of(chain, ground)
@@ -97,7 +97,7 @@ def test_parts_of_every_chain(count):
             if drive not in touching:
                 kinds.add(classified(part, touching)[0])
                 assert classified(part, touching)[0] == class_of(part, touching)
-            else:  # with the drive held its two links are one
+            else:  # with the drive fixed its two links are one
                 one, on = sorted(drive.ends, key=lambda end: end == FRAME)
                 held = [p._replace(**{k: on if v == one else v for k, v in (("one", p.one), ("other", p.other))})
                         for p in touching if p != drive]  # fmt: skip
@@ -108,7 +108,7 @@ def test_parts_of_every_chain(count):
 
 @pytest.mark.parametrize("count", [4, 6, EIGHT])
 def test_every_replacement_by_a_slider(count):
-    """One joint of every chain becomes a slider: the same parts, with the letter in its place."""
+    """One joint of every chain becomes a slider: the same parts, with the letter in its position."""
     assert len(sliding(count)) == {4: 3, 6: 54, 8: 1377}[count]
     for chain, ground, edge, other in sliding(count):
         links = links_of(chain, ground)
@@ -166,7 +166,7 @@ def drawn(mechanism: Mechanism, **changes) -> Mechanism:
 
 @pytest.mark.parametrize("name", ["hay-press", "quick-return", "scotch-yoke", "four-bar", "slider-crank"])
 def test_groups_are_found_again(name):
-    """The built-in machines, drawn by links and joints, are the same machines, but for names of pins."""
+    """The built-in machines, drawn by links and joints, are the same machines, except for names of pins."""
     given = load(name).mechanism
     again = drawn(given)
     assert again.formula() == given.formula()
@@ -178,7 +178,7 @@ def test_groups_are_found_again(name):
 
 @pytest.mark.parametrize("name", ["two-on-one-crank", "coupler-points", "clockwise"])
 def test_composed_machines_are_found_again(name):
-    """The same groups, in an order of their own."""
+    """The same groups, in their own order."""
     given = machine(name).mechanism
     again = drawn(given)
     assert sorted(g.classified()[0] for g in again.groups) == sorted(g.classified()[0] for g in given.groups)
@@ -189,7 +189,7 @@ def test_composed_machines_are_found_again(name):
 
 
 def six_bar(drive: Drive, **extra) -> Mechanism:
-    """A four-bar whose coupler has a third pin, on which a rod and a ram hang."""
+    """A four-bar whose coupler has a third pin, to which a rod and a ram are attached."""
     links = {
         "crank": Link(length=0.1, mass=1.0, inertia=0.01, centre=lj.Vec(0.03, 0.01), pins=("A", "B")),
         "coupler": Link(length=0.35, mass=1.4, inertia=0.02, centre=lj.Vec(0.16, 0.03), pins=("B", "C", "E"),
@@ -214,7 +214,7 @@ def angle(state) -> float:
     pytest.param("rod", "coupler", "I1+III3(crank, coupler, rocker, rod, ram)", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_another_link_drives(driver, against, formula):
-    """The same machine in the same place; coefficients are those of the crank by the chain rule."""
+    """The same machine in the same position; coefficients are those of the crank by the chain rule."""
     usual = six_bar(Drive("crank", phase=0.0))
     here = pose(usual, jnp.asarray(0.3))
     on = LinkAtRest if against == "frame" else here.links[against]
@@ -263,25 +263,28 @@ def wrong(says: str, fixed=GROUND, links=BARS, drive=None, slots=(), sketch=SKET
 
 def test_what_does_not_hang_together_is_told():
     bar = {"bar": Link(length=0.2, pins=("B", "C"))}
-    wrong(r"coupler, bar hold each other fast: one of the joints B, C is too many \(W = .* = 0\)", links=BARS | bar)
+    wrong(
+        r"coupler, bar form an overconstrained chain: one of the joints B, C is redundant \(W = .* = 0\)",
+        links=BARS | bar,
+    )
     tie = {"tie": Link(length=0.2, pins=("K", "L"))}
     held = {**BARS, "coupler": Link(length=0.3, pins=("B", "C", "K"), points={"K": lj.Vec(0.1, 0.1)}),
             "rocker": Link(length=0.25, pins=("D", "C", "L"), points={"L": lj.Vec(0.1, 0.1)})}  # fmt: skip
-    wrong(r"links: nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\): crank, coupler, rocker, tie hold each "
-          "other fast at A, B, C, K, D, L; leave out tie, or", links=held | tie, sketch={})  # fmt: skip
+    wrong(r"links: nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\): the joints A, B, C, K, D, L make "
+          "crank, coupler, rocker, tie a rigid chain; delete tie, or", links=held | tie, sketch={})  # fmt: skip
     arm = {"arm": Link(length=0.2, pins=("C", "K"))}
-    wrong("arm can still move at C when the drive is held: 2 degrees .*; nothing else names 'K' of 'arm'; a link "
-          "from pin to pin takes one away", links=BARS | arm)  # fmt: skip
+    wrong("with the drive held, arm can still move at C: 2 degrees .*; pins of one link only: 'K' of 'arm'; add a "
+          "binary link", links=BARS | arm)  # fmt: skip
     far = {"far": Link(length=0.1, pins=("X", "Y"))}
-    wrong(r"links.far: not joined to the frame: far \(pins X, Y\); let it share a pin", links=BARS | far)
+    wrong(r"links.far: not connected to the frame: far \(pins X, Y\); let it share a pin", links=BARS | far)
     wrong("drive: 'crank' and 'rocker' share no joint", drive=Drive("crank", "rocker"))
     wrong("drive: link 'crnk' is not defined; did you mean 'crank'", drive=Drive("crnk"))
     fast = {"one": Link(length=0.2, pins=("A", "B")), "two": Link(length=0.2, pins=("D", "B"))}
-    wrong("nothing can move .*: one, two hold each other fast at .*; leave out two, or", links=fast,
+    wrong("nothing can move .*: the joints .* make one, two a rigid chain; delete two, or", links=fast,
           drive=Drive("one"), sketch={})  # fmt: skip
     wrong("links.crank: has no pins", links=BARS | {"crank": Link(length=0.1)})
-    wrong("links.coupler: nothing says where its pin 'C' is; add it to the sketch", sketch={})
-    wrong("sketch.Q: is no point of a link", sketch={"Q": (0, 0)})
+    wrong("links.coupler: the position of its pin 'C' is unknown; add it to the sketch", sketch={})
+    wrong("sketch.Q: is not a point of any link", sketch={"Q": (0, 0)})
     block = {"block": Link(pins=("C",))}
     wrong("link 'blok' is not defined; did you mean 'block'", links=BARS | block, slots=[Slot("blok", Guide("A"))])
     wrong("guide is on 'frame', but point 'Z' is not", links=BARS | block, slots=[Slot("block", Guide("Z"))])
@@ -290,21 +293,25 @@ def test_what_does_not_hang_together_is_told():
         "rod": Link(length=0.3, pins=("B", "C")),
         "lever": Link(length=0.2, pins=("D", "C")),
     }
-    wrong("cannot do for ever; give it a law", links=ram, slots=[Slot("crank", Guide("A"))])
+    wrong(
+        "moves 'crank' along a guide, but has no motion law; give the drive a law",
+        links=ram,
+        slots=[Slot("crank", Guide("A"))],
+    )
 
 
 @pytest.mark.parametrize("length", [0.0, 0.2])
 @pytest.mark.parametrize(
     ("chains", "told"),
     [
-        ({"a": "BE", "b": "EC", "rocker": "DC"}, "a, b, rocker can still move at B, E, C, D .* 2 degrees"),
+        ({"a": "BE", "b": "EC", "rocker": "DC"}, "a, b, rocker can still move at B, E, C, D: 2 degrees"),
         ({"coupler": "BC", "rocker": "DC", "a": "CE", "b": "EF", "c": "MF"},
-         "a, b, c can still move at C, E, F, M .* 2 degrees"),
+         "a, b, c can still move at C, E, F, M: 2 degrees"),
         ({"a": "BE", "b": "EF", "c": "FC", "rocker": "DC"}, "rocker can still .* 3 degrees"),
     ],
 )  # fmt: skip
 def test_chains_with_too_many_links_are_told_as_such(length, chains, told):
-    """They are not taken for passive, however many of them make a chain of one degree of freedom when left out."""
+    """They are not treated as redundant, even if a chain of one degree of freedom remains without them."""
     links = {"crank": Link(length=0.1, pins=("A", "B"))}
     links |= {name: Link(length=length, pins=tuple(pins)) for name, pins in chains.items()}
     sketch = {"C": (0.3, 0.25), "E": (0.1, 0.25), "F": (0.5, 0.3)}
@@ -314,9 +321,9 @@ def test_chains_with_too_many_links_are_told_as_such(length, chains, told):
 
 def test_a_drive_that_drives_nothing():
     motor = {"motor": Link(length=0.05, pins=("K", "L"))}
-    loose = r"it moves 'motor' alone, to which nothing is joined but 'frame' .*; nothing else names 'L' of 'motor'; "
+    loose = r"it moves 'motor' alone, which is joined only to 'frame' .*; pins of one link only: 'L' of 'motor'; "
     wrong(
-        loose + "let another link share a pin of it \\(L\\), or drive another",
+        loose + "join another link to one of its pins \\(L\\), or drive another",
         GROUND | {"K": (0.0, -0.1)},
         BARS | motor,
         Drive("motor"),
@@ -328,8 +335,8 @@ def test_a_drive_that_drives_nothing():
     bars = {name: dataclasses.replace(link, pins=()) for name, link in BARS.items()}
     with pytest.raises(
         StructureError,
-        match=r"groups\[1\] \(RRR\): the driver moves 'crank' alone, while coupler, rocker "
-        "hang on the frame and stand still; attach it to a point of 'crank', such as B",
+        match=r"groups\[1\] \(RRR\): the driver moves 'crank' alone; coupler, rocker "
+        "are attached to the frame and do not move; attach it to a point of 'crank', such as B",
     ):
         Mechanism({p: lj.Vec(*at) for p, at in frame.items()}, bars, still)
 
@@ -337,12 +344,12 @@ def test_a_drive_that_drives_nothing():
 def test_three_slides_in_a_row_have_no_class():
     links = {"crank": BARS["crank"], "one": Link(pins=("X",)), "two": Link(pins=("Z",))}
     slots = [Slot("one", Guide("B", 0.3, on="crank")), Slot("two", Guide("X", 0.9, on="one")), Slot("two", Guide("D"))]
-    wrong("slot of two: is in two slots: three slides .* make no Assur group; name a second block", links=links,
+    wrong("slot of two: is in two slots, which .* form no Assur group; use a second block", links=links,
           slots=slots, sketch={"X": (0.3, 0.1), "Z": (0.3, 0.3)})  # fmt: skip
 
 
 def test_links_that_hold_each_other_fast_count_as_one():
-    """A cylinder between coupler and rocker makes one body of all three while it is held; a triangle of bars is one."""
+    """A cylinder between coupler and rocker makes one body of all three if it is fixed; a triangle of bars is one."""
     coupler = Link(length=0.3, pins=("B", "C", "E"), points={"E": lj.Vec(0.1, 0.15)})
     rocker = Link(length=0.25, pins=("D", "C", "F"), points={"F": lj.Vec(0.1, -0.1)})
     links = {**BARS, "coupler": coupler, "rocker": rocker, "barrel": Link(length=0.1, pins=("E", "H")),
@@ -375,7 +382,7 @@ def test_a_drawn_machine_is_written_and_read_back():
 
 
 def test_what_slides_on_a_link_of_a_dyad_comes_later():
-    """The rocker of a four-bar carries a guide: its dyad is one in closed form all the same."""
+    """The rocker of a four-bar carries a guide: its dyad has a closed form nevertheless."""
     links = {**BARS, "rod": Link(length=0.3, pins=("B", "P")), "block": Link(pins=("P",))}
     slots = [Slot("block", Guide("D", 0.3, 0.02, "rocker"))]
     found = linkage(GROUND, links, Drive("crank", phase=1.0), slots, {**SKETCH, "P": (0.22, 0.19)})
@@ -385,7 +392,7 @@ def test_what_slides_on_a_link_of_a_dyad_comes_later():
 
 @pytest.mark.slow
 def test_a_drive_between_two_links_in_true_motion():
-    """Energy, virtual power and forces close when the drive turns two moving links against each other."""
+    """Energy, virtual power and forces balance when the drive turns two moving links relative to each other."""
     links = {
         "base": Link(length=0.5, mass=2.0, inertia=0.1, centre=lj.Vec(0.2, 0.0), pins=("A", "B")),
         "disc": Link(length=0.08, mass=1.0, inertia=0.01, centre=lj.Vec(0.02, 0.0), pins=("B", "C")),
@@ -413,7 +420,7 @@ def test_formulas():
 
 
 def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:
-    """Angles of the triad's plate where it closes: the plate on two legs, both ways round, until the third fits."""
+    """Angles of the triad's plate where it closes: the plate on two legs, on both sides, until the third fits."""
     at = pose(mechanism, jnp.asarray(phi)).points
     b, c, d = (complex(at[p].r.x, at[p].r.y) for p in "BCD")
     near, lengths = {"F": 0.25 + 0j, "G": 0.1 + 0.2j}, (0.3, 0.32, 0.35)
@@ -438,7 +445,7 @@ def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:
 
 @pytest.mark.parametrize("phi", [0.0, 2.0])
 def test_all_assemblies_of_a_triad(phi):
-    """All roots of its sextic: as many as a search over the angle of the plate finds, at the same places."""
+    """All roots of its sextic: as many as a search over the plate angle finds, at the same positions."""
     mechanism = machine("triad").mechanism
     (found,) = assembly_modes(mechanism, phi).values()
     turns = [math.atan2(*(float(v) for v in ((s["F"] - s["E"]).y, (s["F"] - s["E"]).x))) for s in found.sketches]
@@ -448,7 +455,7 @@ def test_all_assemblies_of_a_triad(phi):
 
 @pytest.mark.slow
 def test_a_triad_in_six_ways(rng):
-    """A plate on three legs of which all six roots are real: a search from random starts finds the same ones. (Its
+    """A plate on three legs with six real roots: a search from random starts finds the same ones. (Its
     dimensions are the usual example of planar platforms on three legs.)"""
     far, legs = np.array([0, 15.91, 10j]), np.array([14.98, 15.38, 12.0])
     ahead = (17.04**2 + 20.84**2 - 16.54**2) / (2 * 17.04)  # the plate's sides are 17.04, 20.84 and 16.54
@@ -494,19 +501,19 @@ def test_ways_to_assemble_a_scissor_lift():
         ({"coupler": Link(length=0.3, pins=("B", "C"), points={"B": lj.Vec(0.1, 0.0)})},
          "'B' is the origin of its axes"),
         ({"coupler": Link(length=0.3, pins=("B", "C"), points={"D": lj.Vec(0.1, 0.0)})},
-         "the point name 'D' is used already, by 'rocker'"),
+         "the point name 'D' is already used by 'rocker'"),
         ({"crank": Link(length=0.1, pins=("A", "S1")), "coupler": Link(length=0.3, pins=("S1", "C"))},
-         "the point name 'S1' is used already"),
+         "the point name 'S1' is already used"),
     ],
 )  # fmt: skip
 def test_names_that_stand_for_two_points(changes, told):
-    """A pin that is a marked point, or a mass centre, of something else."""
+    """A pin that is an additional point, or a mass centre, of another link."""
     with pytest.raises(StructureError, match=told):
         linkage({"A": (0, 0), "D": (0.35, 0)}, BARS | changes, Drive("crank"), sketch={"C": (0.3, 0.25)})
 
 
 def test_a_phase_that_is_not_that_of_the_sketch():
-    """The drive would close another way, so both are named."""
+    """The drive would close in another way, so both are named."""
     sketch = {"B": (-0.1, 0.0), "C": (0.2, 0.2)}
     with pytest.raises(
         StructureError, match=r"drive\.phase: is 0 deg, but 'coupler' is drawn at -146\.3.* deg to 'crank'; delete it"
@@ -515,7 +522,7 @@ def test_a_phase_that_is_not_that_of_the_sketch():
 
 
 def test_scaled_by_a_length_of_the_sketch():
-    """The mass that is given belongs to the length that the sketch gives."""
+    """The given mass belongs to the length from the sketch."""
     coupler = Link(mass=2.0, reference_length=0.0, mass_properties="scaled", pins=("B", "C"))
     made = linkage(
         {"A": (0, 0), "D": (0.35, 0)}, BARS | {"coupler": coupler}, Drive("crank"), sketch={"C": (0.3, 0.25)}

@@ -1,9 +1,9 @@
 """The same machines twice: every group in closed form, and every group by Newton's method as links and joints.
 
 Random compositions, like those of `test_random_machines.py`, at crank angles up to a radian from their sketch; all
-groups stand all that way, and six degrees further at either end, as they must where they are followed (how near to a
-dead position that can be `test_near_dead.py` tells). The two must agree to 1e-12 of the size of what is compared, and
-1e-14 times its condition number, as `judged.py` has it; gradients by their norm, every number's slope times the number.
+groups can be assembled all the way, and six degrees further at either end, as required for following them (singular
+positions are in `test_near_dead.py`). The two must agree to 1e-12 of the size of the compared quantity, and 1e-14
+times its condition number, as in `judged.py`; gradients by the norm of every slope times its number.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from tests.physics.twins import Case, apart
 
 QUICK = Case(0, 1, designs=24)
 CASES = [Case(1, 2), Case(8, 3), Case(7, 3, "slides"), Case(7, 4), Case(2, 5), Case(1, 6)]  # by their number, as many
-# groups; with other numbers it happens that no dimensions are found with which a group stands all that way
+# groups; for other numbers a search may find no dimensions with which a group can be assembled all the way
 
 
 @pytest.fixture(scope="module")
 def furthest():
-    """Collects how far twins are apart, and prints the worst (seen with `pytest -s`)."""
+    """Collects the differences of twins, and prints the largest (seen with `pytest -s`)."""
     found: list[dict[str, np.ndarray]] = []
     yield found
     if found:

@@ -1,6 +1,6 @@
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 """The same machines twice: every group in closed form, and every group by Newton's method as links and joints; random
-compositions, and how far the two are apart.
+compositions, and their differences.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tests.physics.random_machines import KINDS as GROUPS
 
 
 def loosely(group, at: dict) -> General:
-    """A group of class II as links and joints, with a sketch that is a little off."""
+    """A group of class II as links and joints, with a sketch that deviates slightly."""
     points: dict[str, Vec] = {}
 
     def sketched(*names: str) -> dict[str, Vec]:
@@ -78,8 +78,8 @@ class Case(NamedTuple):
 
     def batch(self) -> Batch:
         """Its designs in closed form. The last group is drawn as links and joints, a dyad, so that all groups before it
-        are tried out from the sketch to the tested angle, and six degrees further; those designs are taken in which it
-        stands on its left, and in which, looked at closely, no group ever falls apart on that way."""
+        are tested from the sketch to the tested angle, and six degrees further. Only those designs are used in which it
+        is on its left side, and in which no group fails on that way in a fine scan."""
         kinds = np.random.default_rng(self.plan).choice(GROUPS, self.groups - 1)
         made = composed(4000 + self.plan, self.groups, self.designs, (*map(str, kinds), "dyad"), self.driver)
         m, last = made.scene.mechanism, made.scene.mechanism.groups[-1]
@@ -117,7 +117,7 @@ graded_at_once = compiled_soon(graded, static=("keys", "loose"))
 
 
 def apart(batch: Batch, rng: np.random.Generator, compiled: bool = False) -> dict[str, np.ndarray]:
-    """How far the twins are apart, over what is allowed, for every design."""
+    """The differences of the twins, relative to the tolerance, for every design."""
     state = batch.phi, batch.speed, batch.acceleration
     truth, keys = by_numpy(batch.scene, *state)
     condition, scales = conditions(batch, truth, rng), sizes(truth)

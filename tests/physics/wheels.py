@@ -1,9 +1,9 @@
 # pyright: reportAttributeAccessIssue=false
-"""Wheels in gear by another road: what they keep constant in complex numbers, and forces as contacts that only press
+"""Gears in mesh by an independent method: their invariants in complex numbers, and forces as contacts that only press
 (teeth) or strands that only pull (belts).
 
-Unlike linkjax, which takes the size of a tangential force, contacts have a force of one sign along the normal of one of
-two flanks; which flank it is comes out.
+linkjax uses the size of a tangential force; here contacts have a force of one sign along the normal of one of two
+flanks, and the solution determines which flank.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ WHEELS = (Gear, Rack, Pinion)
 
 
 def mesh_angle(g: Gear, angle, n) -> Any:
-    """Angle of a wheel from those of the others; `n` reads a number."""
+    """Angle of a gear from those of the others; `n` reads a number."""
     if isinstance(g.mesh, Teeth):
         ratio = n(g.mesh.teeth[1]) / n(g.mesh.teeth[0]) * (1 if g.mesh.internal else -1)
     else:
@@ -28,14 +28,14 @@ def mesh_angle(g: Gear, angle, n) -> Any:
 
 
 def left_open(g: Gear | Rack, angle, ways, n) -> Any:
-    """What wheels in gear leave open, from angles and from the ways of blocks."""
+    """Closure errors of gears in mesh, from angles and from the displacements of blocks."""
     if isinstance(g, Gear):
         return angle(g.link) - mesh_angle(g, angle, n)
     return ways[g.link] - n(g.start) - g.side * n(g.radius) * (angle(g.to) - angle(g.guide.on))
 
 
 def factors(g: Gear | Rack) -> dict[str, Any]:
-    """The same as factors of the rates of links; that of the way is one."""
+    """The same as factors of the rates of links; the factor of the displacement is one."""
     if isinstance(g, Rack):
         arc = g.side * np.asarray(g.radius)
         return {g.to: -arc, g.guide.on: arc}
@@ -53,7 +53,7 @@ def mesh_rates(g, rate) -> Any:
 
 
 class Side(NamedTuple):
-    """One way to carry load: where and along what a force acts on the wheel, what acts besides, and the least size."""
+    """One way to carry load: point and direction of the force on the gear, the other loads, and the least size."""
 
     at: Any
     along: Any
@@ -63,7 +63,7 @@ class Side(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """What the link `by` exerts on `link`, in one of two ways, about the point `about`."""
+    """The load that the link `by` exerts on `link`, in one of two ways, about the point `about`."""
 
     name: str
     link: str
@@ -73,7 +73,7 @@ class Contact(NamedTuple):
 
 
 def contact(g, points, directions, m, n) -> Contact:
-    """The contact of a group; points and directions are complex arrays, or mpmath's numbers (`m`), read by `n`."""
+    """The contact of a group; points and directions are complex arrays, or mpmath numbers (`m`), read by `n`."""
     name = f"{g.link}.mesh"
     if isinstance(g, Gear) and not isinstance(g.mesh, Teeth):
         return Contact(name, g.link, g.to, g.pivot, _strands(g, points, m, n))
@@ -83,7 +83,7 @@ def contact(g, points, directions, m, n) -> Contact:
         towards = span / abs(span)
         if not g.mesh.internal:
             place = points[g.pivot] + span * mine / (mine + other)
-            normal = -towards  # the other wheel is on that side
+            normal = -towards  # the other gear is on that side
         elif mine < other:
             place = points[g.pivot] - span * mine / (other - mine)
             normal = towards
@@ -110,7 +110,7 @@ def _strands(g: Gear, points, m, n) -> tuple[Side, Side]:
     mine, other, slack = n(g.mesh.radius), n(g.mesh.other), n(g.mesh.tension)
     span = points[g.centre] - points[g.pivot]
     strands = []
-    for sign in (1, -1):  # the tangent that touches the wheel on its left, seen along the line of centres; and right
+    for sign in (1, -1):  # the tangent that touches the gear on its left, seen along the line of centres; and right
         end = -other if g.mesh.crossed else other
         out = span / abs(span) * m.exp(1j * sign * m.acos((mine - end) / abs(span)))  # from centre to tangent point
         here, there = points[g.pivot] + mine * out, points[g.centre] + end * out

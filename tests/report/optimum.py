@@ -1,4 +1,4 @@
-"""A made-up document of an optimisation, with everything that one may hold."""
+"""An artificial document of an optimisation, with all possible entries."""
 
 import math
 

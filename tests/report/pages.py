@@ -1,17 +1,17 @@
-"""Reading a report: its tables by row, and numbers as they are printed."""
+"""Reading a report: its tables by row, and numbers as printed."""
 
 from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
 
-VOID = {"meta", "img", "br", "hr", "link", "input"}
+VOID = {"meta", "img", "br", "hr", "link", "input", "wbr"}
 POWERS = {"": 0, "k": 3, "M": 6, "m": -3, "µ": -6, "n": -9, "G": 9}
 FIGURES = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
 
 
 class Page(HTMLParser):
-    """Tables by row, and what a well-formed page has; what is for browsers without programs is left out."""
+    """Tables by row, and required parts of a well-formed page; parts for browsers without scripts are omitted."""
 
     def __init__(self):
         super().__init__()
@@ -55,7 +55,7 @@ class Page(HTMLParser):
             self.rows[-1][-1] += data
 
     def row(self, name: str, cells: int | None = None) -> list[str]:
-        """The one row of that name (and so many cells), its name left out."""
+        """The one row of that name (and so many cells), without its name."""
         (found,) = [row[1:] for row in self.rows if row[0] == name and cells in (None, len(row))]
         return found
 
@@ -69,7 +69,7 @@ def read(path) -> Page:
 
 
 def assert_printed(text: str, value: float, unit: str, scale: float = 1.0) -> None:
-    """The text is the value to the digits printed, in the unit with or without a prefix."""
+    """The string is the value to the printed digits, in the unit with or without a prefix."""
     found = re.fullmatch(r"(−?[\d.]+)(?:·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?(.*)", text)
     assert found, text
     mantissa, power, printed = found.groups()

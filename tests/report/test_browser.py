@@ -1,4 +1,4 @@
-"""The report in a browser: the machine moves to the right places, with a cursor in every diagram."""
+"""The report in a browser: the machine moves to the right positions, with a cursor in every diagram."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SET = "(slider, angle) => { slider.value = angle; slider.dispatchEvent(new Event
 
 
 class Case(NamedTuple):
-    """A report and what it was made of."""
+    """A report and its source data."""
 
     url: str
     scene: Any
@@ -32,7 +32,7 @@ class Case(NamedTuple):
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory) -> Case:
-    """The hay press over one with a longer rod, with an optimisation."""
+    """The hay press compared with one with a longer rod, with an optimisation."""
     scene, data = analysed("hay-press")
     before = lj.load("hay-press", {"links.rod.length": "1.08 m"})
     old = document(lj.analyse(before), "before", lj.__version__)
@@ -44,7 +44,7 @@ def case(tmp_path_factory) -> Case:
 
 @pytest.fixture
 def page(browser, case):
-    """The report, opened; whatever goes wrong on the page or leaves it fails the test."""
+    """The report, opened; any error on the page, and any request to other addresses, fails the test."""
     opened = browser.new_page(viewport={"width": 1280, "height": 900})
     trouble: list[str] = []
     opened.on("console", lambda message: trouble.append(f"console: {message.text}"))
@@ -65,14 +65,14 @@ def turn(page, angle: float) -> None:
 
 
 def drawn(page, group: str) -> dict[str, tuple[float, float]]:
-    """Places of the joints in the picture, by name."""
+    """Positions of the joints in the picture, by name."""
     script = "all => all.map(c => [c.dataset.point, Number(c.getAttribute('cx')), Number(c.getAttribute('cy'))])"
     found = page.locator(f"#stage .{group} circle[data-point]").evaluate_all(script)
     return {name: (x, y) for name, x, y in found}
 
 
 def rounded(decimals: int) -> float:
-    """The most by which a number printed with so many decimals can be off."""
+    """The largest error of a number printed with so many decimals."""
     return 0.5 * 10.0**-decimals + 1e-9
 
 
@@ -82,7 +82,7 @@ def shown_angle(page) -> float:
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_pins_stand_where_the_mechanism_puts_them(page, case, angle):
-    """Against the closed-form pose: to a hundredth of a picture's point, of which the machine is some 500 long."""
+    """Against the closed-form pose: to a hundredth of a point of the picture, in which the machine has about 500."""
     turn(page, angle)
     assert shown_angle(page) == pytest.approx(angle, abs=rounded(1))
     data = view(page)
@@ -97,7 +97,7 @@ def test_pins_stand_where_the_mechanism_puts_them(page, case, angle):
 
 
 def test_play_follows_the_true_motion(browser, case):
-    """In a cycle of 4 s, 1.3 s are 1.3 / 4 of the period; the clock of the page is turned by hand."""
+    """In a cycle of 4 s, 1.3 s are 1.3 / 4 of the period; the clock of the page is set by hand."""
     page = browser.new_page()
     page.clock.install(time=0)
     page.goto(case.url)
@@ -131,7 +131,7 @@ def test_controls_are_labelled_and_take_keys(page):
     assert slider.get_attribute("aria-valuetext") == "0°"
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.id") == "play"
-    page.get_by_label("Cycle in").select_option("1")
+    page.get_by_label("Playback time").select_option("1")
     page.get_by_label("Names").uncheck()
     assert not page.locator("#names").is_visible()
 
@@ -147,7 +147,7 @@ def test_every_diagram_has_a_cursor_at_the_angle(page, angle):
     for (left, _, right, _), end, x in found:
         assert end == 360
         assert x == pytest.approx(left + (right - left) * angle / 360, abs=rounded(2))
-    # and against what is written under the axis of the speeds
+    # and against the text under the axis of the speeds
     speed = page.locator("svg[aria-label^='Speed and angular']")
     label = speed.get_by_text(f"{angle:.0f}", exact=True).last.bounding_box()
     line = speed.locator(".cursor").last.bounding_box()
@@ -193,8 +193,8 @@ def test_numbers_on_the_page_are_those_of_the_document(page, case):
 
     motion = case.data["motion"]
     assert_printed(cells("coefficient of speed fluctuation δ")[1], motion["delta"], "")
-    assert_printed(cells("largest speed")[1], motion["max_speed"], "rpm", 30 / math.pi)
-    assert_printed(cells("drive torque, constant")[1], motion["mean_drive_torque"], "N·m")
+    assert_printed(cells("max crank speed")[1], motion["max_speed"], "rpm", 30 / math.pi)
+    assert_printed(cells("mean drive torque")[1], motion["mean_drive_torque"], "N·m")
     assert_printed(cells("shaking moment")[1], case.data["peaks"]["shaking_moment"]["value"], "N·m")
     assert page.locator(".verdict").last.inner_text() == case.data["result"]["message"]
     angles = view(page)["machines"][0]["points"]["G"]["x"]
@@ -209,10 +209,10 @@ def test_units_change_labels_and_numbers(browser, tmp_path):
     speed = page.locator("svg[aria-label^='Speed and angular']")
     assert speed.get_by_text("speed ω  (rad/s)").count() == 1
     assert speed.get_by_text("rpm").count() == 0
-    assert page.locator("svg[aria-label^='Joint forces by'] text", has_text="(MN)").count() == 7
+    assert page.locator("svg[aria-label^='Magnitudes of the joint'] text", has_text="(MN)").count() == 7
     assert page.locator("#stage .scale").text_content() == "0.2 m"
     assert page.locator("#stage .load text").text_content() == "hay 0.03 MN"
-    row = page.locator("tr", has=page.get_by_role("rowheader", name="largest speed", exact=True))
+    row = page.locator("tr", has=page.get_by_role("rowheader", name="max crank speed", exact=True))
     assert_printed(row.locator("td").first.inner_text(), data["motion"]["max_speed"], "rad/s")
     page.close()
 

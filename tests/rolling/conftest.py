@@ -1,3 +1,3 @@
-"""The browser of the report's tests, for the page of rolling bodies too."""
+"""The browser of the report tests, also for the page of rolling bodies."""
 
 from tests.report.conftest import browser as browser

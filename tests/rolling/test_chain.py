@@ -1,4 +1,4 @@
-"""Places, sizes and contacts of the bodies, against distances between centres and against 50 digits."""
+"""Positions, sizes and contacts of the bodies, against distances between centres and against 50 digits."""
 
 from __future__ import annotations
 
@@ -222,10 +222,10 @@ def test_sizes_scale(factor):
 
 
 def test_nearly_touching_rings():
-    """A gap of 1e-9 of the size; an angle before the inversion is worth up to 1 / sqrt(1e-9) of one after it."""
+    """A gap of 1e-9 of the size; the error of an angle before the inversion grows up to 1 / sqrt(1e-9) after it."""
     design = Rolling(1.0, 1.5 + 1e-9, 12, eccentricity=0.5, start=0.0)
     made = chain(design)
-    assert float(made.radii[0]) == pytest.approx(0.5 + 5e-10, rel=1e-12)  # the widest place
+    assert float(made.radii[0]) == pytest.approx(0.5 + 5e-10, rel=1e-12)  # the widest point
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(made))
     centres, radii = points(made.centres), np.asarray(made.radii)
     assert np.abs(np.abs(np.diff(centres)) - (radii[:-1] + radii[1:])).max() < 1e-16 / 1e-9**0.5 * 10

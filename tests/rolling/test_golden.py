@@ -22,13 +22,13 @@ def closed(inner: float, bodies: int, e: float = 0.0) -> Rolling:
 @pytest.mark.parametrize(("points", "of"), [("centres", "centres"), ("inner", "inner_contacts"),
                                             ("outer", "outer_contacts")])  # fmt: skip
 def test_the_printed_table(points, of):
-    """R1; the table runs over half of the symmetric scheme."""
+    """R1; the table covers half of the symmetric scheme."""
     at = getattr(chain(closed(TABLE["inner_radius"], TABLE["bodies"])), of)
     ours = np.stack([at.x, at.y], axis=1)[: len(TABLE[points])]
     off = np.abs(ours - np.array(TABLE[points])).max(axis=1)
     wrong = set(TABLE["untrusted"].get(points, ()))
     assert {i for i, each in enumerate(off) if each > TABLE["tolerance"]} == wrong
-    for i in wrong:  # misprinted in the angle alone
+    for i in wrong:  # misprinted in the angle only
         assert np.hypot(*TABLE[points][i]) == pytest.approx(TABLE["outer_radius"], abs=TABLE["tolerance"])
 
 

@@ -1,4 +1,4 @@
-"""Gradients: forward, reverse and differences agree, at the hard places too; and rings found by them."""
+"""Gradients: forward, reverse and differences agree, also in the hard positions; and rings found by them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from linkjax.rolling import (
 )
 from tests.helpers import assert_gradients_agree
 
-WAVES = jnp.sin(jnp.arange(1.0, 9.0))  # weights, so that no symmetry hides anything
+WAVES = jnp.sin(jnp.arange(1.0, 9.0))  # weights, so that no symmetry hides an error
 QUANTITIES = {
     "radii": lambda d: WAVES @ chain(d).radii,
     "angles": lambda d: WAVES @ chain(d).angles,
@@ -82,7 +82,7 @@ def test_slopes_lead_back_from_beyond_the_limits():
 
 @pytest.mark.parametrize("e", [0.0, 1e-9, 0.005, 0.4])
 def test_closing_radii(e, rng):
-    """Their slopes by the condition itself, differentiated implicitly: (R - r)² - e² = 4 r R t²."""
+    """Their slopes from the condition itself, differentiated implicitly: (R - r)² - e² = 4 r R t²."""
     inner, t2 = 0.04, np.tan(np.pi / 8) ** 2
     outer = float(closing_outer_radius(inner, 8, e))
     by_outer = 2 * (outer - inner) - 4 * inner * t2
@@ -125,7 +125,7 @@ def test_rings_for_wanted_bodies(largest, smallest, bodies, turns, rng):
 
 @pytest.mark.parametrize(("bodies", "start"), [(8, 0.0), (7, 0.0), (9, 0.2)])
 def test_newton_finds_the_rings_for_wanted_bodies(bodies, start):
-    """Closing and the sizes of two bodies, for both radii and the eccentricity; from a crude guess."""
+    """Closure and the sizes of two bodies, for both radii and the eccentricity; from a rough guess."""
     truth = Rolling(0.04, closing_outer_radius(0.04, bodies, 0.006), bodies, eccentricity=0.006, start=start)
     small = bodies // 2
     wanted = chain(truth).radii[jnp.array([0, small])]
@@ -137,6 +137,6 @@ def test_newton_finds_the_rings_for_wanted_bodies(bodies, start):
 
     found = root(jax.jit(missed), np.array([0.05, 0.11, 0.001]), jac=jax.jit(jax.jacfwd(missed)), tol=1e-15)
     np.testing.assert_allclose(found.x, [0.04, float(truth.outer_radius), 0.006], rtol=1e-9)
-    if bodies == 8:  # these stand on the line of centres
+    if bodies == 8:  # these are on the line of centres
         design = rings_for(wanted[0], wanted[1], bodies)
         np.testing.assert_allclose(found.x, [design.inner_radius, design.outer_radius, design.eccentricity], rtol=1e-9)

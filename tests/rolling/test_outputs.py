@@ -57,7 +57,7 @@ def test_the_path_of_the_document_is_a_chain_at_every_angle(data):
     assert path["x"].shape == (8, 36) == path["body_angles"].shape
     assert np.abs(near - rings["inner_radius"] - radii).max() < 1e-15 * 4
     assert np.abs(far - rings["outer_radius"] + radii).max() < 1e-15 * 4
-    assert np.ptp(path["outer"]["x"]) < 1e-16 < np.ptp(path["inner"]["x"])  # the outer ring is held
+    assert np.ptp(path["outer"]["x"]) < 1e-16 < np.ptp(path["inner"]["x"])  # the outer ring is fixed
     assert path["carrier"][-1] == pytest.approx(2 * np.pi * 35 / 36)
     backwards = document(lj.load_rolling("rolling-eccentric", {"rotation": "cw"}), 36)
     np.testing.assert_allclose(backwards["path"]["carrier"], -path["carrier"], rtol=1e-14)

@@ -1,4 +1,4 @@
-"""The page of rolling bodies in a browser: every member stands where the chain puts it."""
+"""The page of rolling bodies in a browser: every member is at its position in the chain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speeds, by the velocities of material points at the contacts: rolling without slip, neighbours that rub."""
+"""Speeds, from the velocities of material points at the contacts: rolling without slip, neighbours with sliding."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def points(at: Vec) -> np.ndarray:
 def velocities(of: RollingMachine, contact: str, shift: int = 0) -> dict[str, np.ndarray]:
     """Velocities of the material points of rings and bodies that are at a kind of contact at time zero.
 
-    Each point is fixed to its member by hand: its centre as the chain moves, turned by the member's own speed; so the
-    speeds are tested against the places of the members, which know nothing of them.
+    Each point is fixed to its member by hand: its centre moves with the chain, turned by the speed of the member. So
+    the speeds are tested against the positions of the members, which are independent of them.
     """
     now, speeds = at(of, 0.0), jax.jit(RollingMachine.speeds)(of)
     there = points(getattr(now, contact))
@@ -62,7 +62,7 @@ def test_bodies_roll_on_both_rings_without_slip(held, driven, e):
 
 @pytest.mark.parametrize(("held", "driven"), HELD)
 def test_neighbours_rub(held, driven):
-    """At the contact of i and i + 1: the velocity of the point of one against that of the other, along the tangent."""
+    """At the contact of i and i + 1: the relative velocity of the two points along the tangent."""
     of = machine(held, driven)
     own = velocities(of, "neighbour_contacts")["bodies"]
     next_ = np.roll(velocities(of, "neighbour_contacts", shift=1)["bodies"], -1)
@@ -74,12 +74,12 @@ def test_neighbours_rub(held, driven):
 
 
 def test_speeds_of_the_classical_cases():
-    """A planetary bearing with its outer ring held; with the line of centres held, two rings in opposite senses."""
+    """A planetary bearing with its outer ring fixed; with the line of centres fixed, two rings in opposite senses."""
     of = machine("outer", "inner", e=0.0)
     inner, outer = 0.04, float(of.design.outer_radius)
     assert float(of.turned(1.0).carrier) == pytest.approx(inner / (inner + outer), rel=1e-14)
     size = float(chain(of.design).radii[0])
-    # the body's axis runs at the speed of its centre, and its outer contact rests
+    # the axis of the body moves at the speed of its centre, and its outer contact rests
     assert float(of.turned(1.0).bodies[0]) == pytest.approx(
         -float(of.turned(1.0).carrier) * (inner + size) / size, rel=1e-12
     )
@@ -123,11 +123,11 @@ def test_a_cycle_is_one_turn_of_the_line_of_centres(held, driven):
 
 
 def test_what_is_held_and_driven_is_checked():
-    with pytest.raises(StructureError, match="driven: 'inner' is held and driven; hold one member"):
+    with pytest.raises(StructureError, match="driven: 'inner' is both held and driven; choose two"):
         machine("inner", "inner")
     with pytest.raises(StructureError, match="held: is 'ring'; write one of inner, outer, carrier"):
         machine("ring", "inner")
-    with pytest.raises(ValueError, match="two of inner, outer, carrier"):
+    with pytest.raises(ValueError, match="exactly two of inner, outer and carrier"):
         rates(machine("inner", "outer").design, inner=1.0)
-    with pytest.raises(ValueError, match="two of inner, outer, carrier"):
+    with pytest.raises(ValueError, match="exactly two of inner, outer and carrier"):
         rates(machine("inner", "outer").design, inner=1.0, outer=jnp.asarray(0.0), carrier=2.0)

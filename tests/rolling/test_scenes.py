@@ -1,4 +1,4 @@
-"""Scene files of rolling bodies: what is read, what is left out, what is said when something is wrong."""
+"""Scene files of rolling bodies: keys, omitted keys, and messages about errors."""
 
 from __future__ import annotations
 
@@ -80,9 +80,10 @@ CASES = {
     "radius of zero": ('"40 mm"', "0", "inner_radius = 0: must be greater than zero"),
     "angle": ('"0 deg"', "20", 'start = 20: an angle without a unit; write "20 deg"'),
     "number of bodies": ("bodies = 8", "bodies = 2.5", "bodies = 2.5: not a whole number from 3 to 1000"),
-    "two turns": ("bodies = 8", "bodies = 8\nturns = 2", "bodies = 8: 8 bodies in 2 turns close after 4 in 1 already"),
+    "two turns": ("bodies = 8", "bodies = 8\nturns = 2",
+                  "bodies = 8: 8 bodies in 2 turns already close with bodies 4, turns 1"),
     "member": ('"outer"', '"ring"', 'held = "ring": not one of the choices; write "inner" or "outer" or "carrier"'),
-    "one member": ('"outer"', '"inner"', "driven = \"inner\": 'inner' is held and driven; hold one member"),
+    "one member": ('"outer"', '"inner"', "driven = \"inner\": 'inner' is both held and driven; choose two"),
     "two missing": ('inner_radius = "40 mm"', "", "inner_radius: missing, and so is outer_radius: only one of"),
     "no inner ring": ('inner_radius = "40 mm"', 'outer_radius = "5 mm"', 'eccentricity = "5 mm": no inner ring closes'),
     "no eccentricity": ('eccentricity = "5 mm"', 'outer_radius = "80 mm"',

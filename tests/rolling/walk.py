@@ -1,4 +1,4 @@
-"""Chains by another road: from body to body with 50 digits, by nothing but distances between centres."""
+"""Chains by an independent method: from body to body with 50 digits, only from distances between centres."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def radius(inner: Any, outer: Any, e: Any, angle: Any) -> Any:
 
 
 def walk(inner: float, outer: Any, e: float, start: float, bodies: int) -> list[tuple[Any, Any]]:
-    """Angles (growing) and radii of so many bodies, each found from the one before."""
+    """Angles (increasing) and radii of so many bodies, each found from the previous one."""
     r, big, d, angle = (mpmath.mpf(x) for x in (inner, outer, e, start))
     size = radius(r, big, d, angle)
     found = [(angle, size)]

@@ -1,4 +1,4 @@
-"""Scene files gone wrong: every way in which one place of a good file can be written badly."""
+"""Invalid scene files: every way in which one entry of a good file can be wrong."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VALUES: tuple[Any, ...] = (
 
 
 def places(value: Any, path: Path = ()) -> Iterator[Path]:
-    """Paths to everything in a document, tables and lists among them."""
+    """Paths to everything in a document, including tables and lists."""
     if path:
         yield path
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
@@ -28,14 +28,14 @@ def places(value: Any, path: Path = ()) -> Iterator[Path]:
 
 
 def at(table: Any, path: Path) -> Any:
-    """What stands at a path."""
+    """The value at a path."""
     for part in path:
         table = table[part]
     return table
 
 
 def names(table: dict[str, Any]) -> list[str]:
-    """All texts of a document that can be names, and the keys of its tables of points and links."""
+    """All strings of a document that can be names, and the keys of its tables of points and links."""
     texts = [at(table, path) for path in places(table)]
     keys = [key for part in ("fixed", "links", "sketch") for key in table.get(part, {})]
     found = [text for text in texts if isinstance(text, str) and re.fullmatch(r"[A-Za-z][\w-]*", text)]
@@ -43,7 +43,7 @@ def names(table: dict[str, Any]) -> list[str]:
 
 
 def possible(parent: Any, value: Any) -> list[str]:
-    """What can be done to a value in its table or list."""
+    """Possible changes of a value in its table or list."""
     ways = ["delete", "value", "value", "double" if isinstance(parent, list) else "misspell"]
     ways += ["name", "name", "misspell value"] if isinstance(value, str) else []
     ways += ["reverse"] if isinstance(value, list) and len(value) > 1 else []
@@ -53,7 +53,7 @@ def possible(parent: Any, value: Any) -> list[str]:
 
 
 def mutation(table: dict[str, Any], rng: np.random.Generator) -> tuple[str, dict[str, Any]]:
-    """What was done, and a copy of a document in which it was done."""
+    """A description of a change, and a copy of a document with this change."""
     table = copy.deepcopy(table)
     every = list(places(table))
     path = every[rng.integers(len(every))]
@@ -93,7 +93,7 @@ def mutation(table: dict[str, Any], rng: np.random.Generator) -> tuple[str, dict
 
 
 def broken(text: str, rng: np.random.Generator) -> tuple[str, str]:
-    """What was done, and a text in which a character, a line or the end went missing, or one came in."""
+    """A description of a change, and a string in which a character, a line or the end is missing, or one is added."""
     lines = text.split("\n")
     i, k = int(rng.integers(len(text))), int(rng.integers(len(lines)))
     way = ("cut", "character", "line", "insert", "exchange")[rng.integers(5)]

@@ -1,4 +1,4 @@
-"""Features that other programs have and linkjax has not: the message says so, or names the right key."""
+"""Features of other programs that linkjax does not have: the message says so, or names the right key."""
 
 import re
 import typing
@@ -97,7 +97,7 @@ link = "left"
 
 
 def add(text: str, after: str, more: str) -> str:
-    """A text with a line added after the first such line."""
+    """A scene file with a line added after the first such line."""
     assert f"{after}\n" in text
     return text.replace(f"{after}\n", f"{after}\n{more}\n", 1)
 
@@ -106,7 +106,7 @@ NO_SPRING, NO_TABLE = 'they will be [[loads]] kind = "spring"', 'they will be [[
 ONE = "linkjax has one drive"
 TABLE_OF = 'force = { at = ["0 deg", "90 deg"], values = ["0 N", "30 kN"] }'
 # fmt: off
-CASES = {  # text, key, parts of the message
+CASES = {  # file, key, parts of the message
     "a motor's torque-speed line": (MOTOR, "drive.torque", "there is no [motor] yet", "constant torque that balances"),
     "the power of the drive": (add(SHAFT, 'link = "shaft"', 'power = "5 kW"'), "drive.power",
         "no [motor] yet", "`speed`"),
@@ -176,14 +176,12 @@ def test_what_is_not_there_is_said(name):
 
 
 def test_a_five_bar_with_two_motors():
-    """Two cranks driven are two degrees of freedom, by 3·4 - 2·5 = 2: one drive is too few, and there is one only."""
+    """Two driven cranks are two degrees of freedom, by 3·4 - 2·5 = 2: one drive is too few, and only one exists."""
     with pytest.raises(SceneError) as caught:
         loads_text(FIVE_BAR)
     message = str(caught.value)
     assert "2 degrees of freedom" in message and "linkjax drives one joint only and has no second drive" in message
-    assert (
-        "couple 'left' and 'right' by gears ([[gears]]) or add a link; a link from pin to pin takes one away" in message
-    )
+    assert "couple 'left' and 'right' by gears ([[gears]]), or add a binary link (-1 degree of freedom)" in message
     coupled = FIVE_BAR + '[[gears]]\nlink = "right"\nto = "left"\nteeth = [20, 20]\n'
     assert loads_text(coupled).mechanism.driving_link == "left"
 
@@ -205,7 +203,7 @@ def test_the_command_says_it_in_one_line(tmp_path, monkeypatch, capsys):
 
 
 def test_what_is_there_is_not_said_to_be_absent():
-    """The list shrinks: no row names a key that the format knows in the same table."""
+    """The list shrinks: no row names a key that the format supports in the same table."""
     groups = {
         key for branch in typing.get_args(typing.get_args(Group)[0]) for key in fields(typing.get_args(branch)[0])
     }

@@ -43,7 +43,7 @@ def text_of(name: str) -> str:
 
 
 def check_message(error: SceneError, what: str, given: object) -> None:
-    """One line that names file, key (or line), problem and remedy, in the words of scene files, and of this one."""
+    """One line with file, key (or line), problem and remedy, in the terms of scene files, and of this one."""
     message = str(error)
     assert message.startswith("bad.toml: ") and message.endswith(f"{error.problem}; {error.remedy}"), what
     assert "\n" not in message and len(message) < 450 and error.problem and error.remedy, what
@@ -56,7 +56,7 @@ def check_message(error: SceneError, what: str, given: object) -> None:
 
 
 def refused(name: str, count: int, seed: int) -> int:
-    """How many of so many bad versions of a scene are refused; all others make a machine of finite numbers."""
+    """How many of so many bad versions of a scene are refused; all others give a machine with finite numbers."""
     text, found = text_of(name), 0
     table, rng = tomllib.loads(text), np.random.default_rng([seed, NAMES.index(name)])
     for _ in range(count):
@@ -75,7 +75,7 @@ def refused(name: str, count: int, seed: int) -> int:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_mutations(name):
-    """25 bad versions of every scene; 16 refused of each are more than 300 in all."""
+    """25 bad versions of every scene; 16 refused of each are more than 300 in total."""
     assert len(NAMES) * 16 > 300
     assert refused(name, 25, seed=0) >= 16
 
@@ -87,7 +87,7 @@ def test_many_mutations(name):
 
 
 def edit(name: str, *pairs: str) -> str:
-    """A built-in scene with texts replaced, two by two, each where it stands first."""
+    """A built-in scene with strings replaced in pairs, each at its first occurrence."""
     text = text_of(name)
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text, old
@@ -96,7 +96,7 @@ def edit(name: str, *pairs: str) -> str:
 
 
 LAW = 'link = "crank"\nlaw = { angles = ["0 deg", "90 deg", "180 deg"], values = ["0 deg", "40 deg", "10 deg"] }'
-DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the problem, part of the remedy
+DRAWN = {  # errors in a drawn machine: file, key, part of the problem, part of the remedy
     "a slot on itself": (
         edit("elliptic-trammel", 'block = "stone"\nguide = {', 'block = "stone"\nguide = { on = "stone",'),
         "slots[0]",
@@ -148,8 +148,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a missing slot": (
         edit("elliptic-trammel", '[[slots]]\nblock = "shoe"\nguide = { through = "O", along = "90 deg" }\n', ""),
         "links",
-        "stone, bar, shoe can still move at X, Y, stone.guide when the drive is held: 3 degrees of freedom",
-        "a pin or a slot where none is takes two",
+        "with the drive held, stone, bar, shoe can still move at X, Y, stone.guide: 3 degrees of freedom",
+        "or a pin or slider joint (-2)",
     ),
     "two blocks for one": (
         edit(
@@ -158,20 +158,20 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
             '[[slots]]\nblock = "brace"\nguide = { through = "O" }\n\n[[slots]]\nblock = "roller"',
         ),
         "links",
-        "hold each other fast",
-        "leave out one of these joints",
+        "form an overconstrained chain: one of the joints",
+        "delete one of these joints",
     ),
     "a link too many": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["C", "G"]\nlength = "300 mm"\n\n[flywheel]'),
         "links",
-        "hold each other fast at A, B, C, E, D, G, …",
-        "leave out one of: tie, lever, rocker, or give it",
+        "the joints A, B, C, E, D, G, … make",
+        "delete one of: tie, lever, rocker, or give it",
     ),
     "a link that hangs loose": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["C", "Z"]\nlength = "300 mm"\n\n[flywheel]'),
         "links",
         "tie can still move",
-        "leave them out",
+        "or delete the links that can move",
     ),
     "a link too many in a row": (
         edit(
@@ -184,8 +184,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
             '[sketch]\nK = ["250 mm", "300 mm"]',
         ),
         "links",
-        "can still move at E, K, F, G when the drive is held: 2 degrees of freedom",
-        "a link from pin to pin takes one away",
+        "can still move at E, K, F, G: 2 degrees of freedom",
+        "add a binary link (-1 degree of freedom)",
     ),
     "a motor beside the machine": (
         edit(
@@ -196,19 +196,19 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
             '[drive]\nlink = "motor"\n\n[links.motor]\npins = ["K", "L"]\nlength = "50 mm"',
         ),
         "drive.link",
-        "it moves 'motor' alone, to which nothing is joined but 'frame'",
-        "let another link share a pin of it (L)",
+        "it moves 'motor' alone, which is joined only to 'frame'",
+        "join another link to one of its pins (L)",
     ),
     "a crank beside what stands still": (
         edit("four-bar", 'from = "B"', 'from = "K"', "[fixed]", '[fixed]\nK = ["50 mm", "20 mm"]'),
         "groups[1]",
-        "the driver moves 'crank' alone, while coupler, rocker hang on the frame and stand still",
+        "the driver moves 'crank' alone; coupler, rocker are attached to the frame and do not move",
         "attach it to a point of 'crank', such as B",
     ),
     "a link apart": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["Y", "Z"]\nlength = "300 mm"\n\n[flywheel]'),
         "links.tie",
-        "not joined to the frame",
+        "not connected to the frame",
         "share a pin",
     ),
     "a pin twice": (
@@ -221,7 +221,7 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a sketch of nothing": (
         edit("stephenson-3", 'G = ["400 mm", "150 mm"]', 'GG = ["400 mm", "150 mm"]'),
         "sketch.GG",
-        "is no point of a link",
+        "is not a point of any link",
         "'G'",
     ),
     "no sketch": (
@@ -324,8 +324,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a drive against what stands still": (
         edit("elliptic-trammel", 'pins = ["Y"]', 'pins = ["X"]'),
         "drive",
-        "it moves 'bar' alone, to which nothing is joined but 'stone'",
-        "let another link share a pin of it (Y)",
+        "it moves 'bar' alone, which is joined only to 'stone'",
+        "join another link to one of its pins (Y)",
     ),
     "coinciding pins": (
         edit(
@@ -394,7 +394,7 @@ def test_rolling_bodies_that_cannot_be(name):
     assert caught.value.key == key and problem in caught.value.problem and remedy in caught.value.remedy
 
 
-IMPOSSIBLE = {  # well-formed, but no machine can do it: scene, changes, part of the message
+IMPOSSIBLE = {  # well-formed, but impossible for a machine: scene, changes, part of the message
     "a rod too short": ("hay-press", {"links.rod.length": "1 mm"}, "cannot be assembled"),
     "a rod as short as the crank": ("hay-press", {"links.rod.length": "300 mm"}, "has a change point"),
     "a pivot out of reach": ("hay-press", {"fixed.F[0]": "20 m"}, "cannot be assembled"),
@@ -431,9 +431,9 @@ SLOW = {
 
 @pytest.mark.parametrize("name", [*IMPOSSIBLE, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
 def test_impossible_machines(name):
-    """One line with the scene, what it cannot do and where, and what to change; no NaN in it."""
+    """One line with the scene, the problem and its position, and the remedy; no NaN in it."""
     scene, changes, part = {**IMPOSSIBLE, **SLOW}[name]
-    if part in NO_MOTION:  # all else is there
+    if part in NO_MOTION:  # all other results exist
         cycle = lj.analyse(load(scene, changes), angles=4)
         assert cycle.steady is None and cycle.missing is not None
         assert part in cycle.missing.reason and not NOISE.search(cycle.missing.reason)
@@ -461,7 +461,7 @@ def test_the_exit_code_of_what_is_refused(name, tmp_path: Path, monkeypatch, cap
 @pytest.mark.slow
 @pytest.mark.parametrize("name", scene_names())
 def test_what_is_not_refused_is_analysed(name):
-    """Of bad versions of a scene those that make a machine: its figures are finite, or one line says why there are
+    """Bad versions of a scene that give a machine: its results are finite, or one line gives the reason why there are
     none."""
     table, rng, analysed = tomllib.loads(text_of(name)), np.random.default_rng([2, NAMES.index(name)]), 0
     while analysed < 5:
@@ -469,7 +469,7 @@ def test_what_is_not_refused_is_analysed(name):
         try:
             scene = build_task(Document("bad.toml", bad))[0]
         except SceneError:
-            continue  # what it says: `test_many_mutations`
+            continue  # the message: `test_many_mutations`
         analysed += 1
         try:
             found = measured(lj.analyse(scene, angles=4, nodes=48))
@@ -479,7 +479,7 @@ def test_what_is_not_refused_is_analysed(name):
             assert np.all(np.isfinite(list(found.values()))), what
 
 
-COMMANDS = {  # text of the file, exit code, part of what is said
+COMMANDS = {  # content of the file, exit code, part of the message
     "misspelt": (edit("four-bar", "[links.crank]", "[link.crank]"), 2, "link: not a known key; did you mean 'links'?"),
     "broken": (text_of("four-bar")[:300], 2, "line "),
     "empty": ("", 2, "the scene is empty"),

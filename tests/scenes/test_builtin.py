@@ -1,4 +1,4 @@
-"""The built-in scenes, the starter and the documentation: what they hold, and that every key is documented."""
+"""The built-in scenes, the starter and the documentation: their content, and that every key is documented."""
 
 import json
 import math
@@ -32,7 +32,7 @@ BLOCKS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
 
 
 def press(slider: bool) -> Scene:
-    """The hay press as reference data gives it, with the load on the slider or on the rocker."""
+    """The hay press as given by reference data, with the load on the slider or on the rocker."""
     point = Vec(0.45 * math.cos(math.pi / 6), 0.45 * math.sin(math.pi / 6))
     links = {
         "crank": Link(length=0.3, mass=5.0, inertia=0.0 if slider else 0.65),
@@ -82,7 +82,7 @@ def test_a_table_of_the_thesis():
 
 @pytest.mark.parametrize("name", ["four-bar", "quick-return", "scotch-yoke", "slider-crank"])
 def test_invented_machines_are_plausible(name):
-    """They turn steadily at their speed, not far from the wanted fluctuation."""
+    """They run steadily at their speed, near the required fluctuation."""
     scene = load(name)
     regime = compiled_soon(steady_motion)(scene)
     assert float(regime.steady_state_margin) > 0.5
@@ -91,14 +91,14 @@ def test_invented_machines_are_plausible(name):
 
 
 def test_the_known_answer_of_the_benchmark():
-    """baselines/hay_press.py, a program of its own in plain NumPy."""
+    """baselines/hay_press.py, an independent program in plain NumPy."""
     regime = compiled_soon(steady_motion)(load("hay-press-slider"))
     assert float(regime.delta) == pytest.approx(0.0903376817, abs=1e-9)
     assert float(regime.mean_drive_torque) == pytest.approx(3909.79995, abs=1e-4)
 
 
 def test_the_mirrored_machine():
-    """Clockwise, below the guide, with the guide's left turned round: the same crank pin, mirrored."""
+    """Clockwise, below the guide, with the left side of the guide reversed: the same crank pin, mirrored."""
     text = starter("mirrored").replace('offset = "0 mm"', 'offset = "7 mm"')
     there = loads_text(text)
     back = loads_text(text.replace('# rotation = "cw"', 'rotation = "cw"').replace('"7 mm"', '"-7 mm"'))

@@ -1,4 +1,4 @@
-"""Raw documents: overriding single keys, and that no document, however mangled, gives anything but a SceneError."""
+"""Raw documents: overriding single keys, and that every damaged document gives only a SceneError."""
 
 import copy
 import datetime
@@ -11,7 +11,7 @@ from linkjax.machine import Scene
 from linkjax.scenes import Document, SceneError, build, load, load_document, loads_text, override, scene_names, setting
 from tests.helpers import PACKAGE
 
-CHANGES = [  # key, value, where it lands in the raw document, what stands there then
+CHANGES = [  # key, value, its path in the raw document, the value there afterwards
     ("links.rod.length", "1.1 m", ("links", "rod", "length"), "1.1 m"),
     (" links.rod.length ", '"1.1 m"', ("links", "rod", "length"), "1.1 m"),
     ("links.rod.length", 1.1, ("links", "rod", "length"), 1.1),
@@ -136,7 +136,7 @@ JUNK = [
 
 
 def paths(value, path=()):
-    """Every place in a document."""
+    """Every path in a document."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in items:
         yield (*path, key)
@@ -144,7 +144,7 @@ def paths(value, path=()):
 
 
 def mutants(table):
-    """Every key of a document deleted, misspelt, and replaced by each kind of junk."""
+    """Every key of a document deleted, misspelt, and replaced by each kind of invalid value."""
     for path in list(paths(table)):
         for junk in (*JUNK, "delete", "misspell", "double"):
             mutant = copy.deepcopy(table)

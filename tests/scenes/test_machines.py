@@ -1,4 +1,4 @@
-"""The built-in machines by formulas of their own: where they are, how they are built, what they do."""
+"""The built-in machines by separate formulas: their positions, structure and results."""
 
 import math
 
@@ -14,14 +14,14 @@ from linkjax.forces import kinetostatics
 from linkjax.kinematics import pose, prepared
 
 FORMULAS = {
-    "scissor-lift": ("I1+III3(0,1,2,3,4,5)", 5),  # with the cylinder held: the brace with three others on the frame
+    "scissor-lift": ("I1+III3(0,1,2,3,4,5)", 5),  # with the cylinder fixed: the brace with three others on the frame
     "stephenson-3": ("I1(0,1) → II1(2,3) → II1(4,5)", 5),
     "andrews-squeezer": ("I1(0,1) → II1(2,3) → {II1(4,5); II1(6,7)}", 7),
     "geared-press": ("I1(0,1) → G(2) → II1(3,4) → II2(5,6)", 6),
     "toggle-press": ("I1(0,1) → II1(2,3) → II2(4,5)", 5),
     "two-cylinder": ("I1(0,1) → {II2(2,3); II2(4,5)}", 5),
     "oscillating-cylinder": ("I1(0,1) → II3(2,3)", 3),
-    "elliptic-trammel": ("I1+II4(0,1,2,3)", 3),  # with the motor held: stone and bar as one on a guide, the shoe
+    "elliptic-trammel": ("I1+II4(0,1,2,3)", 3),  # with the motor fixed: sliding block and bar as one on a guide; shoe
     "two-slider-press": ("I1(0,1) → {II2(2,4); II2(3,5)}", 5),
     "combine-cutter": ("I1(0,1) → II1(2,3) → II3(4,5)", 5),
     "combine-shoe": ("I1(0,1) → II1(2,3) → II1(4,5)", 5),
@@ -88,7 +88,7 @@ def test_oscillating_cylinder():
 
 
 def test_two_slider_press():
-    """Two slider-cranks in line, one the other's mirror image half a turn later."""
+    """Two slider-cranks in line, one the mirror image of the other, half a turn later."""
     here = poses(lj.load("two-slider-press"))
 
     def ram(sign):
@@ -101,7 +101,7 @@ def test_two_slider_press():
 
 
 def test_geared_press():
-    """The rods mirror each other, so that they meet on the middle line; a static force on the ram splits evenly."""
+    """The rods mirror each other, so they meet on the middle line; a static force on the ram is shared equally."""
     scene = lj.load("geared-press")
     here = poses(scene)
 
@@ -123,15 +123,15 @@ def test_geared_press():
     np.testing.assert_allclose(found.reactions["ram.guide"]["ram"].magnitude, 0.0, atol=1e-9)
     slope = derivatives(ram)[1][1]
     np.testing.assert_allclose(found.drive_torque, -1000.0 * slope, atol=1e-10)
-    # the teeth carry half of it from crank to wheel
+    # the teeth carry half of it from crank to gear
     tangential = np.abs(found.reactions["wheel.mesh"]["wheel"].moment) / 0.15
     np.testing.assert_allclose(tangential, 0.5 * 1000.0 * np.abs(slope) / 0.15, atol=1e-8)
 
 
 @pytest.mark.slow
 def test_toggle_press():
-    """The arms are in line with a force ratio without bound: ram force over knee force is 1 / (2 tan θ), and the drive
-    torque that holds a ram force statically is that ratio by the knee's own moment arm."""
+    """The arms are in line with an unbounded force ratio: ram force over knee force is 1 / (2 tan θ), and the static
+    drive torque for a ram force is that ratio times the moment arm of the knee."""
     scene = lj.load("toggle-press")
     force = 1000.0
     load = lj.Force("held", "ram", "P", force=lj.Vec(0.0, -force))
@@ -150,7 +150,7 @@ def test_toggle_press():
 
 
 def test_andrews_squeezer_at_the_published_start():
-    """The published angles of the bodies at the start put every joint where the machine has it, and the published mass
+    """With the published angles of the bodies at the start every joint is at its position, and the published mass
     matrix with the published constraints gives its reduced inertia (Schiehlen 1990; Hairer and Wanner 1996, VII.7)."""
     scene = lj.load("andrews-squeezer")
     q = (
@@ -165,7 +165,7 @@ def test_andrews_squeezer_at_the_published_start():
         return length * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
     def joints(q):
-        """F, E by way of K2, E less E by ways of K3, K5 and K4, K7 and K6; then G, H, D."""
+        """F, E via K2, E minus E via K3, K5 and K4, K7 and K6; then G, H, D."""
         beta, theta, gamma, phi, delta, omega, epsilon = q
         quarter = np.pi / 2
         f = at(beta, rr)
@@ -204,7 +204,7 @@ def test_andrews_squeezer_at_the_published_start():
 
 @pytest.mark.slow
 def test_kozhevnikov_press_is_four_times_the_same():
-    """Each ram does a quarter of a turn later what the one before it does."""
+    """Each ram has the motion of the previous one a quarter of a turn later."""
     scene = lj.load("kozhevnikov-press")
     quarter = np.pi / 2
     outwards = []
@@ -218,7 +218,7 @@ def test_kozhevnikov_press_is_four_times_the_same():
 
 @pytest.mark.slow
 def test_kozhevnikov_peaks_agree():
-    """The rams' forces reach the same peak; all loads are alike, but weights pull at each in its own direction."""
+    """The ram forces reach the same peak; all loads are equal, but weights act on each in its own direction."""
     scene = lj.load("kozhevnikov-press", {"gravity": 0})
     found = document(lj.analyse(scene, angles=360, constant_speed=True), "kozhevnikov-press", lj.__version__)
     reactions = found["forces"]["reactions"]
@@ -232,7 +232,7 @@ def test_kozhevnikov_peaks_agree():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(FORMULAS))
 def test_analyse(name):
-    """Every machine turns (or follows its law) and its checks close."""
+    """Every machine runs (or follows its law) and its checks are satisfied."""
     cycle = lj.analyse(lj.load(name))
     assert int(cycle.result) == 0
     assert float(cycle.checks.virtual_power) < 1e-8 and float(cycle.checks.force_balance) < 1e-8

@@ -14,7 +14,7 @@ SECTION = 'mass_properties = "section"\narea = "1 mm^2"\ndensity = "1 kg/m^3"'
 
 
 def edit(*pairs: str) -> str:
-    """The hay press with texts replaced, two by two; a text is replaced where it stands first."""
+    """The hay press with strings replaced in pairs, each at its first occurrence."""
     text = PRESS
     for old, new in zip(pairs[::2], pairs[1::2], strict=True):
         assert old in text, old
@@ -22,9 +22,9 @@ def edit(*pairs: str) -> str:
     return text
 
 
-LONG = "…"  # a table that says no more than its key: it is not shown
+LONG = "…"  # a table whose content is its key: it is not shown
 # fmt: off
-CASES = {  # text, key, part of the value as shown, part of the problem, part of the remedy
+CASES = {  # file, key, part of the value as shown, part of the problem, part of the remedy
     "unknown key": (edit('mass = "5 kg"', 'mas = "5 kg"'), "links.crank.mas", '"5 kg"', "not a known key", "'mass'"),
     "the everyday word": (edit('mass = "5 kg"', 'weight = "5 kg"'), "links.crank.weight", '"5 kg"', "not a known key",
         "'mass'"),
@@ -37,7 +37,7 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
         "not a known key", "known here: block, branch, end, from, guide"),
     "a link with the name of a side, twice": (
         edit("[links.link4]", "[links.left]", '"link4", "rocker"', '"left", "left"'), "groups[2].links",
-        '["left", "left"]', "link 'left' belongs to a group already", "use each link once",
+        '["left", "left"]', "link 'left' already belongs to a group", "use each link once",
     ),
     "missing key": (edit('speed = "700 rpm"', ""), "speed", "", "missing", 'add speed = "700 rpm"'),
     "missing key of a group": (edit('pivot = "A"', ""), "groups[0].pivot", "", "missing", 'add pivot = "A"'),
@@ -96,20 +96,20 @@ CASES = {  # text, key, part of the value as shown, part of the problem, part of
     "point undefined": (edit('from = "E"', 'from = "Q"'), "groups[2].from", '"Q"', "point 'Q' is not defined",
         "B, D, E, F"),
     "point later": (PRESS.replace('from = "B"', 'from = "G"'), "groups[1].from", '"G"', "does not exist yet",
-        "move this group behind"),
+        "move this group after"),
     "guide on a moving point": (edit('through = "A"', 'through = "B"'), "groups[1].guide.through", '"B"',
         "not a point of", "A, F"),
     "link undefined": (edit('"rod"', '"rodd"'), "groups[1].link", '"rodd"', "link 'rodd' is not defined", "'rod'"),
-    "link twice": (edit('["link4"', '["rod"'), "groups[2].links", '["rod"', "belongs to a group already",
+    "link twice": (edit('["link4"', '["rod"'), "groups[2].links", '["rod"', "already belongs to a group",
         "each link once"),
     "link idle": (edit("[links.link4]", "[links.spare]\n[links.link4]"), "links.spare", "{}", "belongs to no group",
         "delete it"),
     "link called frame": (edit("[links.crank]", "[links.frame]"), "links.frame", LONG, "taken by the frame",
         "another name"),
-    "pin twice": (edit('meet = "G"', 'meet = "D"'), "groups[2].meet", '"D"', "'D' is used already", "its own name"),
-    "pin on its own beginning": (edit('end = "D"', 'end = "B"'), "groups[1].end", '"B"', "'B' is used already",
+    "pin twice": (edit('meet = "G"', 'meet = "D"'), "groups[2].meet", '"D"', "'D' is already used", "its own name"),
+    "pin on its own beginning": (edit('end = "D"', 'end = "B"'), "groups[1].end", '"B"', "'B' is already used",
         "its own name"),
-    "point twice": (edit("points.E", "points.A"), "links.rod.points.A", "{at", "'A' is used already", "its own name"),
+    "point twice": (edit("points.E", "points.A"), "links.rod.points.A", "{at", "'A' is already used", "its own name"),
     "mass centre twice": (edit('meet = "G"', 'meet = "S2"'), "links.rod.centre_name", "", "called S2",
         'centre_name = "C2"'),
     "load twice": (PRESS + '[[loads]]\nname = "hay"\nlink = "rocker"\ntorque = 1\n', "loads[1].name", '"hay"',
@@ -193,7 +193,7 @@ def test_message(name):
 
 
 def test_unknown_before_missing():
-    """A misspelt key is also a missing one: the misspelling is what is told, wherever it stands."""
+    """A misspelt key is also a missing one: the misspelling is reported, wherever it is."""
     with pytest.raises(SceneError, match=r"groups\[0\]\.pivt = \"A\": not a known key; did you mean 'pivot'"):
         loads_text(edit('speed = "700 rpm"', "", 'pivot = "A"', 'pivt = "A"'))
 
@@ -275,7 +275,7 @@ link = "crank"
     ('link = "crank"', 'link = "crank"\nmass = "1 kg"', "drive.mass", "write it under the [links.…] that it is of"),
 ])  # fmt: skip
 def test_a_key_in_the_wrong_table(old, new, key, remedy):
-    """Of a machine drawn by links and joints: where it belongs."""
+    """Of a machine drawn by links and joints: the right position of the key."""
     with pytest.raises(SceneError) as caught:
         loads_text(DRAWN.replace(old, new))
     assert (caught.value.key, caught.value.problem) == (key, "not a known key")

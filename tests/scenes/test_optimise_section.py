@@ -1,4 +1,4 @@
-"""The section [optimise]: what it asks, what it changes, and what is wrong in it."""
+"""The section [optimise]: its problem, its changes, and its errors."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_everything_is_read():
     document = read_document(HEAD + WHOLE)
     scene, asked = build_task(document)
     assert float(scene.mechanism.links["crank"].counterweights["W"].mass) == 1.0
-    assert not build(document).mechanism.links["crank"].counterweights  # an analysis takes no notice
+    assert not build(document).mechanism.links["crank"].counterweights  # an analysis ignores it
     assert asked["minimise"] == "peak_shaking_force_constant_speed"
     assert asked["maximise"] is None
     assert asked["free"]["links.crank.length"] == {"range": "± 8 %", "linked": ["links.crank.mass"]}

@@ -1,4 +1,4 @@
-"""The JSON Schema that editors use: the one in the package is the models' own, and tells good scenes from bad ones."""
+"""The JSON Schema for editors: the one in the package is that of the models, and separates good and bad scenes."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Quantities as text: values to the last digit, and what is refused."""
+"""Quantities as strings: values to the last digit, and refused strings."""
 
 import math
 import subprocess
@@ -10,7 +10,7 @@ import pytest
 from linkjax.scenes import QuantityError, quantity
 from tests.helpers import ROOT
 
-EXACT = [  # text, dimension, SI value as a fraction
+EXACT = [  # string, dimension, SI value as a fraction
     ("300 mm", "length", Fraction(3, 10)),
     ("570 mm", "length", Fraction(57, 100)),
     (" 1_000.5cm ", "length", Fraction(10005, 1000)),

@@ -1,4 +1,4 @@
-"""Scenes written as files: what is read back is the same scene, to the last bit."""
+"""Scenes written as files: the scene that is read back is the same, to the last bit."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
 
 def rich() -> lj.Scene:
-    """With everything a file can say: weights, sections, scaled links, all kinds of loads, a clockwise crank."""
+    """With all possible content of a file: weights, sections, scaled links, all kinds of loads, a clockwise crank."""
     changes = {
         "rotation": "cw",
         "mean": "midrange",
@@ -54,7 +54,7 @@ def test_read_back_to_the_last_bit(name, rng):
 
 
 class Constant(AbstractLaw):
-    """A law that scene files do not know."""
+    """A motion law that scene files do not support."""
 
     def at(self, phi):
         raise NotImplementedError

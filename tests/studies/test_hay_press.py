@@ -1,4 +1,4 @@
-"""The study of the hay press: its first table, and that its README tells what is in the repository."""
+"""The study of the hay press: its first table, and that its README agrees with the repository."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The study of rolling bodies: what its README says of rings and bodies holds, by distances between centres."""
+"""The study of rolling bodies: the rings and bodies in its README, checked by distances between centres."""
 
 import re
 
@@ -16,7 +16,7 @@ COURSE, RINGS = NUMBERS[:6], NUMBERS[6:]
 
 @pytest.mark.parametrize("row", COURSE, ids=str)
 def test_rows_of_the_course_close(row):
-    """Rounded to 1e-5 mm: the walk around ends as near to where it began, at the sizes told."""
+    """Rounded to 1e-5 mm: the walk around ends equally near its beginning, with the printed sizes."""
     e, outer, largest, smallest = row
     steps = walk(40.0, outer, e, 0.0, 9)
     assert abs(float(steps[-1][0]) - 2 * np.pi) < 1e-5

@@ -1,4 +1,4 @@
-"""The study of the scissor lift: the paper's equations at any angle, and anchors that no others beat."""
+"""The study of the scissor lift: the equations of the paper at any angle, and optimal anchors."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +8,7 @@ from studies.scissor_lift import study
 
 L, B, F = 1.47, 0.5, 3125.0
 TEXT = (study.HERE / "README.md").read_text(encoding="utf-8")
-ANCHORS = (1.47, 1.2074, 0.0)  # as the README tells them
+ANCHORS = (1.47, 1.2074, 0.0)  # as in the README
 
 
 def force_of_one_pair(anchors, alpha):
@@ -20,7 +20,7 @@ def force_of_one_pair(anchors, alpha):
 
 
 def test_driven_by_the_bar():
-    """As drawn: P = F s / (b sin α), printed 27448 N for two pairs at 45 degrees."""
+    """Original design: P = F s / (b sin α), printed 27448 N for two pairs at 45 degrees."""
     alpha = study.ALPHA
     length, force = (np.asarray(each) for each in study.course(study.AS_DRAWN, jnp.asarray(alpha)))
     np.testing.assert_allclose(length, np.hypot((L - B) * np.cos(alpha), (L + B) * np.sin(alpha)), rtol=1e-14)
@@ -32,9 +32,9 @@ def test_driven_by_the_bar():
 
 
 def test_no_other_anchors_are_better(rng):
-    """20000 anchors at random, those that keep the ratio; the README's are found by the program (slow test). Theirs are
-    the peaks of 60 angles, which are not above those of the continuous stroke; the README's force falls all the way, so
-    that its peak is that of the lowest position."""
+    """20000 random anchors, of which those with an allowed ratio count; the program finds those in the README (slow
+    test). Their peaks are those at 60 angles, which are not above those of the continuous stroke; the force here
+    decreases throughout, so its peak is that of the lowest position."""
     alpha = np.linspace(study.LOW, study.HIGH, 60)
     fine = force_of_one_pair(ANCHORS, np.linspace(study.LOW, study.HIGH, 20001))[1]
     assert np.all(np.diff(fine) < 0)
@@ -50,7 +50,7 @@ def test_no_other_anchors_are_better(rng):
 
 @pytest.mark.slow
 def test_driven_by_the_cylinder():
-    """Feet, hinge and cylinder over the stroke by the paper's equations, and by those of virtual work elsewhere."""
+    """Feet, hinge and cylinder over the stroke by the equations of the paper, and by virtual work for other anchors."""
     alpha = np.linspace(study.LOW, study.HIGH, 21)
     lift = study.driven(alpha)
     np.testing.assert_allclose(lift.alpha, alpha, atol=1e-14)
@@ -70,7 +70,7 @@ def test_driven_by_the_cylinder():
 
 @pytest.mark.slow
 def test_the_program_finds_the_anchors():
-    """The best of 60 angles is the best of the continuous stroke: its force is greatest at the lowest position."""
+    """The best of 60 angles is the best of the continuous stroke: its force is largest at the lowest position."""
     anchors = study.best()
     assert anchors == pytest.approx(ANCHORS, abs=6e-5)
     length, force = force_of_one_pair(anchors, np.linspace(study.LOW, study.HIGH, 20001))

@@ -1,4 +1,4 @@
-"""The study of the two-cylinder machine: the twelve positions by plain formulas, and what its README says."""
+"""The study of the two-cylinder machine: the twelve positions by plain formulas, and the statements of its README."""
 
 import itertools
 import re
@@ -32,7 +32,7 @@ def reduced_torque(phi):
 
 
 def test_twelve_positions(scene):
-    """Golden: M_P = 85.837169, A = -539.330836, energies closing to zero."""
+    """Reference: M_P = 85.837169, A = -539.330836, energies closing to zero."""
     ours = study.sums(scene)
     np.testing.assert_allclose(ours.resistance, reduced_torque(ours.angles), atol=1e-10)
     assert ours.drive == pytest.approx(85.8371685741072, abs=1e-8)
@@ -42,7 +42,7 @@ def test_twelve_positions(scene):
 
 
 def test_more_positions_come_to_the_exact_work(scene):
-    """Trapezoids lose with the square of the step; the work itself is (2000 + 300)·0.12·2."""
+    """The error of the trapezoidal rule falls with the square of the step; the work is (2000 + 300)·0.12·2."""
     losses = [study.sums(scene, n).resistance_work[-1] + 552 for n in (12, 24, 48)]
     assert losses[0] / 552 == pytest.approx(0.02295, abs=1e-5)
     assert [a / b for a, b in itertools.pairwise(losses)] == pytest.approx([4, 4], rel=0.02)

@@ -24,13 +24,13 @@ PICTURE = {picture.name: picture for picture in PICTURES}
 
 
 def curves(figure: Figure) -> list[np.ndarray]:
-    """All lines of a figure that have a course, as (x, y) rows."""
+    """All lines of a figure with more than constant data, as (x, y) rows."""
     lines = [np.asarray(line.get_xydata(), float) for ax in figure.axes for line in ax.get_lines()]
     return [line.T for line in lines if len(line) > 2]
 
 
 def written(figure: Figure) -> list[Text]:
-    """Everything written in a figure that shows."""
+    """All visible text in a figure."""
     texts = list(figure.texts)
     for legend in figure.legends:
         texts += legend.get_texts()
@@ -44,7 +44,7 @@ def written(figure: Figure) -> list[Text]:
 
 
 def assert_tidy(figure: Figure) -> None:
-    """Nothing written sticks out of the figure, no panel's heading runs into the next panel's."""
+    """No text extends beyond the figure, no panel title overlaps the next panel's."""
     figure.canvas.draw()
     renderer = figure.canvas.get_renderer()  # pyright: ignore[reportAttributeAccessIssue]
     page = figure.bbox
@@ -112,7 +112,7 @@ def test_extremes_of_the_speed_are_marked(name):
     motion = data["motion"]
     figure = viz.speed_figure(data, scene)
     marks = [np.asarray(line.get_xydata())[0] for line in figure.axes[0].get_lines() if line.get_marker() in ("o", "s")]
-    wanted = [(math.degrees(motion[f"angle_of_{w}"]), motion[f"speed_{w}"] * 30 / math.pi) for w in ("max", "min")]
+    wanted = [(math.degrees(motion[f"angle_of_{w}"]), motion[f"{w}_speed"] * 30 / math.pi) for w in ("max", "min")]
     assert np.allclose(marks, wanted, rtol=1e-12)
     texts = [text.get_text() for text in figure.axes[0].texts]
     assert f"δ = {number(motion['delta'])}" in texts
@@ -125,11 +125,11 @@ def test_every_joint_is_shown_once():
 
 def test_one_motion_alone():
     scene, data = analysed("four-bar")
-    assert [case.name for case in cases(data)] == ["true motion", "constant speed"]
+    assert [case.name for case in cases(data)] == ["actual motion", "constant speed"]
     constant = {**data, "model": {**data["model"], "constant_speed": True}}
     assert [case.name for case in cases(constant)] == ["constant speed"]
     true = {key: part for key, part in data.items() if key != "forces_constant_speed"}
-    assert [case.name for case in cases(true)] == ["true motion"]
+    assert [case.name for case in cases(true)] == ["actual motion"]
     for document in (constant, true):
         for picture in ("drive", "shaking", "reactions", "reaction-hodographs"):
             assert curves(PICTURE[picture].draw(document, scene))
@@ -203,7 +203,7 @@ def test_the_machine_before_lies_behind(picture):
 
 
 def test_a_machine_before_with_other_parts():
-    """Points, links and joints that it lacks are left out."""
+    """Points, links and joints that it lacks are omitted."""
     scene, data = analysed("hay-press")
     _, other = analysed("slider-crank")
     for picture in PICTURES[1:]:

@@ -80,7 +80,7 @@ def test_a_guide_lies_under_the_stroke_of_its_pin():
 
 @pytest.mark.parametrize("name", SCENES)
 def test_places_between_the_angles(name):
-    """Cubic Hermite interpolation on every fourth angle against the angles left out: fourth order."""
+    """Cubic Hermite interpolation on every fourth angle against the angles in between: fourth order."""
     scene, data = analysed(name)
     size = skeleton(data, scene).size
 
