@@ -11,7 +11,7 @@ from html import unescape
 import pytest
 
 from linkjax import cli
-from linkjax._display import NONE
+from linkjax._display import NONE, in_words
 from linkjax.cli._console import console
 
 LIGHT = """
@@ -103,9 +103,9 @@ def test_one_number_for_one_thing(made):
     for name in before:
         printed = [line[line.index(name) + 1] for line in said if name in line[:2] and len(line) > 2]
         assert len(set(printed)) == 1 and printed.count(NONE) == (0 if name in exists else len(printed)), name
-        told = [row[1] for row in rows if row[0] == name.replace("_", " ") and len(row) > 3]
+        told = [row[1] for row in rows if row[0] == in_words(name) and len(row) > 3]
         assert told and {cell == NONE for cell in told} == {name not in exists}, name
     results = {row[0]: row[1] for row in rows if len(row) == 4}
-    assert results["coefficient of speed fluctuation δ"] == results["largest speed"] == NONE
+    assert results["coefficient of speed fluctuation δ"] == results["max crank speed"] == NONE
     assert "WARNING: before: " in out
     assert "\n# delta: – -> " in scene
