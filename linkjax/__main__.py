@@ -1,4 +1,4 @@
-"""`python -m linkjax`: the command line."""
+"""The command line by `python -m linkjax`."""
 
 from linkjax.cli import main
 

@@ -63,7 +63,7 @@ def test_new_writes_a_scene_that_loads_and_never_overwrites(call, tmp_path):
     assert lj.load(tmp_path / "mine.toml").mechanism.driving_link
     code, _, err = call("new", path)
     assert code == 2
-    assert "exists already" in err
+    assert "already exists" in err
 
 
 def test_titles_are_shown_as_they_are(call):
@@ -260,7 +260,7 @@ def test_to_pylinkage_and_back(call, tmp_path):
     assert float(scene.mechanism.links["coupler"].length) == pytest.approx(0.36, rel=1e-15)
     code, _, err = call("import", path)
     assert code == 2
-    assert "exists already; choose another name with --out" in err
+    assert "already exists; choose another name with --out" in err
     assert call("import", path, "--out", tmp_path / "other.toml")[0] == 0
 
 
@@ -273,12 +273,12 @@ def test_what_cannot_be_exchanged(call, tmp_path):
     assert "'coupler-rocker' cannot be assembled at 180 degrees" in err
     code, _, err = call("export", "four-bar", "--format", "pylinkage", "--at", "30")
     assert code == 2
-    assert "stand at crank angle zero; leave --at out" in err
+    assert "are at crank angle zero; omit --at" in err
     path = tmp_path / "broken.json"
     path.write_bytes(b"\xff\xfe")
     code, _, err = call("import", path)
     assert code == 2
-    assert "not a text in UTF-8 (byte 0); save" in err
+    assert "not encoded in UTF-8 (byte 0); save" in err
     path.write_text('{"joints": [], "links": []}', encoding="utf-8")
     code, _, err = call("import", path)
     assert code == 2

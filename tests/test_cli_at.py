@@ -140,14 +140,14 @@ def test_an_acceleration_that_is_given(call):
         assert code == 0
         loaded, free = out.split("at 30° of crank angle, ")[1].split("at 90° of crank angle, ")
         assert (
-            "nominal speed and the acceleration given\ncrank speed 1150.000 rpm, angular acceleration 10 rad/s²" in out
+            "nominal speed and given acceleration\ncrank speed 1150.000 rpm, angular acceleration 10 rad/s²" in out
         )
         assert "drive torque 1125.000 N·m" in loaded and "drive torque 125.0000 N·m" in free
         speed = 1150 * math.pi / 30
         assert row(free.split("\nlink ")[0], "B")[3:5] == ["−1", f"{-0.1 * speed**2:.2f}".replace("-", "−")]
         assert row(free, "shaft")[3:] == ["1150", "10"]
     code, _, err = call("analyse", "shaft.toml", "--acceleration", "10 rad/s^2")
-    assert code == 2 and "--acceleration" in err and "say at which, e.g. --at 60" in err
+    assert code == 2 and "--acceleration" in err and "add a crank angle, e.g. --at 60" in err
     code, _, err = call(*words, "10 rad/s")
     assert code == 2 and "a speed of rotation where an angular acceleration is needed" in err
 

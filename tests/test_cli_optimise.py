@@ -128,7 +128,7 @@ def test_limits_that_clash(call, scene, tmp_path):
     code, told, _ = call(scene, "--limit", "delta <= 1e-4", "--limit", "flywheel.inertia <= 0.1 kg m^2",
                          "--json", tmp_path / "all.json")  # fmt: skip
     assert code == 1
-    assert "these clash: delta, flywheel.inertia" in told
+    assert "conflicting constraints: delta, flywheel.inertia" in told
     assert "NOT MET" in told
     data = json.loads((tmp_path / "all.json").read_text())
     assert (data["result"]["code"], data["result"]["name"]) == (1, "infeasible")
@@ -152,13 +152,13 @@ def test_options_take_the_place_of_the_section(call, scene, tmp_path):
     [
         (("four-bar",), "four-bar: objective: none is given; give either minimise or maximise"),
         (("hay-press", "--maximise", "delta", "--minimise", "speed"), "two are given"),
-        (("hay-press", "--minimise", ""), "neither a measure nor a number"),
-        (("four-bar", "--minimise", "delta"), "free: nothing is free"),
-        (("hay-press", "--limit", "delta"), "delta: is no limit"),
-        (("hay-press", "--free", "speed"), "--free needs NAME=RANGE"),
+        (("hay-press", "--minimise", ""), "neither a measure nor a scene parameter"),
+        (("four-bar", "--minimise", "delta"), "free: there is no design variable"),
+        (("hay-press", "--limit", "delta"), "is not a constraint"),
+        (("hay-press", "--free", "speed"), "--free: 'speed': is not NAME=RANGE"),
         (("hay-press", "--free", "speed=300 to 200 rpm"), "speed: its bounds are"),
         (("hay-press", "--units", "furlong"), "furlong"),
-        (("hay-press", "--solver", "simplex"), "'simplex' is not known"),
+        (("hay-press", "--solver", "simplex"), "'simplex' is not a solver"),
         (("no-such-scene",), "no such scene file"),
     ],
 )
@@ -166,6 +166,38 @@ def test_what_cannot_be_asked(call, arguments, says):
     code, _, err = call(*arguments)
     assert code == 2
     assert says in err
+
+
+def test_spelling_with_z_is_the_same_command(call, monkeypatch, capsys):
+    """`analyze` and `optimize` exist, and are not listed."""
+    for alias, command in (("analyze", "analyse"), ("optimize", "optimise")):
+        code, said, _ = run(monkeypatch, capsys, alias, "--help")
+        assert code == 0
+        assert said.replace(alias, command) == run(monkeypatch, capsys, command, "--help")[1]
+    listed = run(monkeypatch, capsys, "--help")[1]
+    assert "analyse" in listed and "optimise" in listed and "analyze" not in listed and "optimize" not in listed
+    code, _, err = run(monkeypatch, capsys, "optimize", "four-bar", "--minimise", "delta")
+    assert code == 2 and "four-bar: free: there is no design variable" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("optimise", "hay-press", "--limit", "delta"), "hay-press: --limit: 'delta': is not a constraint; write e.g."),
+        (("optimise", "hay-press", "--free", "speed=no"), "hay-press: --free: speed: is not a design variable; "),
+        (("optimise", "hay-press", "--free", "speed=3 kg to 4 kg"), "hay-press: free: speed: '3 kg': a mass where a"),
+        (("optimise", "hay-press", "--limit", "detla <= 1"), "hay-press: limits: detla: is neither a measure nor"),
+        (("optimise", "hay-press", "--minimise", "detla"), "hay-press: minimise: detla: is neither a measure nor"),
+        (("optimise", "elliptic-trammel", "--minimise", "min_transmission_angle", "--free", "speed=1 to 2 rad/s"),
+         "elliptic-trammel: min_transmission_angle: this machine has none"),
+        (("show", "hay-press", "--units", "furlong"), "--units: \"furlong\": unknown unit 'furlong'; known here"),
+        (("analyse", "hay-press", "--set", "speed"), "hay-press: --set = \"speed\": is not KEY=VALUE; write e.g."),
+    ],
+)  # fmt: skip
+def test_an_error_names_its_place(monkeypatch, capsys, arguments, says):
+    """File or option, key, value, problem, remedy: one line."""
+    code, _, err = run(monkeypatch, capsys, *arguments)
+    assert code == 2 and err.startswith(says) and len(err.splitlines()) == 1
 
 
 def interrupted(call, *arguments) -> dict:
@@ -225,7 +257,7 @@ def test_ties_stay_with_another_range(call, scene, tmp_path):
     assert rod["upper"] == pytest.approx(0.44)
     crank = rod["linked"]["links.crank.length"]
     assert crank["after"] / crank["before"] == pytest.approx(rod["after"] / rod["before"])
-    assert "tied: links.crank.length" in told
+    assert "linked: links.crank.length" in told
 
 
 def test_a_folder_that_cannot_be_written_is_told_at_once(call, scene, tmp_path, monkeypatch):

@@ -28,10 +28,11 @@ WHY = {
 
 def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
     """The analysis as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says. What
-    belongs to an actual motion that does not exist, or is not asked for, is None."""
+    belongs to an actual motion that does not exist, or is not asked for, is None; so is every result over the whole
+    cycle of a machine that cannot be assembled."""
     cycle = jax.device_get(cycle)
     scene, code = cycle.scene, Result(int(cycle.result))
-    return {
+    found = {
         "scene": name or scene.title,
         "linkjax_version": version,
         "precision": str(np.asarray(cycle.angles).dtype),
@@ -74,6 +75,18 @@ def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
             "message": MESSAGES[code] if cycle.missing is None else cycle.missing.reason,
             "per_angle": np.where(cycle.assembled, int(Result.SUCCESS), int(Result.CANNOT_BE_ASSEMBLED)),
         },
+    }  # fmt: skip
+    return _only_assembled(found) if code is Result.CANNOT_BE_ASSEMBLED else found
+
+
+def _only_assembled(data: dict[str, Any]) -> dict[str, Any]:
+    """A document without results over the whole cycle: in a machine that cannot be assembled they come from placeholder
+    positions."""
+    none = dict.fromkeys(("for_target_delta", "textbook"))
+    return data | {
+        "model": data["model"] | {"method": "none", "why": WHY["none"], "evaluations": None},
+        "motion": dict.fromkeys(data["motion"]), "flywheel": data["flywheel"] | none, "work": None, "forces": None,
+        "peaks": {}, "checks": data["checks"] | {"energy_closure": None},
     }  # fmt: skip
 
 
@@ -153,7 +166,8 @@ def _groups(cycle: Cycle) -> dict[str, Any]:
             angles = cycle.transmission[name]
             every = np.concatenate([np.ravel(angles), np.ravel(cycle.transmission_ends.get(name, angles[:0]))])
             entry["transmission_angle"] = angles
-            entry["transmission_span"] = [float(np.nanmin(every)), float(np.nanmax(every))]
+            if Result(int(cycle.result)) is not Result.CANNOT_BE_ASSEMBLED:
+                entry["transmission_span"] = [float(np.nanmin(every)), float(np.nanmax(every))]
         found[name] = entry
     return found
 

@@ -1,8 +1,7 @@
-"""The command line: the only place that prints.
+"""The command line, the only part that prints.
 
-Exit codes: 0 done, 1 the machine cannot do it (cannot be assembled, no steady motion at this speed, then all else is
-printed and written; limits that clash), 2 bad input, 130 an optimisation that was interrupted (its best design is
-written).
+Exit codes: 0 success; 1 the machine cannot be assembled, has no steady-state motion (all other results are printed and
+written), or cannot satisfy all constraints; 2 wrong input; 130 optimisation interrupted (the best design is written).
 """
 
 from linkjax.cli._main import main as main

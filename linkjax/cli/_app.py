@@ -1,4 +1,4 @@
-"""The commands, but for `optimise`."""
+"""All commands except `optimise`, `export` and `import`."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from rich.text import Text
 from linkjax import __version__
 from linkjax._compile import keep_in
 from linkjax._config import cache_folder, enable_x64
-from linkjax._display import Numbers, retold
+from linkjax._display import retold
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
-from linkjax._units import QuantityError, display_units, quantity
+from linkjax._units import QuantityError, quantity
 from linkjax.analysis import analyse, at_acceleration, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import (
@@ -32,6 +32,7 @@ from linkjax.cli._options import (
     Units,
     changes_of,
     check_places,
+    numbers_in,
     write_text,
 )
 from linkjax.cli._print import print_assemblies, print_scene, print_structure, print_summary
@@ -62,7 +63,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 
 
 class Method(StrEnum):
-    """How the true motion is found."""
+    """How the actual motion is computed."""
 
     quadrature = "quadrature"
     diffrax = "diffrax"
@@ -87,9 +88,11 @@ def _version(wanted: bool | None) -> None:
 
 @app.callback()
 def _options(
-    version: Annotated[bool | None, typer.Option("--version", callback=_version, is_eager=True)] = None,
+    version: Annotated[
+        bool | None, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = None,
 ) -> None:
-    """Planar machines: a whole working cycle, exact and differentiable."""
+    """Analysis and optimisation of planar machines over the complete working cycle."""
     enable_x64()
     keep_in(cache_folder())
 
@@ -109,13 +112,13 @@ def scenes() -> None:
 
 @app.command()
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new scene; NAME.toml is written.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new scene file, with or without .toml.")],
     kind: KindOf = Kind.linkage,
 ) -> None:
-    """Write a commented starter scene NAME.toml."""
+    """Write a new scene file with comments."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     if path.exists():
-        raise SceneError(str(path), "", None, "exists already", "choose another name or delete the file")
+        raise SceneError(str(path), "", None, "already exists", "choose another name or delete the file")
     text = starter if kind is Kind.linkage else rolling_starter
     path.write_text(text(path.stem), encoding="utf-8")
     console.print(f"{path} written; next: linkjax analyse {shlex.quote(str(path))}", highlight=False)
@@ -130,13 +133,13 @@ def schema(kind: KindOf = Kind.linkage) -> None:
 
 @app.command()
 def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
-    """Show a scene: structure, links, loads."""
-    chosen, changes = Numbers(display_units(units)), changes_of(scene, set_)
+    """Show structure, links and loads of a scene."""
+    chosen, changes = numbers_in(units), changes_of(scene, set_)
     document = load_document(scene)
     rolling = document.rolling
     with messages_in(chosen):
         machine = load_rolling(scene, changes) if rolling else build(document := overridden(document, changes))
-    shown = Numbers(display_units(units_for(scene, changes, units)))
+    shown = numbers_in(units_for(scene, changes, units))
     if isinstance(machine, RollingMachine):
         show_rolling(machine, scene, shown)
     else:
@@ -145,8 +148,11 @@ def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
 
 @app.command(name="structure")
 def structure_command(scene: SceneName, units: Units = "", set_: Set = None) -> None:
-    """Mobility, Assur groups and structural formula of a scene, and how else groups can be assembled."""
-    shown = Numbers(display_units(units))
+    """Show the structural analysis of a scene.
+
+    Mobility, Assur groups, structural formula, and the assembly modes of groups of higher class.
+    """
+    shown = numbers_in(units)
     with messages_in(shown):
         mechanism = load(scene, changes_of(scene, set_)).mechanism
     print_structure(structure(mechanism))
@@ -162,21 +168,24 @@ def analyse_command(
     out: Out = None,
     json_file: JsonFile = None,
     csv_folder: CsvFolder = None,
-    angles: Annotated[int, typer.Option(min=2, help="Uniform crank angles over the cycle.")] = 360,
+    angles: Annotated[int, typer.Option(min=2, help="Number of uniform crank angles over the cycle.")] = 360,
     at: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="ANGLE", help="Also print everything at a crank angle: degrees, or 1.2rad. May be repeated."
+            metavar="ANGLE",
+            help="Also print all results at this crank angle: degrees, or with a unit, e.g. 1.2rad. May be repeated.",
         ),
     ] = None,
     acceleration: Annotated[
         str | None,
-        typer.Option(metavar="VALUE", help='With --at: the crank at nominal speed and this, e.g. "10 rad/s^2".'),
+        typer.Option(
+            metavar="VALUE", help='With --at: angular acceleration of the crank at nominal speed, e.g. "10 rad/s^2".'
+        ),
     ] = None,
     constant_speed: Annotated[
-        bool, typer.Option("--constant-speed", help="The crank at constant nominal speed, without the actual motion.")
+        bool, typer.Option("--constant-speed", help="Constant nominal crank speed; the actual motion is not computed.")
     ] = False,
-    method: Annotated[Method, typer.Option(help="How the actual motion is found.")] = Method.quadrature,
+    method: Annotated[Method, typer.Option(help="How the actual motion is computed.")] = Method.quadrature,
     nodes: Nodes = NODES,
     units: Units = "",
     set_: Set = None,
@@ -190,13 +199,13 @@ def analyse_command(
                        "--constant-speed": constant_speed, "--method": method is not Method.quadrature})  # fmt: skip
         bodies, units = load_rolling(scene, changes), units_for(scene, changes, units)
         check_places(out, csv_folder, json_file)
-        with messages_in(shown := Numbers(display_units(units))):
+        with messages_in(shown := numbers_in(units)):
             analyse_rolling(bodies, scene, shown, units, angles, out=out, json_file=json_file, csv_folder=csv_folder)
         return
-    with messages_in(Numbers(display_units(units))):
+    with messages_in(numbers_in(units)):
         machine = load(scene, changes)
     units = units_for(scene, changes, units)
-    shown = Numbers(display_units(units))  # what cannot be shown is refused before anything is computed or written
+    shown = numbers_in(units)
     extra, given = [angle_of(each) for each in at or ()], acceleration_of(acceleration, bool(at))
     check_places(out, csv_folder, json_file)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
@@ -218,18 +227,18 @@ def analyse_command(
         print_at(document(here, scene, __version__), machine, shown, given is not None)
     if out:
         write_out(data, machine, out, units=units)
-    if cycle.missing is not None and cycle.missing.fails:  # all else is there
+    if cycle.missing is not None and cycle.missing.fails:  # everything else has been printed and written
         title = f"Scene {machine.title!r}: " if machine.title else ""
         raise MachineError(retold(f"{title}{cycle.missing.reason}", shown), Result.NO_PERIODIC_REGIME)
 
 
 def acceleration_of(text: str | None, at: bool) -> float | None:
-    """An angular acceleration in rad/s²: a number, or with a unit; None where none is given."""
+    """An angular acceleration in rad/s², from a number or a string with a unit; None if there is none."""
     if text is None:
         return None
     option = "--acceleration"
     if not at:
-        problem, remedy = "belongs to single crank angles", "say at which, e.g. --at 60"
+        problem, remedy = "applies to single crank angles", "add a crank angle, e.g. --at 60"
         raise SceneError(option, "", text, problem, remedy)
     try:
         return quantity(f"{float(text):.17g} rad/s^2", "angular_acceleration")
@@ -244,11 +253,11 @@ def acceleration_of(text: str | None, at: bool) -> float | None:
 
 
 def angle_of(text: str) -> float:
-    """A crank angle in radians: degrees, or with a unit."""
+    """A crank angle in radians, from degrees or a string with a unit."""
     try:
         return quantity(f"{float(text):.17g} deg", "angle")
     except ValueError as error:
-        if isinstance(error, QuantityError):  # a number, but no finite one
+        if isinstance(error, QuantityError):  # a number, but not finite
             raise SceneError("--at", "", text, error.problem, "give degrees of crank angle, e.g. --at 90") from error
     try:
         return quantity(text, "angle")

@@ -1,4 +1,4 @@
-"""Where the command line prints, and how it shows that time passes."""
+"""The consoles of the command line, and the display of elapsed time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 from rich.console import Console
 
-WIDE = 140  # columns where there is no screen that says how many it has
+WIDE = 140  # columns if the output is not a terminal
 console, complaints = Console(), Console(stderr=True)
 if not console.is_terminal and "COLUMNS" not in os.environ:
     console.width = WIDE
@@ -18,7 +18,7 @@ if not console.is_terminal and "COLUMNS" not in os.environ:
 
 @contextmanager
 def elapsed(what: str) -> Iterator[None]:
-    """A spinner with elapsed time, shown only once a second has passed."""
+    """A spinner with the elapsed time, shown after one second."""
     start = time.perf_counter()
     status = console.status(what, spinner="dots") if console.is_terminal else None
     if status is None:

@@ -1,4 +1,4 @@
-"""The commands `export` and `import`: machines to and from other programs."""
+"""The commands `export` and `import`: machines for and from other programs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from linkjax.scenes import SceneError, load, loads_text, text_of
 
 
 class Format(StrEnum):
-    """What other programs read."""
+    """Formats of other programs."""
 
     mjcf = "mjcf"
     pylinkage = "pylinkage"
@@ -29,16 +29,22 @@ class Format(StrEnum):
 @app.command(name="export")
 def export_command(
     scene: SceneName,
-    to: Annotated[Format, typer.Option("--format", help="A model of MuJoCo, or pylinkage's JSON.")] = Format.mjcf,
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Write it there instead of printing it.")] = None,
+    to: Annotated[Format, typer.Option("--format", help="A MuJoCo model (MJCF), or pylinkage's JSON.")] = Format.mjcf,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File to write; by default the export is printed.")
+    ] = None,
     at: Annotated[
-        str | None, typer.Option(metavar="ANGLE", help="Crank angle of a MuJoCo model: degrees, or 1.2rad.")
+        str | None,
+        typer.Option(metavar="ANGLE", help="Crank angle of the MuJoCo model: degrees, or with a unit, e.g. 1.2rad."),
     ] = None,
     set_: Set = None,
 ) -> None:
-    """Export a machine: a model of MuJoCo, or the mechanism alone as pylinkage's JSON."""
+    """Export a machine to MuJoCo or pylinkage.
+
+    The MuJoCo model (MJCF) has links, masses, joints and drive; pylinkage's JSON has the mechanism alone.
+    """
     if at is not None and to is Format.pylinkage:
-        raise SceneError("--at", "", at, "pylinkage's mechanisms stand at crank angle zero", "leave --at out")
+        raise SceneError("--at", "", at, "pylinkage's mechanisms are at crank angle zero", "omit --at")
     machine, phi = load(scene, changes_of(scene, set_)), 0.0 if at is None else angle_of(at)
     try:
         if to is Format.mjcf:
@@ -56,28 +62,29 @@ def export_command(
 
 @app.command(name="import")
 def import_command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="pylinkage's JSON of a mechanism.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="JSON file of a pylinkage mechanism.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="SCENE", help="The scene file; FILE with .toml if left out.")
+        Path | None, typer.Option(metavar="SCENE", help="Scene file to write; by default FILE with the suffix .toml.")
     ] = None,
 ) -> None:
-    """Import pylinkage's JSON as a scene file, with lengths in metres and without masses, which it does not know.
+    """Import pylinkage's JSON as a scene file.
 
-    Names that a scene file cannot hold are changed, and reported.
+    Lengths are in metres. Masses are missing, since pylinkage has none. Names that are not allowed in a scene file are
+    changed and listed.
     """
     path = out or file.with_suffix(".toml")
     if path.exists():
-        raise SceneError(str(path), "", None, "exists already", "choose another name with --out, or delete the file")
+        raise SceneError(str(path), "", None, "already exists", "choose another name with --out, or delete the file")
     try:
         read = read_pylinkage(file.read_bytes().decode("utf-8-sig"))
         scene = Scene(read.mechanism, speed=1.0)
-        text = text_of(scene, f"Imported from {file.name}. Masses, speed, gravity and loads are still to be given.")
+        text = text_of(scene, f"Imported from {file.name}. Masses, speed, gravity and loads must be added.")
     except UnicodeDecodeError as error:
-        problem = f"not a text in UTF-8 (byte {error.start})"
+        problem = f"not encoded in UTF-8 (byte {error.start})"
         raise SceneError(str(file), "", None, problem, "save the file as UTF-8") from error
     except StructureError as error:
         raise SceneError(str(file), error.element, None, error.problem, error.remedy) from error
-    loads_text(text, str(file))  # what a scene file cannot hold is refused before anything is written
+    loads_text(text, str(file))  # refuse what a scene file cannot hold, before anything is written
     path.write_text(text, encoding="utf-8")
     if renamed := [f"{old} -> {new}" for names in (read.points, read.links) for old, new in names.items()]:
         _say(f"renamed: {', '.join(renamed)}")

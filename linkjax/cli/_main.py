@@ -1,8 +1,7 @@
-"""The entry point: what every command ends in.
+"""The entry point of the command line.
 
-Exit codes: 0 done, 1 the machine cannot do it (cannot be assembled, no steady motion at this speed, then all else is
-printed and written; limits that clash), 2 bad input, 130 an optimisation that was interrupted (its best design is
-written).
+Exit codes: 0 success; 1 the machine cannot be assembled, has no steady-state motion (all other results are printed and
+written), or cannot satisfy all constraints; 2 wrong input; 130 optimisation interrupted (the best design is written).
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import sys
 from linkjax._compile import stop
 from linkjax._results import MachineError
 from linkjax._units import QuantityError
-from linkjax.cli import _exchange as _exchange  # their commands join the others
+from linkjax.cli import _exchange as _exchange  # adds their commands to `app`
 from linkjax.cli import _optimise as _optimise
 from linkjax.cli._app import app
 from linkjax.cli._console import complaints
@@ -35,4 +34,4 @@ def main() -> None:
         complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
         sys.exit(1)
     finally:
-        stop()  # interrupted: what waits to be compiled is not waited for
+        stop()  # after an interrupt, do not wait for pending compilations

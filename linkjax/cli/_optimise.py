@@ -1,12 +1,14 @@
-"""`linkjax optimise`: a machine changed until its objective is as small as the limits allow."""
+"""The command `optimise`."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import math
 import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,12 +16,23 @@ import typer
 
 from linkjax import __version__
 from linkjax._display import Numbers
-from linkjax._units import display_units, nearest
+from linkjax._units import nearest
 from linkjax.analysis import analyse, compile_ahead, plain
 from linkjax.analysis import document as analysis_document
 from linkjax.cli._app import app
 from linkjax.cli._console import console
-from linkjax.cli._options import JsonFile, Nodes, Quiet, SceneName, Set, Units, changes_of, check_places, write_text
+from linkjax.cli._options import (
+    JsonFile,
+    Nodes,
+    Quiet,
+    SceneName,
+    Set,
+    Units,
+    changes_of,
+    check_places,
+    numbers_in,
+    write_text,
+)
 from linkjax.cli._print import print_warnings
 from linkjax.cli._print_optimum import amount
 from linkjax.cli._print_optimum import comment as _comment
@@ -32,18 +45,31 @@ from linkjax.scenes import load, load_problem, text_of
 ANGLES = 360
 CHANGED = "the machine with the changes of its section [optimise]"
 
-Starts = Annotated[int | None, typer.Option(min=1, max=10_000, help="Starts: the scene itself, the others at random.")]
+Starts = Annotated[
+    int | None, typer.Option(min=1, max=10_000, help="Number of starts: the scene itself, the others random designs.")
+]
 Limits = Annotated[
-    list[str] | None, typer.Option("--limit", metavar="LIMIT", help='Set a limit, e.g. "delta <= 0.15".')
+    list[str] | None,
+    typer.Option(
+        "--limit", metavar="CONSTRAINT", help='Add or replace a constraint, e.g. "delta <= 0.15". May be repeated.'
+    ),
 ]
 Free = Annotated[
     list[str] | None,
-    typer.Option("--free", metavar="NAME=RANGE", help='Free a number, e.g. links.rod.length="± 8 %"; =no fixes it.'),
+    typer.Option(
+        "--free",
+        metavar="NAME=RANGE",
+        help='Design variable with its range, e.g. links.rod.length="± 8 %"; =no fixes it. May be repeated.',
+    ),
 ]
-Minimise = Annotated[str | None, typer.Option(metavar="NAME", help="Measure, or number of the scene, to make small.")]
-Maximise = Annotated[str | None, typer.Option(metavar="NAME", help="The same to make large.")]
-Solver = Annotated[str | None, typer.Option(help="cone, slsqp, trust-constr or multistart.")]
-Out = Annotated[Path | None, typer.Option(help="Folder for the optimised scene, report and figures.")]
+Minimise = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Objective: the measure or scene parameter to minimise.")
+]
+Maximise = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Objective: the measure or scene parameter to maximise.")
+]
+Solver = Annotated[str | None, typer.Option(help="Solver: cone (default), slsqp, trust-constr or multistart.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for optimised scene, JSON, report and figures.")]
 
 
 @app.command(name="optimize", hidden=True)
@@ -64,27 +90,28 @@ def optimise_command(
     set_: Set = None,
     quiet: Quiet = False,
 ) -> None:
-    """Optimise a machine as the section [optimise] of its scene asks, or as the options do."""
+    """Optimise a machine.
+
+    The section [optimise] of the scene has objective, design variables and constraints; options replace or add to them.
+    """
     console.quiet = quiet
-    display_units(units)  # what is no unit is refused first
+    numbers_in(units)  # an unknown unit is refused first
     machine, asked = load_problem(scene, changes_of(scene, set_))
     units = units_for(scene, changes_of(scene, set_), units)
-    shown = Numbers(display_units(units))
-    _change(asked, limits, free)
+    shown = numbers_in(units)
     if minimise is not None or maximise is not None:
         asked |= {"minimise": minimise, "maximise": maximise}
     given = {"starts": starts, "seed": seed, "solver": solver}
     asked |= {key: value for key, value in given.items() if value is not None}
-    try:
+    with _named(scene):
+        _change(asked, limits, free)
         asked = settled(machine, **asked)
-    except DesignError as error:
-        raise DesignError(f"{scene}: {error.element}", error.problem, error.remedy) from error
     changed = text_of(machine) != text_of(load(scene, changes_of(scene, set_)))
     if changed:
         console.print(f"before: {CHANGED}", highlight=False, markup=False)
     check_places(out, None, json_file)
     clock = time.perf_counter()
-    with messages_in(shown), _Progress(shown) as progress:
+    with messages_in(shown), _named(scene), _Progress(shown) as progress:
         analysis = functools.partial(compile_ahead, machine, angles=ANGLES, nodes=nodes)
         found = solve(machine, **asked, nodes=nodes, callback=progress, meanwhile=analysis)
         before, after = (analyse(each, angles=ANGLES, nodes=nodes, throw=False) for each in (found.before, found.after))
@@ -107,28 +134,38 @@ def optimise_command(
         raise typer.Exit(1)
 
 
+@contextlib.contextmanager
+def _named(place: str) -> Iterator[None]:
+    """Errors raised inside begin with the scene, or with the option, that is wrong."""
+    try:
+        yield
+    except DesignError as error:
+        raise DesignError(f"{place}: {error.element}", error.problem, error.remedy) from error
+
+
 def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | None) -> None:
-    """Limits and free numbers of the command line take the place of those of the scene with the same name."""
+    """Constraints and design variables of the command line replace those of the scene with the same name."""
     for text in limits or ():
-        new = limit(text)
+        with _named("--limit"):
+            new = limit(text)
         kept = [old for old in asked["limits"] if (limit(old).name, limit(old).sense) != (new.name, new.sense)]
         asked["limits"] = [*kept, text]
     for text in free or ():
         name, equals, given = text.partition("=")
         if not equals:
-            raise DesignError(text, "--free needs NAME=RANGE", 'write e.g. --free links.rod.length="± 8 %"')
+            raise DesignError(f"--free: {text!r}", "is not NAME=RANGE", 'write e.g. --free links.rod.length="± 8 %"')
         name, given = name.strip(), given.strip()
         if given == "no" and name not in asked["free"]:
-            raise DesignError(name, "is not free", nearest(name, asked["free"]))
+            raise DesignError(f"--free: {name}", "is not a design variable", nearest(name, asked["free"]))
         before = asked["free"].get(name)
-        new_range = {**before, "range": given} if isinstance(before, dict) else given  # its ties stay
+        new_range = {**before, "range": given} if isinstance(before, dict) else given  # its linked parameters stay
         asked["free"] = {**asked["free"], name: new_range}
         if given == "no":
             del asked["free"][name]
 
 
 class _Progress:
-    """Progress on the screen: a line that changes on a terminal, one line for every start elsewhere."""
+    """Progress: a changing line on a terminal, otherwise one line per start."""
 
     def __init__(self, shown: Numbers):
         self.shown, self.begin, self.first = shown, time.perf_counter(), 0.0

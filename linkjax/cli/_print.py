@@ -1,4 +1,4 @@
-"""An analysis and a scene as tables on the screen."""
+"""Tables of an analysis and of a scene on the screen."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from linkjax.machine import Scene
 from linkjax.mechanism import Mechanism, Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
-EVEN = 1e-9  # error of δ that needs no advice, however even the motion
+EVEN = 1e-9  # error of δ below which nothing is advised
 
 
 def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[tuple[str, ...]] = ()) -> None:
-    """Structure, links, loads; an asterisk at what is `sketched`, see `scenes.sketched_keys`."""
+    """Print structure, links and loads, with an asterisk at values from the sketch; see `scenes.sketched_keys`."""
     mechanism = machine.mechanism
     console.print(Text(machine.title or name, style="bold"))
     console.print(f"structure  {mechanism.formula()}", highlight=False)
-    target = "" if machine.target_delta is None else f", wanted δ {float(machine.target_delta):g}"
+    target = "" if machine.target_delta is None else f", target δ {float(machine.target_delta):g}"
     frame = ", ".join(f"{name} {show.place((at.x, at.y))}" for name, at in mechanism.fixed.items())
     for key, value in {
         "speed": f"{show.bound(machine.speed, 'rad/s')}, {machine.mean} mean",
@@ -77,7 +77,7 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
 
 
 def _drive(mechanism: Mechanism, show: Numbers) -> str:
-    """What drives, and where that is at crank angle zero."""
+    """The driving link and its position at crank angle zero."""
     driver, law = mechanism.driver, mechanism.driver.follows()
     drive = getattr(driver, "drive", None)
     slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
@@ -92,12 +92,12 @@ def _drive(mechanism: Mechanism, show: Numbers) -> str:
 
 
 def print_structure(found: Structure) -> None:
-    """Mobility, formula, and how every group is attached."""
+    """Print mobility, structural formulas, and the joints of every group."""
     console.print(f"mobility   {found.mobility_formula()}", highlight=False)
     console.print(f"structure  {found.formula()}", highlight=False)
     console.print(f"numbered   {found.formula(numbers=True)}", highlight=False)
     console.print(f"pairs      {found.formula(letters=True)}\n", highlight=False)
-    table = Table("links", "class", "pairs", "attached by", "inside", box=None, pad_edge=False)
+    table = Table("links", "class", "pairs", "outer joints", "inner joints", box=None, pad_edge=False)
     for part in found.parts:
         outer = ", ".join(f"{p.name} ({p.one} on {p.other})" for p in part.outer)
         inner = ", ".join(f"{p.name} ({p.one} on {p.other})" for p in part.inner)
@@ -106,11 +106,11 @@ def print_structure(found: Structure) -> None:
 
 
 def print_assemblies(found: dict[str, AssemblyModes], show: Numbers) -> None:
-    """The ways to assemble general groups at crank angle zero, as sketches."""
+    """Print the assembly modes of groups of higher class at crank angle zero, as sketches."""
     for name, ways in found.items():
-        several = "1 way" if len(ways.sketches) == 1 else f"{len(ways.sketches)} ways"
+        several = "1 assembly mode" if len(ways.sketches) == 1 else f"{len(ways.sketches)} assembly modes"
         listed = "; as [sketch]:" if ways.sketches else ""
-        console.print(f"\n{name} can be assembled in {several} at 0° ({ways}){listed}",
+        console.print(f"\n{name} has {several} at 0° ({ways}){listed}",
                       highlight=False, markup=False)  # fmt: skip
         for sketch in ways.sketches:
             size = max((abs(float(value)) for at in sketch.values() for value in (at.x, at.y)), default=0.0)
@@ -119,7 +119,7 @@ def print_assemblies(found: dict[str, AssemblyModes], show: Numbers) -> None:
 
 
 def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
-    """Motion, flywheel, peaks, margins, dead centres, checks."""
+    """Print motion, flywheel, peaks, margins, limit positions and checks."""
     console.print(Text(machine.title or data["scene"], style="bold"))
     console.print(f"{machine.mechanism.formula()}\n", highlight=False)
     _print_motion(data, machine, show)
@@ -130,22 +130,23 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     console.print(f"\nchecks     {residuals}", highlight=False)
     print_warnings(data, show)
     if data["model"]["method"] == "constant speed" and machine.target_delta is not None:
-        console.print("NOTE: at constant speed no flywheel is looked for", highlight=False)
+        console.print("NOTE: no flywheel is computed at constant speed", highlight=False)
     if moves(data) and run["delta_error"] > max(COARSE * run["delta"], EVEN):
-        more = f"the motion is too uneven for {model['nodes']} nodes; better: --nodes {4 * model['nodes']}"
+        more = f"the speed fluctuates too much for {model['nodes']} nodes; use --nodes {4 * model['nodes']}"
         console.print(f"WARNING: {more}", style="bold", highlight=False)
     if model["indeterminate"]:
         joints = ", ".join(model["indeterminate"])
-        more = "depend on how tight the passive links fit; given are those of links that do not help the others"
+        more = "are statically indeterminate; redundant links are assumed to carry only their own weight, inertia and "
+        more += "loads"
         console.print(f"NOTE: reactions at {joints} {more}", highlight=False, markup=False)
     none = model["method"] == "none"
-    how = "constant speed alone" if none else model["method"]
+    how = "constant speed only" if none else model["method"]
     why = "" if none else f": {model['why']}"
     console.print(f"model      {how}, {model['nodes']} nodes{why}", highlight=False, markup=False)
 
 
 def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
-    """The actual motion, if there is one, the speed, and the flywheel."""
+    """Print the actual motion, if there is one, the speed, and the flywheel."""
     run, wheel = data["motion"], data["flywheel"]
     fastest, slowest = (f" at {show.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     table = Table(box=None, show_header=False, pad_edge=False)
@@ -169,19 +170,19 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
 
 
 def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None:
-    """What is wrong with an analysis, or with `which` of several."""
+    """Print the warnings of an analysis, or of `which` of several."""
     limit, of = check_limit(data), f"{which}: " if which else ""
-    if not all(value <= limit for value in data["checks"].values() if value is not None):  # a NaN is no pass either
+    if not all(value <= limit for value in data["checks"].values() if value is not None):  # NaN fails, too
         console.print(f"WARNING: {of}a check is above {limit:g}; do not trust these figures", style="bold red")
     message, still = retold(data["result"]["message"], show), data.get("model", {}).get("method") == "none"
     if still and not data["result"]["code"]:
         console.print(f"NOTE: {of}{message}", markup=False, highlight=False)
-    elif data["result"]["code"] and (which or not still):  # of one machine that is the last line
+    elif data["result"]["code"] and (which or not still):  # for one machine this is the last line
         console.print(f"WARNING: {of}{message}", style="bold", markup=False, highlight=False)
 
 
 def _digits(value: float, error: float) -> str:
-    """A value with the digits that its error leaves, ten at most, and one more; zero where it is below its error."""
+    """A value with its certain digits, ten at most, and one more; zero if it is below its error."""
     if value <= error < math.inf:
         return "0"
     known = math.log10(value / error) if value > 0 and 0 < error < math.inf else 9.0
@@ -189,7 +190,7 @@ def _digits(value: float, error: float) -> str:
 
 
 def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
-    motions = ["true motion", "at"] if moves(data) else []
+    motions = ["actual motion", "at"] if moves(data) else []
     table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
     for name in dict.fromkeys(name.removesuffix(CONSTANT) for name in data["peaks"]):
         both = [peak_told(data, key) for key in (name, f"{name}{CONSTANT}") if key in data["peaks"]]
@@ -204,17 +205,18 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
 def _print_limits(data: dict[str, Any], show: Numbers) -> None:
     console.print()
     for name, group in data["groups"].items():
-        if group.get("margin", 1.0) < 1:  # wheels with teeth have none that could be less
+        if group.get("margin", 1.0) < 1:  # toothed gears have a constant margin of one
             worst = f"margin {above(group['margin'], 1.0):.4g} at {show.turned(group['margin_angle'])}"
             ends = [show.turned(angle) for angle in group.get("transmission_span", ())]
             span = f", transmission angle {ends[0]} … {ends[1]}" if ends else ""
             console.print(f"{group['formula']:5s} {name}: {worst}{span}", highlight=False)
-    stops: dict[str, list[str]] = {}
+    stops: dict[tuple[str, str], list[str]] = {}
     for entry in data["dead_centres"]:
-        stops.setdefault(entry.get("point") or entry["link"], []).append(show.turned(entry["angle"]))
-    for name, places in stops.items():
+        kind, name = ("dead centres", entry["point"]) if "point" in entry else ("limit positions", entry["link"])
+        stops.setdefault((kind, name), []).append(show.turned(entry["angle"]))
+    for (kind, name), places in stops.items():
         covered = _stroke(data["strokes"].get(name), show)
-        console.print(f"dead centres of {name}: {', '.join(places)}{covered}", highlight=False)
+        console.print(f"{kind} of {name}: {', '.join(places)}{covered}", highlight=False)
 
 
 def _stroke(covered: dict[str, Any] | None, show: Numbers) -> str:
@@ -222,4 +224,4 @@ def _stroke(covered: dict[str, Any] | None, show: Numbers) -> str:
         return ""
     value = show.told([covered["value"]], covered["unit"], 6)[0]
     ratio = "" if covered["time_ratio"] is None else f", time ratio {covered['time_ratio']:.4f}"
-    return f"; {'stroke' if covered['unit'] == 'm' else 'swing'} {value}{ratio}"
+    return f"; {'stroke' if covered['unit'] == 'm' else 'swing angle'} {value}{ratio}"

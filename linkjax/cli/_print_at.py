@@ -1,4 +1,4 @@
-"""Everything at single crank angles, as tables on the screen."""
+"""Tables of all results at single crank angles on the screen."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ HEADINGS = {
 
 
 def print_at(data: Data, machine: Scene, show: Numbers, given: bool = False) -> None:
-    """Everything at the one crank angle of a document, in the motion that its forces belong to; `given` where that is
-    one of nominal speed and a given acceleration."""
+    """Print all results at the one crank angle of a document, in the motion of its forces. `given`: that motion has
+    nominal speed and a given acceleration."""
     speed, slope, motion = _motion(data, machine, given)
     at = f"\nat {show.bound(data['angles'][0], 'rad')} of crank angle, {motion}"
     console.print(at, style="bold", highlight=False, markup=False)
@@ -48,13 +48,13 @@ def print_at(data: Data, machine: Scene, show: Numbers, given: bool = False) -> 
 
 
 def _motion(data: Data, machine: Scene, given: bool) -> tuple[float, float, str]:
-    """Crank speed, its acceleration, and which motion that is."""
+    """Crank speed, angular acceleration, and the name of the motion."""
     run, model = data["motion"], data["model"]
     if given:
-        return float(run["speed"][0]), float(run["acceleration"][0]), "nominal speed and the acceleration given"
+        return float(run["speed"][0]), float(run["acceleration"][0]), "nominal speed and given acceleration"
     if model["constant_speed"] or run["speed"] is None:
         return float(machine.speed), 0.0, "constant nominal speed"
-    what = "motion as the law prescribes" if model["method"] == "prescribed" else "actual motion"
+    what = "prescribed motion" if model["method"] == "prescribed" else "actual motion"
     return float(run["speed"][0]), float(run["acceleration"][0]), what
 
 
@@ -84,13 +84,13 @@ def _pull(force: Data) -> dict[str, float]:
 
 
 def _forces(data: Data) -> Data:
-    """Forces in the motion asked for, or at constant speed where that does not exist."""
+    """Forces in the requested motion, or at constant speed if that does not exist."""
     return data["forces"] or data["forces_constant_speed"]
 
 
 def _print_forces(data: Data, show: Numbers) -> None:
-    """Forces at the joints with their magnitudes, and the shaking force."""
-    suffixes = (CONSTANT, "")  # an acceleration that is given belongs to neither motion
+    """Print joint forces with their magnitudes, and the shaking force."""
+    suffixes = (CONSTANT, "")  # a given acceleration belongs to neither motion
     beside = {"f": max(force_scale(data, suffix) for suffix in suffixes)}
     beside |= {"force": beside["f"], "moment": max(torque_scale(data, suffix) for suffix in suffixes)}
     sides = {
@@ -111,7 +111,7 @@ def _print_forces(data: Data, show: Numbers) -> None:
 def _print_rows(
     rows: Rows, names: tuple[str, ...], columns: dict[str, str], show: Numbers, beside: dict[str, float] | None = None
 ) -> None:  # fmt: skip
-    """Rows as a table; columns of one unit share its prefix. `beside` is what else is large, by kind of column."""
+    """Print rows as a table; columns of one unit share its prefix. `beside`: other large values, by kind of column."""
     clean = _without_noise({name: {key: row[key] for key in columns} for name, row in rows.items()}, beside or {})
     scales = {}
     for unit in set(columns.values()):
@@ -129,7 +129,7 @@ def _print_rows(
 
 
 def _without_noise(rows: Rows, beside: dict[str, float]) -> Rows:
-    """The rows with zero for what is only rounding beside the largest of its kind (x and y: one)."""
+    """The rows with zero for values that are rounding beside the largest of their kind (x and y together)."""
     largest = dict(beside)
     for row in rows.values():
         for key, value in row.items():

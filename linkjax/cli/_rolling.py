@@ -1,4 +1,4 @@
-"""Rolling bodies on the command line: what `show` and `analyse` do with them."""
+"""Rolling bodies on the command line: `show` and `analyse`."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ NAMES = {"inner": "inner ring", "outer": "outer ring", "carrier": "line of centr
 
 
 def structure_of(machine: RollingMachine) -> str:
-    """What stands for the structural formula in lists."""
+    """The structure in words, in place of a structural formula."""
     design = machine.design
     turns = f" in {design.turns} turns" if design.turns > 1 else ""
     return f"{design.bodies} rolling bodies between two rings{turns}"
 
 
 def show_rolling(machine: RollingMachine, name: str, show: Numbers) -> None:
-    """Rings, bodies and drive."""
+    """Print rings, bodies and drive."""
     design = machine.design
     console.print(Text(machine.title or name, style="bold"))
     rows = {
@@ -51,7 +51,7 @@ def analyse_rolling(
     machine: RollingMachine, name: str, show: Numbers, units: str, angles: int, *, out: Path | None,
     json_file: Path | None, csv_folder: Path | None,
 ) -> None:  # fmt: skip
-    """Tables on the screen, files where asked for. Raises `MachineError` where the chain does not close."""
+    """Print tables and write the requested files. Raises `MachineError` if the chain does not close."""
     with elapsed("analysing"):
         data = document(machine, angles, name, __version__)
     if json_file:
@@ -64,7 +64,7 @@ def analyse_rolling(
         raise MachineError(f"Scene {machine.title or name!r}: {error}", error.result) from error
     _print(tidy(data), machine, show)
     if out:
-        with elapsed("drawing"):  # the rooms load matplotlib, so only when drawing
+        with elapsed("drawing"):  # viz and report load matplotlib, so only here
             figures = linkjax.viz.write_rolling_figures(data, out, units)
             linkjax.viz.animate_rolling(data, out / "machine.gif", units)
             linkjax.report.write_rolling_report(data, out / "report.html", units=units)
@@ -72,10 +72,10 @@ def analyse_rolling(
 
 
 def refuse(scene: str, given: dict[str, bool]) -> None:
-    """Raise `SceneError` for an option that only a linkage has a use for."""
+    """Raise `SceneError` for an option that is for linkages only."""
     for option, wanted in given.items():
         if wanted:
-            raise SceneError(scene, option, None, "rolling bodies have no use for it", "leave it out")
+            raise SceneError(scene, option, None, "is not available for rolling bodies", "omit it")
 
 
 def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
@@ -91,18 +91,18 @@ def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
         ("eccentricity", e),
         ("largest body that fits", largest),
         ("smallest body that fits", smallest),
-        ("bodies that these rings take", show.quantity(limits["fitting_bodies"], "", 9)),
+        ("number of bodies that fills these rings", show.quantity(limits["fitting_bodies"], "", 9)),
         ("gap between last and first body", show.quantity(data["chain"]["closing_clearance"], "m", 2)),
-        ("least distance of others", NONE if apart is None else show.quantity(apart, "m", 6)),
+        ("smallest clearance of other bodies", NONE if apart is None else show.quantity(apart, "m", 6)),
         *((f"speed of the {NAMES[key]}", show.speed(motion[key])) for key in NAMES),
-        ("neighbours rub at", show.quantity(motion["rubbing"], "m/s", 6)),
+        ("sliding speed between neighbours", show.quantity(motion["rubbing"], "m/s", 6)),
     ]
     table = Table(box=None, show_header=False, pad_edge=False)
     for row in rows:
         table.add_row(*row)
     console.print(table, highlight=False)
     if apart is not None and apart < 0:
-        more = "bodies of different turns overlap in the plane: give them planes of their own"
+        more = "bodies of different turns overlap in the plane: arrange them in separate planes"
         console.print(f"WARNING: {more}", style="bold", highlight=False)
     table = Table("body", "radius", "at", "x", "y", "speed", box=None, pad_edge=False)
     columns = [show.told(bodies[key].tolist(), "m", 9) for key in ("radius", "x", "y")]
@@ -114,7 +114,7 @@ def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
 
 
 def _write_csv(data: Data, folder: Path) -> None:
-    """The bodies, one a row, and the places of all over the angle of the driven member, as in the JSON document."""
+    """Write the bodies, one per row, and all positions over the angle of the driven member, as in the JSON document."""
     bodies, path = data["bodies"], data["path"]
     spins = data["motion"]["bodies"]
     columns = {"body": range(1, len(spins) + 1), **bodies, "speed": spins}

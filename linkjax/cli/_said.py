@@ -1,4 +1,4 @@
-"""Messages of what cannot be, in the units of the screen."""
+"""Error messages in the display units."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from linkjax.scenes import SceneError, load_document, overridden
 
 
 def units_for(name: str, changes: Mapping[str, Any], units: str) -> str:
-    """The units asked for, and where none of a speed of rotation is among them that in which the scene gives its
-    speed. Raises `QuantityError` for what is no unit."""
+    """The units of `--units`, with the unit of the speed in the scene if they have none for a speed of rotation.
+    Raises `QuantityError` for an unknown unit."""
     if "rad/s" in display_units(units):
         return units
     given = unit_of(overridden(load_document(name), changes).table.get("speed"))
@@ -23,8 +23,8 @@ def units_for(name: str, changes: Mapping[str, Any], units: str) -> str:
 
 @contextmanager
 def messages_in(show: Numbers) -> Iterator[None]:
-    """What is raised inside says its lengths, angles and speeds in these units; what is wrong with a scene file only
-    where a unit of length was chosen."""
+    """Errors raised inside show lengths, angles and speeds in these units. Errors of a scene file do so only if a unit
+    of length was chosen."""
     try:
         yield
     except MachineError as error:

@@ -1,4 +1,4 @@
-"""What an analysis leaves in files."""
+"""Files of an analysis: report, figures, animation and CSV tables."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ def write_out(
     data: dict[str, Any], machine: Scene, out: Path, *, before: tuple[dict[str, Any], Scene] | None = None,
     optimum: dict[str, Any] | None = None, units: str = "",
 ) -> None:  # fmt: skip
-    """Figures, animation and report of an analysis; of an optimisation over those of the machine before."""
-    with elapsed("drawing"):  # the rooms load matplotlib, so only when drawing
+    """Write figures, animation and report of an analysis, or of an optimisation with the machine before."""
+    with elapsed("drawing"):  # viz and report load matplotlib, so only here
         earlier = None if before is None else before[0]
         figures = linkjax.viz.write_figures(data, machine, out, before=earlier, units=units)
         linkjax.viz.animate(data, machine, out / "machine.gif", units=units)

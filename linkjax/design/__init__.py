@@ -1,4 +1,4 @@
-"""Optimisation of a machine: free numbers by name, an objective, limits, exact peaks."""
+"""Optimisation of a machine: design variables by name, an objective, constraints, exact peaks."""
 
 from linkjax.design._cone import descend as descend
 from linkjax.design._document import document as document

@@ -1,7 +1,7 @@
-"""Sequential cone programming: linearise every row, solve with exact lengths, trust the step as far as it proves true.
+"""Sequential cone programming: linearise every row, solve with exact lengths, adapt the trust region to the result.
 
-An exact penalty is the merit; the curvature that is left, that of the vectors and of where their peaks are, is gathered
-by symmetric rank-one updates, from steps that fail too.
+An exact penalty is the merit function. The remaining curvature, of the vectors and of the positions of their peaks, is
+approximated by symmetric rank-one updates, also from rejected steps.
 Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 6 and 18.
 """
 
@@ -18,16 +18,16 @@ from linkjax.design._polish import polished
 from linkjax.design._problem import Problem
 from linkjax.design._subproblem import FINE, ROUGH, Step, solve
 
-RADIUS, LEAST = 0.2, 1e-11  # first and least half width of the box, in units of the variables' ranges
+RADIUS, LEAST = 0.2, 1e-11  # initial and smallest half width of the trust region, in units of the variables' ranges
 PENALTY, MOST = 10.0, 1e7
-NEAR = 1e-3  # a residual below which every digit of a step counts
-SAME = 1e-10  # relative difference of two merits that may be rounding
+NEAR = 1e-3  # a residual below which steps are solved to full precision
+SAME = 1e-10  # relative difference of two merits that can be rounding
 
 
 @dataclasses.dataclass
 class Path:
-    """Where a solver went: its last point, what certifies it, the objective and violation along the way, both scaled,
-    and whether the certificate is as good as was asked for."""
+    """The steps of a solver: its last point with the certificate, the history of objective and violation, both scaled,
+    and whether the certificate meets the tolerance."""
 
     point: Point
     certificate: Certificate
@@ -40,15 +40,16 @@ def descend(
 ) -> Path:
     """Go from a design, in units of the variables' ranges, to a local optimum.
 
-    A design that cannot be assembled, or does not run, is first made sound. `callback(point, certificate)` hears of every
-    step. Ends with a certificate of residual `tolerance`, after so many steps, or where no step improves any more.
+    A design that cannot be assembled, or has no steady-state motion, is repaired first. `callback(point, certificate)`
+    is called after every step. Stops at a certificate of residual `tolerance`, after `steps` steps, or when no step
+    improves the merit.
     """
     path, bend = begin(problem, z, steps), np.zeros((z.size, z.size))
     if path.point.unsound <= 0:
         bend = _down(problem, path, bend, tolerance, steps, callback)
     for point, certificate in polished(problem, path.point, path.certificate, bend, tolerance):
         path.point, path.certificate = point, certificate
-        path.history.append((point.value, point.violation))
+        path.history.append(point.course)
     path.converged = path.certificate.residual <= tolerance and path.point.violation <= MET
     return path
 
@@ -56,7 +57,7 @@ def descend(
 def _down(
     problem: Problem, path: Path, bend: np.ndarray, wanted: float, steps: int, callback: Callable | None
 ) -> np.ndarray:
-    """Follow a path down as long as it gains, or until its residual is as wanted; the curvature gathered."""
+    """Take steps while they improve the merit, until the residual is as wanted; returns the approximate curvature."""
     point, step, tolerance = path.point, None, ROUGH
     radius, penalty = RADIUS, PENALTY
     for _ in range(steps):
@@ -78,10 +79,10 @@ def _down(
         trial, got = _tried(problem, point, step, penalty)
         moved = trial.z - point.z
         size = float(np.max(np.abs(moved)))
-        if np.isfinite(got):  # a step that fails tells as much of the curvature as one that does not
+        if np.isfinite(got):  # a rejected step gives as much curvature as an accepted one
             bend = _sr1(bend, moved, _pull(trial, step) - _pull(point, step) - _turning(point, step, moved))
         better = merit - got >= 1e-4 * expected > 0
-        if not better and got <= merit + SAME * abs(merit):  # where rounding hides what is gained
+        if not better and got <= merit + SAME * abs(merit):  # where rounding hides the improvement
             better = certify(trial).residual < 0.5 * path.certificate.residual
         if not better:
             radius = (0.5 if np.isfinite(got) else 0.25) * min(radius, size)
@@ -100,10 +101,10 @@ def _down(
 
 
 def begin(problem: Problem, z: np.ndarray, steps: int = 200) -> Path:
-    """The path from a design, in units of the variables' ranges, to one that can be assembled and runs: nothing else
-    has a meaning before. Its point stays unsound where none is found."""
+    """The path from a design, in units of the variables' ranges, to one that can be assembled and runs: before that, no
+    other value is meaningful. If there is none, the last point stays unsound."""
     point = look(problem, z)
-    path = Path(point, certify(point), [(point.value, point.violation)], converged=False)
+    path = Path(point, certify(point), [point.course], converged=False)
     while path.point.unsound > 0 and len(path.history) <= steps:
         better = _restored(problem, path.point, RADIUS)
         if better is None:
@@ -113,20 +114,20 @@ def begin(problem: Problem, z: np.ndarray, steps: int = 200) -> Path:
 
 
 def arrived(path: Path, point: Point) -> Point:
-    """The next point of a path."""
+    """Append a point to a path."""
     path.point, path.certificate = point, certify(point)
-    path.history.append((point.value, point.violation))
+    path.history.append(point.course)
     return point
 
 
 def _raised(step: Step, penalty: float, goals: int) -> float:
-    """A penalty above every multiplier."""
+    """A penalty larger than every multiplier."""
     limits = [float(np.sum(weights)) for weights in step.weights[goals:]]
     return min(max(penalty, 2 * max(limits, default=0.0)), MOST)
 
 
 def _tried(problem: Problem, point: Point, step: Step, penalty: float) -> tuple[Point, float]:
-    """The design after a step, and its merit: infinite where the machine is not sound."""
+    """The design after a step, and its merit: infinite for a machine that is not sound."""
     trial = look(problem, np.clip(point.z + step.d, 0.0, 1.0))
     got = trial.value + penalty * trial.violation
     return trial, np.inf if trial.unsound > 0 or not np.isfinite(got) else got
@@ -146,7 +147,7 @@ def _restored(problem: Problem, point: Point, radius: float) -> Point | None:
 
 
 def _pull(point: Point, step: Step) -> np.ndarray:
-    """Gradient of the Lagrangian, sizes of rows weighted by the multipliers of a step."""
+    """Gradient of the Lagrangian: sizes of rows, weighted by the multipliers of a step."""
     total = np.zeros(point.z.size)
     for block, weights in zip(point.every, step.weights, strict=True):
         held = np.flatnonzero(weights)
@@ -156,7 +157,7 @@ def _pull(point: Point, step: Step) -> np.ndarray:
 
 
 def _turning(point: Point, step: Step, d: np.ndarray) -> np.ndarray:
-    """What the subproblem knows of the curvature already: lengths of linearised vectors, |F + J d|."""
+    """The curvature that the subproblem already contains: lengths of linearised vectors, |F + J d|."""
     total = np.zeros(d.size)
     for block, weights in zip(point.every, step.weights, strict=True):
         held = np.flatnonzero(weights) if not block.signed else np.empty(0, int)
@@ -171,7 +172,7 @@ def _turning(point: Point, step: Step, d: np.ndarray) -> np.ndarray:
 
 
 def _sr1(bend: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Symmetric rank-one update of the curvature that is left."""
+    """Symmetric rank-one update of the remaining curvature."""
     miss = y - bend @ s
     if not np.isfinite(miss).all():
         return bend
@@ -182,6 +183,6 @@ def _sr1(bend: np.ndarray, s: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _convex(bend: np.ndarray) -> np.ndarray:
-    """The nearest curvature that bends upwards."""
+    """The nearest positive semidefinite curvature."""
     values, vectors = np.linalg.eigh(bend)
     return (vectors * np.maximum(values, 0.0)) @ vectors.T

@@ -1,4 +1,4 @@
-"""The JSON document of an optimisation: the contract that reports and other programs read."""
+"""The JSON document of an optimisation, the interface for reports and other programs."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ from linkjax.design._problem import Case
 from linkjax.measures import MEASURES
 
 WHY = {
-    "cone": "peaks are kept as vectors over the continuous cycle, linearised, their lengths exact: second-order cones",
-    "slsqp": "asked for: SciPy's SLSQP on every row of every peak, exact derivatives",
-    "trust-constr": "asked for: SciPy's trust-constr on every row of every peak, exact derivatives",
-    "multistart": "asked for: a crowd of starts at once by optax, the best finished by the cone solver",
+    "cone": "peaks are vectors over the continuous cycle, linearised, with exact lengths: second-order cones",
+    "slsqp": "requested: SciPy's SLSQP on every row of every peak, with exact derivatives",
+    "trust-constr": "requested: SciPy's trust-constr on every row of every peak, with exact derivatives",
+    "multistart": "requested: a batch of starts by optax, the best ones finished by the cone solver",
 }
 MESSAGES = {
-    "optimal": "An optimum is found: every limit is met, and its multipliers certify the first-order conditions.",
-    "uncertified": "A feasible design is found, but its certificate is weak: run more starts, or check that the limits "
-    "are smooth there.",
-    "no value": "The objective is no number at any design that was tried: look at the unchanged machine with "
-    "`linkjax analyse`, or at your own function.",
+    "optimal": "Optimum found: every constraint is satisfied, and the multipliers certify the first-order conditions.",
+    "uncertified": "Feasible design found, but it is not certified as an optimum: run more starts, or check that the "
+    "constraints are smooth there.",
+    "no value": "The objective has no finite value at any design that was tried: analyse the original machine with "
+    "`linkjax analyse`, or check the user-defined function.",
     "interrupted": "Interrupted; this is the best design so far.",
-    "infeasible": "No start came to a design that meets every limit; this one violates them least. Give way at one of "
-    "the limits that clash, free more, or try more starts.",
+    "infeasible": "No start reached a design that satisfies every constraint; this one violates them least. Relax one "
+    "of the conflicting constraints, add design variables, or try more starts.",
 }
 CERTIFIED = 1e-6
 
 
 def outcome(found: Optimum) -> str:
-    """How it went, in a word: a key of `MESSAGES`."""
+    """The outcome: a key of `MESSAGES`."""
     if found.interrupted:
         return "interrupted"
-    if not math.isfinite(found.objective):
+    unsound = {kind.label for kind in found.problem.kinds if kind.role == "sound"} & set(found.violated)
+    if not unsound and (found.objective is None or not math.isfinite(found.objective)):
         return "no value"
     if not found.feasible:
         return "infeasible"
@@ -46,14 +47,15 @@ def outcome(found: Optimum) -> str:
 def document(
     found: Optimum, before: Cycle, after: Cycle, name: str = "", version: str = "", scene_after: str | None = None
 ) -> dict[str, Any]:
-    """An optimisation as nested dicts of plain numbers (SI; angles in rad), laid out as `docs/conventions.md` says.
+    """An optimisation as nested dicts of plain numbers (SI; angles in rad), as `docs/conventions.md` describes.
 
-    `before` and `after` are the analyses of the scenes `found.before` and `found.after` (their measures are taken from
-    them), `scene_after` the path of the file that holds the latter.
+    `before` and `after` are the analyses of the scenes `found.before` and `found.after`; the measures are taken from
+    them. `scene_after` is the path of the file with the optimised scene. A value that does not exist is None.
     """
     problem, word = found.problem, outcome(found)
     goal = next(kind for kind in problem.kinds if kind.role == "objective")
-    first = {kind.label: block.value for kind, block in zip(problem.kinds, problem.first, strict=True)}
+    first = {kind.label: block.value if block.exists else None
+             for kind, block in zip(problem.kinds, problem.first, strict=True)}  # fmt: skip
     asked = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
     missed = set(found.violated)
     return {
@@ -74,8 +76,7 @@ def document(
             }
             for label, met in found.limits.items()
         },
-        "before": measured(before),
-        "after": measured(after),
+        **_measures(before, after, {kind.name for kind in problem.kinds}),
         "units": {each.name: each.unit for each in MEASURES.values()},
         "history": [{"objective": a * goal.scale * (goal.sign if goal.signed else 1.0), "violation": b}
                     for a, b in found.history],
@@ -95,8 +96,15 @@ def document(
     }  # fmt: skip
 
 
+def _measures(before: Cycle, after: Cycle, asked: set[str]) -> dict[str, dict[str, float | None]]:
+    """The measures of both machines, the same in both; None where one does not exist."""
+    old, new = measured(before), measured(after)
+    names = [name for name in MEASURES if name in {*old, *new, *asked}]
+    return {"before": {name: old.get(name) for name in names}, "after": {name: new.get(name) for name in names}}
+
+
 def _case_name(case: Case, place: int) -> str:
-    return case.name or (f"case {place}" if case.changes else "as it is")
+    return case.name or (f"case {place}" if case.changes else "unchanged")
 
 
 def _variable(found: Optimum, i: int) -> dict[str, Any]:
@@ -118,7 +126,7 @@ def _linked(found: Optimum, name: str) -> dict[str, Any]:
 
 
 def _active(found: Optimum, name: str, value: float, low: float, high: float) -> str:
-    """The bound that carries a multiplier."""
+    """The bound with a multiplier."""
     if name not in found.bound_multiplier:
         return ""
     return "lower" if value - low < high - value else "upper"

@@ -1,8 +1,8 @@
-"""Many starts at once: a crowd of designs goes down the exact penalty together, the best are finished exactly.
+"""A batch of starts: many designs minimise the exact penalty at once, and the best are finished by the cone solver.
 
-The penalty is the largest row of the objective plus so many times the excess of every limit, its slope that of the rows
-that lead: a subgradient, so that the steps (Adam's) must shrink. Source: Kingma and Ba, Adam, 2015; Nocedal and Wright,
-Numerical Optimization, 2006, ch. 17.
+The merit is the largest row of the objective plus a multiple of the excess of every constraint. Its derivative is that
+of the largest rows, a subgradient, so the steps (Adam) must shrink.
+Source: Kingma and Ba, Adam, 2015; Nocedal and Wright, Numerical Optimization, 2006, ch. 17.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from linkjax.design._point import rank
 from linkjax.design._problem import Problem
 
 CROWD, TURNS = 64, 100
-BLOCK = 16  # designs computed together
-PACE = 0.05  # the first step in every variable, of its range
-FINISHED = 3  # designs handed to the cone solver
-APART = 0.05  # of the ranges: designs nearer than that, in every variable, are one
+BLOCK = 16  # designs evaluated together
+PACE = 0.05  # the first step of every variable, relative to its range
+FINISHED = 3  # designs finished by the cone solver
+APART = 0.05  # relative to the ranges: designs closer than this in every variable count as the same
 
 
 def multistart(
     problem: Problem, z: np.ndarray, *, tolerance: float = 1e-7, steps: int = 200, callback: Callable | None = None
 ) -> Path:
-    """The best local optimum found from a crowd: the design given, in units of the variables' ranges, and others drawn
-    at random about the whole ranges. The distinct best are finished by `descend`, which `callback`, `tolerance` and `steps`
-    are for. Every design evaluated counts as an evaluation."""
+    """The best local optimum found from a batch of starts: the given design, in units of the variables' ranges, and
+    others drawn at random within the ranges. `descend` finishes the best distinct ones with `callback`, `tolerance` and
+    `steps`. Every evaluated design counts as an evaluation."""
     drawn = np.random.default_rng(np.abs(z).view(np.uint64)).random((CROWD - 1, z.size))
     crowd = np.concatenate([z[None], drawn])
     ended, merits = map(np.asarray, _descent(problem)(jnp.asarray(crowd)))
@@ -48,8 +48,8 @@ def multistart(
 
 @functools.lru_cache(maxsize=1)
 def _descent(problem: Problem) -> Callable:
-    """The descent of a crowd, compiled once for a problem: designs to the designs they end at, the best each has met,
-    with their merits."""
+    """The descent of a batch, compiled once for a problem: from initial designs to the best design that each has
+    reached, with the merits."""
     import optax
 
     factors = jnp.asarray([(k.sign if k.signed else 1.0) / k.scale for k in problem.kinds])
@@ -65,8 +65,8 @@ def _descent(problem: Problem) -> Callable:
 
     def turn(state, _):
         z, held, best, least = state
-        slope, value = jax.jacfwd(lambda z: (merit(z),) * 2, has_aux=True)(z)  # compiles sooner than reverse
-        better = value < least  # false where it is no number
+        slope, value = jax.jacfwd(lambda z: (merit(z),) * 2, has_aux=True)(z)  # compiles faster than reverse mode
+        better = value < least  # false for NaN
         best, least = jnp.where(better, z, best), jnp.where(better, value, least)
         change, held = rule.update(jnp.nan_to_num(slope), held)
         return (jnp.clip(z + change, 0.0, 1.0), held, best, least), None

@@ -1,28 +1,30 @@
-"""The way in: what is free, what is to be small, what must hold; many starts; the best design with its certificate."""
+"""`optimise`: design variables, objective, constraints, several starts; the best design with its certificate."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkjax._units import nearest
+from linkjax.analysis import Maybe
 from linkjax.design._cone import Path, descend
 from linkjax.design._multistart import multistart
-from linkjax.design._names import DesignError, numbers
+from linkjax.design._names import DesignError, amount, numbers
 from linkjax.design._point import HELD, Point, obstacles, placed, rank
 from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
-from linkjax.design._starts import Progress, Run, Start, Traded, feasible, objective, trade, violated
+from linkjax.design._starts import Progress, Run, Start, Traded, feasible, known, objective, trade, violated
 from linkjax.design._terms import Asked, Limit, Term
-from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
+from linkjax.design._texts import Range, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene, check_scene
 from linkjax.measures import MEASURES, NODES
 
-REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same
-OTHERS = 5  # starts whose ends the points of a trade-off begin from
+REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same optimum
+OTHERS = 5  # starts whose final designs are the initial designs of a trade-off
 SOLVERS: dict[str, Callable[..., Path]] = {
     "cone": descend,
     "slsqp": slsqp,
@@ -32,10 +34,10 @@ SOLVERS: dict[str, Callable[..., Path]] = {
 
 
 class ConstraintResult(NamedTuple):
-    """A limit at the optimum: its value, its bound, its multiplier (what the objective gains per unit that the bound
-    gives way, in their SI units), and the crank angles (rad) at which it is tied."""
+    """A constraint at the optimum: its value (None where it does not exist), its bound, its multiplier (improvement of
+    the objective per unit of relaxation of the bound, both SI), and the crank angles (rad) of its equal peaks."""
 
-    value: float
+    value: Maybe[float]
     bound: float
     multiplier: float
     peak_angles: tuple[float, ...]
@@ -43,20 +45,21 @@ class ConstraintResult(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Optimum:
-    """The best design found, beside the one it began with.
+    """The best design found, and the original one.
 
-    `limits` by label, `violated` those not met, `no_effect` the free numbers on which neither the objective nor an active
-    limit depends, `bound_multiplier` what the objective would gain (SI) per unit of room at an active bound, `history` the
-    objective and violation, scaled, of every step of the best start, `trade_off` the optima for other bounds of one
-    limit.
+    `limits` are the constraints by label and `violated` those not satisfied. `no_effect` names the design variables
+    that affect neither the objective nor an active constraint. `bound_multiplier` is the improvement of the objective
+    (SI) per unit of relaxation of an active variable bound. `history` has objective and violation, scaled, of every
+    step of the best start. `trade_off` has the optima for other bounds of one constraint. `objective_before` and
+    `objective` are None where the machine cannot be assembled or lacks the motion to which the objective belongs.
     """
 
     before: Scene
     after: Scene
     problem: Problem
     x: np.ndarray
-    objective_before: float
-    objective: float
+    objective_before: Maybe[float]
+    objective: Maybe[float]
     limits: dict[str, ConstraintResult]
     peak_angles: tuple[float, ...]
     bound_multiplier: dict[str, float]
@@ -75,17 +78,20 @@ class Optimum:
 
     @property
     def variables(self) -> dict[str, tuple[float, float]]:
-        """Every free number before and after (SI), by name."""
+        """Every design variable before and after (SI), by name."""
         p = self.problem
         return {v.name: (float(a), float(b)) for v, a, b in zip(p.variables, p.start, self.x, strict=True)}
 
     @property
     def starts_at_optimum(self) -> int:
-        """How many starts came to the same objective."""
-        before = abs(self.objective_before) if np.isfinite(self.objective_before) else 0.0
-        close = REACHED * max(abs(self.objective), 1e-3 * before)
-        same = [s for s in self.starts if s.feasible == self.feasible]
-        return sum(bool(abs(s.objective - self.objective) <= close) for s in same)
+        """Number of starts that reached the same objective."""
+        before, best = self.objective_before, self.objective
+        if best is None:
+            return 0
+        first = abs(before) if before is not None and np.isfinite(before) else 0.0
+        close = REACHED * max(abs(best), 1e-3 * first)
+        same = [s.objective for s in self.starts if s.feasible == self.feasible and s.objective is not None]
+        return sum(bool(abs(each - best) <= close) for each in same)
 
 
 def optimise(
@@ -103,19 +109,21 @@ def optimise(
     nodes: int = NODES,
     callback: Callable[[Progress], None] | None = None,
 ) -> Optimum:
-    """Change the free numbers of a scene until the objective is as small (or large) as the limits allow.
+    """Change the design variables of a scene until the objective is as small (or large) as the constraints allow.
 
     `free` gives ranges by name: `("0.95 m", "1.1 m")`, `"0 to 40 kg m^2"`, `"± 8 %"`, or SI numbers. An objective or
-    limit is a measure, the name of one or of a number of the scene, or any jax function of the scene; limits come from
-    `at_most` and `at_least`, or are texts: `"delta <= 0.15"`, `"min_transmission_angle >= initial"`. Every limit
-    holds in every one of the `cases`, and the worst of them counts. The first start is the scene itself, the others are
-    drawn at random, from `seed`, within the bounds. `solver` is "cone", "slsqp", "trust-constr" or "multistart" (a crowd,
-    drawn anew from every start); `nodes` are those of the cycle grid, per crank turn. `trade_off` names a limit and
-    further bounds for it, each optimised by the cone solver from the design before and the ends of the best starts.
-    Machines that cannot be assembled, or do not run, are led back; nothing throws. The optimum of a problem without a
-    feasible design is the least violated one; `feasible` and `conflicts` tell. `callback` is
-    called with the `Progress` after every step; interrupted (Ctrl-C), the best design so far is returned, or
-    `KeyboardInterrupt` raised where there is none. Raises `DesignError` for what cannot be asked. Source: see
+    constraint is a measure, the name of a measure or of a scene parameter, or a JAX function of the scene that returns
+    one number. `limits` are the constraints, made by `at_most` and `at_least` or written as strings: `"delta <= 0.15"`,
+    `"min_transmission_angle >= initial"`. Every constraint holds in each of the `cases`; the objective is the worst of
+    them. The first start is the scene itself; the others are drawn at random, from `seed`, within the bounds. `solver`
+    is "cone", "slsqp", "trust-constr" or "multistart" (a new batch of random designs for every start). `nodes` is the
+    number of nodes of the cycle grid per crank turn. `trade_off` names a constraint and further bounds for it; the cone
+    solver optimises each, from the design before and from the final designs of the best starts.
+
+    A design that cannot be assembled or has no steady-state motion does not raise; the search returns to designs that
+    do. Without a feasible design the result is the least violated one; see `feasible` and `conflicts`. `callback` is
+    called with the `Progress` after every step. An interrupt (Ctrl-C) returns the best design so far, or raises
+    `KeyboardInterrupt` if there is none. Raises `DesignError` for a wrong problem, naming the argument. Source: see
     `linkjax.design.descend`.
     """
     check_scene(scene)
@@ -132,11 +140,11 @@ def solve(
     seed: int = 0, nodes: int = NODES, callback: Callable[[Progress], None] | None = None,
     meanwhile: Callable[[], None] | None = None,
 ) -> Optimum:  # fmt: skip
-    """`optimise` for arguments that are `settled` already; `meanwhile` is called while the problem compiles."""
+    """`optimise` for the arguments that `settled` returns. `meanwhile` is called while the problem compiles."""
     if starts < 1:
-        raise DesignError("starts", f"is {starts}", "write a whole number of one or more")
+        raise DesignError("starts", f"is {starts}", "write an integer of at least 1")
     if seed < 0:
-        raise DesignError("seed", f"is {seed}", "write a whole number of zero or more")
+        raise DesignError("seed", f"is {seed}", "write an integer of at least 0")
     goal = minimise if maximise is None else maximise
     assert goal is not None
     problem = Problem(scene, free, goal, limits, cases, maximise is not None, nodes, meanwhile)
@@ -165,39 +173,56 @@ def settled(
     limits: Sequence[Limit | str] = (), cases: Sequence[Case] = (Case(),), solver: str = "cone",
     trade_off: tuple[str, Sequence[float | str]] | None = None, **others: Any,
 ) -> dict[str, Any]:  # fmt: skip
-    """The arguments of `optimise` with every name known and every number in SI. Raises `DesignError` for what cannot be
-    asked, before anything is compiled."""
+    """The arguments of `optimise` with all names checked and all numbers in SI. Raises `DesignError`, with the argument
+    that is wrong, before anything is compiled."""
     if (minimise is None) == (maximise is None):
         problem = "none is given" if minimise is None else "two are given"
         raise DesignError("objective", problem, "give either minimise or maximise")
     if solver not in SOLVERS:
-        raise DesignError("solver", f"{solver!r} is not known", nearest(solver, SOLVERS))
-    found = _told_apart(scene, [settled_limit(scene, one) for one in limits])
+        raise DesignError("solver", f"{solver!r} is not a solver", nearest(str(solver), SOLVERS))
+    with _in_argument("limits"):
+        found = _told_apart(scene, [settled_limit(scene, one) for one in limits])
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
-        raise DesignError("cases", f"two have the name {max(names, key=names.count)!r}", "give each its own")
-    variables = settled_free(scene, free)
-    check(variables)
-    settled_cases = [settled_case(scene, case) for case in cases or (Case(),)]
-    _check_cases(variables, settled_cases)
+        raise DesignError("cases", f"two cases have the name {max(names, key=names.count)!r}", "use different names")
+    with _in_argument("free"):
+        variables = settled_free(scene, free)
+        check(variables)
+    with _in_argument("cases"):
+        settled_cases = [settled_case(scene, case) for case in cases or (Case(),)]
+        _check_cases(variables, settled_cases)
+    goals = {}
+    for key, goal in (("minimise", minimise), ("maximise", maximise)):
+        with _in_argument(key):
+            goals[key] = None if goal is None else settled_term(scene, goal)
     return {
-        "free": variables, "minimise": None if minimise is None else settled_term(scene, minimise),
-        "maximise": None if maximise is None else settled_term(scene, maximise), "limits": found,
-        "cases": settled_cases, "solver": solver, "trade_off": trade_off and _traded(found, *trade_off), **others,
+        "free": variables, **goals, "limits": found, "cases": settled_cases,
+        "solver": solver, "trade_off": trade_off and _traded(found, *trade_off), **others,
     }  # fmt: skip
 
 
+@contextlib.contextmanager
+def _in_argument(name: str) -> Iterator[None]:
+    """Errors raised inside begin with the argument that is wrong."""
+    try:
+        yield
+    except DesignError as error:
+        element = error.element if error.element == name else f"{name}: {error.element}"
+        raise DesignError(element, error.problem, error.remedy) from error
+
+
 def _check_cases(variables: Sequence[Variable], cases: Sequence[Case]) -> None:
-    """Raise `DesignError` where a case changes what is free."""
+    """Raise `DesignError` where a case changes a design variable."""
     free = {name for v in variables for name in (v.name, *v.linked)}
     for case in cases:
         for name in case.changes:
             if name in free:
-                raise DesignError(name, f"is free, but the case {case.name!r} sets it", "either free it or set it")
+                problem = f"is a design variable, but case {case.name!r} sets it"
+                raise DesignError(name, problem, "remove it from the case or from `free`")
 
 
 def _told_apart(scene: Scene, limits: list[Limit]) -> list[Limit]:
-    """Limits of one name by their senses, several own functions of one name by numbers."""
+    """The constraints with different names: the sense or a number is added where two have the same."""
     found: list[Limit] = []
     known = {*MEASURES, *numbers(scene)}
     for each in limits:
@@ -210,17 +235,17 @@ def _told_apart(scene: Scene, limits: list[Limit]) -> list[Limit]:
             number = next(i for i, other in enumerate(same, 1) if other is each)
             found.append(dataclasses.replace(each, name=f"{each.name} {number}"))
         else:
-            raise DesignError(each.name, f"is limited {len(same)} times", "keep one limit of each sense")
+            raise DesignError(each.name, f"has {len(same)} constraints", "keep one constraint of each sense")
     return found
 
 
 def _traded(limits: Sequence[Limit], name: str, bounds: Sequence[float | str]) -> tuple[str, list[float]]:
-    """The limit that is traded off, the first of several on one number, and its further bounds in SI."""
+    """The name of the traded constraint, the first of several on one quantity, and its further bounds in SI."""
     for limit in limits:
         if name in (limit.name, limit.name.removesuffix(f" {limit.sense}")):
             return limit.name, [amount(bound, limit.term.unit, "trade_off") for bound in bounds]
     known = [limit.name for limit in limits]
-    raise DesignError("trade_off", f"{name!r} is no limit of this problem", nearest(name, known))
+    raise DesignError("trade_off", f"{name!r} is not a constraint of this problem", nearest(name, known))
 
 
 def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum:
@@ -240,12 +265,14 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
             angles += at
         else:
             multiplier = float(np.sum(weights)) * goal.scale / kind.scale
-            limits[kind.label] = ConstraintResult(block.value, kind.bound, multiplier, tuple(sorted(set(at))))
+            value = block.value if block.exists else None
+            limits[kind.label] = ConstraintResult(value, kind.bound, multiplier, tuple(sorted(set(at))))
     missed = violated(problem, point)
     held = certificate.lower + certificate.upper
     pulls = np.where(held > HELD, held, 0.0) * goal.scale / (problem.upper - problem.lower)
     return Optimum(
-        problem.scene, problem.design(x), problem, x, objective(problem, begin), objective(problem, point), limits,
+        problem.scene, problem.design(x), problem, x, known(objective(problem, begin)),
+        known(objective(problem, point)), limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
         certificate.residual, feasible(problem, point), _conflicts(problem, point, missed),
         tuple(kind.label for kind in missed), _no_effect(problem, path), starts, tuple(path.history),
@@ -254,7 +281,7 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
 
 
 def _different(paths: list[Path]) -> list[Path]:
-    """The best of the paths that came to the same objective, best first."""
+    """The best path of every different objective, best first."""
     found: list[Path] = []
     for path in sorted(paths, key=lambda path: rank(path.point)):
         value = path.point.value
@@ -269,7 +296,7 @@ def _unit(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def _no_effect(problem: Problem, path: Path) -> tuple[str, ...]:
-    """The free numbers on which neither the objective nor a limit that holds it depends."""
+    """The design variables that affect neither the objective nor an active constraint."""
     every, goals = path.point.every, len(path.point.goals)
     held = [block for i, (block, weights) in enumerate(zip(every, path.certificate.weights, strict=True))
             if i < goals or np.sum(weights) > HELD]  # fmt: skip
@@ -277,10 +304,12 @@ def _no_effect(problem: Problem, path: Path) -> tuple[str, ...]:
 
 
 def _conflicts(problem: Problem, point: Point, missed: list[Kind]) -> tuple[str, ...]:
-    """The limits that stand against each other: those violated, and those that keep the violation from shrinking."""
+    """The conflicting constraints: those violated, and those that prevent a smaller violation."""
     if not missed:
         return ()
     kinds = [kind for role in ("objective", "limit", "sound") for kind in problem.kinds if kind.role == role]
+    exists = {id(kind): block.exists for kind, block in zip(problem.kinds, point.blocks, strict=True)}
+    missed = [kind for kind in missed if exists[id(kind)]] or missed
     if not np.isfinite(point.value + point.violation):
         return tuple(kind.label for kind in missed)
     held = [kind for kind, weights in zip(kinds, obstacles(point), strict=True) if np.sum(weights) > 1e-6]

@@ -1,4 +1,4 @@
-"""A design with everything known of it, in the solvers' own scale, and what certifies that it is an optimum."""
+"""An evaluated design in the scale of the solvers, and the certificate of its optimality."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from jaxtyping import Float
 
 from linkjax.design._problem import Block, Kind, Problem
 
-TIED = 1e-5  # rows this close to the largest may carry a multiplier
-MET = 1e-8  # the excess, scaled, up to which limits count as met
-HELD = 1e-9  # a multiplier, scaled, below which it is rounding
-NOTHING = 1e-10  # a length, scaled, that is none: every direction may be its gradient
-AT_BOUND = 1e-6  # of its range: a variable so close to a bound may carry its multiplier
+TIED = 1e-5  # rows this close to the largest may have a multiplier
+MET = 1e-8  # scaled excess up to which a constraint counts as satisfied
+HELD = 1e-9  # scaled multiplier below which it counts as rounding
+NOTHING = 1e-10  # scaled length that counts as zero: every direction can be its gradient
+AT_BOUND = 1e-6  # relative to its range: a variable this close to a bound may have its multiplier
 
 
 class Scaled(NamedTuple):
-    """A block in the solver's own scale: its rows, of value or length `sizes`, are to stay below `level`; `top` is the
+    """A block in the scale of the solvers: its rows, of value or length `sizes`, must stay below `level`; `top` is the
     largest size."""
 
     rows: Float[np.ndarray, "rows parts"]
@@ -27,9 +27,10 @@ class Scaled(NamedTuple):
     level: float
     sizes: Float[np.ndarray, " rows"]
     top: float
+    exists: bool = True
 
     def gradients(self, which: np.ndarray | slice = slice(None)) -> Float[np.ndarray, "rows n"]:
-        """Gradient of the value or length of some rows, of all unless told."""
+        """Gradient of the value or length of some rows, by default of all."""
         rows, slope = self.rows[which], self.slope[which]
         if self.signed:
             return slope[:, 0]
@@ -42,7 +43,7 @@ class Scaled(NamedTuple):
         return rows[:, 0] if self.signed else lengths(rows)
 
     def excess(self) -> float:
-        """How far the largest row lies above the level."""
+        """The amount by which the largest row exceeds the level."""
         return self.top - self.level
 
 
@@ -52,17 +53,17 @@ def lengths(vectors: Float[np.ndarray, "rows parts"]) -> Float[np.ndarray, " row
 
 
 def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
-    """A block by its kind's scale, with slopes by variables that run from 0 to 1."""
+    """A block in the scale of its kind, with derivatives with respect to variables from 0 to 1."""
     factor = (kind.sign if kind.signed else 1.0) / kind.scale
     rows, slope = block.vectors * factor, block.slope * (factor * span)
     sizes = rows[:, 0] if kind.signed else lengths(rows)
     level = 0.0 if kind.role == "objective" else kind.bound * factor
-    return Scaled(rows, slope, kind.signed, level, sizes, float(np.max(sizes)))
+    return Scaled(rows, slope, kind.signed, level, sizes, float(np.max(sizes)), block.exists)
 
 
 @dataclasses.dataclass
 class Point:
-    """A design, its variables from 0 to 1, with everything known of it."""
+    """An evaluated design, its variables from 0 to 1."""
 
     z: np.ndarray
     blocks: list[Block]
@@ -72,39 +73,48 @@ class Point:
 
     @property
     def every(self) -> list[Scaled]:
-        """Goals, limits, and what makes a machine sound."""
+        """Objective, constraints and margins."""
         return [*self.goals, *self.limits, *self.sound]
 
     @property
     def value(self) -> float:
-        """The objective, scaled; no number where it is none in one case."""
+        """The objective, scaled; NaN if it is NaN in one case."""
         return float(np.max([goal.top for goal in self.goals]))
 
     @property
+    def exists(self) -> bool:
+        """Whether the objective has a value in every case."""
+        return all(goal.exists for goal in self.goals)
+
+    @property
+    def course(self) -> tuple[float, float]:
+        """Objective and violation, scaled; the objective is NaN where it does not exist."""
+        return self.value if self.exists else np.nan, self.violation
+
+    @property
     def violation(self) -> float:
-        """Sum of the excess of all limits, scaled."""
+        """Sum of the excess of all constraints, scaled."""
         return sum(max(limit.excess(), 0.0) for limit in [*self.limits, *self.sound])
 
     @property
     def unsound(self) -> float:
-        """What is missing to a machine that can be assembled and runs, scaled; zero when it is none but rounding."""
+        """Scaled shortfall of the margins of a machine that can be assembled and runs; zero up to rounding."""
         return sum(max(limit.excess() - MET, 0.0) for limit in self.sound)
 
 
 def rank(point: Point) -> tuple[float, float]:
-    """What makes one design better than another: first the limits, then the objective. The worst is one that is no
-    number."""
+    """Sort key of designs: first the violation, then the objective. A design with NaN comes last."""
     found = max(point.violation - MET, 0.0), point.value
     return found if np.isfinite(found).all() else (np.inf, np.inf)
 
 
 def look(problem: Problem, z: np.ndarray) -> Point:
-    """Evaluate a design given in units of the variables' ranges."""
+    """Evaluate a design in units of the variables' ranges."""
     return placed(problem, z, problem.at(problem.lower + z * (problem.upper - problem.lower)))
 
 
 def placed(problem: Problem, z: np.ndarray, blocks: list[Block]) -> Point:
-    """A design that has been evaluated, in the problem's present scale."""
+    """An evaluated design in the current scale of the problem."""
     span = problem.upper - problem.lower
     every = [(kind.role, scaled(kind, block, span)) for kind, block in zip(problem.kinds, blocks, strict=True)]
     goals, limits, sound = ([b for role, b in every if role == wanted] for wanted in ("objective", "limit", "sound"))
@@ -113,7 +123,7 @@ def placed(problem: Problem, z: np.ndarray, blocks: list[Block]) -> Point:
 
 class Certificate(NamedTuple):
     """Multipliers of every row of every block and of the bounds, and the residual of the optimality conditions (Karush,
-    Kuhn, Tucker) with them: gradient of the Lagrangian, slack times multiplier, violation; all scaled."""
+    Kuhn, Tucker): gradient of the Lagrangian, slack times multiplier, violation; all scaled."""
 
     residual: float
     weights: list[np.ndarray]
@@ -122,7 +132,7 @@ class Certificate(NamedTuple):
 
 
 def certify(point: Point) -> Certificate:
-    """The multipliers that come nearest to the conditions, by non-negative least squares over what is tied."""
+    """The multipliers that satisfy the conditions best, by non-negative least squares over the active rows."""
     n, top = point.z.size, point.value
     if not np.isfinite([top, point.violation]).all():
         return Certificate(np.inf, [np.zeros(len(block.rows)) for block in point.every], np.zeros(n), np.zeros(n))
@@ -146,7 +156,7 @@ def certify(point: Point) -> Certificate:
     rows = np.concatenate([*columns, -np.eye(n)[low], np.eye(n)[high]]).T
     slack = np.concatenate([*slacks, point.z[low], 1 - point.z[high]])
     goals = np.concatenate([*goal, np.zeros(low.size + high.size)])
-    scale = 1e3 * max(1.0, float(np.max(np.abs(rows), initial=0.0)))  # the objective's multipliers add up to one
+    scale = 1e3 * max(1.0, float(np.max(np.abs(rows), initial=0.0)))  # the multipliers of the objective sum to one
     matrix = np.concatenate([rows, scale * goals[None], slack[None]])
     found = _non_negative(matrix, np.concatenate([np.zeros(n), [scale, 0.0]]))
     left = max(
@@ -163,7 +173,7 @@ def certify(point: Point) -> Certificate:
 
 
 def _non_negative(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """The non-negative least squares; nothing, which certifies nothing, where they are too degenerate to be found."""
+    """The non-negative least-squares solution; zeros, which certify nothing, if the solver fails."""
     from scipy.optimize import nnls
 
     try:
@@ -173,7 +183,7 @@ def _non_negative(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _directions(parts: int) -> Float[np.ndarray, "directions parts"]:
-    """Directions in all of which a vector that is nothing may grow."""
+    """Directions in which a zero vector may grow."""
     if parts == 2:
         angle = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
         return np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -181,8 +191,8 @@ def _directions(parts: int) -> Float[np.ndarray, "directions parts"]:
 
 
 def obstacles(point: Point) -> list[np.ndarray]:
-    """Where limits are violated: multipliers of every row of every block with which the violation itself cannot be made
-    less, those of every violated block adding up to one; the objective has no say."""
+    """For violated constraints: multipliers of every row of every block for which the violation is stationary. Those of
+    every violated block sum to one; the objective is ignored."""
     n, columns, homes, sums = point.z.size, [], [], []
     for i, block in enumerate(point.every):
         missed = block.excess() > MET

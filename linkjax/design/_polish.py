@@ -1,7 +1,7 @@
-"""The last digits of an optimum: Newton's method on its conditions with what is active held.
+"""The last digits of an optimum: Newton's method on its conditions, with the active set fixed.
 
-A step that gains less than rounding of the objective is none to a solver that looks for gain; the multipliers still see
-it. Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 18.1.
+A solver that compares objectives cannot see an improvement below rounding; the residual of the conditions still can.
+Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 18.1.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from linkjax.design._point import HELD, MET, Certificate, Point, Scaled, certify
 from linkjax.design._problem import Problem
 
 STEPS = 4
-FAR = 1e-3  # of the ranges: a longer step is none of the last digits
+FAR = 1e-3  # relative to the ranges: a longer step changes more than the last digits
 
 
 def polished(
     problem: Problem, point: Point, certificate: Certificate, bend: np.ndarray, tolerance: float
 ) -> Iterator[tuple[Point, Certificate]]:
-    """Points that meet the conditions of an optimum ever better, as long as they do, down to a residual of `tolerance`;
-    `bend` is the curvature beside that of the lengths, as far as it is known: without it is tried too."""
+    """Points that satisfy the optimality conditions better and better, down to a residual of `tolerance`. `bend` is the
+    known curvature apart from that of the lengths; it is also tried without."""
     for known in (bend, np.zeros_like(bend)):
         for _ in range(STEPS):
             if certificate.residual <= tolerance or point.violation > MET:
@@ -39,7 +39,7 @@ def polished(
 
 
 def _newton(point: Point, certificate: Certificate, bend: np.ndarray) -> Float[np.ndarray, " n"]:
-    """The step to where the conditions hold to first order: the active rows level, the Lagrangian stationary."""
+    """The Newton step to the optimality conditions: active rows at their level, Lagrangian stationary."""
     n, bent, rows, gaps, goal = point.z.size, bend.copy(), [], [], []
     for i, (block, weights) in enumerate(zip(point.every, certificate.weights, strict=True)):
         held = np.flatnonzero(weights > HELD)
@@ -50,7 +50,7 @@ def _newton(point: Point, certificate: Certificate, bend: np.ndarray) -> Float[n
     active, gap, goals = np.concatenate(rows), np.concatenate(gaps), np.concatenate(goal)
     free = np.flatnonzero((certificate.lower <= HELD) & (certificate.upper <= HELD))
     count, m = free.size, gap.size
-    # unknown: the step, the level of the goals, the multipliers
+    # unknowns: the step, the level of the objective, the multipliers
     matrix = np.zeros((count + 1 + m,) * 2)
     matrix[:count, :count], matrix[:count, count + 1 :] = bent[np.ix_(free, free)], active[:, free].T
     matrix[count, count + 1 :] = goals
@@ -62,7 +62,7 @@ def _newton(point: Point, certificate: Certificate, bend: np.ndarray) -> Float[n
 
 
 def _curvature(block: Scaled, held: np.ndarray, weights: np.ndarray) -> Float[np.ndarray, "n n"]:
-    """That of the lengths of some rows, by their multipliers."""
+    """Curvature of the lengths of some rows, weighted by their multipliers."""
     size = lengths(block.rows[held])
     if block.signed or not np.all(size > 0):
         return np.zeros((block.slope.shape[-1],) * 2)

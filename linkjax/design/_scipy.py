@@ -1,7 +1,7 @@
 """SciPy's SLSQP and trust-constr on the same problem, with exact derivatives.
 
-The peak becomes an epigraph: t is to be small, every row of the objective at most t, every row of a limit at most its
-level. Values and slopes of all rows come from one evaluation. Source: Nocedal and Wright, Numerical Optimization, 2006,
+Epigraph form: minimise t, with every row of the objective at most t and every row of a constraint at most its level.
+Values and derivatives of all rows come from one evaluation. Source: Nocedal and Wright, Numerical Optimization, 2006,
 ch. 18 and 19.
 """
 
@@ -20,9 +20,9 @@ from linkjax.design._cone import Path, arrived, begin, descend
 from linkjax.design._point import MET, Point, certify, look, rank
 from linkjax.design._problem import Problem
 
-HUGE = 1e3  # what stands for a row that is no number, scaled
-ROUNDING = 1e-9  # relative difference of two objectives that the certificate may decide
-AGAIN = 6  # runs, each from the best design of those before
+HUGE = 1e3  # scaled value that replaces NaN
+ROUNDING = 1e-9  # relative difference of objectives below which the certificate decides
+AGAIN = 6  # runs, each from the best design so far
 
 
 def slsqp(
@@ -30,8 +30,8 @@ def slsqp(
 ) -> Path:
     """Go from a design, in units of the variables' ranges, to a local optimum by SLSQP.
 
-    As `descend`: an unsound design is first made sound, `callback(point, certificate)` hears of every step, and the path
-    ends with a certificate of residual `tolerance`, after so many steps of one run, or where no run improves any more.
+    As `descend`: an unsound design is repaired first, and `callback(point, certificate)` is called after every step.
+    Stops at a certificate of residual `tolerance`, after `steps` steps of one run, or when no run improves the design.
     """
     return _followed(_run_slsqp, problem, z, tolerance, steps, callback)
 
@@ -44,14 +44,14 @@ def trust(
 
 
 class _Epigraph:
-    """The rows of a problem as functions of (z, t); `best` is the best design seen, by limits first."""
+    """The rows of a problem as functions of (z, t); `best` is the best design so far, ranked by violation first."""
 
     def __init__(self, problem: Problem, path: Path, tolerance: float, callback: Callable | None):
         self.problem, self.path, self.tolerance, self.callback = problem, path, tolerance, callback
         self.point = self.best = path.point
 
     def at(self, z: np.ndarray) -> Point:
-        """The design, evaluated once however often it is asked for."""
+        """The evaluated design; repeated calls evaluate once."""
         z = np.clip(z, 0.0, 1.0)
         if not np.array_equal(z, self.point.z):
             self.point = look(self.problem, z)
@@ -60,7 +60,7 @@ class _Epigraph:
         return self.point
 
     def spare(self, x: np.ndarray) -> Float[np.ndarray, " rows"]:
-        """What every row may still grow."""
+        """Slack of every row."""
         point = self.at(x[:-1])
         goals = [x[-1] - block.sizes for block in point.goals]
         limits = [block.level - block.sizes for block in [*point.limits, *point.sound]]
@@ -75,7 +75,7 @@ class _Epigraph:
         return np.nan_to_num(np.concatenate([by_z, by_t], axis=1), nan=0.0, posinf=0.0, neginf=0.0)
 
     def heard(self, x: np.ndarray, *_) -> None:
-        """A step was taken."""
+        """Called after every step."""
         point = arrived(self.path, self.at(x[:-1]))
         if self.callback is not None:
             self.callback(point, self.path.certificate)
@@ -84,8 +84,8 @@ class _Epigraph:
 
 
 def _followed(run: Callable, problem: Problem, z, tolerance: float, steps: int, callback) -> Path:
-    """Runs of a solver, one after the other, until the certificate is good or nothing improves. Where the limits clash
-    these solvers stop anywhere: what violates least is left to `descend`."""
+    """Runs of a solver, one after another, until the certificate is good or nothing improves. With conflicting
+    constraints these solvers stop anywhere; `descend` then finds the least violation."""
     path = begin(problem, z, steps)
     if callback is not None and path.point.unsound <= 0:
         callback(path.point, path.certificate)
@@ -95,7 +95,7 @@ def _followed(run: Callable, problem: Problem, z, tolerance: float, steps: int, 
         if path.point.unsound > 0 or residual <= tolerance:
             break
         with warnings.catch_warnings(), contextlib.suppress(np.linalg.LinAlgError, ValueError):
-            warnings.simplefilter("ignore")  # of values out of bounds; and a solver may lose itself: what it saw counts
+            warnings.simplefilter("ignore")  # a solver may fail: the best design so far counts
             run(epigraph, np.append(epigraph.best.z, epigraph.best.value), steps)
         _settle(epigraph, path)
         if path.certificate.residual > 0.5 * residual:
@@ -108,7 +108,7 @@ def _followed(run: Callable, problem: Problem, z, tolerance: float, steps: int, 
 
 
 def _settle(epigraph: _Epigraph, path: Path) -> None:
-    """End at the best design; where rounding alone sets the last one apart, at the better certified of the two."""
+    """End at the best design; if the last one differs by rounding only, at the better certified of the two."""
     best, last = epigraph.best, path.point
     certificate = certify(best)
     near = rank(last)[0] <= 0 and last.value <= best.value + ROUNDING * max(1.0, abs(best.value))
@@ -116,7 +116,7 @@ def _settle(epigraph: _Epigraph, path: Path) -> None:
         epigraph.best = last
     elif last is not best:
         path.point, path.certificate = best, certificate
-        path.history.append((best.value, best.violation))
+        path.history.append(best.course)
 
 
 def _run_slsqp(epigraph: _Epigraph, x: np.ndarray, steps: int) -> None:
@@ -134,7 +134,7 @@ def _run_trust(epigraph: _Epigraph, x: np.ndarray, steps: int) -> None:
     from scipy import optimize as imported
     from scipy.sparse import csc_matrix
 
-    scipy: Any = imported  # its types are too narrow
+    scipy: Any = imported  # its type stubs are too narrow
 
     unit, nought = np.eye(x.size)[-1], np.zeros((x.size, x.size))
     ends = np.append(np.zeros(x.size - 1), -np.inf), np.append(np.ones(x.size - 1), np.inf)
@@ -147,6 +147,6 @@ def _run_trust(epigraph: _Epigraph, x: np.ndarray, steps: int) -> None:
         options={
             "maxiter": steps, "sparse_jacobian": True, "initial_barrier_parameter": 1e-2,
             "initial_barrier_tolerance": 1e-2, "xtol": 1e-12, "barrier_tol": 1e-10,
-            "gtol": 1e-16,  # a larger one ends the run while the barrier still stands
+            "gtol": 1e-16,  # a larger one ends the run before the barrier parameter is small
         },
     )  # fmt: skip

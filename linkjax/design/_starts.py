@@ -1,4 +1,4 @@
-"""Many starts, one after the other: what each came to, the best seen on the way, and what another bound would give."""
+"""Several starts, one after another: their results, the best design on the way, and the trade-off of one constraint."""
 
 from __future__ import annotations
 
@@ -8,48 +8,49 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linkjax.analysis import Maybe
 from linkjax.design._cone import Path, descend
 from linkjax.design._point import MET, NOTHING, Certificate, Point, certify, look, placed, rank
 from linkjax.design._problem import Kind, Problem
 
-SCALINGS = 3  # times that the objective may be measured anew
-NEAR = 10.0  # an objective within this factor of its measure needs none
-SHRINK = 1e-3  # the most by which its measure shrinks at once
-GAINED = 1e-7  # of the objective, and 1e-9 of its first measure: what a new measure must gain to be kept
-IDLE = 1e-6  # of the scales: a number that does less over its whole range has no effect
-INSIDE = 0.1  # of the ranges: how far from their bounds numbers are moved where others have no effect
-SIDES = 4  # numbers without effect of which both sides are tried, all together
-CERTIFIED = 1e-7  # the residual with which a new measure is kept though it gained nothing
-ROUNDING = 1e-9  # relative difference of two objectives that is none
+SCALINGS = 3  # maximum number of rescalings of the objective
+NEAR = 10.0  # an objective within this factor of its scale needs no rescaling
+SHRINK = 1e-3  # smallest ratio of the new scale to the old one
+GAINED = 1e-7  # relative to the objective (1e-9 of its first scale): improvement for which a new scale is kept
+IDLE = 1e-6  # relative to the scales: a variable with less change over its range has no effect
+INSIDE = 0.1  # relative to the ranges: distance from the bounds for a second descent if some variables have no effect
+SIDES = 4  # up to so many variables without effect, all combinations of sides are tried
+CERTIFIED = 1e-7  # residual for which a new scale is kept without improvement
+ROUNDING = 1e-9  # relative difference of objectives that counts as rounding
 
 
 class Start(NamedTuple):
-    """What one start came to."""
+    """Result of one start. The objective (SI) is None where it does not exist."""
 
-    objective: float
+    objective: Maybe[float]
     feasible: bool
     residual: float
     evaluations: int
 
 
 class Traded(NamedTuple):
-    """The optimum under another bound of one limit."""
+    """The optimum for another bound of one constraint; `objective` (SI) as in `Start`."""
 
     bound: float
-    objective: float
+    objective: Maybe[float]
     feasible: bool
     x: tuple[float, ...]
 
 
 class Progress(NamedTuple):
-    """Where a run of many starts is: the start and how many there are, the steps it took, its objective (SI) with the
-    unit, the limits it violates, its certificate, scaled, and the best feasible objective so far. In a trade-off,
-    `traded` is the limit, and the starts are its bounds."""
+    """State of an optimisation: index of the start and number of starts, steps of this start, its objective (SI, None
+    where it does not exist) with the unit, the constraints it violates, its scaled residual, and the best feasible
+    objective so far. In a trade-off `traded` is the constraint, and the starts are its bounds."""
 
     start: int
     starts: int
     step: int
-    objective: float
+    objective: Maybe[float]
     unit: str
     violated: tuple[str, ...]
     residual: float
@@ -61,7 +62,7 @@ Descent = Callable[..., Path]
 
 
 class Run:
-    """Many starts, one after the other, and the best design seen on the way."""
+    """Several starts, one after another, and the best design on the way."""
 
     def __init__(self, problem: Problem, starts: int, callback: Callable[[Progress], None] | None):
         self.problem, self.starts, self.callback = problem, starts, callback
@@ -71,7 +72,7 @@ class Run:
         self.stopped, self.number, self.step = False, 0, 0
 
     def follow(self, descend: Descent, z: np.ndarray, number: int) -> None:
-        """One start to its end."""
+        """Run one start."""
         before, self.number, self.step = self.problem.evaluations, number, 0
         self.paths.append(descend(self.problem, z, callback=self._callback))
         self._moved_inside(descend)
@@ -79,46 +80,46 @@ class Run:
         path = self.paths[-1]
         self._callback(path.point, path.certificate)
         self.ended.append(
-            Start(objective(self.problem, path.point), feasible(self.problem, path.point),
+            Start(known(objective(self.problem, path.point)), feasible(self.problem, path.point),
                   path.certificate.residual, self.problem.evaluations - before)
         )  # fmt: skip
 
     def interrupted(self) -> None:
-        """The best design so far stands for what was not finished. Raises `KeyboardInterrupt` where there is none."""
+        """Use the best design so far as the result. Raises `KeyboardInterrupt` if there is none."""
         if self.seen is None:
             raise KeyboardInterrupt
         self.stopped = True
         self.paths = self.paths[: len(self.ended)]
-        self.paths.append(Path(self.seen, certify(self.seen), [(self.seen.value, self.seen.violation)], False))
+        self.paths.append(Path(self.seen, certify(self.seen), [self.seen.course], False))
 
     def best(self) -> Path:
-        """The best of all paths; of those that came to the same, the best certified."""
+        """The best of all paths; of those with the same objective, the best certified."""
         ranks = [rank(path.point) for path in self.paths]
         first = min(ranks)
         same = [path for path, each in zip(self.paths, ranks, strict=True) if not _worse(each, first)]
         return min(same, key=lambda path: path.certificate.residual)
 
     def _moved_inside(self, descend: Descent) -> None:
-        """Where a free number has no effect, as the place of a counterweight without mass, and others are near a bound,
-        the conditions of an optimum hold trivially: once more from inside the bounds and from the side that looks
-        best, the better counts."""
+        """Descend a second time, from inside the bounds and from the best side, and keep the better result. The
+        optimality conditions hold trivially if a variable has no effect (as the position of a counterweight without
+        mass) and others are near a bound."""
         point = self.paths[-1].point
         moves = np.max([np.max(np.abs(block.slope), axis=(0, 1), initial=0.0) for block in point.every], axis=0)
         idle, inside = np.flatnonzero(moves <= IDLE), np.clip(point.z, INSIDE, 1 - INSIDE)
-        # to move what alone has no effect changes nothing; several may have one together, and where the objective has
-        # no bound nothing is known of any
+        # moving a single variable without effect changes nothing; several may have an effect together, and where the
+        # objective is infinite no effect is known
         matters = (moves > IDLE) | (idle.size > 1) | ~np.isfinite(point.value)
         if idle.size and np.any((inside != point.z) & matters):
             sides = (look(self.problem, z) for z in _mirrored(inside, idle))
             self._taken(descend(self.problem, min(sides, key=rank).z, callback=self._callback))
 
     def _measured_anew(self) -> None:
-        """An objective that has become small, or large, beside its measure is given another, and followed further by
-        the cone solver: what is optimal is judged relative to the objective."""
+        """Rescale an objective that has become small or large relative to its scale, and continue with the cone solver:
+        optimality is judged relative to the objective."""
         first = _goal(self.problem).scale
         for _ in range(SCALINGS):
             point, old = self.paths[-1].point, _goal(self.problem).scale
-            if rank(point)[0] > 0 or any(rank(path.point) < rank(point) for path in self.paths):
+            if rank(point)[0] > 0 or not point.exists or any(rank(path.point) < rank(point) for path in self.paths):
                 return
             size = abs(objective(self.problem, point))
             new = max(size, SHRINK * old)
@@ -133,8 +134,8 @@ class Run:
                 return
 
     def _taken(self, further: Path) -> None:
-        """A path that goes on where the last one ended, if it came to something better: by more than rounding, or as
-        good and better certified."""
+        """Accept a continuation of the last path if its result is better by more than rounding, or as good and better
+        certified."""
         path = self.paths[-1]
         old, new = rank(path.point), rank(further.point)
         if _worse(old, new) or (new <= old and further.certificate.residual < path.certificate.residual):
@@ -142,7 +143,7 @@ class Run:
             self.paths[-1] = further
 
     def _rescale(self, scale: float) -> None:
-        """Measure the objective by another value (SI), also in all that was found before."""
+        """Change the scale (SI) of the objective, also in all earlier results."""
         ratio = _goal(self.problem).scale / scale
         self.problem.rescale(scale)
         for path in self.paths:
@@ -165,20 +166,20 @@ class Run:
 
 
 def _progress(problem: Problem, point: Point, best: Point, certificate: Certificate) -> Progress:
-    """Where a search is: at a point, with the best one so far."""
+    """The state of a search at a point, with the best point so far."""
     names = tuple(kind.label for kind in violated(problem, point))
     found = objective(problem, best) if feasible(problem, best) else None
-    return Progress(0, 1, 0, objective(problem, point), _goal(problem).unit, names, certificate.residual, found)
+    return Progress(0, 1, 0, known(objective(problem, point)), _goal(problem).unit, names, certificate.residual, found)
 
 
 def _worse(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether a rank is worse than another by more than rounding."""
+    """Whether one sort key is worse than another by more than rounding."""
     return one[0] > other[0] or (one[0] == other[0] and one[1] > other[1] + ROUNDING * max(1.0, abs(other[1])))
 
 
 def _mirrored(z: np.ndarray, which: np.ndarray) -> Iterator[np.ndarray]:
-    """A design with some of its numbers on either side of their ranges' middles, in every combination; on both sides
-    at once where there are many."""
+    """A design with some variables on either side of the middle of their ranges, in every combination; if there are
+    many, only all of them mirrored or none."""
     sides = itertools.product((False, True), repeat=which.size) if which.size <= SIDES else ((False,), (True,))
     for turned in sides:
         found = z.copy()
@@ -191,21 +192,26 @@ def _goal(problem: Problem) -> Kind:
 
 
 def objective(problem: Problem, point: Point) -> float:
-    """The objective in SI: the worst of all cases."""
+    """The objective in SI, the worst of all cases; NaN where it does not exist in one of them."""
     kind = _goal(problem)
-    return float(point.value * kind.scale * (kind.sign if kind.signed else 1.0))
+    return float(point.course[0] * kind.scale * (kind.sign if kind.signed else 1.0))
+
+
+def known(value: float) -> float | None:
+    """A value, or None for NaN."""
+    return None if np.isnan(value) else value
 
 
 def violated(problem: Problem, point: Point) -> list[Kind]:
-    """The limits that a design does not meet; one that is no number is not met."""
+    """The constraints that a design does not satisfy; one without a value is not satisfied."""
     kinds = [kind for role in ("limit", "sound") for kind in problem.kinds if kind.role == role]
     every = [*point.limits, *point.sound]
-    return [kind for kind, limit in zip(kinds, every, strict=True) if not limit.excess() <= MET]
+    return [kind for kind, limit in zip(kinds, every, strict=True) if not (limit.exists and limit.excess() <= MET)]
 
 
 def feasible(problem: Problem, point: Point) -> bool:
-    """Whether a design meets every limit, and its objective is a number."""
-    return bool(np.isfinite(point.value)) and not violated(problem, point)
+    """Whether a design satisfies every constraint and its objective is finite."""
+    return point.exists and bool(np.isfinite(point.value)) and not violated(problem, point)
 
 
 def trade(
@@ -215,8 +221,8 @@ def trade(
     bounds: list[float],
     callback: Callable[[Progress], None] | None = None,
 ) -> tuple[tuple[Traded, ...], bool]:
-    """The optimum for every bound of one limit, each from the design before and from the ends of several starts, and
-    whether it was interrupted."""
+    """The optimum for every bound of one constraint, each from the design before and from the final designs of several
+    starts, and whether it was interrupted."""
     kinds, ends, found = problem.kinds, [path.point.z for path in paths], []
     before, span, stopped = [], problem.upper - problem.lower, False
     try:
@@ -228,7 +234,8 @@ def trade(
             ways = (descend(problem, each, callback=heard) for each in (*before, *ends))
             point, certificate = min(((path.point, path.certificate) for path in ways), key=lambda of: rank(of[0]))
             x, before = problem.lower + point.z * span, [point.z]
-            found.append(Traded(bound, objective(problem, point), feasible(problem, point), tuple(map(float, x))))
+            value = known(objective(problem, point))
+            found.append(Traded(bound, value, feasible(problem, point), tuple(map(float, x))))
             heard(point, certificate)
     except KeyboardInterrupt:
         stopped = True
@@ -240,7 +247,7 @@ def trade(
 def _heard(
     problem: Problem, callback: Callable[[Progress], None] | None, number: int, bounds: int, name: str
 ) -> Callable:
-    """What tells of every step towards one point of a trade-off."""
+    """The function that reports every step of one point of a trade-off."""
     best, step = [], 0
 
     def heard(point: Point, certificate: Certificate) -> None:

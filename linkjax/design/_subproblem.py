@@ -1,7 +1,7 @@
 """The convex subproblem of the sequential cone solver: linearised rows, exact lengths, a box around the design.
 
-Vectors are linearised, their lengths are not: |F + J d| <= t is a second-order cone, so that the curvature of a peak
-that comes from the turning of its vector is exact. Solved by clarabel. Source: Goulart and Chen, Clarabel: an
+Vectors are linearised, their lengths are not: |F + J d| <= t is a second-order cone. The curvature of a peak due to the
+rotation of its vector is therefore exact. Solved by clarabel. Source: Goulart and Chen, Clarabel: an
 interior-point solver for conic programs with quadratic objectives, 2024.
 """
 
@@ -14,17 +14,17 @@ from jaxtyping import Float
 
 from linkjax.design._point import Scaled, lengths
 
-ROUGH, FINE = 1e-9, 1e-13  # tolerances; the finer is more than the solver reaches: it stops where rounding stops it
-FEW = 6  # rows of a block put in at once
-KEPT = 1e-6  # a multiplier of a step before that puts its row in
-MISSED = 1e-10  # a row so far above the others, in the solver's scale, is put in
-LOOSE = 0.02  # and so many times what the step gains
-FAR = 1e-2  # while that is more than so much
+ROUGH, FINE = 1e-9, 1e-13  # tolerances; the finer one is below rounding, so the solver stops at rounding
+FEW = 6  # rows of a block added at once
+KEPT = 1e-6  # a row with such a multiplier in the step before is added
+MISSED = 1e-10  # a row this far above the level (scaled) is added
+LOOSE = 0.02  # plus this fraction of the improvement by the step
+FAR = 1e-2  # if the improvement exceeds this
 ROUNDS = 30
 
 
 class Step(NamedTuple):
-    """A step, the multipliers of every row of every block, and the model's value."""
+    """A step, the multipliers of every row of every block, and the value of the model."""
 
     d: Float[np.ndarray, " n"]
     weights: list[Float[np.ndarray, " rows"]]
@@ -41,11 +41,11 @@ def solve(
     like: Step | None = None,
     tolerance: float = ROUGH,
 ) -> Step | None:
-    """The best step within `radius` and the unit box: the largest row of the goals, plus half d' bend d, plus the
-    penalised excess of every limit. None where the solver finds no answer.
+    """The best step within `radius` and the unit box. It minimises the largest row of the objective, plus
+    half d' bend d, plus the penalised excess of every constraint. None if the solver fails.
 
-    Few rows ever matter: those that lead are put in first, with those that held a step before, `like`, and others when
-    the step found would let them lead; those out of reach never.
+    Only few rows matter. The largest ones are included first, with the active ones of the step before, `like`. Others
+    are added when the computed step would make them the largest. Rows that cannot be reached are never included.
     """
     blocks = [*goals, *limits]
     low, high = np.maximum(-z, -radius), np.minimum(1 - z, radius)
@@ -75,7 +75,7 @@ def solve(
 
 
 def _able(goals: list[Scaled], limits: list[Scaled], reach: np.ndarray) -> list[np.ndarray]:
-    """The rows that can matter within a step of so much in every variable: lead the goals, or come to their level."""
+    """The rows that can become active within a step: the largest of the objective, or at their level."""
     moves = [_reach(block, reach) for block in [*goals, *limits]]
     most = max((float(np.max(goal.sizes - move)) for goal, move in zip(goals, moves, strict=False)), default=0.0)
     levels = [most] * len(goals) + [block.level for block in limits]
@@ -83,13 +83,13 @@ def _able(goals: list[Scaled], limits: list[Scaled], reach: np.ndarray) -> list[
 
 
 def _reach(block: Scaled, reach: np.ndarray) -> Float[np.ndarray, " rows"]:
-    """How much, at most, the size of every row changes."""
+    """Upper bound of the change of the size of every row."""
     moved = np.abs(block.slope) @ reach
     return moved[:, 0] if block.signed else lengths(moved)
 
 
 def _leading(sizes: np.ndarray, some: np.ndarray) -> np.ndarray:
-    """Of some rows, the highest few of those higher than their neighbours, and these neighbours: a peak moves."""
+    """Of some rows, the few largest local maxima, and their neighbours, since a peak moves."""
     tops = some.copy()
     if not some.any():
         return tops
@@ -105,13 +105,13 @@ def _leading(sizes: np.ndarray, some: np.ndarray) -> np.ndarray:
 
 
 def _solve(blocks, goals: int, chosen, low, high, bend, penalty, tolerance) -> tuple[Step, list[float]] | None:
-    """The subproblem with the rows chosen: the step, and how high each block's rows may come in it."""
-    import clarabel as _clarabel  # a compiled library, loaded when something is optimised
+    """The subproblem with the chosen rows: the step, and the highest level of the rows of each block."""
+    import clarabel as _clarabel  # a compiled library, loaded only for an optimisation
 
     clarabel: Any = _clarabel  # it has no types
 
     n, held = low.size, [np.flatnonzero(rows) for rows in chosen]
-    slacks = [i for i in range(goals, len(blocks)) if held[i].size]  # blocks that need one
+    slacks = [i for i in range(goals, len(blocks)) if held[i].size]  # blocks with a slack
     matrix, right, homes = _lines(blocks, goals, held, slacks, low, high)
     cones = [clarabel.NonnegativeConeT(2 * n + len(slacks) + (not goals))]
     for block, some in zip(blocks, held, strict=True):
@@ -122,7 +122,7 @@ def _solve(blocks, goals: int, chosen, low, high, bend, penalty, tolerance) -> t
     linear = np.concatenate([np.zeros(n), [1.0 if goals else 0.0], np.full(len(slacks), penalty)])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.iterative_refinement_enable = False  # a third of the time, for digits that nothing needs
+    settings.iterative_refinement_enable = False  # saves a third of the time; the digits are not needed
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     found = clarabel.DefaultSolver(_quadratic(bend, linear.size), linear, matrix, right, cones, settings).solve()
     x, dual = np.asarray(found.x), np.asarray(found.z)
@@ -132,7 +132,7 @@ def _solve(blocks, goals: int, chosen, low, high, bend, penalty, tolerance) -> t
     top = float(x[n]) if goals else 0.0
     weights = [np.zeros(len(rows)) for rows in chosen]
     for one, some, home in zip(weights, held, homes, strict=True):
-        one[some] = dual[home]  # that of a cone is the first part of its dual
+        one[some] = dual[home]  # for a cone, the first part of its dual
     model = top + 0.5 * float(d @ bend @ d) + penalty * float(np.sum(over))
     excess = dict(zip(slacks, over, strict=True))
     tops = [top if i < goals else block.level + excess.get(i, 0.0) for i, block in enumerate(blocks)]
@@ -140,11 +140,11 @@ def _solve(blocks, goals: int, chosen, low, high, bend, penalty, tolerance) -> t
 
 
 def _lines(blocks, goals: int, held, slacks, low, high) -> tuple[Any, np.ndarray, list[np.ndarray]]:
-    """The constraints of a subproblem, matrix x + s = right with s in the cones, and the line of every row held.
+    """The constraints of a subproblem, matrix x + s = right with s in the cones, and the line of every included row.
 
-    Unknown are the step, the level of the goals, the slacks. Lines: the box, slacks that are not negative, the level
-    too where there are no goals, then every row, a cone's level before its vector. The matrix is written by columns
-    at once: several times faster than SciPy's own way from a full one.
+    Unknowns: the step, the level of the objective, the slacks. Lines: the box, the non-negative slacks, the level if
+    there is no objective, then every row, with the level of a cone before its vector. The matrix is built directly in
+    compressed columns, several times faster than SciPy's conversion from a dense one.
     """
     from scipy.sparse import csc_matrix
 
@@ -180,9 +180,9 @@ def _lines(blocks, goals: int, held, slacks, low, high) -> tuple[Any, np.ndarray
 
 
 def _quadratic(bend: np.ndarray, wide: int) -> Any:
-    """Half of a curvature, its upper triangle by columns, in so many unknowns."""
+    """Upper triangle of a curvature, by columns, in `wide` unknowns."""
     from scipy.sparse import csc_matrix
 
-    half = np.tri(len(bend), dtype=bool)  # the lower one by rows
+    half = np.tri(len(bend), dtype=bool)  # the lower triangle by rows
     starts = np.cumsum([0, *range(1, len(bend) + 1), *[0] * (wide - len(bend))], dtype=np.int32)
     return csc_matrix((bend[half], np.nonzero(half)[1].astype(np.int32), starts), shape=(wide, wide))

@@ -1,58 +1,35 @@
-"""What is asked, written as text: `"0 to 40 kg m^2"`, `"± 8 %"`, `"delta <= 0.15"`."""
+"""Ranges and constraints written as strings: `"0 to 40 kg m^2"`, `"± 8 %"`, `"delta <= 0.15"`."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from collections.abc import Mapping
 from typing import Any
 
-from linkjax._units import DIMENSIONS, QuantityError, nearest, quantity
-from linkjax.design._names import DesignError, Number, number, numbers
+from linkjax.design._names import DesignError, Number, amount, near, number, numbers
 from linkjax.design._problem import Case, Variable
 from linkjax.design._terms import INITIAL, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES
 
-Range = Any  # two bounds, or a text
+Range = Any  # two bounds, or a string
 
-DIMENSION_OF = {dimension.unit or "1": name for name, dimension in DIMENSIONS.items()}
 AROUND = re.compile(r"(?:±|\+/?-|within)\s*(.+)", re.IGNORECASE)
 FROM_TO = re.compile(r"(.+?)\s*(?:\.\.\.?|…|\bto\b)\s*(.+)")
 RELATION = re.compile(r"(.+?)\s*(<=|>=|≤|≥)\s*(.+)")
+FUNCTION = "in Python a user-defined function is given itself: at_most(function, bound), minimise=function"
 SENSES = {"<=": at_most, "≤": at_most, ">=": at_least, "≥": at_least}
 
 
-def amount(value: Any, unit: str, element: str) -> float:
-    """A number (SI) of a number or a text with a unit. Raises `DesignError` naming the element."""
-    if isinstance(value, str):
-        if unit not in DIMENSION_OF:
-            value = re.sub(rf"\s*{re.escape(unit)}\s*$", "", value)
-            try:
-                return float(value)
-            except ValueError as error:
-                raise DesignError(element, f"{value!r} is no number in {unit}", f"write a number in {unit}") from error
-        try:
-            return quantity(value, DIMENSION_OF[unit])
-        except QuantityError as error:
-            raise DesignError(element, f"{value!r}: {error.problem}", error.remedy) from error
-    try:
-        found = float(value)
-    except (TypeError, ValueError) as error:
-        raise DesignError(element, f"{value!r} is no number", f"write one in {unit}, or a text with unit") from error
-    if not math.isfinite(found):
-        raise DesignError(element, f"{value!r} is no finite number", f"write one in {unit}, or a text with unit")
-    return found
-
-
 def variable(scene: Scene, name: str, given: Range, linked: tuple[str, ...] = ()) -> Variable:
-    """A free number between two bounds, `("0.95 m", "1.1 m")` or `"0.95 to 1.1 m"`, or about the initial value, `"± 8 %"`
-    or `"± 20 mm"`. Numbers without unit are SI. Raises `DesignError`."""
+    """A design variable between two bounds, `("0.95 m", "1.1 m")` or `"0.95 to 1.1 m"`, or about its initial value,
+    `"± 8 %"` or `"± 20 mm"`. Numbers without a unit are SI. Raises `DesignError`."""
     at = number(scene, name)
     if not isinstance(given, str):
         if not isinstance(given, tuple | list) or len(given) != 2:
-            raise DesignError(name, f"{given!r} are no bounds", 'write two, e.g. ("0.95 m", "1.1 m"), or "± 8 %"')
+            remedy = 'write two, e.g. ("0.95 m", "1.1 m"), or "± 8 %"'
+            raise DesignError(name, f"{given!r} is not a pair of bounds", remedy)
         return _possible(Variable(name, amount(given[0], at.unit, name), amount(given[1], at.unit, name), linked), at)
     text = given.replace("−", "-").strip()
     if about := AROUND.fullmatch(text):
@@ -60,16 +37,16 @@ def variable(scene: Scene, name: str, given: Range, linked: tuple[str, ...] = ()
         return Variable(name, max(low, at.least), high, linked)
     if ends := FROM_TO.fullmatch(text):
         low, high = ends[1].strip(), ends[2].strip()
-        if re.fullmatch(r"[\d._eE+-]+", low):  # the unit stands once, behind the second
+        if re.fullmatch(r"[\d._eE+-]+", low):  # the unit is written once, after the second
             low += re.sub(r"^[+-]?[\d_]*\.?[\d_]*(?:[eE][+-]?\d+)?", "", high)
         return _possible(Variable(name, amount(low, at.unit, name), amount(high, at.unit, name), linked), at)
-    raise DesignError(name, f"{given!r} is no range", 'write e.g. "0 to 40 kg m^2", "± 8 %" or "± 20 mm"')
+    raise DesignError(name, f"{given!r} is not a range", 'write e.g. "0 to 40 kg m^2", "± 8 %" or "± 20 mm"')
 
 
 def _possible(free: Variable, at: Number) -> Variable:
-    """A free number, if its bounds are what it may be."""
+    """A design variable with allowed bounds."""
     if float(free.lower) < at.least:
-        raise DesignError(free.name, f"must not be less than {at.least:g}, but its bounds begin at {free.lower:g}",
+        raise DesignError(free.name, f"must not be less than {at.least:g}, but its lower bound is {free.lower:g}",
                           f"write {at.least:g} or more")  # fmt: skip
     return free
 
@@ -79,41 +56,45 @@ def _around(text: str, value: float, at: Number) -> tuple[float, float]:
         try:
             reach = abs(value) * float(text[:-1]) / 100
         except ValueError as error:
-            raise DesignError(at.name, f"{text!r} is no percentage", 'write e.g. "± 8 %"') from error
+            raise DesignError(at.name, f"{text!r} is not a percentage", 'write e.g. "± 8 %"') from error
         if value == 0:
-            raise DesignError(at.name, "is zero, so a percentage leaves it no room", 'write e.g. "0 to 40 kg m^2"')
+            raise DesignError(at.name, "is zero, so a percentage gives no range", 'write e.g. "0 to 40 kg m^2"')
     else:
         reach = amount(text, at.unit, at.name)
     if not reach > 0:
-        raise DesignError(at.name, f"± {text} leaves it no room", 'write e.g. "± 8 %"')
+        raise DesignError(at.name, f"± {text} gives no range", 'write e.g. "± 8 %"')
     return value - reach, value + reach
 
 
 def limit(text: str) -> Limit:
-    """The limit written as `"delta <= 0.15"`, `"flywheel.inertia <= 19.23 kg m^2"`, `"min_margin >= initial"`."""
+    """The constraint written as `"delta <= 0.15"`, `"flywheel.inertia <= 19.23 kg m^2"`, `"min_margin >= initial"`."""
     found = RELATION.fullmatch(text.strip())
     if found is None:
-        raise DesignError(text, "is no limit", 'write e.g. "delta <= 0.15" or "min_transmission_angle >= initial"')
+        remedy = 'write e.g. "delta <= 0.15" or "min_transmission_angle >= initial"'
+        raise DesignError(repr(text), "is not a constraint", remedy)
     name, relation, bound = found.groups()
     return SENSES[relation](name, bound)
 
 
 def settled_term(scene: Scene, asked: Asked) -> Term:
-    """A term with its unit known. Raises `DesignError` for a name that is neither measure nor number of the scene."""
+    """A term with its unit known. Raises `DesignError` for a name that is neither a measure nor a scene parameter."""
     term = as_term(asked)
     if term.unit != UNSETTLED:
         return term
     known = numbers(scene)
     if term.name not in known:
-        problem = "is neither a measure nor a number of this scene"
-        raise DesignError(term.name, problem, nearest(term.name, [*MEASURES, *known]))
+        problem = "is neither a measure nor a scene parameter"
+        hint = near(term.name, [*MEASURES, *known])
+        hint = hint or "linkjax.measures.MEASURES and linkjax.design.numbers(scene) hold the names"
+        raise DesignError(term.name, problem, f"{hint} ({FUNCTION})")
     return dataclasses.replace(term, unit=known[term.name].unit)
 
 
 def settled_limit(scene: Scene, given: Limit | str) -> Limit:
-    """A limit with its unit known and its bound a number (SI), or "initial"."""
+    """A constraint with its unit known and its bound in SI, or "initial"."""
     if not isinstance(given, Limit | str):
-        raise DesignError("limits", f"{given!r} is no limit", 'write at_most(function, bound), or "delta <= 0.15"')
+        remedy = 'write at_most(function, bound), or "delta <= 0.15"'
+        raise DesignError("limits", f"{given!r} is not a constraint", remedy)
     asked = limit(given) if isinstance(given, str) else given
     term = settled_term(scene, asked.term)
     bound = INITIAL if asked.bound == INITIAL else amount(asked.bound, term.unit, asked.name)
@@ -121,31 +102,32 @@ def settled_limit(scene: Scene, given: Limit | str) -> Limit:
 
 
 def settled_case(scene: Scene, case: Case) -> Case:
-    """A case with its numbers in SI."""
+    """A case with its values in SI."""
     values = {}
     for name, value in case.changes.items():
         at = number(scene, name)
         values[name] = amount(value, at.unit, name)
         if values[name] < at.least:
-            raise DesignError(name, f"must not be less than {at.least:g}, but is {values[name]:g}", "write it positive")
+            problem = f"must not be less than {at.least:g}, but is {values[name]:g}"
+            raise DesignError(name, problem, f"write {at.least:g} or more")
     return Case(case.name, values)
 
 
 def _check_range(name: str, given: Mapping[str, Any]) -> None:
-    """Raise `DesignError` where a mapping is no range with what is tied to it."""
+    """Raise `DesignError` for a mapping that is not a range with linked parameters."""
     unknown, linked = sorted(set(given) - {"range", "linked"}), given.get("linked", ())
     if unknown or "range" not in given:
-        problem = f"unknown key {unknown[0]!r}" if unknown else "no range"
+        problem = f"unknown key {unknown[0]!r}" if unknown else "has no range"
         raise DesignError(name, problem, 'write {"range": "± 8 %", "linked": ["links.link4.length"]}')
     if isinstance(linked, str) or not all(isinstance(other, str) for other in linked):
         raise DesignError(
-            name, f"linked is {linked!r}, no list of names", 'write e.g. "linked": ["links.link4.length"]'
+            name, f"linked is {linked!r}, not a list of names", 'write e.g. "linked": ["links.link4.length"]'
         )
 
 
 def settled_free(scene: Scene, free: Mapping[str, Range] | Any) -> list[Variable]:
-    """The free numbers with bounds in SI: of a mapping from names to ranges (or to a range and
-    what is tied to it, `{"range": "± 8 %", "linked": [...]}`), or of variables."""
+    """The design variables with bounds in SI: of a mapping from names to ranges (or to a range with linked parameters,
+    `{"range": "± 8 %", "linked": [...]}`), or of variables."""
     if isinstance(free, Mapping):
         full = {name: given if isinstance(given, Mapping) else {"range": given} for name, given in free.items()}
         for name, each in full.items():

@@ -25,10 +25,10 @@ def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -
     """Speed fluctuation, speeds, drive and flywheel; those of the earlier design in a separate column."""
     old = _values(show, before) if before else {}
     remarks = _remarks(show, data, scene)
-    rows = []
-    for name, value in _values(show, data).items():
+    rows, new = [], _values(show, data)
+    for name in (*new, *(name for name in old if name not in new)):
         between = [Cell(old.get(name, NONE), True)] if before else []
-        rows.append([words(name), *between, Cell(value, True), words(remarks.get(name, ""))])
+        rows.append([words(name), *between, Cell(new.get(name, NONE), True), words(remarks.get(name, ""))])
     return table(["quantity", *(["before", "after"] if before else ["value"]), "remark"], rows)
 
 

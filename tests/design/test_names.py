@@ -61,7 +61,7 @@ def test_values_and_units(name, value, unit):
     [
         ("links.rod.lenght", "did you mean 'links.rod.length'"),
         ("links.rod.points.E", "it has: links.rod.points.E.along, links.rod.points.E.across"),
-        ("nothing", "is no number of this scene"),
+        ("nothing", "is not a scene parameter"),
     ],
 )
 def test_unknown_names(name, says):
@@ -88,6 +88,6 @@ def test_what_belongs_to_a_motion_that_does_not_exist_is_not_optimised(constant_
     links = {"crank": lj.Link(length=0.1), "rod": lj.Link(length=0.3), "slider": lj.Link(mass=1.0 * constant_speed)}
     groups = [lj.Crank("crank", "A", "B"), lj.RRP("rod", "slider", "B", "C", lj.Guide("A"))]
     scene = lj.Scene(lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups), speed=5.0, constant_speed=constant_speed)
-    why = "the scene asks for constant speed" if constant_speed else "nothing has a mass"
-    with pytest.raises(DesignError, match=f"delta: belongs to the actual motion, but {why}"):
+    why = "the scene is for constant speed" if constant_speed else "the machine has no mass"
+    with pytest.raises(DesignError, match=f"delta: needs the actual motion, but {why}"):
         lj.optimise(scene, free={"links.rod.length": (0.25, 0.35)}, minimise="delta", starts=1)

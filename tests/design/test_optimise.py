@@ -10,7 +10,7 @@ import pytest
 import linkjax as lj
 from linkjax import Case, Counterweight, DesignError, Variable, Vec, at_least, at_most
 from linkjax._compile import compiled_soon
-from linkjax.design._problem import _rows_for
+from linkjax.design._needs import rows_for
 from linkjax.measures import (
     delta,
     flywheel_for_target_delta,
@@ -135,9 +135,11 @@ def test_today_and_own_functions():
     """A constraint relative to the initial value; a user-defined function with several rows is bounded row by row."""
     scene = rotor()
 
-    def places(scene):
-        at = scene.mechanism.links["crank"].counterweights["W"].at
-        return jnp.stack([at.x, at.y, -at.x - at.y])
+    def rows(parts):
+        at = parts.scene.mechanism.links["crank"].counterweights["W"].at
+        return lj.motion.Rows(jnp.stack([at.x, at.y, -at.x - at.y])[:, None], jnp.full(3, jnp.nan), signed=True)
+
+    places = lj.design.Term("places", "m", lambda parts: jnp.max(rows(parts).vectors), rows)
 
     free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
     today = at_most(peak_shaking_force_constant_speed, "initial")
@@ -151,12 +153,12 @@ def test_today_and_own_functions():
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"free": {}}, "nothing is free"),
+        ({"free": {}}, "there is no design variable"),
         ({"free": {"speed": (2.0, 1.0)}}, "give two finite bounds"),
         ({"free": {"sped": (1.0, 2.0)}}, "did you mean 'speed'"),
         ({"free": [Variable("speed", 1.0, 2.0), Variable("speed", 1.0, 3.0)]}, "is freed twice"),
         ({"minimise": None}, "give either minimise or maximise"),
-        ({"starts": 0}, "whole number of one or more"),
+        ({"starts": 0}, "an integer of at least 1"),
         ({"free": [Variable(f"{AT}.along", 0.0, 2.0, linked=("speed",))]}, "has no ratio to it"),
     ],
 )
@@ -227,7 +229,7 @@ def test_rows_only_where_the_sense_is_theirs():
     asked = [limit(one, 0.1) for one in (peak_shaking_force_constant_speed, min_margin)
              for limit in (at_most, at_least)]  # fmt: skip
     scene = lj.load("four-bar")
-    found = jax.eval_shape(lambda scene: [_rows_for(one, lj.measures.Parts(scene, 32)) for one in asked], scene)
+    found = jax.eval_shape(lambda scene: [rows_for(one, lj.measures.Parts(scene, 32)) for one in asked], scene)
     force, one_force, one_margin, margins = (rows.vectors.shape for rows, _ in found)
     assert force[0] > 32 and force[1] == 2
     assert one_force == one_margin == (1, 1)

@@ -138,7 +138,7 @@ def test_chains_that_do_not_close_end_with_one(call, tmp_path):
 @pytest.mark.parametrize("option", [("--at", "30"), ("--constant-speed",), ("--nodes", "48"), ("--method", "diffrax")])
 def test_options_without_a_meaning_are_refused(call, option):
     code, _, err = call("analyse", "rolling-eccentric", *option)
-    assert code == 2 and f"{option[0]}: rolling bodies have no use for it; leave it out" in err
+    assert code == 2 and f"{option[0]}: is not available for rolling bodies; omit it" in err
 
 
 def test_other_commands(call, tmp_path, monkeypatch):
