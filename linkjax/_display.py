@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -173,6 +174,13 @@ def number(value: float, digits: int = 4) -> str:
     places = digits - 1 - math.floor(math.log10(abs(value)))
     text = f"{value:.{max(places, 0)}f}" if -4 < places < digits + 5 else f"{value:.{digits - 1}e}"
     return text.replace("-", "−")
+
+
+def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Rows of cells as lines of plain text, every column as wide as its widest cell."""
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in itertools.zip_longest(*rows, fillvalue="")]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def turning(units: Units | None = None) -> tuple[float, str]:

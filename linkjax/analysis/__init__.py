@@ -6,15 +6,16 @@ from linkjax.analysis._analyse import compile_ahead as compile_ahead
 from linkjax.analysis._cycle import Checks as Checks
 from linkjax.analysis._cycle import Cycle as Cycle
 from linkjax.analysis._cycle import explain as explain
-from linkjax.analysis._document import check_limit as check_limit
 from linkjax.analysis._document import document as document
-from linkjax.analysis._document import moves as moves
-from linkjax.analysis._document import plain as plain
 from linkjax.analysis._given import at_acceleration as at_acceleration
+from linkjax.analysis._layout import check_limit as check_limit
+from linkjax.analysis._layout import moves as moves
+from linkjax.analysis._layout import plain as plain
 from linkjax.analysis._measured import measured as measured
 from linkjax.analysis._missing import massless as massless
 from linkjax.analysis._pick import pick as pick
 from linkjax.analysis._precision import float32_digits as float32_digits
+from linkjax.analysis._table import columns as columns
 from linkjax.analysis._tidy import CONSTANT as CONSTANT
 from linkjax.analysis._tidy import force_scale as force_scale
 from linkjax.analysis._tidy import measure_scales as measure_scales
@@ -22,5 +23,4 @@ from linkjax.analysis._tidy import peak_told as peak_told
 from linkjax.analysis._tidy import power_scale as power_scale
 from linkjax.analysis._tidy import torque_scale as torque_scale
 from linkjax.analysis._tidy import uneven as uneven
-from linkjax.analysis._words import load_size as load_size
 from linkjax.analysis._words import peak_unit as peak_unit

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
+from linkjax.analysis._table import table_of
+from linkjax.analysis._text import cycle_text
 from linkjax.forces import Forces
 from linkjax.groups import FITS, RRP, RRR, Course, Crank, Gear, General, Pinion, Rack, Track, followed, slow
 from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, lost_at_start, named_groups, shortfall
@@ -102,6 +105,19 @@ class Cycle(eqx.Module):
     method: str = eqx.field(static=True, default="quadrature")
     nodes: int = eqx.field(static=True, default=0)
     missing: NoMotion | None = None
+
+    def __str__(self) -> str:
+        return cycle_text(self)
+
+    def table(self) -> dict[str, np.ndarray]:
+        """Everything over the crank angle as named columns (SI), one row per crank angle: `pandas.DataFrame` takes it
+        as it is.
+
+        Names are those of the CSV files, see `docs/conventions.md`: `crank_angle`, `x_B`, `dx_B`, `angle_rod`, `speed`,
+        `drive_torque`, `fx_B_rod`, … Columns of an actual motion that does not exist are absent. Raises
+        `StructureError` where two columns have the same name, and `ValueError` for a batch of cycles.
+        """
+        return table_of(self)
 
     @property
     def delta(self) -> Any:
