@@ -1,4 +1,4 @@
-"""Names of the first drafts, and what they are called now: messages about unknown names say the new one."""
+"""Earlier names and their replacements: messages about unknown names give the new one."""
 
 from collections.abc import Iterable
 
