@@ -292,3 +292,19 @@ def label_of(unit: str) -> str:
         return "" if unit == "1" else "°"
     joined = re.sub(r"\s*[*·\s]\s*", "·", unit.strip().translate(TIDY))
     return re.sub(r"\^?([23])$|\^([23])", lambda match: "²³"[int(match[1] or match[2]) - 2], joined)
+
+
+def in_si(text: str) -> tuple[float, str]:
+    """Value and SI unit of a quantity in a string, e.g. (0.15, "m") for "150 mm"; the unit is "1" for a plain number.
+    Raises `QuantityError` for a string that is not a quantity known here."""
+    match = NUMBER.fullmatch(text.translate(TIDY).strip())
+    remedy = 'write a number and a unit, e.g. "150 mm"'
+    if match is None:
+        raise QuantityError("cannot be read as a number and a unit", remedy)
+    name = match[2].strip()
+    factor, dimension = _resolve(name, DIMENSIONS["number"])
+    units = {d.phrase: d.unit or "1" for d in DIMENSIONS.values()} | {phrase: unit for unit, phrase in ALSO.items()}
+    unit = next((units[phrase] for phrase, known in _dimensions().items() if known == dimension), None)
+    if unit is None:
+        raise QuantityError(f"the unit {name!r} belongs to no known quantity", remedy)
+    return float(decimal.Decimal(match[1]) * factor), unit

@@ -1,16 +1,18 @@
 """The whole working cycle, computed and laid out."""
 
+from linkjax.analysis._analyse import LIGHTEST as LIGHTEST
 from linkjax.analysis._analyse import analyse as analyse
 from linkjax.analysis._analyse import analyze as analyze
 from linkjax.analysis._analyse import compile_ahead as compile_ahead
 from linkjax.analysis._cycle import Checks as Checks
 from linkjax.analysis._cycle import Cycle as Cycle
+from linkjax.analysis._cycle import Maybe as Maybe
 from linkjax.analysis._cycle import explain as explain
+from linkjax.analysis._document import check_limit as check_limit
 from linkjax.analysis._document import document as document
+from linkjax.analysis._document import moves as moves
+from linkjax.analysis._document import plain as plain
 from linkjax.analysis._given import at_acceleration as at_acceleration
-from linkjax.analysis._layout import check_limit as check_limit
-from linkjax.analysis._layout import moves as moves
-from linkjax.analysis._layout import plain as plain
 from linkjax.analysis._measured import measured as measured
 from linkjax.analysis._missing import massless as massless
 from linkjax.analysis._pick import pick as pick

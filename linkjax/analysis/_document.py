@@ -2,13 +2,211 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from linkjax.analysis._cycle import Cycle
-from linkjax.analysis._layout import laid_out
+import jax
+import numpy as np
+
+from linkjax._results import MESSAGES, Result
+from linkjax.forces import Forces, JointForce, indeterminate, other_sides
+from linkjax.kinematics import Reversals, named_groups
+from linkjax.measures import peak_names
+from linkjax.motion import Peak
+
+SAME = 1e-6  # rad: dead centres so close are one
+WHY = {
+    "quadrature": "torques depend on position only, so the energy equation is integrated and no differential equation "
+    "is solved",
+    "prescribed": "the driver follows a law, so the motion is known before any force",
+    "constant speed": "asked for: the crank turns at constant nominal speed",
+    "none": "there is no actual motion",
+    "diffrax": "asked for: the equation of motion is solved in the crank angle by diffrax (Dopri8)",
+}
 
 
-def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
-    """The analysis as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says. What
+def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
+    """A `Cycle` as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says. What
     belongs to an actual motion that does not exist, or is not asked for, is None."""
-    return laid_out(cycle, name, version)
+    cycle = jax.device_get(cycle)
+    scene, code = cycle.scene, Result(int(cycle.result))
+    return {
+        "scene": name or scene.title,
+        "linkjax_version": version,
+        "precision": str(np.asarray(cycle.angles).dtype),
+        "model": _model(cycle),
+        "angles": np.asarray(cycle.angles),
+        "points": {
+            point: {"x": s.r.x, "y": s.r.y, "dx": s.dr.x, "dy": s.dr.y, "ddx": s.ddr.x, "ddy": s.ddr.y}
+            for point, s in _points(cycle)
+        },
+        "links": {
+            link: {"angle": np.unwrap(np.arctan2(state.u.y, state.u.x)), "d": state.w, "dd": state.e}
+            for link, state in ((link, cycle.pose.links[link]) for link in scene.mechanism.link_names)
+        },
+        "groups": _groups(cycle),
+        "dead_centres": _dead_centres(cycle),
+        "strokes": _strokes(cycle),
+        "reduced": {
+            "inertia": cycle.reduced.inertia, "inertia_slope": cycle.reduced.slope, "torque": cycle.reduced.torque,
+            "torque_by_load": dict(cycle.reduced.by_load),
+        },
+        "motion": _motion(cycle),
+        "flywheel": {
+            "given": float(scene.mechanism.flywheel.inertia),
+            "for_target_delta": _maybe(cycle.flywheel and cycle.flywheel.for_target_delta),
+            "textbook": _maybe(cycle.flywheel and cycle.flywheel.textbook),
+            "target_delta": _maybe(scene.target_delta),
+        },
+        "work": None if cycle.work is None else {name: float(value) for name, value in cycle.work.items()},
+        "forces": None if cycle.forces is None else _forces(cycle, cycle.forces),
+        "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
+        "peaks": {
+            **_peaks(cycle, cycle.peaks, ""), **_peaks(cycle, cycle.peaks_constant_speed, "_constant_speed"),
+        },
+        "checks": {
+            "virtual_power": float(cycle.checks.virtual_power), "energy_closure": _maybe(cycle.checks.energy_closure),
+            "force_balance": float(cycle.checks.force_balance),
+        },
+        "result": {
+            "code": int(code), "name": code.name.lower(),
+            "message": MESSAGES[code] if cycle.missing is None else cycle.missing.reason,
+            "per_angle": np.where(cycle.assembled, int(Result.SUCCESS), int(Result.CANNOT_BE_ASSEMBLED)),
+        },
+    }  # fmt: skip
+
+
+def _model(cycle: Any) -> dict[str, Any]:
+    """How the figures were found, and why so."""
+    scene = cycle.scene
+    method = "prescribed" if scene.mechanism.prescribed else cycle.method
+    why = WHY[method]
+    if cycle.steady is None:
+        method = "constant speed" if cycle.constant_speed else "none"
+        why = WHY[method] if cycle.missing is None else cycle.missing.reason
+    return {
+        "method": method, "nodes": cycle.nodes,
+        "evaluations": None if cycle.steady is None else cycle.steady.evaluations,
+        "mean": scene.mean, "why": why, "constant_speed": cycle.constant_speed,
+        "indeterminate": list(indeterminate(scene.mechanism)),
+    }  # fmt: skip
+
+
+def _motion(cycle: Any) -> dict[str, Any]:
+    """The actual motion; of one that does not exist only how far it is from that."""
+    motion, missing = cycle.steady, cycle.missing
+    series = {"speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time, "power": cycle.power}
+    found = {
+        name: None if motion is None else float(getattr(motion, name))
+        for name in ("mean_speed", "delta", "delta_error", "max_speed", "min_speed", "angle_of_max", "angle_of_min",
+                     "mean_drive_torque", "period")
+    }  # fmt: skip
+    ends = motion if missing is None else missing
+    margins = {key: _maybe(ends and getattr(ends, key)) for key in ("steady_state_margin", "min_mean_speed")}
+    return {**series, **found, "mean_power": _maybe(cycle.mean_power), **margins}
+
+
+def moves(data: dict[str, Any]) -> bool:
+    """Whether a document has an actual motion."""
+    return (data.get("motion") or {}).get("speed") is not None
+
+
+def check_limit(data: dict[str, Any]) -> float:
+    """The relative residual that a check of a sound analysis stays below, in the precision of the document."""
+    return 1e-10 if data["precision"] == "float64" else 1e-3
+
+
+def plain(value: Any) -> Any:
+    """The document with lists instead of arrays and None for what is no number, ready for `json.dump`."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _maybe(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def _points(cycle: Any):
+    """Points in the order of the machine: frame, pins and marked points, then mass centres."""
+    mechanism = cycle.scene.mechanism
+    centres = [mechanism.links[link].centre_name for link in mechanism.link_names]
+    first = [point for point in mechanism.owners() if point not in centres]
+    return [(point, cycle.pose.points[point]) for point in [*first, *centres]]
+
+
+def _groups(cycle: Any) -> dict[str, Any]:
+    found = {}
+    for name, group in named_groups(cycle.scene.mechanism).items():
+        entry: dict[str, Any] = {"kind": group.kind, "formula": group.classified()[0]}
+        sides = cycle.margins.get(name, {})
+        if sides:
+            worst = min(sides.values(), key=lambda least: float(least.value))
+            entry |= {"margin": float(worst.value), "margin_angle": float(worst.angle)}
+            entry["margins"] = {s: {"value": float(m.value), "angle": float(m.angle)} for s, m in sides.items()}
+        if name in cycle.transmission:
+            angles = cycle.transmission[name]
+            every = np.concatenate([np.ravel(angles), np.ravel(cycle.transmission_ends.get(name, angles[:0]))])
+            entry["transmission_angle"] = angles
+            entry["transmission_span"] = [float(np.nanmin(every)), float(np.nanmax(every))]
+        found[name] = entry
+    return found
+
+
+def _dead_centres(cycle: Any) -> list[dict[str, Any]]:
+    points = cycle.pose.points
+    return [{"point" if name in points else "link": name, "angle": float(angle)}
+            for name, found in cycle.dead_centres.items() for angle in _stops(cycle, found)]  # fmt: skip
+
+
+def _stops(cycle: Any, found: Reversals) -> np.ndarray:
+    """Crank angles of the true dead centres, in order."""
+    return np.sort(np.mod(np.asarray(found.angle)[np.asarray(found.true)], cycle.scene.cycle))
+
+
+def _strokes(cycle: Any) -> dict[str, Any]:
+    """What sliders and links cover, and how much longer one way takes than the other at constant speed."""
+    rows = {}
+    for name, value in cycle.strokes.items():
+        stops = _stops(cycle, cycle.dead_centres[name])
+        if stops.size < 2 or not np.isfinite(value):
+            continue
+        turn = np.sort(np.mod(stops, 2 * math.pi))
+        ways = np.diff(turn, append=turn[0] + 2 * math.pi)
+        ways = ways[ways > SAME]  # the same dead centre in every turn counts once
+        ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 else None
+        unit = "m" if name in cycle.pose.points else "rad"
+        rows[name] = {"value": float(value), "unit": unit, "time_ratio": ratio}
+    return rows
+
+
+def _forces(cycle: Any, forces: Forces) -> dict[str, Any]:
+    by = other_sides(cycle.scene)
+    return {
+        "reactions": {
+            joint: {link: {**_vector(forces.reactions[joint][link]), "by": other} for link, other in sides.items()}
+            for joint, sides in by.items()
+        },
+        "drive_torque": forces.drive_torque,
+        "shaking": {**_vector(forces.shaking), "about": cycle.scene.mechanism.groups[0].needs()[0]},
+        "frame": _vector(forces.frame),
+        "net_frame": _vector(forces.net_frame),
+    }
+
+
+def _vector(force: JointForce) -> dict[str, Any]:
+    return {"fx": force.fx, "fy": force.fy, "moment": force.moment}
+
+
+def _peaks(cycle: Any, peak: Peak | None, suffix: str) -> dict[str, Any]:
+    if peak is None:
+        return {}
+    names = peak_names(cycle.scene)
+    return {
+        f"{name}{suffix}": {"value": float(peak.value[i]), "angle": float(peak.angle[i]), "error": float(peak.error[i])}
+        for i, name in enumerate(names)
+    }

@@ -8,6 +8,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from linkjax._results import Result
 from linkjax.analysis._cycle import Cycle
 from linkjax.measures import MEASURES, no_transmission_angle, peak_names
 
@@ -18,9 +19,11 @@ NONE: Any = SimpleNamespace(
 
 def measured(cycle: Cycle) -> dict[str, float]:
     """Every measure in `MEASURES` that an analysis holds and the scene has, by name, in their order: those of the
-    package. Those of an actual motion that does not exist are left out."""
+    package. Those that do not exist are omitted: those of an actual motion that is missing, and all but the assembly
+    margin of a machine that cannot be assembled."""
     cycle = jax.device_get(cycle)
-    motion, wheel = cycle.steady or NONE, cycle.flywheel
+    motion, wheel, missing = cycle.steady or NONE, cycle.flywheel, cycle.missing
+    lost = Result(int(cycle.result)) is Result.CANNOT_BE_ASSEMBLED
     limits = [least.value for sides in cycle.margins.values() for least in sides.values()]
     turned = np.concatenate([np.zeros(0), *map(np.ravel, cycle.transmission_ends.values())])
     none = no_transmission_angle(cycle.scene.mechanism)
@@ -28,7 +31,7 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "delta": motion.delta,
         "max_crank_speed": motion.max_speed,
         "min_crank_speed": motion.min_speed,
-        "steady_state_margin": motion.steady_state_margin,
+        "steady_state_margin": (missing or motion).steady_state_margin,
         "min_inertia_ratio": motion.min_inertia_ratio,
         "mean_drive_torque": motion.mean_drive_torque,
         "flywheel_for_target_delta": wheel and wheel.for_target_delta,
@@ -45,4 +48,5 @@ def measured(cycle: Cycle) -> dict[str, float]:
         found |= {f"peak_{name}{suffix}": by_name[name] for name in ("shaking_force", "drive_torque")}
         reactions = [value for name, value in by_name.items() if name.startswith("reaction.")]
         found[f"peak_reaction{suffix}"] = max(reactions, default=0.0)
-    return {name: float(found[name]) for name in MEASURES if found.get(name) is not None}
+    kept = ("min_margin",) if lost else MEASURES
+    return {name: float(found[name]) for name in kept if found.get(name) is not None}

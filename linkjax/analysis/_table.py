@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from linkjax.analysis._layout import laid_out
+from linkjax.analysis._document import document
 from linkjax.analysis._tidy import CONSTANT
 from linkjax.mechanism import StructureError
 
@@ -29,7 +29,7 @@ def table_of(cycle: Any) -> Columns:
     if np.ndim(cycle.result) or np.ndim(cycle.angles) != 1:
         problem = f"the cycle is a batch of {np.size(cycle.result)}"
         raise ValueError(f"{problem}, but a table holds one; take one, e.g. jax.tree.map(lambda leaf: leaf[0], cycle)")
-    kinds = columns(laid_out(cycle)).values()
+    kinds = columns(document(cycle)).values()
     return {name: np.array(column) for kind in kinds for name, column in kind.items()}
 
 

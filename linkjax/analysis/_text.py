@@ -8,7 +8,7 @@ import numpy as np
 
 from linkjax._display import NONE, Numbers, above, aligned
 from linkjax._results import Result
-from linkjax.analysis._layout import laid_out, moves
+from linkjax.analysis._document import document, moves
 from linkjax.analysis._tidy import CONSTANT, peak_told, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_unit
 
@@ -24,7 +24,7 @@ def cycle_text(cycle: Any) -> str:
     try:
         if np.ndim(cycle.result):
             raise TypeError("several designs")
-        data = laid_out(cycle)
+        data = document(cycle)
         tables = [_head(data, cycle.scene)]
         if data["result"]["code"] != Result.CANNOT_BE_ASSEMBLED:
             tables += [_peaks(data), _strokes(data)]

@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from linkjax._display import Numbers
+from linkjax._display import NONE, Numbers
 from linkjax.analysis import measure_scales
 from linkjax.cli._console import console
 
@@ -22,7 +22,8 @@ def amount(value: float | None, unit: str, show: Numbers) -> str:
 def comment(data: Data) -> str:
     """What stands on top of the optimised scene."""
     goal = data["objective"]
-    change = f"{goal['before']:.6g} -> {goal['after']:.6g} {goal['unit']}"
+    old, new = (NONE if goal[key] is None else f"{goal[key]:.6g}" for key in ("before", "after"))
+    change = f"{old} -> {new} {goal['unit']}"
     return f"{data['scene']}, optimised by linkjax {data['linkjax_version']}\n{goal['name']}: {change}"
 
 
@@ -58,7 +59,7 @@ def _print_limits(data: Data, show: Numbers) -> None:
         sign = "≤" if limit["sense"] == "at most" else "≥"
         table.add_row(
             name, *show.told([limit["before"], limit["value"]], limit["unit"], 6, scales.get(limit["unit"], 0.0)),
-            f"{sign} {show.bound(limit['limit'], limit['unit'])}",
+            f"{sign} {show.bound(limit['bound'], limit['unit'])}",
             _price(limit, goal["unit"], show) if data["result"]["code"] == 0 else "met" if limit["met"] else "NOT MET",
         )  # fmt: skip
     console.print()
@@ -90,7 +91,7 @@ def _print_variables(data: Data, show: Numbers) -> None:
 def _print_measures(data: Data, show: Numbers) -> None:
     table, scales = _table("measure", "before", "after"), measure_scales(data)
     for name, unit in data["units"].items():
-        if name in data["before"]:
+        if name in data["after"]:
             both = [data["before"][name], data["after"][name]]
             table.add_row(name, *show.told(both, unit, 6, scales.get(unit, 0.0)))
     console.print()

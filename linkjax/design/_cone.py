@@ -48,7 +48,7 @@ def descend(
         bend = _down(problem, path, bend, tolerance, steps, callback)
     for point, certificate in polished(problem, path.point, path.certificate, bend, tolerance):
         path.point, path.certificate = point, certificate
-        path.history.append((point.value, point.violation))
+        path.history.append(point.course)
     path.converged = path.certificate.residual <= tolerance and path.point.violation <= MET
     return path
 
@@ -103,7 +103,7 @@ def begin(problem: Problem, z: np.ndarray, steps: int = 200) -> Path:
     """The path from a design, in units of the variables' ranges, to one that can be assembled and runs: nothing else
     has a meaning before. Its point stays unsound where none is found."""
     point = look(problem, z)
-    path = Path(point, certify(point), [(point.value, point.violation)], converged=False)
+    path = Path(point, certify(point), [point.course], converged=False)
     while path.point.unsound > 0 and len(path.history) <= steps:
         better = _restored(problem, path.point, RADIUS)
         if better is None:
@@ -115,7 +115,7 @@ def begin(problem: Problem, z: np.ndarray, steps: int = 200) -> Path:
 def arrived(path: Path, point: Point) -> Point:
     """The next point of a path."""
     path.point, path.certificate = point, certify(point)
-    path.history.append((point.value, point.violation))
+    path.history.append(point.course)
     return point
 
 

@@ -41,7 +41,8 @@ def document(
     """
     problem, word = found.problem, outcome(found)
     goal = next(kind for kind in problem.kinds if kind.role == "objective")
-    first = {kind.label: block.value for kind, block in zip(problem.kinds, problem.first, strict=True)}
+    first = {kind.label: block.value if block.exists else None
+             for kind, block in zip(problem.kinds, problem.first, strict=True)}  # fmt: skip
     asked = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
     missed = set(found.violated)
     return {
@@ -62,8 +63,7 @@ def document(
             }
             for label, met in found.limits.items()
         },
-        "before": measured(before),
-        "after": measured(after),
+        **_measures(before, after, {kind.name for kind in problem.kinds}),
         "units": {each.name: each.unit for each in MEASURES.values()},
         "history": [{"objective": a * goal.scale * (goal.sign if goal.signed else 1.0), "violation": b}
                     for a, b in found.history],
@@ -81,6 +81,13 @@ def document(
             "conflicts": list(found.conflicts),
         },
     }  # fmt: skip
+
+
+def _measures(before: Cycle, after: Cycle, asked: set[str]) -> dict[str, dict[str, float | None]]:
+    """The measures of both machines, the same in both; None where one does not exist."""
+    old, new = measured(before), measured(after)
+    names = [name for name in MEASURES if name in {*old, *new, *asked}]
+    return {"before": {name: old.get(name) for name in names}, "after": {name: new.get(name) for name in names}}
 
 
 def _case_name(case: Case, place: int) -> str:

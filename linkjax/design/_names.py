@@ -1,20 +1,24 @@
-"""The numbers of a scene by name, as an optimiser frees them: `links.rod.length`, `fixed.F.x`, `flywheel.inertia`.
+"""The scene parameters by name, as an optimiser changes them: `links.rod.length`, `fixed.F.x`, `flywheel.inertia`.
 
-Names follow the keys of scene files; a place on a link has `along` and `across`, a point of the frame `x` and `y`.
+Names follow the keys of scene files. A position on a link has `along` and `across`, a point of the frame `x` and `y`.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import difflib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._units import nearest
+from linkjax._renamed import renamed
+from linkjax._units import DIMENSIONS, QuantityError, in_si, quantity
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, General, Guide, LinearDriver, Rack, Slot, Teeth
 from linkjax.loads import AbstractLoad
@@ -29,6 +33,9 @@ UNITS = {
     "force": "N", "radius": "m", "other": "m", "start": "m", "tension": "N", "phase": "rad", "slot": "rad",
     "pressure_angle": "rad",
 }  # fmt: skip
+DIMENSION_OF = {dimension.unit or "1": name for name, dimension in DIMENSIONS.items()}
+COUNTERWEIGHT = re.compile(r"links\.(.+)\.counterweights\.([^.]+)(?:\..*)?")
+SUGGESTED = 5  # near names in a message
 LEAST = {
     "inertia": 0.0,
     "thickness": 1e-6,
@@ -42,7 +49,7 @@ LEAST = {
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """One number of a scene: where it is in the tree, its unit, and the least it may be."""
+    """One scene parameter: where it is in the tree, its unit, and its smallest allowed value."""
 
     name: str
     where: Where
@@ -55,7 +62,7 @@ class Number:
 
 
 class DesignError(ValueError):
-    """Something asked of an optimisation that cannot be; the message names the element and the remedy."""
+    """A wrong optimisation problem. The message names the element, what is wrong with it, and the remedy."""
 
     def __init__(self, element: str, problem: str, remedy: str):
         self.element, self.problem, self.remedy = element, problem, remedy
@@ -63,26 +70,86 @@ class DesignError(ValueError):
 
 
 def numbers(scene: Scene) -> dict[str, Number]:
-    """Every number of a scene that may be freed, by name."""
+    """Every scene parameter that an optimiser can change, by name."""
     return {number.name: number for number in _numbers(scene)}
 
 
 def number(scene: Scene, name: str) -> Number:
-    """The number of this name. Raises `DesignError` with the nearest known one."""
+    """The scene parameter of this name. Raises `DesignError` with the nearest known names."""
     known = numbers(scene)
     if name not in known:
+        _check_counterweight(scene, name)
         inner = [other for other in known if other.startswith(f"{name}.")]
-        hint = f"it has: {', '.join(inner)}" if inner else nearest(name, known)
-        raise DesignError(name, "is no number of this scene", hint)
+        hint = f"it has: {', '.join(inner)}" if inner else near(name, known)
+        raise DesignError(name, "is not a parameter of this scene", hint or "linkjax.design.numbers(scene) has them all")
     return known[name]
 
 
+def _check_counterweight(scene: Scene, name: str) -> None:
+    """Raise `DesignError` for a parameter of a counterweight that the link does not have."""
+    found = COUNTERWEIGHT.fullmatch(name)
+    link = found and scene.mechanism.links.get(found[1])
+    if not found or link is None or found[2] in link.counterweights:
+        return
+    others = f" (it has {', '.join(map(repr, link.counterweights))})" if link.counterweights else ""
+    raise DesignError(
+        name, f"link {found[1]!r} has no counterweight {found[2]!r}{others}",
+        f'add it, if need be with zero mass: in Python Link(..., counterweights={{"{found[2]}": Counterweight(0.0, '
+        f'Vec(-0.1, 0.0))}}); in the scene file "links.{found[1]}.counterweights.{found[2]}" = {{ mass = 0, '
+        f'at = "-100 mm" }} in [optimise.changes], or a table [links.{found[1]}.counterweights.{found[2]}]',
+    )  # fmt: skip
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """A question with the known names that are similar to a name or contain it; an empty string if there are none."""
+    names = list(known)
+    if new := renamed(name, names):
+        return f"it is called {new!r} now"
+    close = difflib.get_close_matches(name, names, n=SUGGESTED)
+    close += [other for other in names if len(name) > 2 and name.lower() in other.lower()]
+    found = [repr(each) for each in dict.fromkeys(close)][:SUGGESTED]
+    return f"did you mean {' or '.join(part for part in (', '.join(found[:-1]), found[-1]) if part)}?" if found else ""
+
+
+def amount(value: Any, unit: str, element: str) -> float:
+    """The value in SI of a number (SI) or of a string with a unit. Raises `DesignError` naming the element."""
+    if isinstance(value, str):
+        if unit not in DIMENSION_OF:
+            return _in_unit(value, unit, element)
+        try:
+            return quantity(value, DIMENSION_OF[unit])
+        except QuantityError as error:
+            raise DesignError(element, f"{value!r}: {error.problem}", error.remedy) from error
+    remedy = f"write a number in {unit}, or a string with a unit"
+    try:
+        found = float(value)
+    except (TypeError, ValueError) as error:
+        raise DesignError(element, f"{value!r} is not a number", remedy) from error
+    if not math.isfinite(found):
+        raise DesignError(element, f"{value!r} is not a finite number", remedy)
+    return found
+
+
+def _in_unit(text: str, unit: str, element: str) -> float:
+    """The number in a string whose unit is not one of `DIMENSIONS`: of a known derived unit, or written exactly so."""
+    with contextlib.suppress(QuantityError):
+        found, own = in_si(text)
+        if own == unit:
+            return found
+    try:
+        return float(re.sub(rf"\s*{re.escape(unit)}\s*$", "", text))
+    except ValueError as error:
+        raise DesignError(element, f"{text!r} is not a number in {unit}", f"write a number in {unit}") from error
+
+
 def changed(scene: Scene, values: Mapping[str, Any] | Sequence[tuple[Number, Any]]) -> Scene:
-    """The scene with numbers replaced, by name or by `Number`; differentiable in the values."""
+    """The scene with some parameters replaced, by name or by `Number`. A value is a number or traced array (SI), or a
+    string with a unit ("150 mm"). Differentiable with respect to the values."""
     pairs = [(number(scene, k), v) for k, v in values.items()] if isinstance(values, Mapping) else list(values)
     if not pairs:
         return scene
-    new = [jnp.asarray(value, dtype=at.read(scene).dtype) for at, value in pairs]
+    given = [amount(value, at.unit, at.name) if isinstance(value, str) else value for at, value in pairs]
+    new = [jnp.asarray(value, dtype=at.read(scene).dtype) for (at, _), value in zip(pairs, given, strict=True)]
     return eqx.tree_at(lambda tree: [at.where(tree) for at, _ in pairs], scene, new)
 
 
@@ -127,16 +194,16 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
 def _group(
     name: str, group: AbstractGroup | Guide | Drive | Slot, where: Where, slides: bool = False
 ) -> Iterator[Number]:
-    """The numbers of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
-    drive does."""
+    """The parameters of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
+    drive is linear."""
     slides = (
         slides or isinstance(group, LinearDriver) or (isinstance(group, General) and group.driven_slot() is not None)
     )
-    rack = isinstance(group, Rack) and ".gears[" in name  # its guide is that of a slot
+    rack = isinstance(group, Rack) and ".gears[" in name  # its guide belongs to a slot
     for field in dataclasses.fields(group):
         value = getattr(group, field.name)
         if field.name == "path" or (rack and field.name == "guide") or (field.name == "phase" and slides):
-            continue  # no number of the design, or of no effect
+            continue  # not a parameter of the design, or without effect
         if isinstance(value, AbstractLaw):
             unit = "m" if slides else "rad"
             yield from _law(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), unit)
@@ -160,7 +227,7 @@ def _group(
 
 
 def _law(name: str, law: AbstractLaw, where: Where, unit: str) -> Iterator[Number]:
-    """The numbers of a law of motion; those of a spline one by one."""
+    """The parameters of a motion law; each value of a spline is one."""
     for field in dataclasses.fields(law):
         value = getattr(law, field.name)
         if isinstance(value, tuple) and not field.metadata.get("static"):

@@ -9,16 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkjax._units import nearest
+from linkjax.analysis import Maybe
 from linkjax.design._cone import Path, descend
 from linkjax.design._multistart import multistart
-from linkjax.design._names import DesignError, numbers
+from linkjax.design._names import DesignError, amount, numbers
 from linkjax.design._point import HELD, Point, obstacles, placed, rank
 from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
-from linkjax.design._starts import Progress, Run, Start, Traded, feasible, objective, trade, violated
+from linkjax.design._starts import Progress, Run, Start, Traded, feasible, known, objective, trade, violated
 from linkjax.design._terms import Asked, Limit, Term
 from linkjax.design._text import optimum_text
-from linkjax.design._texts import Range, amount, settled_case, settled_free, settled_limit, settled_term
+from linkjax.design._texts import Range, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene, check_scene
 from linkjax.measures import MEASURES, NODES
 
@@ -36,7 +37,7 @@ class ConstraintResult(NamedTuple):
     """A limit at the optimum: its value, its bound, its multiplier (what the objective gains per unit that the bound
     gives way, in their SI units), and the crank angles (rad) at which it is tied."""
 
-    value: float
+    value: Maybe[float]
     bound: float
     multiplier: float
     peak_angles: tuple[float, ...]
@@ -56,8 +57,8 @@ class Optimum:
     after: Scene
     problem: Problem
     x: np.ndarray
-    objective_before: float
-    objective: float
+    objective_before: Maybe[float]
+    objective: Maybe[float]
     limits: dict[str, ConstraintResult]
     peak_angles: tuple[float, ...]
     bound_multiplier: dict[str, float]
@@ -86,10 +87,13 @@ class Optimum:
     @property
     def starts_at_optimum(self) -> int:
         """How many starts came to the same objective."""
-        before = abs(self.objective_before) if np.isfinite(self.objective_before) else 0.0
-        close = REACHED * max(abs(self.objective), 1e-3 * before)
-        same = [s for s in self.starts if s.feasible == self.feasible]
-        return sum(bool(abs(s.objective - self.objective) <= close) for s in same)
+        before, best = self.objective_before, self.objective
+        if best is None:
+            return 0
+        first = abs(before) if before is not None and np.isfinite(before) else 0.0
+        close = REACHED * max(abs(best), 1e-3 * first)
+        same = [s.objective for s in self.starts if s.feasible == self.feasible and s.objective is not None]
+        return sum(bool(abs(each - best) <= close) for each in same)
 
 
 def optimise(
@@ -244,12 +248,14 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
             angles += at
         else:
             multiplier = float(np.sum(weights)) * goal.scale / kind.scale
-            limits[kind.label] = ConstraintResult(block.value, kind.bound, multiplier, tuple(sorted(set(at))))
+            value = block.value if block.exists else None
+            limits[kind.label] = ConstraintResult(value, kind.bound, multiplier, tuple(sorted(set(at))))
     missed = violated(problem, point)
     held = certificate.lower + certificate.upper
     pulls = np.where(held > HELD, held, 0.0) * goal.scale / (problem.upper - problem.lower)
     return Optimum(
-        problem.scene, problem.design(x), problem, x, objective(problem, begin), objective(problem, point), limits,
+        problem.scene, problem.design(x), problem, x, known(objective(problem, begin)), known(objective(problem, point)),
+        limits,
         tuple(sorted(set(angles))), {v.name: float(p) for v, p in zip(problem.variables, pulls, strict=True) if p},
         certificate.residual, feasible(problem, point), _conflicts(problem, point, missed),
         tuple(kind.label for kind in missed), _no_effect(problem, path), starts, tuple(path.history),

@@ -27,6 +27,7 @@ class Scaled(NamedTuple):
     level: float
     sizes: Float[np.ndarray, " rows"]
     top: float
+    exists: bool = True
 
     def gradients(self, which: np.ndarray | slice = slice(None)) -> Float[np.ndarray, "rows n"]:
         """Gradient of the value or length of some rows, of all unless told."""
@@ -57,7 +58,7 @@ def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
     rows, slope = block.vectors * factor, block.slope * (factor * span)
     sizes = rows[:, 0] if kind.signed else lengths(rows)
     level = 0.0 if kind.role == "objective" else kind.bound * factor
-    return Scaled(rows, slope, kind.signed, level, sizes, float(np.max(sizes)))
+    return Scaled(rows, slope, kind.signed, level, sizes, float(np.max(sizes)), block.exists)
 
 
 @dataclasses.dataclass
@@ -79,6 +80,16 @@ class Point:
     def value(self) -> float:
         """The objective, scaled; no number where it is none in one case."""
         return float(np.max([goal.top for goal in self.goals]))
+
+    @property
+    def exists(self) -> bool:
+        """Whether the objective has a value in every case."""
+        return all(goal.exists for goal in self.goals)
+
+    @property
+    def course(self) -> tuple[float, float]:
+        """Objective and violation, scaled; the objective is NaN where it does not exist."""
+        return self.value if self.exists else np.nan, self.violation
 
     @property
     def violation(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -13,9 +14,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import largest, smallest
-from linkjax.analysis import massless
+from linkjax.analysis import LIGHTEST, massless
 from linkjax.design._names import DesignError, Number, changed, number
+from linkjax.design._needs import Needs, needs, rows_for
 from linkjax.design._terms import INITIAL, Limit, Term, at_least
 from linkjax.machine import Scene
 from linkjax.measures import NODES, Parts, min_margin, steady_state_margin
@@ -53,6 +54,7 @@ class Block(NamedTuple):
     slope: Float[np.ndarray, "rows parts n"]
     angle: Float[np.ndarray, " rows"]
     value: float
+    exists: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,7 +125,7 @@ class Problem:
         sizes = [
             (v.size, v.size * self.start.size, a.size, 1) for v, a in ((r.vectors, r.angle) for r, _ in self._kept)
         ]
-        self._ends = np.cumsum([size for block in sizes for size in block])[:-1]
+        self._ends = np.cumsum([size for block in sizes for size in block])
         self._scene, self._scene_of = ravel_pytree(scene)  # one array goes in faster than fifty
         self._run = compiled_soon(self._outputs)
         self._run.ahead(self._scene, jnp.asarray(self.start))
@@ -140,13 +142,36 @@ class Problem:
     def at(self, x: np.ndarray) -> list[Block]:
         """Everything at one design, in the order of `kinds`: one evaluation."""
         self.evaluations += 1
-        found = np.split(np.asarray(self._run(self._scene, jnp.asarray(x))), self._ends)
+        *found, ratios = np.split(np.asarray(self._run(self._scene, jnp.asarray(x))), self._ends)
         shapes = [rows.vectors.shape for rows, _ in self._kept]
-        return [
+        blocks = [
             Block(found[4 * i].reshape(shape), found[4 * i + 1].reshape((*shape, -1)), found[4 * i + 2],
                   float(found[4 * i + 3][0]))
             for i, shape in enumerate(shapes)
         ]  # fmt: skip
+        return self._marked(blocks, ratios)
+
+    def _marked(self, blocks: list[Block], inertia_ratios: np.ndarray) -> list[Block]:
+        """The blocks, marked where they have no value because a machine cannot be assembled or has no actual motion. The
+        conditions are those of an analysis."""
+        count, found = len(self.asked), []
+        for case, ratio in enumerate(inertia_ratios):
+            own = blocks[case * count : (case + 1) * count]
+            margins = [block.value for block in own[self._assembled :]]
+            if not margins[0] > 0:
+                missing = Needs.ASSEMBLY
+            elif not (all(margin > 0 for margin in margins) and ratio > LIGHTEST):
+                missing = Needs.MOTION
+            else:
+                found += own
+                continue
+            found += [block._replace(exists=need < missing) for block, need in zip(own, self._needs, strict=True)]
+        return found
+
+    @functools.cached_property
+    def _needs(self) -> list[Needs]:
+        """What every term needs; found only when some machine has no value of one."""
+        return [needs(limit, self.scene, self.nodes) for limit in self.asked]
 
     def _place(self, scene: Scene, x: Array) -> Scene:
         pairs: list[tuple[Number, Any]] = []
@@ -154,23 +179,25 @@ class Problem:
             pairs += [(at, x[i]), *((other, ratio * x[i]) for other, ratio in ties)]
         return changed(scene, pairs)
 
-    def _rows(self, scene: Scene, x: Array) -> list[tuple[Rows, Array]]:
-        """Rows and exact value of everything asked, case by case."""
-        found = []
+    def _rows(self, scene: Scene, x: Array) -> tuple[list[tuple[Rows, Array]], list[Array]]:
+        """Rows and exact value of every term, case by case; and of every case the smallest inertia ratio, or one where
+        the actual motion is not needed."""
+        found, ratios = [], []
         with watched() as seen:
             for case in self.cases:
                 parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
-                found += [_rows_for(limit, parts) for limit in self.asked]
+                found += [rows_for(limit, parts) for limit in self.asked]
+                ratios.append(parts.steady.min_inertia_ratio if self._true_motion else jnp.ones(()))
         self._true_motion |= bool(seen)
-        return found
+        return found, ratios
 
     def values(self, x: Array) -> Float[Array, " blocks"]:
         """The value (SI) of everything at one design, in the order of `kinds`; to be traced, and not counted."""
-        return jnp.stack([value for _, value in self._rows(self.scene, x)])
+        return jnp.stack([value for _, value in self._rows(self.scene, x)[0]])
 
     def _shapes(self) -> list[tuple[Rows, Any]]:
         """The shapes of `_rows`; traced anew, for what is asked may have grown."""
-        return jax.eval_shape(lambda scene, x: self._rows(scene, x), self.scene, jnp.asarray(self.start))
+        return jax.eval_shape(lambda scene, x: self._rows(scene, x)[0], self.scene, jnp.asarray(self.start))
 
     def _outputs(self, numbers: Array, x: Array) -> Array:
         """Rows, slopes, angles and values of everything asked, case by case, in one array: one transfer. The scene
@@ -178,34 +205,36 @@ class Problem:
         scene = self._scene_of(numbers)
 
         def vectors(x):
-            found = self._rows(scene, x)
+            found, ratios = self._rows(scene, x)
             every = [rows.vectors for rows, _ in found]
-            return every, (every, [rows.angle for rows, _ in found], [value for _, value in found])
+            return every, (every, [rows.angle for rows, _ in found], [value for _, value in found], ratios)
 
-        slopes, (every, angles, values) = jax.jacfwd(vectors, has_aux=True)(x)
+        slopes, (every, angles, values, ratios) = jax.jacfwd(vectors, has_aux=True)(x)
         slopes = [jnp.nan_to_num(slope, posinf=0.0, neginf=0.0) for slope in slopes]  # none where there is no value
         parts = [part.ravel() for each in zip(every, slopes, angles, values, strict=True) for part in each]
-        return jnp.concatenate(parts)
+        return jnp.concatenate([*parts, jnp.stack(ratios)])
 
     def rescale(self, value: float) -> None:
         """Measure the objective by another value (SI)."""
         self.kinds = [dataclasses.replace(k, scale=value) if k.role == "objective" else k for k in self.kinds]
 
     def _check_initial(self, blocks: list[Block]) -> None:
-        """Raise `DesignError` where a limit is what the unchanged machine has, and it has none."""
+        """Raise `DesignError` where a bound is the value of the original machine, and that does not exist."""
         count = len(self.asked)
         for i, block in enumerate(blocks):
             limit, first = self.asked[i % count], i - i % count
-            if limit.bound != INITIAL:
+            if limit.bound != INITIAL or (block.exists and np.isfinite(block.value)):
                 continue
             margins = [each.value for each in blocks[first + self._assembled : first + count]]
-            why = "" if np.isfinite(block.value) else f"it is {block.value}"
-            if not margins[0] >= 0:
-                why = f"the unchanged machine cannot be assembled, its smallest margin is {margins[0]:.3g}"
-            elif not all(margin >= 0 for margin in margins) and self._of_motion(limit):
-                why = f"the unchanged machine does not run, its regime margin is {margins[1]:.3g}"
-            if why:
-                raise DesignError(limit.name, f"has no initial value: {why}", "write a number as its bound")
+            if block.exists:
+                why = f"it is {block.value}"
+            elif not margins[0] > 0:
+                why = f"the original machine cannot be assembled, its smallest assembly margin is {margins[0]:.3g}"
+            elif not all(margin > 0 for margin in margins):
+                why = f"the original machine has no steady-state motion, its steady-state margin is {margins[1]:.3g}"
+            else:
+                why = "the original machine has no actual motion, its reduced inertia vanishes at a crank angle"
+            raise DesignError(limit.name, f"has no initial value: {why}", "write a number as its bound")
 
     def _check_moves(self) -> None:
         """Raise `DesignError` for a measure of the actual motion where there is none whatever the design."""
@@ -227,7 +256,7 @@ class Problem:
     def _of_motion(self, limit: Limit) -> bool:
         """Whether a limit asks for the true motion."""
         with watched() as seen:
-            jax.eval_shape(lambda scene: _rows_for(limit, Parts(scene, self.nodes)), self.scene)
+            jax.eval_shape(lambda scene: rows_for(limit, Parts(scene, self.nodes)), self.scene)
         return bool(seen)
 
     def _kinds(self, limits: int) -> list[Kind]:
@@ -252,16 +281,6 @@ class Problem:
 def _finite(values: Any) -> float:
     """The largest magnitude of what is finite."""
     return float(np.max(np.abs(np.nan_to_num(values, posinf=0.0, neginf=0.0)), initial=0.0))
-
-
-def _rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
-    """The rows of a term, where its sense is one for every row, and its value."""
-    term = limit.term
-    if term.rows is not None and term.smallest == (limit.sense == "at least"):
-        rows = term.rows(parts)
-        return rows, smallest(rows.size()) if term.smallest else largest(rows.size())
-    value = term.value(parts)
-    return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
 
 
 def _linked(scene: Scene, variable: Variable, at: Number) -> list[tuple[Number, float]]:

@@ -116,7 +116,7 @@ def _settle(epigraph: _Epigraph, path: Path) -> None:
         epigraph.best = last
     elif last is not best:
         path.point, path.certificate = best, certificate
-        path.history.append((best.value, best.violation))
+        path.history.append(best.course)
 
 
 def _run_slsqp(epigraph: _Epigraph, x: np.ndarray, steps: int) -> None:

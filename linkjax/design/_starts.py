@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linkjax.analysis import Maybe
 from linkjax.design._cone import Path, descend
 from linkjax.design._point import MET, NOTHING, Certificate, Point, certify, look, placed, rank
 from linkjax.design._problem import Kind, Problem
@@ -24,19 +25,19 @@ ROUNDING = 1e-9  # relative difference of two objectives that is none
 
 
 class Start(NamedTuple):
-    """What one start came to."""
+    """Result of one start. The objective (SI) is None where it does not exist."""
 
-    objective: float
+    objective: Maybe[float]
     feasible: bool
     residual: float
     evaluations: int
 
 
 class Traded(NamedTuple):
-    """The optimum under another bound of one limit."""
+    """The optimum for another bound of one constraint; `objective` (SI) as in `Start`."""
 
     bound: float
-    objective: float
+    objective: Maybe[float]
     feasible: bool
     x: tuple[float, ...]
 
@@ -49,7 +50,7 @@ class Progress(NamedTuple):
     start: int
     starts: int
     step: int
-    objective: float
+    objective: Maybe[float]
     unit: str
     violated: tuple[str, ...]
     residual: float
@@ -79,7 +80,7 @@ class Run:
         path = self.paths[-1]
         self._callback(path.point, path.certificate)
         self.ended.append(
-            Start(objective(self.problem, path.point), feasible(self.problem, path.point),
+            Start(known(objective(self.problem, path.point)), feasible(self.problem, path.point),
                   path.certificate.residual, self.problem.evaluations - before)
         )  # fmt: skip
 
@@ -89,7 +90,7 @@ class Run:
             raise KeyboardInterrupt
         self.stopped = True
         self.paths = self.paths[: len(self.ended)]
-        self.paths.append(Path(self.seen, certify(self.seen), [(self.seen.value, self.seen.violation)], False))
+        self.paths.append(Path(self.seen, certify(self.seen), [self.seen.course], False))
 
     def best(self) -> Path:
         """The best of all paths; of those that came to the same, the best certified."""
@@ -118,7 +119,7 @@ class Run:
         first = _goal(self.problem).scale
         for _ in range(SCALINGS):
             point, old = self.paths[-1].point, _goal(self.problem).scale
-            if rank(point)[0] > 0 or any(rank(path.point) < rank(point) for path in self.paths):
+            if rank(point)[0] > 0 or not point.exists or any(rank(path.point) < rank(point) for path in self.paths):
                 return
             size = abs(objective(self.problem, point))
             new = max(size, SHRINK * old)
@@ -168,7 +169,7 @@ def _progress(problem: Problem, point: Point, best: Point, certificate: Certific
     """Where a search is: at a point, with the best one so far."""
     names = tuple(kind.label for kind in violated(problem, point))
     found = objective(problem, best) if feasible(problem, best) else None
-    return Progress(0, 1, 0, objective(problem, point), _goal(problem).unit, names, certificate.residual, found)
+    return Progress(0, 1, 0, known(objective(problem, point)), _goal(problem).unit, names, certificate.residual, found)
 
 
 def _worse(one: tuple[float, float], other: tuple[float, float]) -> bool:
@@ -191,21 +192,26 @@ def _goal(problem: Problem) -> Kind:
 
 
 def objective(problem: Problem, point: Point) -> float:
-    """The objective in SI: the worst of all cases."""
+    """The objective in SI, the worst of all cases; NaN where it does not exist in one of them."""
     kind = _goal(problem)
-    return float(point.value * kind.scale * (kind.sign if kind.signed else 1.0))
+    return float(point.course[0] * kind.scale * (kind.sign if kind.signed else 1.0))
+
+
+def known(value: float) -> float | None:
+    """A value, or None for NaN."""
+    return None if np.isnan(value) else value
 
 
 def violated(problem: Problem, point: Point) -> list[Kind]:
-    """The limits that a design does not meet; one that is no number is not met."""
+    """The constraints that a design does not satisfy; one without a value is not satisfied."""
     kinds = [kind for role in ("limit", "sound") for kind in problem.kinds if kind.role == role]
     every = [*point.limits, *point.sound]
-    return [kind for kind, limit in zip(kinds, every, strict=True) if not limit.excess() <= MET]
+    return [kind for kind, limit in zip(kinds, every, strict=True) if not (limit.exists and limit.excess() <= MET)]
 
 
 def feasible(problem: Problem, point: Point) -> bool:
     """Whether a design meets every limit, and its objective is a number."""
-    return bool(np.isfinite(point.value)) and not violated(problem, point)
+    return point.exists and bool(np.isfinite(point.value)) and not violated(problem, point)
 
 
 def trade(
@@ -228,7 +234,7 @@ def trade(
             ways = (descend(problem, each, callback=heard) for each in (*before, *ends))
             point, certificate = min(((path.point, path.certificate) for path in ways), key=lambda of: rank(of[0]))
             x, before = problem.lower + point.z * span, [point.z]
-            found.append(Traded(bound, objective(problem, point), feasible(problem, point), tuple(map(float, x))))
+            found.append(Traded(bound, known(objective(problem, point)), feasible(problem, point), tuple(map(float, x))))
             heard(point, certificate)
     except KeyboardInterrupt:
         stopped = True

@@ -1,34 +1,37 @@
-"""What is asked of a design: a number to make small, and limits. A measure, or any function of the scene, will do."""
+"""Objective and constraints of an optimisation: a measure, a scene parameter, or a user-defined function."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import largest
-from linkjax.design._names import number
+from linkjax._units import QuantityError, in_si
+from linkjax.design._names import DesignError, number
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES, Measure, Parts
 from linkjax.motion import Rows
 
 Sense = Literal["at most", "at least"]
 INITIAL = "initial"
-UNSETTLED = "?"  # the unit of a number of the scene until the scene is known
+UNSETTLED = "?"  # the unit of a scene parameter until the scene is known
+TRACEABLE = "use jax.numpy instead of numpy or math, and jnp.where instead of `if`"
+LONGEST = 160  # characters of another message in ours
 
 
 @dataclasses.dataclass(frozen=True)
 class Term:
-    """A number of a design in SI `unit`, and everything that may be the largest in it."""
+    """A quantity of a design in SI `unit`; `rows` are all values that can be its largest (or `smallest`)."""
 
     name: str
     unit: str
     value: Callable[[Parts], Array]
     rows: Callable[[Parts], Rows] | None = None
-    smallest: bool = False  # the number is the smallest of its rows
+    smallest: bool = False
 
 
 Asked = Measure | Callable[[Scene], Array] | str | Term
@@ -36,8 +39,8 @@ Asked = Measure | Callable[[Scene], Array] | str | Term
 
 @dataclasses.dataclass(frozen=True)
 class Limit:
-    """A bound on a term in every case: a number (SI), or "initial", what the unchanged scene has; a text with a unit
-    until the scene is known."""
+    """A constraint on a term in every case. The bound is a number (SI), "initial" for the value of the original scene,
+    or, until the scene is known, a string with a unit."""
 
     term: Term
     sense: Sense
@@ -46,11 +49,11 @@ class Limit:
 
 
 def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
-    """The term of a measure (itself or by name), of a number of the scene by name, or of an own function of the scene.
+    """The term of a measure (itself or its name), of a scene parameter by name, or of a user-defined function of the
+    scene, which returns one number in SI.
 
-    The function returns one number, or an array, which stands for its largest entry, or an array of shape
-    (rows, parts), which stands for its longest row; either way every row is treated for itself, so that ties of peaks
-    are no trouble.
+    Raises `DesignError` for anything else. A function that fails or does not return one number raises `DesignError`
+    when it is traced. For equal peaks of a user-defined quantity make a `Term` with `rows`.
     """
     if isinstance(asked, Term):
         return asked
@@ -60,26 +63,89 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
         asked = MEASURES[asked]
     if isinstance(asked, Measure):
         return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest)
-    name = name or getattr(asked, "__name__", "").strip("<>") or "own function"
-
-    def found(of: Parts) -> Rows:
-        at = jnp.asarray(asked(of.scene))
-        if at.ndim > 2:
-            raise TypeError(f"{name} must return a number, or an array of one or two axes, but its shape is {at.shape}")
-        vectors = at if at.ndim == 2 else at.reshape((-1, 1))
-        return Rows(vectors, jnp.full(vectors.shape[0], jnp.nan), signed=at.ndim < 2)
-
-    return Term(name, unit, lambda of: largest(found(of).size()), found)
+    if not callable(asked):
+        problem = f"{type(asked).__name__} is neither a measure, nor a name, nor a function"
+        raise DesignError(repr(asked)[:LONGEST], problem, 'write e.g. "delta", or a function of the scene')
+    name = name or _name(asked)
+    return Term(name, unit, lambda of: checked(name, "a Scene with traced numbers", asked, of.scene))
 
 
-def at_most(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:
-    """The limit `asked <= bound`: of a measure, a number of the scene by name, or an own function; the bound in SI, or
-    a text ("19.23 kg m^2"), or "initial". `unit` and `name` are those of an own function."""
-    term = as_term(asked, unit, name)
-    return Limit(term, "at most", bound, name or term.name)
+def _name(function: Any) -> str:
+    return getattr(function, "__name__", "").strip("<>") or "user-defined function"
 
 
-def at_least(asked: Asked, bound: float | str, *, unit: str = "1", name: str = "") -> Limit:
-    """The limit `asked >= bound`; see `at_most`."""
-    term = as_term(asked, unit, name)
-    return Limit(term, "at least", bound, name or term.name)
+def checked(name: str, given: str, function: Callable[[Any], Any], argument: Any) -> Array:
+    """The number that a user-defined function returns. Raises `DesignError` where it fails or returns something else;
+    `given` says what the argument is."""
+    found = guarded(name, given, function, argument)
+    try:
+        at = jnp.asarray(found)
+    except (TypeError, ValueError) as error:
+        problem = f"returns {_kind(found)}, which is not a number"
+        raise DesignError(name, problem, "return one number, e.g. scene.mechanism.flywheel.inertia") from error
+    if at.ndim:
+        remedy = "return one number, e.g. jnp.max(...), or jnp.min(...) for a lower bound"
+        raise DesignError(name, f"returns an array of shape {at.shape}, not one number", remedy)
+    if not jnp.issubdtype(at.dtype, jnp.floating) and not jnp.issubdtype(at.dtype, jnp.integer):
+        problem = f"returns a value of type {at.dtype}, not a real number"
+        raise DesignError(name, problem, "return one real number, and write comparisons as constraints")
+    return at if jnp.issubdtype(at.dtype, jnp.floating) else at.astype(float)
+
+
+def guarded(name: str, given: str, function: Callable[[Any], Any], argument: Any) -> Any:
+    """What a user-defined function returns. Raises `DesignError` where it fails, in one line with the first line of the
+    original error."""
+    try:
+        return function(argument)
+    except DesignError:
+        raise
+    except Exception as error:
+        first = (str(error).strip().splitlines() or [""])[0][:LONGEST]
+        problem = f"this function failed when called with {given}: {type(error).__name__}: {first}".rstrip(": ")
+        raise DesignError(name, problem, f"correct it; {TRACEABLE}") from error
+
+
+def _kind(value: Any) -> str:
+    return "None" if value is None else f"a {type(value).__name__}"
+
+
+def at_most(asked: Asked, bound: float | str, *, unit: str | None = None, name: str = "") -> Limit:
+    """The constraint `asked <= bound`, of a measure, a scene parameter by name, or a user-defined function.
+
+    The bound is a number in SI, a string ("19.23 kg m^2"), or "initial". `unit` and `name` belong to a user-defined
+    function; without `unit` its value is in the SI unit of the bound ("150 mm": metres). Raises `DesignError` where
+    `unit` and bound contradict each other.
+    """
+    return _limit(asked, "at most", bound, unit, name)
+
+
+def at_least(asked: Asked, bound: float | str, *, unit: str | None = None, name: str = "") -> Limit:
+    """The constraint `asked >= bound`; see `at_most`."""
+    return _limit(asked, "at least", bound, unit, name)
+
+
+def _limit(asked: Asked, sense: Sense, bound: float | str, unit: str | None, name: str) -> Limit:
+    if callable(asked) and not isinstance(asked, Measure):
+        unit = _unit_of(name or _name(asked), bound, unit)
+    term = as_term(asked, unit or "1", name)
+    return Limit(term, sense, bound, name or term.name)
+
+
+def _unit_of(name: str, bound: float | str, unit: str | None) -> str:
+    """The unit of a user-defined function: as given, or the SI unit of its bound."""
+    if not isinstance(bound, str) or bound == INITIAL:
+        return unit or "1"
+    try:
+        _, own = in_si(bound)
+    except QuantityError as error:
+        if unit is not None:
+            return unit  # unknown here: the bound must be a number in this unit
+        raise DesignError(name, f"bound {bound!r}: {error.problem}", error.remedy) from error
+    if unit is None:
+        return own
+    with contextlib.suppress(QuantityError):
+        _, given = in_si(f"1 {unit}")
+        if own not in ("1", given):
+            problem = f"its bound {bound!r} is in {own}, but unit is {unit!r}"
+            raise DesignError(name, problem, "write the bound in this unit, or omit `unit`")
+    return unit

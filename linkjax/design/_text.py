@@ -17,7 +17,8 @@ def outcome(found: Any) -> str:
     """How it went, in a word: a key of `MESSAGES`."""
     if found.interrupted:
         return "interrupted"
-    if not math.isfinite(found.objective):
+    unsound = {kind.label for kind in found.problem.kinds if kind.role == "sound"} & set(found.violated)
+    if not unsound and (found.objective is None or not math.isfinite(found.objective)):
         return "no value"
     if not found.feasible:
         return "infeasible"
@@ -61,7 +62,8 @@ def _limits(found: Any) -> Rows:
     """Constraints with their bounds; those of the machine itself, that it can be assembled and runs, are among them."""
     problem = found.problem
     kinds = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
-    first = {kind.label: block.value for kind, block in zip(problem.kinds, problem.first, strict=True)}
+    first = {kind.label: block.value if block.exists else None
+             for kind, block in zip(problem.kinds, problem.first, strict=True)}  # fmt: skip
     rows = [("constraint", "before", "after", "bound", "")]
     for label, limit in found.limits.items():
         kind = kinds[label]

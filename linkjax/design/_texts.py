@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from collections.abc import Mapping
 from typing import Any
 
-from linkjax._units import DIMENSIONS, QuantityError, nearest, quantity
-from linkjax.design._names import DesignError, Number, number, numbers
+from linkjax.design._names import DesignError, Number, amount, near, number, numbers
 from linkjax.design._problem import Case, Variable
 from linkjax.design._terms import INITIAL, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
 from linkjax.machine import Scene
@@ -17,33 +15,11 @@ from linkjax.measures import MEASURES
 
 Range = Any  # two bounds, or a text
 
-DIMENSION_OF = {dimension.unit or "1": name for name, dimension in DIMENSIONS.items()}
 AROUND = re.compile(r"(?:±|\+/?-|within)\s*(.+)", re.IGNORECASE)
 FROM_TO = re.compile(r"(.+?)\s*(?:\.\.\.?|…|\bto\b)\s*(.+)")
 RELATION = re.compile(r"(.+?)\s*(<=|>=|≤|≥)\s*(.+)")
+FUNCTION = "in Python a user-defined function is given itself: at_most(function, bound), minimise=function"
 SENSES = {"<=": at_most, "≤": at_most, ">=": at_least, "≥": at_least}
-
-
-def amount(value: Any, unit: str, element: str) -> float:
-    """A number (SI) of a number or a text with a unit. Raises `DesignError` naming the element."""
-    if isinstance(value, str):
-        if unit not in DIMENSION_OF:
-            value = re.sub(rf"\s*{re.escape(unit)}\s*$", "", value)
-            try:
-                return float(value)
-            except ValueError as error:
-                raise DesignError(element, f"{value!r} is no number in {unit}", f"write a number in {unit}") from error
-        try:
-            return quantity(value, DIMENSION_OF[unit])
-        except QuantityError as error:
-            raise DesignError(element, f"{value!r}: {error.problem}", error.remedy) from error
-    try:
-        found = float(value)
-    except (TypeError, ValueError) as error:
-        raise DesignError(element, f"{value!r} is no number", f"write one in {unit}, or a text with unit") from error
-    if not math.isfinite(found):
-        raise DesignError(element, f"{value!r} is no finite number", f"write one in {unit}, or a text with unit")
-    return found
 
 
 def variable(scene: Scene, name: str, given: Range, linked: tuple[str, ...] = ()) -> Variable:
@@ -105,8 +81,10 @@ def settled_term(scene: Scene, asked: Asked) -> Term:
         return term
     known = numbers(scene)
     if term.name not in known:
-        problem = "is neither a measure nor a number of this scene"
-        raise DesignError(term.name, problem, nearest(term.name, [*MEASURES, *known]))
+        problem = "is neither a measure nor a scene parameter"
+        hint = near(term.name, [*MEASURES, *known])
+        hint = hint or "linkjax.measures.MEASURES and linkjax.design.numbers(scene) hold the names"
+        raise DesignError(term.name, problem, f"{hint}; {FUNCTION}")
     return dataclasses.replace(term, unit=known[term.name].unit)
 
 

@@ -19,7 +19,7 @@ def asked(show: Cells, optimum: Data) -> str:
     free = [f"{name} ({show.bound(v['lower'], v['unit'])} … {show.bound(v['upper'], v['unit'])})"
             for name, v in optimum["variables"].items()]  # fmt: skip
     rows.append(["free numbers", "; ".join(free) or NONE])
-    limits = [f"{plain(label)} {limit['sense']} {show.bound(limit['limit'], limit['unit'])}"
+    limits = [f"{plain(label)} {limit['sense']} {show.bound(limit['bound'], limit['unit'])}"
               for label, limit in optimum["limits"].items()]  # fmt: skip
     rows.append(["limits", "; ".join(limits) or "none"])
     if optimum.get("before_is"):
@@ -68,7 +68,7 @@ def limits(show: Cells, optimum: Data) -> str:
     for label, limit in optimum["limits"].items():
         beside = scales.get(limit["unit"], 0.0)
         cells = show.several([limit["before"], limit["value"]], limit["unit"], beside=beside)
-        cells.append(Cell(f"{limit['sense']} {show.bound(limit['limit'], limit['unit'])}", True))
+        cells.append(Cell(f"{limit['sense']} {show.bound(limit['bound'], limit['unit'])}", True))
         price = Cell(_plain_number(show, limit["multiplier"]) if feasible else "", True)
         state = Cell("not met" if not limit["met"] else "active" if limit["active"] and feasible else "")
         rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit["peak_angles"]))])

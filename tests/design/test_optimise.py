@@ -10,7 +10,7 @@ import pytest
 import linkjax as lj
 from linkjax import Case, Counterweight, DesignError, Variable, Vec, at_least, at_most
 from linkjax._compile import compiled_soon
-from linkjax.design._problem import _rows_for
+from linkjax.design._needs import rows_for
 from linkjax.measures import (
     delta,
     flywheel_for_target_delta,
@@ -227,7 +227,7 @@ def test_rows_only_where_the_sense_is_theirs():
     asked = [limit(one, 0.1) for one in (peak_shaking_force_constant_speed, min_margin)
              for limit in (at_most, at_least)]  # fmt: skip
     scene = lj.load("four-bar")
-    found = jax.eval_shape(lambda scene: [_rows_for(one, lj.measures.Parts(scene, 32)) for one in asked], scene)
+    found = jax.eval_shape(lambda scene: [rows_for(one, lj.measures.Parts(scene, 32)) for one in asked], scene)
     force, one_force, one_margin, margins = (rows.vectors.shape for rows, _ in found)
     assert force[0] > 32 and force[1] == 2
     assert one_force == one_margin == (1, 1)

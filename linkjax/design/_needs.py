@@ -1,0 +1,77 @@
+"""Rows of a term, and what a machine must have so that the term has a value."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import largest, smallest
+from linkjax.design._names import DesignError
+from linkjax.design._terms import Limit, Term, checked, guarded
+from linkjax.machine import Scene
+from linkjax.measures import MEASURES, Parts, min_margin, steady_state_margin
+from linkjax.mechanism import StructureError
+from linkjax.motion import Rows, watched
+
+PARTS = "Parts with traced numbers"
+POSE = "_pose"  # the compiled function that all positions come from
+
+
+class Needs(enum.IntEnum):
+    """What a term needs: no more than the scene, a machine that can be assembled, or its actual motion."""
+
+    SCENE = 0
+    ASSEMBLY = 1
+    MOTION = 2
+
+
+def rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
+    """The rows of a term, where its sense is one for every row, and its value. Raises `DesignError` where a term has
+    no value for this kind of machine, or is user-defined and fails."""
+    term = limit.term
+    call = _measured if _is_measure(term) else lambda function, of: guarded(term.name, PARTS, function, of)
+    if term.rows is not None and term.smallest == (limit.sense == "at least"):
+        rows = call(term.rows, parts)
+        return rows, smallest(rows.size()) if term.smallest else largest(rows.size())
+    value = call(term.value, parts) if _is_measure(term) else checked(term.name, PARTS, term.value, parts)
+    return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
+
+
+def needs(limit: Limit, scene: Scene, nodes: int) -> Needs:
+    """What the term of a constraint or objective needs."""
+    term = limit.term
+    if _is_measure(term) and term.name in (min_margin.name, steady_state_margin.name):
+        return Needs.SCENE if term.name == min_margin.name else Needs.ASSEMBLY  # they say how far a machine is off
+    with watched() as seen:
+        traced = jax.make_jaxpr(lambda scene: rows_for(limit, Parts(scene, nodes))[1])(scene)
+    if seen:
+        return Needs.MOTION
+    return Needs.ASSEMBLY if _is_measure(term) or _has_poses(traced.jaxpr) else Needs.SCENE
+
+
+def _is_measure(term: Term) -> bool:
+    return term.name in MEASURES and MEASURES[term.name].function is term.value
+
+
+def _measured(function: Callable[[Parts], Any], of: Parts) -> Any:
+    try:
+        return function(of)
+    except StructureError as error:
+        raise DesignError(error.element, error.problem, error.remedy) from error
+
+
+def _has_poses(jaxpr: Any) -> bool:
+    """Whether a traced function computes positions of the machine."""
+    for equation in jaxpr.eqns:
+        if equation.params.get("name") == POSE:
+            return True
+        for value in equation.params.values():
+            inner = [getattr(each, "jaxpr", each) for each in (value if isinstance(value, tuple | list) else (value,))]
+            if any(_has_poses(each) for each in inner if hasattr(each, "eqns")):
+                return True
+    return False
