@@ -19,6 +19,7 @@ for wrong in (
     lambda: OpposingForce(*at, magnitude=Vec(1.0, 0.0)),
     lambda: Scene(mechanism, Torque("work", "rocker", torque=1.0)),
     lambda: Scene(mechanism, (Torque("work", "rocker", torque=1.0, window=Window(1.0, 1.0)),)),
+    lambda: lj.Crank("crank", "A", "B", rotation="left"),
     lambda: Scene("four-bar"),
     lambda: lj.analyse(mechanism),
     lambda: lj.optimise(mechanism, {}, "delta"),
@@ -34,13 +35,14 @@ TypeError: '10 deg' where a number is needed; write it in SI units, e.g. 0.3 for
 TypeError: force of load 'work' must be a Vec, but is (0.0, 1.0); write Vec(x, y), in N
 ValueError: force.y of load 'work' is nan; write a finite number
 ValueError: torque of load 'work' is nan; write a finite number
-ValueError: magnitude of load 'work' must not be negative, but is -1.0; write its size; a load that drives is no \
-opposing one
+ValueError: magnitude of load 'work' must not be negative, but is -1.0; write zero or more; use Force or \
+Torque for a load that drives
 TypeError: Vec(x=f64[], y=f64[]) where a number is needed; write it in SI units, e.g. 0.3 for 300 mm
 StructureError: loads: are Torque; write a tuple of loads, (load,) for a single one
-StructureError: loads[0] (work): the ends of the window are one place of the cycle; leave the window out for a load \
-that always acts, and the load for one that never does
-StructureError: mechanism: is str; write a Mechanism, e.g. of lj.library
+StructureError: loads[0] (work): window start and end coincide; omit `window` for a permanent load, or delete a load \
+that never acts
+ValueError: rotation of a crank must be "ccw" (counter-clockwise) or "cw", but is 'left'
+StructureError: mechanism: is str; write a Mechanism, e.g. from lj.library
 TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)
 TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)
 """

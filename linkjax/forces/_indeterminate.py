@@ -1,4 +1,4 @@
-"""Joints whose reactions equilibrium alone does not tell."""
+"""Joints whose reactions are statically indeterminate."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from linkjax.groups import place_name
 from linkjax.kinematics import pose, prepared
 from linkjax.mechanism import Mechanism, shared_forces, structure
 
-ANGLES = (1.0, 2.3)  # rad, at which it is looked for
+ANGLES = (1.0, 2.3)  # rad: crank angles at which equilibrium is examined
 
 
 def indeterminate(mechanism: Mechanism) -> tuple[str, ...]:
-    """Names of the joints of a machine with passive links whose reactions depend on how tight these fit.
+    """Names of the joints whose reactions are statically indeterminate, in a machine with redundant links.
 
-    Their reactions are computed as if the passive links carried nothing but themselves. Empty for a machine without
-    passive links. Not for use under jax transformations: reads the numbers of the design.
+    These reactions depend on the fit of the redundant links. They are computed on the assumption that redundant links
+    carry only their own weight, inertia and loads. Empty for a machine without redundant links. Not for use under JAX
+    transformations: dimensions must be numbers.
     """
     if not any(group.passive() for group in mechanism.groups):
         return ()

@@ -21,11 +21,11 @@ from linkjax.loads import Instant
 from linkjax.machine import Scene
 from linkjax.mechanism import Mechanism
 
-BLUNT = 1e-5  # sine of the transmission angle below which forces at joints are not told: ten digits are gone there
+BLUNT = 1e-5  # sine of the transmission angle below which joint forces are not given: ten digits cancel there
 
 
 class JointForce(NamedTuple):
-    """What the rest of the machine exerts on a link at a joint: force (N) and moment about the joint (N m)."""
+    """Force (N) and moment about the joint (N m) that the rest of the machine exerts on a link at a joint."""
 
     fx: Array
     fy: Array
@@ -33,12 +33,12 @@ class JointForce(NamedTuple):
 
     @property
     def magnitude(self) -> Array:
-        """Size of the force (N)."""
+        """Magnitude of the force (N)."""
         return safe_sqrt(self.fx**2 + self.fy**2)
 
 
 class Reaction(NamedTuple):
-    """What `by` exerts on `link` at a joint: force, and moment about the joint's point (zero at a pin)."""
+    """The force that `by` exerts on `link` at a joint, and its moment about the joint's point (zero at a pin)."""
 
     joint: Joint
     link: str
@@ -48,11 +48,12 @@ class Reaction(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Forces at one crank angle. `reactions[joint][link]` acts on the link; `other_sides` names what exerts it.
+    """Forces (N) and moments (N m) at one crank angle; moments of the resultants are about the crank pivot.
 
-    `shaking` is -Σ m a with its moment -dH/dt about the crank pivot; `frame` is what the mechanism exerts on the frame
-    through its joints (moment about the crank pivot; the motor's own reaction, minus the drive torque, not counted);
-    `net_frame` adds loads that react on the frame.
+    `reactions[joint][link]` acts on the link; `other_sides` names the link that exerts it. `shaking` is -Σ m a with the
+    moment -dH/dt. `frame` is the resultant on the frame through the joints, without the reaction of the motor, which is
+    minus the drive torque. `net_frame` adds the reactions of loads that react on the frame. `weight` and `loads` are
+    the resultants of weights and loads.
     """
 
     reactions: dict[str, dict[str, JointForce]]
@@ -65,10 +66,11 @@ class Forces(NamedTuple):
 
 
 def kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar | None = None) -> Forces:
-    """All forces at the crank angle `phi` (rad), crank speed (rad/s) and acceleration (rad/s²).
+    """All forces at the crank angle `phi` (rad), crank speed (rad/s) and crank acceleration (rad/s²).
 
-    Scalar in, scalars out; `vmap` for more. At a jump of a load the value is the limit from the side of the angle
-    `side` (default: from increasing φ). Statically determinate: nothing is assumed but equilibrium.
+    Arguments and results are scalars; use `jax.vmap` for many. At a jump of a load the value is the one-sided limit on
+    the side of the angle `side` (rad; default: just after `phi`). Reactions follow from equilibrium alone, except
+    those named by `indeterminate`.
     """
     phi = jnp.asarray(phi)
     return _kinetostatics(scene, phi, speed, acceleration, phi if side is None else side)
@@ -89,7 +91,7 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
     sources = tuple(_resultant(here, applied, about) for applied in (inertia, weight, working))
     frame = _on_frame(here, found, about)
     lost = at_change_point(scene.mechanism, here)
-    if lost is not None:  # the whole tells what its joints do not
+    if lost is not None:  # the balance of the whole machine gives these where joints do not
         whole = -_power(here, [*inertia, *weight, *working])
         drive = jnp.where(lost, whole, drive)
         own_torque = (
@@ -104,7 +106,7 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
 
 
 def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
-    """Whether forces at the joints are lost to rounding, at a change point that a group continues through; None where
+    """Whether joint forces have no digits left, because a group that continues through change points is at one; None if
     no group does."""
     sines = [
         jnp.abs(jnp.sin(group.transmission(here.links, here.points)))
@@ -115,12 +117,12 @@ def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
 
 
 def driven_by_joint(mechanism: Mechanism) -> bool:
-    """Whether what drives is a joint of its own, whose reaction counts among the others."""
+    """Whether the drive is a joint of its own, whose reaction is among the others."""
     return any(joint.name.endswith(".drive") for joint in mechanism.driver.joints())
 
 
 def _applied(scene: Scene, here: Pose, at: Instant, speed, acceleration):
-    """Inertia, weight and working loads as (link, point, force, couple), and the loads that react on the frame."""
+    """Inertia forces, weights and loads as (link, point, force, couple), and the loads that react on the frame."""
     inertia, weight, working, own = [], [], [], []
     for name, place, body in here.heavy():
         centre, turn = here.points[place], here.links[name]
@@ -182,7 +184,7 @@ def other_sides(scene: Scene) -> dict[str, dict[str, str]]:
 
 
 def _resultant(here: Pose, acting, about: Vec) -> JointForce:
-    """Sum of forces and couples, and their moment about a point."""
+    """Resultant of forces and couples, with the moment about a point."""
     total, moment = zero(), jnp.zeros(())
     for _, point, force, couple in acting:
         arm = here.points[point].r - about if point else zero()

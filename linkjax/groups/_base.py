@@ -1,7 +1,7 @@
-"""What every structural group (Assur group, or the driving crank) must answer.
+"""The interface of every structural group (Assur group or driving crank).
 
-A group is one file with all its sides together: assembly and rates (`solve`), closeness to its dead positions
-(`margins`), and joint reactions (`react`). A new kind is a new file; nothing else changes.
+Each kind of group is one file with assembly and rates (`solve`), the distance to singular positions (`margins`), and
+joint reactions (`react`). A new kind is a new file; nothing else changes.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from linkjax.groups._law import AbstractLaw
 from linkjax.groups._pairs import FRAME, Pair
 from linkjax.groups._state import LinkState, PointState
 
-BEYOND = 1e-6  # what a margin falls short by where a group closes, but in another place than where it began
+BEYOND = 1e-6  # minus this is the margin where a group closes, but not in the assembly mode it was followed in
 
 
 class Wrench(NamedTuple):
@@ -31,7 +31,7 @@ class Wrench(NamedTuple):
 
 
 class Margin(NamedTuple):
-    """Signed, dimensionless distance to one dead position of a group, and its derivatives by the crank angle."""
+    """Signed, dimensionless distance to a singular position, with derivatives with respect to the crank angle."""
 
     value: Array
     d: Array
@@ -39,10 +39,12 @@ class Margin(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A joint that a group brings in: its name, the point its moments are referred to, and the two links it joins;
-    `by` is "frame", a link, or None for the link that the point belongs to. In one that `slides`, called
-    `<link>.guide`, the link moves along a straight line of the other; in one that `meshes`, called `<link>.mesh`, both
-    are in gear; else it turns about the point."""
+    """A joint of a group: its name, the reference point of its moments, and the two links that it joins.
+
+    `by` is "frame", a link, or None for the link that the point belongs to. In a joint that `slides`, called
+    `<link>.guide`, the link moves along a straight line of the other. In one that `meshes`, called `<link>.mesh`, both
+    are in mesh. In any other joint the link turns about the point.
+    """
 
     name: str
     point: str
@@ -53,13 +55,13 @@ class Joint(NamedTuple):
 
     @property
     def letter(self) -> str:
-        """P for a sliding joint, G for wheels in gear, else R."""
+        """P for a sliding joint, G for gears in mesh, otherwise R."""
         return "P" if self.slides else "G" if self.meshes else "R"
 
 
 class Coupling(NamedTuple):
-    """What wheels in gear keep constant: the sum of the angles of links (rad) and of the way of blocks along what they
-    slide on (m), each times its factor."""
+    """What gears in mesh keep constant: the sum of link angles (rad) and of slider displacements along their guides
+    (m), each times its factor."""
 
     angles: dict[str, Array]
     ways: dict[str, Array]
@@ -67,32 +69,32 @@ class Coupling(NamedTuple):
 
 def named(kind: str) -> str:
     """A kind of group with its article."""
-    return f"{'an' if kind[0] == 'R' else 'a'} {kind}"
+    return f"{'an' if kind[0] == 'R' else 'a'} {kind.replace('_', ' ')}"
 
 
 def check_side(kind: str, side: int) -> None:
-    """Raise ValueError for a side that is none."""
+    """Raise ValueError for an invalid side."""
     if side not in (1, -1):
         raise ValueError(f"side of {named(kind)} must be 1 or -1, but is {side!r}")
 
 
 def check_apart(kind: str, one: str, other: str) -> None:
-    """Raise ValueError where both ends of a group hang on the same point."""
+    """Raise ValueError where both ends of a group are attached to the same point."""
     if one == other:
-        raise ValueError(f"both ends of {named(kind)} hang on the point {one!r}; name two points")
+        raise ValueError(f"both ends of {named(kind)} are attached to the point {one!r}; name two points")
 
 
 class AbstractGroup(eqx.Module):
-    """A structural group: closes one or more links onto points that are already known."""
+    """A structural group: one or more links attached to points that are already known."""
 
     kind: eqx.AbstractClassVar[str]
 
     @abc.abstractmethod
     def link_names(self) -> tuple[str, ...]:
-        """Links the group brings in, in order."""
+        """Links of the group, in order."""
 
     def pairs(self) -> list[Pair]:
-        """The pairs by which it is attached, as if to the frame, and those inside it."""
+        """The outer pairs, as if attached to the frame, and the inner pairs."""
         inside = self.link_names()
         return [Pair(j.letter, j.name, j.link, j.by if j.by in inside else FRAME)
                 for j in self.joints() if not j.name.endswith(".drive")]  # fmt: skip
@@ -107,11 +109,11 @@ class AbstractGroup(eqx.Module):
 
     @abc.abstractmethod
     def pins(self) -> Mapping[str, tuple[str, str | None]]:
-        """For each link brought in: the point at its origin, and the point at its far end (None where it has none)."""
+        """For each link of the group: the point at its origin, and the point at its far end (None if there is none)."""
 
     def holds(self) -> Mapping[str, tuple[str, str | None]]:
-        """For each link brought in: the point at its origin, and the point to which its x axis runs as the group sees
-        it (None where that is the link's own)."""
+        """For each link of the group: the point at its origin, and the point on the x axis that the group uses (None
+        for the link's own axis)."""
         return self.pins()
 
     def brings(self) -> tuple[str, ...]:
@@ -121,20 +123,20 @@ class AbstractGroup(eqx.Module):
         return tuple(dict.fromkeys(new))
 
     def shared(self) -> Mapping[str, str]:
-        """Pins that may be marked points of its links, each with the link that it belongs to ("" for one that was there
-        before)."""
+        """Pins that may be coupler points of its links, each with the link that it belongs to ("" for a point that
+        existed before)."""
         return {}
 
     def lacking(self, links: Mapping[str, Any]) -> tuple[str, str] | None:
-        """What its links would have to have besides, as problem and remedy; None where nothing is missing."""
+        """What the definition of its links lacks, as problem and remedy; None if nothing is missing."""
         return None
 
     def driving(self) -> str | None:
-        """The link that the drive moves; None for a group without a drive in it. One that has it stands first."""
+        """The link that the drive moves; None for a group without a drive. A group with a drive comes first."""
         return None
 
     def follows(self) -> AbstractLaw | None:
-        """The law of motion that the drive in it follows whatever the loads; None for one that turns as they let it."""
+        """The motion law of its drive, independent of the loads; None for a drive whose speed depends on the loads."""
         return None
 
     def on_frame(self) -> tuple[str, ...]:
@@ -142,15 +144,15 @@ class AbstractGroup(eqx.Module):
         return ()
 
     def passive(self) -> bool:
-        """Whether it holds what is held already."""
+        """Whether its constraints are redundant."""
         return False
 
     def wheels(self) -> tuple[Any, ...]:
-        """The wheels and racks in gear inside it, each as the `Gear`, `Rack` or `Pinion` that it would be by itself."""
+        """The gears and racks of the group, each as a separate `Gear`, `Rack` or `Pinion`."""
         return ()
 
     def lies_on(self) -> tuple[tuple[str, str], ...]:
-        """Which points must belong to which links that are there already, as (link or "frame", point)."""
+        """Which points must belong to which existing links, as (link or "frame", point)."""
         return ()
 
     def slides_on(self) -> tuple[tuple[str, str], ...]:
@@ -158,23 +160,23 @@ class AbstractGroup(eqx.Module):
         return ()
 
     def guides(self) -> tuple[Guide, ...]:
-        """Guides on the frame or on links attached before; each must run through a point of what it is on."""
+        """Guides on the frame or on existing links; each must pass through a point of its link."""
         return ()
 
     def translating(self) -> tuple[str, ...]:
-        """Links brought in that never turn."""
+        """Links of the group that never turn."""
         return ()
 
     @abc.abstractmethod
     def joints(self) -> tuple[Joint, ...]:
-        """The joints that attach the group and those inside it, in the order of `react`."""
+        """The outer and inner joints of the group, in the order of `react`."""
 
     @abc.abstractmethod
     def solve(
         self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
     ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
-        """States of the links brought in and of the pins that the group creates, from what is known already; of
-        `links` only `length` is used."""
+        """States of the group's links and of the pins that it creates, from the known states; of `links` only `length`
+        is used."""
 
     @abc.abstractmethod
     def dead_positions(self) -> tuple[str, ...]:
@@ -184,10 +186,10 @@ class AbstractGroup(eqx.Module):
     def margins(
         self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
     ) -> dict[str, Margin]:
-        """Signed margins by the name of the dead position."""
+        """Signed margins by the name of the singular position."""
 
     def returns(self) -> Array | None:
-        """Whether what is followed along the crank is after all its turns where it began; None where nothing is."""
+        """Whether the group returns to its initial position after `cycle_turns`; None without a reference path."""
         return None
 
     @abc.abstractmethod
@@ -201,9 +203,9 @@ class AbstractGroup(eqx.Module):
         states: dict[str, LinkState],
         points: dict[str, PointState],
     ) -> tuple[tuple[Wrench, ...], Array | None]:
-        """What is exerted on `link` of each of the `joints`, from the loads on the group's links (moments about the
+        """Force and moment on `link` of each of the `joints`, from the loads on the group's links (moments about the
         link's origin).
 
-        Loads hold everything but the group's own reactions: weight, working loads, inertia, and what groups solved
-        earlier exert. Returns forces with moments about the joint's point, and the drive torque for a driver.
+        Loads include everything except the group's own reactions: weight, working loads, inertia, and reactions of
+        groups solved earlier. Returns forces with moments about the joint's point, and the drive torque for a driver.
         """

@@ -1,4 +1,4 @@
-"""Links and joints as they are drawn, of which a general group is made: what it holds, and what it hangs on."""
+"""Links and joints of a group of higher class: its members, and the points and links to which it is attached."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from linkjax.groups._rack import Rack
 
 
 class AbstractChain(AbstractGroup):
-    """Links joined by pins, slots and wheels in gear; see `General`."""
+    """Links joined by pins, slots and gears in mesh; see `General`."""
 
     members: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True)
     outer: tuple[str, ...] = eqx.field(static=True)
@@ -34,11 +34,11 @@ class AbstractChain(AbstractGroup):
         rows = sum(2 * (len(links) - (point not in self.outer)) for point, links in self._pins().items())
         rows += 2 * len(self.slots) + len(self.gears) + (self.drive is not None)
         if rows != 3 * len(names):
-            problem = f"{len(names)} links have {3 * len(names)} degrees of freedom, their joints take {rows}"
-            raise ValueError(f"the group of {', '.join(names)} is none: {problem}; a point may be missing in `outer`")
+            problem = f"{len(names)} links have {3 * len(names)} degrees of freedom, but their joints remove {rows}"
+            raise ValueError(f"the group of {', '.join(names)}: {problem}; a point may be missing in `outer`")
 
     def driven_slot(self) -> int | None:
-        """Number of the slot that the drive moves; None for a drive that turns, and for none."""
+        """Number of the slot that the drive moves; None for a rotary drive and without a drive."""
         return None if self.drive is None else driven_slot(self.drive, self.slots)
 
     def translating(self):
@@ -56,7 +56,7 @@ class AbstractChain(AbstractGroup):
         names, pairs = self.link_names(), self.pairs()
         if self.drive is None:
             return classified(names, pairs)
-        one, on = self.drive.link, self.drive.on  # one link, as long as the drive is held
+        one, on = self.drive.link, self.drive.on  # one link while the drive is locked
         held = [p._replace(one=on if p.one == one else p.one, other=on if p.other == one else p.other) for p in pairs]
         rest = tuple(name for name in names if name != one)
         found, letters = classified(rest, list(dict.fromkeys(p for p in held if p.one != p.other)))
@@ -90,21 +90,21 @@ class AbstractChain(AbstractGroup):
         return self.gears
 
     def mates(self) -> tuple[str, ...]:
-        """The links that were there before whose angles its wheels follow."""
+        """The existing links whose angles its gears follow."""
         names = [name for gear in self.gears for name in gear.mates()]
         return tuple(dict.fromkeys(name for name in names if name not in (FRAME, *self.link_names())))
 
     def spinning(self) -> set[str]:
-        """Members that are wheels, carry none, are pinned once and not driven: how they stand is settled by those with
-        which they are in gear alone."""
+        """The free gears: members that are gears, carry none, are pinned once and are not driven. Only the gears in
+        mesh with them determine their angles."""
         every = {name for gear in self.gears for name in (gear.link, gear.to) if name in self.link_names()}
         held = [link for links in self._pins().values() for link in links]
         tied = (name for name in every if held.count(name) > 1 or name == self.driving())
         return every.difference(tied, (slot.block for slot in self.slots), (gear.mates()[1] for gear in self.gears))
 
     def in_whole_turns(self, gear: Gear | Rack) -> bool:
-        """Whether the wheel of a gear stands as it is sketched, but in any turn: the links that it is tied to besides
-        know no difference."""
+        """Whether a gear is at the angle of the sketch except for whole turns, which do not affect the other links
+        joined to it."""
         others = {*self.spinning(), *(g.mates()[1] for g in self.gears), *(slot.block for slot in self.slots)}
         return isinstance(gear, Gear) and gear.link not in others and gear.to not in self.spinning()
 
@@ -119,7 +119,7 @@ class AbstractChain(AbstractGroup):
         return None if self.drive is None else self.drive.law
 
     def places(self, links) -> dict[str, dict[str, Vec]]:
-        """Where the points of every member are in its own axes."""
+        """Positions of the points of every member in its own axes."""
         found = {}
         for link, points in self.members:
             zero = jnp.zeros_like(links[link].length)
@@ -130,7 +130,7 @@ class AbstractChain(AbstractGroup):
         return found
 
     def _pairs(self) -> list[tuple[str, str, str]]:
-        """Every pin as (point, link, what it is pinned to): another link, or "" for a point that was there before."""
+        """Every pin as (point, link, what it is pinned to): another link, or "" for a point that existed before."""
         return [(p, link, "" if p in self.outer else links[0]) for p, links in self._pins().items()
                 for link in links[p not in self.outer :]]  # fmt: skip
 
@@ -138,11 +138,11 @@ class AbstractChain(AbstractGroup):
         return list(dict.fromkeys(p for p, _, to in self._pairs() if not to))
 
     def _seen(self, link: str, pins: tuple[str, ...], places) -> list[str]:
-        """Points of a link whose places are known or sketched."""
+        """Points of a link whose positions are known or sketched."""
         return [p for p in dict.fromkeys((*pins, *places[link])) if p in self.outer or p in self.sketch]
 
     def _pace(self, slot: Slot, states, points) -> Array:
-        """How fast the block of a slot moves along it."""
+        """Rate of a slider along its slot, with respect to the crank angle."""
         block, base = points[dict(self.members)[slot.block][0]], points[slot.guide.through]
         under = base.dr
         if slot.guide.on != "frame":
@@ -153,7 +153,7 @@ class AbstractChain(AbstractGroup):
         blocks = {slot.block: slot.guide for slot in self.slots}
         for block, guide in blocks.items():
             if block not in self.link_names():
-                return f"the block {block!r} is no member of the group", f"known here: {', '.join(self.link_names())}"
+                return f"the block {block!r} is not in the group", f"known here: {', '.join(self.link_names())}"
             pins = dict(self.members).get(guide.on)
             if pins is not None and guide.through not in (*pins, *links[guide.on].points):
                 problem = f"the guide of {block!r} is on link {guide.on!r}, but point {guide.through!r} is not"

@@ -15,13 +15,13 @@ ROMAN = {3: "III", 4: "IV", 5: "V", 6: "VI", 7: "VII", 8: "VIII", 9: "IX"}
 
 
 def contours(links: Sequence[str], pairs: Sequence[Pair]) -> int:
-    """Class of an Assur group: the sides of its largest contour, II for a dyad. A link with three pairs or more is a
-    contour of as many sides, and so is a loop of links of the group."""
+    """Class of an Assur group: the number of sides of its largest contour, II for a dyad. A link with three or more
+    pairs is a contour with that number of sides; so is a loop of links of the group."""
     sides = [2, *(n for name in links if (n := sum(name in pair.ends for pair in pairs)) > 2)]
     inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
     for edge in inner:
         reach, length = {edge.one}, 1
-        while reach and edge.other not in reach:  # breadth first, round the pair itself
+        while reach and edge.other not in reach:  # breadth first, without the pair itself
             reach = {b for p in inner if p != edge for a, b in (p.ends, p.ends[::-1]) if a in reach} - {edge.one}
             length += 1
             if length > len(links):
@@ -34,10 +34,10 @@ def contours(links: Sequence[str], pairs: Sequence[Pair]) -> int:
 def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
     """Class of an Assur group and its pairs as letters.
 
-    Class II has its kind after it (II1 = RRR, II2 = RRP, II3 = RPR, II4 = PRP, II5 = RPP), higher classes have their
-    order, the number of pairs by which the group is attached (III3 is a triad); of these the letters are those of the
-    outer pairs, then those of the inner ones. Links that hold each other fast, such as three bars pinned to a triangle,
-    count as one. With wheels in gear it is G.
+    Class II is followed by its kind (II1 = RRR, II2 = RRP, II3 = RPR, II4 = PRP, II5 = RPP), a higher class by its
+    order, the number of outer pairs (III3 is a triad). The letters of a higher class are those of the outer pairs, then
+    of the inner pairs. Links that form a rigid chain, such as three bars pinned to a triangle, count as one link. The
+    class of a group with gears in mesh is G.
     """
     links, pairs = _as_bodies(links, pairs)
     inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
@@ -55,7 +55,7 @@ def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
 
 
 def _as_bodies(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[Sequence[str], Sequence[Pair]]:
-    """The same with one link for those that hold each other fast."""
+    """The same with one link for each rigid chain of links."""
     inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
     if len(links) < 3 or any(pair.letter == "G" for pair in pairs):
         return links, pairs

@@ -1,4 +1,4 @@
-"""The closure of links and joints as arrays: configurations, and how they move."""
+"""The closure equations of links and joints as arrays: configurations and their motion."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from linkjax._lapack import inverted, pinv, sign_of_determinant, svd
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec, unit
 
-NEAR = 3  # steps of Newton's method from the reference path
+NEAR = 3  # Newton steps from the reference path
 
-Found = tuple[Array, Array, Array]  # a configuration, the mean of its Jacobian's determinant, and what it leaves open
+Found = tuple[Array, Array, Array]  # a configuration, the mean of its Jacobian's determinant, and its closure error
 
 
 class Known(NamedTuple):
-    """Places of points and directions of links that were there before the group, and angles of those among them that
-    its wheels are in gear with."""
+    """Positions of points and directions of links that existed before the group, and angles of those links that its
+    gears follow."""
 
     points: dict[str, Vec]
     links: dict[str, Vec]
@@ -29,16 +29,16 @@ class Known(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Where links are: origins and unit vectors along them, shape (links, 2) each; in a group with wheels in gear also
-    their angles with all turns (rad)."""
+    """Positions of links: origins and unit vectors along them, shape (links, 2) each; in a group with gears in mesh
+    also their angles including whole turns (rad)."""
 
     at: Array
     u: Array
     angle: Array | None = None
 
     def moved(self, move: Array, size: Array) -> Placed:
-        """Moved by x, y and angle times size of every link; without angles by twice the tangent of its half: no
-        sine."""
+        """Moved by x, y and angle times size of every link. Without angles, twice the tangent of the half angle is used
+        instead of the angle, which avoids the sine."""
         move = move.reshape((-1, 3))
         if self.angle is not None:
             angle = self.angle + move[:, 2] / size
@@ -48,7 +48,7 @@ class Placed(NamedTuple):
         return Placed(self.at + move[:, :2], turned)
 
     def later(self, v: Array, t: Array, size: Array, a: Array | None = None) -> Placed:
-        """Moved on by a crank angle `t` with these rates, to second order."""
+        """Moved by a crank angle `t` with these rates, to second order."""
         v = v.reshape((-1, 3))
         a = jnp.zeros_like(v) if a is None else a.reshape((-1, 3))
         half, w, e = 0.5 * t * t, v[:, 2:] / size, a[:, 2:] / size
@@ -62,7 +62,7 @@ class Placed(NamedTuple):
 
 
 def placed(z: Array) -> Placed:
-    """From one array, whose directions may be off the unit circle."""
+    """From one array, whose directions need not have length one."""
     if z.shape[1] == 3:
         return Placed(z[:, :2], along(z[:, 2]), z[:, 2])
     u = z[:, 2:]
@@ -70,8 +70,9 @@ def placed(z: Array) -> Placed:
 
 
 class Geared(NamedTuple):
-    """What wheels in gear keep constant, a row for each, in m: factors of the angles of links (rows, links) and of the
-    ways of blocks along their slots (rows, slots), less what angles from outside and the phases come to (rows,)."""
+    """What gears in mesh keep constant, one row each, in m: factors of link angles (rows, links) and of slider
+    displacements along slots (rows, slots), and the right-hand sides (rows,), from phases and angles of existing
+    links."""
 
     angles: Array
     ways: Array
@@ -79,9 +80,9 @@ class Geared(NamedTuple):
 
 
 class Closure(NamedTuple):
-    """The numbers of the closure equations: where on the bodies at either side every pin is, where on its body every
-    guide runs through and how it lies there, places and directions of what the group hangs on, a length to measure by
-    (m), and where the drive stands (m or rad). Bodies are the links of the group, then what it hangs on."""
+    """The values in the closure equations: the position of every pin on its two bodies; point, direction and offset of
+    every guide on its body; positions and directions of what the group is attached to; a reference length (m); and the
+    coordinate of the drive (m or rad). Bodies are the links of the group, then what it is attached to."""
 
     near: Array
     far: Array
@@ -96,9 +97,9 @@ class Closure(NamedTuple):
 
 
 class Web(NamedTuple):
-    """The closure equations of a group: which bodies every pin joins (pins, bodies), which body every slot's block is
-    and which its guide is on (slots, bodies), and the slot that the drive moves, or the two links that it turns (None
-    for the frame)."""
+    """The closure equations of a group: the bodies that every pin joins (pins, bodies), the body of every slot's block
+    and that of its guide (slots, bodies), and the slot that the drive moves, or the two links that it turns (None for
+    the frame)."""
 
     links: int
     one: Any
@@ -109,7 +110,7 @@ class Web(NamedTuple):
     turns: tuple[int, int | None] | None
 
     def opened(self, z: Placed, c: Closure) -> Array:
-        """What the joints leave open (m): pins, then slots, then wheels in gear, then the drive."""
+        """Closure errors of the joints (m): pins, then slots, then gears in mesh, then the drive."""
         at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
         rows = [((self.one - self.two) @ at + turned(self.one @ u, c.near) - turned(self.two @ u, c.far)).ravel()]
         ways = jnp.zeros(0)
@@ -129,7 +130,7 @@ class Web(NamedTuple):
         return jnp.concatenate(rows)
 
     def jacobian(self, z: Placed, c: Closure) -> Array:
-        """Derivatives of what is open by x, y and angle times size of every link."""
+        """Derivatives of the closure errors with respect to x, y and angle times size of every link."""
         at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
         n = self.links
         one, two, block, on = (which[:, :n] for which in (self.one, self.two, self.block, self.on))
@@ -162,17 +163,18 @@ class Web(NamedTuple):
         return jnp.concatenate(parts)
 
     def near(self, z: Placed, c: Closure, sense: Array) -> Placed:
-        """The configuration that closes the joints, from one nearby, to rounding or nearly so; without derivatives."""
+        """The configuration that closes the joints to about rounding, from one nearby; without derivatives."""
         for _ in range(NEAR):
             z = self._nearer(z, c, sense)
         return z
 
     def _nearer(self, z: Placed, c: Closure, sense: Array) -> Placed:
-        """A step of Newton's method that knows of folds, to where the Jacobian's determinant has this sense.
+        """A step of Newton's method that handles folds, to the root where the Jacobian's determinant has this sign.
 
-        Where two assemblies meet, the closure is quadratic along the direction that it hardly resists, and Newton's
-        method loses half of its digits. So that direction is split off (with w the vector for which wᵀ J is least, J v
-        = w / |J⁻¹ w|, whatever the accuracy of w), and of the two roots along it the one of this sense is taken.
+        Where two assembly modes coincide, the closure is quadratic along the nearly singular direction v, and Newton's
+        method loses half of its digits. Therefore this direction is split off: w is the vector for which |wᵀ J| is
+        least, and J v = w / |J⁻¹ w|, whatever the accuracy of w. Of the two roots along v, the one with the sign
+        `sense` is taken.
         Source: D. W. Decker, C. T. Kelley, Newton's method at singular points, SIAM J. Numer. Anal. 17 (1980).
         """
         gap, jacobian = self.opened(z, c), self.jacobian(z, c)
@@ -197,8 +199,8 @@ class Web(NamedTuple):
         return z.moved(move * jnp.minimum(1.0, 0.5 * c.size / most), c.size)
 
     def implicit(self, z: Placed, c: Closure, sound: Array) -> Placed:
-        """A configuration that closes the joints, with the derivatives of a root, of any order; with none where it is
-        not `sound`."""
+        """A configuration that closes the joints, with the derivatives of the root, of any order; without derivatives
+        where it is not `sound`."""
 
         @jax.custom_jvp
         def root(z, c, sound):
@@ -218,13 +220,13 @@ class Web(NamedTuple):
         return root(z, c, sound)
 
     def gears_open(self, at: Array, angle: Array, c: Closure) -> Array:
-        """What is open at every gear (m)."""
+        """Closure error of every gear mesh (m)."""
         assert c.geared is not None
         row = 2 * (len(self.one) + len(self.block))
         return self.opened(Placed(at, along(angle), angle), c)[row : row + c.geared.wanted.size]
 
     def following(self, z: Array, c: Closure, loose: np.ndarray, arm: Array) -> Array:
-        """A configuration in which loose wheels stand as the others say, about a point of theirs, an `arm` off."""
+        """A configuration with free gears turned into mesh with the others, about their points at `arm`."""
         assert c.geared is not None
         at, angle = z[:, :2], z[:, 2]
         true = angle.at[loose].add(-pinv(c.geared.angles[:, loose]) @ self.gears_open(at, angle, c))
@@ -232,8 +234,8 @@ class Web(NamedTuple):
         return jnp.concatenate([at, true[:, None]], axis=1)
 
     def reversed(self, z: Placed, c: Closure) -> Array:
-        """Whether a block, or the link that the drive turns, lies half a turn from where it should: the equations know
-        no difference."""
+        """Whether a slider, or the link that the drive turns, is reversed by half a turn, which the equations also
+        allow."""
         ahead = [jnp.ones(1)]
         if len(self.block):
             at, u = jnp.concatenate([z.at, c.outer_at]), jnp.concatenate([z.u, c.outer_u])
@@ -244,13 +246,13 @@ class Web(NamedTuple):
         return jnp.any(jnp.concatenate(ahead) < 0)
 
     def _slots(self, at: Array, u: Array, c: Closure) -> tuple[Array, Array, Array, Array]:
-        """Of every slot: direction of the guide, from the origin of its body to the block, direction of the block, and
-        from that origin to the point that the guide runs through."""
+        """For every slot: direction of the guide, vector from the origin of its body to the block, direction of the
+        block, and vector from that origin to the point that the guide passes through."""
         turn = self.on @ u
         return turned(turn, c.axis), (self.block - self.on) @ at, self.block @ u, turned(turn, c.through)
 
     def _turned(self, z: Placed, c: Closure) -> tuple[Array, Array]:
-        """The wanted and the true direction of a link that the drive turns."""
+        """The prescribed and the actual direction of the link that the drive turns."""
         assert self.turns is not None
         link, on = self.turns
         wanted = array([unit(c.drive)])
@@ -275,13 +277,13 @@ def along(angle: Array) -> Array:
 
 
 def turned(u: Array, at: Array) -> Array:
-    """Rows given in axes whose directions are the rows of `u`, in those of the frame."""
+    """Rows given in axes whose directions are the rows of `u`, transformed to the axes of the frame."""
     x, y, c, s = at[:, 0], at[:, 1], u[:, 0], u[:, 1]
     return jnp.stack([x * c - y * s, x * s + y * c], axis=1)
 
 
 def crossed(a: Array, b: Array) -> Array:
-    """Vector products of rows."""
+    """Cross products of rows."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
 
 
@@ -291,8 +293,8 @@ def perp(a: Array) -> Array:
 
 
 def least_singular(matrix: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
-    """The least singular value of a matrix, and its first and second derivatives from those of the matrix; itself
-    differentiable once.
+    """The least singular value of a matrix, with first and second derivatives from those of the matrix. The result can
+    be differentiated once.
 
     Source: perturbation of a simple singular value, e.g. Stewart and Sun, Matrix Perturbation Theory, 1990.
     """

@@ -1,7 +1,8 @@
-"""The course of a dyad through its change points, where its two assemblies meet and motion goes on into the other.
+"""The motion of a dyad through its change points, where its two assembly modes coincide and it passes into the other.
 
-On either side of such an angle the coefficients are 0/0, and rounding grows as the inverse of the distance; the motion
-itself is smooth. Close to it the crossing is therefore read off a polynomial through places further away.
+At a change point the kinematic coefficients are 0/0, and near it rounding errors grow as the inverse of the distance;
+the motion itself is smooth. Near a change point the position of the inner pin is therefore taken from a polynomial
+through positions further away.
 """
 
 from __future__ import annotations
@@ -16,19 +17,19 @@ from jaxtyping import Array
 from linkjax._numerics import nearest_turn, wrapped
 
 BRANCHES = ("fixed", "continue")
-TOUCHING = 1e-9  # an assembly margin within this of zero is a change point
-SLOTS = 6  # change points looked for in a turn
-REACH = 0.3  # rad to either side, from which the polynomial takes its values
-INSIDE = 0.1  # rad to either side, in which it is used
+TOUCHING = 1e-9  # a margin within this of zero is a change point
+SLOTS = 6  # largest number of change points per turn
+REACH = 0.3  # rad to either side: range of the polynomial's nodes
+INSIDE = 0.1  # rad to either side: range where it is used
 DEGREE = 15
-NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))  # Chebyshev's, none of them zero
-IN_LINE = 1e-8  # sine of the angle between the links, below which reactions are not followed any further
-BLUNTEST = 1e-4  # of the greatest bend of a gap, below which it touches zero so bluntly that motion turns back there
-CLOSEST = 1e-6  # rad from a change point within which nothing has a derivative by the design
+NODES = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))  # Chebyshev nodes, none of them zero
+IN_LINE = 1e-8  # lower bound on the sine of the angle between the links in reactions
+BLUNTEST = 1e-4  # second derivative of a gap, relative to its maximum, below which motion turns back
+CLOSEST = 1e-6  # rad from a change point within which derivatives with respect to design variables are zero
 
 
 def _powers() -> np.ndarray:
-    """The matrix that makes coefficients by powers of x in (-1, 1) out of values at the nodes."""
+    """The matrix from values at the nodes to coefficients of the powers of x in (-1, 1)."""
     series = np.polynomial.chebyshev.chebvander(NODES, DEGREE).T * (2 / (DEGREE + 1))
     series[0] /= 2
     rows = [np.pad(p, (0, DEGREE + 1 - p.size)) for p in map(np.polynomial.chebyshev.cheb2poly, np.eye(DEGREE + 1))]
@@ -36,8 +37,8 @@ def _powers() -> np.ndarray:
 
 
 class Course(NamedTuple):
-    """Crank angles of the change points (infinite where there are fewer), whether motion passes them or turns back
-    there, and the polynomials of two coordinates of the crossing near each, by powers of the angle from it over
+    """Crank angles of the change points (infinite for unused slots), whether motion passes through them or turns back,
+    and the polynomials of the two coordinates of the inner pin near each, in powers of the angle from it over
     `REACH`."""
 
     at: Array  # (slots,)
@@ -45,16 +46,16 @@ class Course(NamedTuple):
     series: Array  # (slots, 2, DEGREE + 1)
 
     def flips(self, phi: Array, cycle_turns: int) -> Array:
-        """+1 where the dyad is on the side that it is on just after crank angle zero, -1 on the other."""
+        """+1 where the dyad is on the same side as just after crank angle zero, -1 on the other side."""
         place = wrapped(phi, 2 * jnp.pi * cycle_turns)
         return 1.0 - 2.0 * (jnp.sum(jnp.where((self.at > 0.0) & (self.at <= place), self.passed, 0.0)) % 2)
 
     def comes_back(self) -> Array:
-        """Whether it is after all its turns where it began."""
+        """Whether the dyad returns to its initial position after `cycle_turns`."""
         return jnp.sum(self.passed) % 2 == 0
 
     def trouble(self) -> str:
-        """What is wrong with it: "astray" where it does not come back."""
+        """The problem: "astray" if the dyad does not return; "" for none."""
         return "" if bool(self.comes_back()) else "astray"
 
     def touches(self) -> Array:
@@ -62,7 +63,7 @@ class Course(NamedTuple):
         return jnp.any(jnp.isfinite(self.at))
 
     def near(self, phi: Array, cycle_turns: int) -> Near:
-        """The crossing as the nearest polynomial has it."""
+        """The coordinates of the inner pin from the nearest polynomial."""
         found = jnp.isfinite(self.at)
         away = nearest_turn(phi - jnp.where(found, self.at, 0.0), 2 * jnp.pi * cycle_turns)
         away = jnp.where(found, away, jnp.inf)
@@ -77,7 +78,8 @@ class Course(NamedTuple):
 
 
 class Near(NamedTuple):
-    """Whether a polynomial holds here, and none but it; two coordinates with their derivatives by the crank angle."""
+    """Whether the polynomial applies (`inside`), and without design derivatives (`closest`); the two coordinates of the
+    inner pin with their derivatives with respect to the crank angle."""
 
     inside: Array
     closest: Array
@@ -86,7 +88,7 @@ class Near(NamedTuple):
     dd: Array
 
     def instead(self, direct: Any, smooth: Any) -> Any:
-        """The smooth value where it holds, with the derivatives by the design of the direct one."""
+        """The smooth value where the polynomial applies, with the design derivatives of the direct value."""
 
         def chosen(a, b):
             slope = jnp.where(self.closest, jax.lax.stop_gradient(a), a)
@@ -96,15 +98,17 @@ class Near(NamedTuple):
 
 
 def check_branch(kind: str, branch: str) -> None:
-    """Raise ValueError for a branch that is none."""
+    """Raise ValueError for an unknown branch."""
     if branch not in BRANCHES:
         raise ValueError(f'branch of an {kind} must be "fixed" or "continue", but is {branch!r}')
 
 
 def course_of(gaps: Any, crossing: Any, steps: int, cycle_turns: int) -> Course:
-    """Change points over some turns: where one of the `gaps` (value, slope, bend and what counts as zero at a crank
-    angle, for each) touches zero; `crossing` gives the two coordinates at a crank angle for a side that is +1 just
-    after crank angle zero."""
+    """Change points in `cycle_turns` turns: crank angles at which one of the gaps touches zero.
+
+    `gaps` gives for each gap its value, first and second derivative and tolerance of zero at a crank angle. `crossing`
+    gives the two coordinates of the inner pin at a crank angle, for a side that is +1 just after crank angle zero.
+    """
     whole = 2 * jnp.pi * cycle_turns
     scan = jnp.arange(steps * cycle_turns, dtype=float) * (whole / (steps * cycle_turns))
     _, slope, bend, _ = jax.vmap(gaps)(scan)  # (scan, gaps)

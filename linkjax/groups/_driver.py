@@ -1,4 +1,4 @@
-"""I1, drivers: a crank that turns, or swings, about a point of the frame, and a slide on a guide of the frame."""
+"""I1, drivers: a crank that rotates or oscillates about a point of the frame, and a slider on a guide of the frame."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from linkjax.groups._state import LinkState, PointState
 
 
 class AbstractDriver(AbstractGroup):
-    """What the drive moves."""
+    """The link that the drive moves."""
 
     def classified(self):
         return "I1", self.pairs()[0].letter
@@ -35,11 +35,11 @@ class AbstractDriver(AbstractGroup):
 
 
 class Crank(AbstractDriver):
-    """A crank `link` turning about `pivot`, with its far pin called `end`.
+    """A crank `link` that turns about `pivot`; its far pin is `end`.
 
-    `rotation` is "ccw" (counter-clockwise) or "cw". The crank angle φ always grows in time; the angle of the link is
-    `phase + φ` (rad), clockwise `phase - φ`, and with a motion `law` it is `phase + law(φ)`. Raises `ValueError` for
-    another rotation, and for "cw" beside a law, which has its own sense.
+    `rotation` is "ccw" (counter-clockwise) or "cw". The crank angle φ always increases in time. The angle of the link
+    is `phase + φ` (rad), clockwise `phase - φ`, and `phase + law(φ)` with a motion `law`. Raises `ValueError` for
+    another rotation, and for "cw" together with a law, which determines the sense itself.
     """
 
     kind: ClassVar[str] = "crank"
@@ -101,9 +101,9 @@ class Crank(AbstractDriver):
 
 
 class LinearDriver(AbstractDriver):
-    """A driving `link` that moves along a `guide` of the frame (or the name of a frame point through which it runs
-    along x): a hydraulic cylinder's rod, a rack.
+    """A driving `link` that moves along a `guide` of the frame: the rod of a hydraulic cylinder, a rack.
 
+    `guide` may be the name of a frame point; the guide then passes through this point, parallel to x.
     Its own point `end`, the origin of its axes, is `law(φ)` (m) ahead of the foot of `through` on the path.
     """
 

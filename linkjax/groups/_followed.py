@@ -1,4 +1,4 @@
-"""Groups that are followed along the crank, from an assembly that is given at crank angle zero."""
+"""Groups that are followed along the cycle, from their assembly mode at crank angle zero."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Path = Track | Course | Winding
 
 
 def followed(groups: Sequence[AbstractGroup]) -> list[int]:
-    """Numbers of the groups that need a reference path; see `kinematics.prepared`. Wheels do not where the angles that
-    they follow are those of cranks and other wheels, and the ratio of their teeth is that of whole numbers."""
+    """Numbers of the groups that need a reference path; see `kinematics.prepared`. Gears need none if they follow only
+    cranks and other such gears, in a ratio of integer numbers of teeth."""
     found, counted = [], {FRAME}
     for number, group in enumerate(groups):
         if isinstance(group, Gear | Rack | Pinion):
@@ -40,11 +40,11 @@ def followed(groups: Sequence[AbstractGroup]) -> list[int]:
 
 
 def with_path(group: AbstractGroup, path: Path | None, cycle_turns: int = 1) -> AbstractGroup:
-    """A group that is followed, with another reference path over so many turns, or none."""
+    """A followed group with another reference path over `cycle_turns` turns, or with none."""
     assert isinstance(group, General | RRR | RRP | Gear | Rack | Pinion)
     return dataclasses.replace(group, **{"path": path, "cycle_turns": cycle_turns})
 
 
 def without_path(group: AbstractGroup) -> AbstractGroup:
-    """The group without the reference path that it may have."""
+    """The group without its reference path, if it has one."""
     return with_path(group, None) if getattr(group, "path", None) is not None else group

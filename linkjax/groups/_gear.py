@@ -1,6 +1,6 @@
-"""G: a wheel in gear with a link that is there already, by teeth or by a belt.
+"""G: a gear in mesh with an existing link, by teeth or by a belt.
 
-Source: Willis' formula for wheels on a moving carrier, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
+Source: Willis' formula for gears on a moving carrier, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
 ch. 7.
 """
 
@@ -22,7 +22,7 @@ from linkjax.groups._winding import Winding, always, counted, nothing
 
 
 class AbstractWheel(AbstractGroup):
-    """A wheel `link` that turns about `pivot`."""
+    """A gear `link` that turns about `pivot`."""
 
     link: eqx.AbstractVar[str]
     pivot: eqx.AbstractVar[str]
@@ -40,12 +40,12 @@ class AbstractWheel(AbstractGroup):
         return None
 
     def in_gear(self, to: str) -> tuple[Joint, Joint]:
-        """Its joints, where it is in gear with this link."""
+        """Its joints, for a mesh with this link."""
         mesh = Joint(f"{self.link}.mesh", self.pivot, self.link, to, meshes=True)
         return Joint(self.pivot, self.pivot, self.link), mesh
 
     def placed(self, end: str | None, links, points, angle, w, e):
-        """State of the wheel at an angle (rad), and of its pin `end`, if it has one."""
+        """State of the gear at an angle (rad), and of its pin `end`, if it has one."""
         state = LinkState(unit(angle), w, e, angle)
         if end is None:
             return {self.link: state}, {}
@@ -54,13 +54,13 @@ class AbstractWheel(AbstractGroup):
 
 
 class Gear(AbstractWheel):
-    """A wheel `link` that turns about `pivot`, in gear with the link `to` (or "frame") that turns about `centre`.
+    """A gear `link` that turns about `pivot`, in mesh with the link `to` (or "frame") that turns about `centre`.
 
-    Both points belong to the `carrier`, the frame or a link that is there already. Seen from it the wheel stands at
-    `phase` (rad) while `to` stands at zero, and turns in the ratio of the `mesh`. Where `to` is no crank and no wheel,
-    its angle is counted from that within half a turn of zero at crank angle zero. `end` names a pin of the wheel at its
-    length, if it has one. `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a mesh
-    that is none, and for a wheel in gear with its own carrier.
+    Both points belong to the `carrier`, the frame or an existing link. Relative to it, the gear is at `phase` (rad)
+    when `to` is at zero, and turns in the ratio of the `mesh`. If `to` is neither a crank nor a gear, its angle at
+    crank angle zero is taken within half a turn of zero. `end` names a pin of the gear at its length, if it has one.
+    `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for an invalid mesh, and for a
+    gear in mesh with its own carrier.
     """
 
     kind: ClassVar[str] = "gear"
@@ -78,12 +78,12 @@ class Gear(AbstractWheel):
 
     def __check_init__(self):
         if not isinstance(self.mesh, Teeth | Belt):
-            raise ValueError(f"the mesh of wheel {self.link!r} is {self.mesh!r}; write Teeth((40, 20)) or a Belt")
+            raise ValueError(f"the mesh of gear {self.link!r} is {self.mesh!r}; write Teeth((40, 20)) or a Belt")
         if self.link in (self.to, self.carrier):
-            raise ValueError(f"wheel {self.link!r} is in gear with itself, or sits on itself; name another link")
+            raise ValueError(f"gear {self.link!r} is in mesh with itself, or is its own carrier; name another link")
         if self.to == self.carrier or self.pivot == self.centre:
             both = f"{self.to!r} about {self.centre!r}"
-            raise ValueError(f"wheel {self.link!r} is in gear with {both}, on which it sits; name another carrier")
+            raise ValueError(f"gear {self.link!r} is in mesh with {both}, its carrier or axis; name another carrier")
 
     def mates(self) -> tuple[str, str]:
         """The links whose angles it follows."""
@@ -102,7 +102,7 @@ class Gear(AbstractWheel):
         return self.in_gear(self.to)
 
     def coupling(self) -> Coupling:
-        """What it keeps constant."""
+        """The quantity that the mesh keeps constant."""
         ratio = self.mesh.ratio()
         return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {})
 

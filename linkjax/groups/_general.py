@@ -1,7 +1,7 @@
-"""Groups of any class: links and joints as they are drawn, closed by Newton's method from a reference path.
+"""Groups of higher class, solved numerically: links and joints closed by Newton's method from a reference path.
 
-Class III and higher (triads, tetrads), and groups with a drive inside them. Positions solve the closure equations of
-all joints at once; kinematic coefficients and reactions follow from the same Jacobian.
+These are class III and higher (triads, tetrads), and groups that contain a drive. The closure equations of all joints
+are solved simultaneously; kinematic coefficients and reactions follow from the same Jacobian.
 Source: any text on constrained planar systems, e.g. Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems,
 1989, ch. 3 (closure, rates) and ch. 8 (reactions as multipliers).
 """
@@ -32,20 +32,19 @@ from linkjax.groups._winding import counted
 
 FAR = 60  # damped steps from a sketch
 LAST = 2  # steps with one inverse, after those of `Web.near`
-SWING = 0.2  # of the size: what they may move links
+SWING = 0.2  # largest motion of links in these steps, relative to the size
 
 
 class General(AbstractChain):
-    """Links joined by pins, slots and wheels in gear, solved together.
+    """Links joined by pins, slots and gears in mesh, solved simultaneously.
 
-    `members` are the links with the points at which each is pinned: the first is its origin, the second lies on its
-    axis at its length, further ones are marked points of it. A point that two members name is a pin between them;
-    `outer` are the points that exist already. `slots` are the sliding joints: a block has one point, its origin, and
-    the axes of its guide. `gears` are the wheels and racks in gear whose `link` is a member, written as they would be
-    by themselves; a rack is the block of a slot. `sketch` says roughly where points are at crank angle zero, which
-    chooses the assembly: of every link two points, of a block one, and of a wheel that is pinned once and not driven.
-    With a `drive` the group stands first and moves by itself. `path` and `cycle_turns` are filled in by
-    `kinematics.prepared`.
+    `members` are the links with the points at which each is pinned: the first is its origin, the second is on its axis
+    at its length, others are coupler points. A point of two members is a pin between them; `outer` are the points that
+    exist already. `slots` are the sliding joints: a block has one point, its origin, and the axes of its guide. `gears`
+    are the gears and racks whose `link` is a member, written as separate groups; a rack is the block of a slot.
+    `sketch` selects the assembly mode by approximate positions at crank angle zero: two points of every link, one of a
+    block, and one of a gear that is pinned once and not driven. A group with a `drive` comes first. `path` and
+    `cycle_turns` are filled in by `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "general"
@@ -59,7 +58,7 @@ class General(AbstractChain):
     # ---- closure
 
     def _outside(self, known: Known) -> tuple[Array, Array]:
-        """Places and directions of what the group hangs on: points, then guides that are not on its own links."""
+        """Positions and directions of what the group is attached to: points, then guides outside its links."""
         points, guides = self._outer_points(), self.guides()
         along = [Vec(jnp.ones(()), jnp.zeros(()))] * len(points)
         along += [known.links[g.on] if g.on != "frame" else Vec(jnp.ones(()), jnp.zeros(())) for g in guides]
@@ -85,7 +84,7 @@ class General(AbstractChain):
         return Web(len(names), one, two, block, on, self.driven_slot(), turns)
 
     def _geared(self, known: Known, size: Array) -> Geared | None:
-        """What its wheels keep constant."""
+        """What its gears keep constant."""
         names, still = self.link_names(), jnp.zeros_like(size)
         rows = []
         for gear in self.gears:
@@ -104,7 +103,7 @@ class General(AbstractChain):
         return held._replace(wanted=held.wanted + 2 * jnp.pi * size * self.path.whole)
 
     def _closure(self, places, known: Known, drive: Array) -> Closure:
-        """The numbers of the closure equations."""
+        """The values in the closure equations."""
         pairs, none, names = self._pairs(), Vec(jnp.zeros(()), jnp.zeros(())), self.link_names()
         through = [places[s.guide.on][s.guide.through] if s.guide.on in names else none for s in self.slots]
         size = self._size(places, known.points)
@@ -117,7 +116,7 @@ class General(AbstractChain):
         )  # fmt: skip
 
     def size(self, links, points) -> Array:
-        """A length to measure by (m): the largest arm of a pin; of blocks alone how far apart what they hang on is."""
+        """Reference length (m): the largest arm of a pin; for blocks alone the distance of the outer points."""
         return self._size(self.places(links), {name: at.r for name, at in points.items()})
 
     def _size(self, places, outside) -> Array:
@@ -128,7 +127,7 @@ class General(AbstractChain):
         return safe_sqrt(largest(jnp.stack(arms)), 1.0)
 
     def _known(self, states, points, phi: Array | None = None, t: Array | float = 0.0) -> Known:
-        """What was there before, `t` of crank angle later (to second order); angles only where `phi` is given."""
+        """Existing points and links, a crank angle `t` later (to second order); angles only where `phi` is given."""
         half = 0.5 * t * t
         links = {g.on: states[g.on] for g in self.guides() if g.on != "frame"}
         wound = None if self.path is None else self.path.wound
@@ -144,12 +143,12 @@ class General(AbstractChain):
         )
 
     def _at(self, links, states, points, phi: Array) -> tuple[dict[str, dict[str, Vec]], Closure]:
-        """Places of points on the members, and the numbers of the closure equations, at a crank angle."""
+        """Positions of points on the members, and the values in the closure equations, at a crank angle."""
         places = self.places(links)
         return places, self._closure(places, self._known(states, points, phi), self._drive(phi))
 
     def _moved_on(self, c: Closure, states, points, phi: Array, t: Array) -> Closure:
-        """The closure equations `t` of crank angle later (to second order)."""
+        """The closure equations a crank angle `t` later (to second order)."""
         known = self._known(states, points, phi, t)
         at, u = self._outside(known)
         return c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t), geared=self._geared(known, c.size))
@@ -161,8 +160,7 @@ class General(AbstractChain):
         return s + d * t + 0.5 * t * t * dd
 
     def sketched(self, links, states, points, phi: Array) -> Array:
-        """The configuration that the sketch gives, shape (links, 4), or (links, 3) with wheels in gear, which stand any
-        way."""
+        """The configuration of the sketch, shape (links, 4), or (links, 3) with gears (free gears at any angle)."""
         places, spots = self.places(links), {**{p: points[p].r for p in self.outer}, **self.sketch}
         lean = {slot.block: slot.guide for slot in self.slots}
         seen = {link: self._seen(link, pins, places) for link, pins in self.members}
@@ -172,9 +170,8 @@ class General(AbstractChain):
         return drawn
 
     def wound(self, links, states, points, phi: Array, at: Array, angle: Array) -> tuple[Array, Array]:
-        """A configuration from origins (links, 2) and angles (links,), which are counted from within half a turn of
-        zero; those of loose wheels as the others say, about the first point that is seen of them. And by how many whole
-        turns the gears of tied wheels are off, which makes no difference to what they are tied to."""
+        """A configuration from origins (links, 2) and angles (links,) within half a turn of zero, with free gears
+        turned into mesh; also the offset of other meshes in whole turns (see `in_whole_turns`)."""
         places, c = self._at(links, states, points, phi)
         assert c.geared is not None
         angle = jnp.where(self.loose(), angle, nearest_turn(angle, 2 * jnp.pi))
@@ -184,23 +181,23 @@ class General(AbstractChain):
         return self._following(jnp.concatenate([at, angle[:, None]], axis=1), places, c), whole
 
     def loose(self) -> np.ndarray:
-        """Which links are wheels that are pinned once and not driven."""
+        """Which links are free gears (see `spinning`)."""
         return np.asarray([name in self.spinning() for name in self.link_names()])
 
     def _following(self, z: Array, places, c: Closure) -> Array:
-        """A configuration in which loose wheels stand as the others say, about the first point that is seen of them."""
+        """A configuration with free gears turned into mesh, about their first known or sketched points."""
         if not (self.gears and self.loose().any()):
             return z
         seen = [places[name][self._seen(name, pins, places)[0]] for name, pins in self.members]
         return self._web().following(z, c, np.flatnonzero(self.loose()), array(seen))
 
     def off_by(self, whole: Array) -> General:
-        """The group with its gears off by so many whole turns each."""
+        """The group with its meshes offset by these whole turns."""
         return dataclasses.replace(self, path=(self.path or Track(z := jnp.zeros(0), z, z))._replace(whole=whole))
 
     def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0) -> Found:
-        """The configuration near `start` that closes the joints, by damped least squares (what is open may `grow` so
-        many times), the mean of its Jacobian's determinant, and what it leaves open, of its size; not derived."""
+        """The configuration near `start` that closes the joints, by damped least squares (`grow`: largest growth of the
+        closure error), the mean of its Jacobian's determinant, and its closure error over the size. No derivatives."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)
         c, start = jax.lax.stop_gradient((c, start))
 
@@ -213,7 +210,7 @@ class General(AbstractChain):
             there = here.moved(move * jnp.minimum(1.0, 0.5 * c.size / most), c.size)
             left = jnp.sum(web.opened(there, c) ** 2)
             better = left <= grow * grow * jnp.sum(gap * gap)
-            now = jnp.minimum(left / c.size**2, 0.1)  # of second order, so that the last steps are Newton's
+            now = jnp.minimum(left / c.size**2, 0.1)  # of second order, so that the last steps are Newton steps
             return jnp.where(better, there.flat(), z), jnp.where(better, now, jnp.maximum(10 * damping, 1e-6))
 
         first = jnp.minimum(jnp.sum(web.opened(placed(start), c) ** 2) / c.size**2, 0.1)
@@ -222,8 +219,8 @@ class General(AbstractChain):
         return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
 
     def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array, Array | None]:
-        """The same from the sketch, and by how many whole turns gears are off, in a group that has some. With wheels
-        twice: a carrier near half a turn may be counted one turn off there."""
+        """The same from the sketch, and the offset of meshes in whole turns, if any. With gears it runs twice:
+        a carrier near half a turn may first be one turn off."""
 
         def again(_, there):
             z, whole = self.wound(links, states, points, phi, there[0][:, :2], there[0][:, 2])
@@ -235,14 +232,14 @@ class General(AbstractChain):
         return *self.closed(links, states, points, phi, start), None
 
     def opened(self, links, states, points, phi: Array, z: Array, move: Array) -> tuple[Array, Array]:
-        """What the joints leave open (m) in a configuration moved by x, y and angle times size of every link (m), and
-        its derivatives by these."""
+        """Closure errors (m) of a configuration moved by x, y and angle times size of every link (m), and their
+        derivatives with respect to these."""
         web, (_, c) = self._web(), self._at(links, states, points, phi)
         here = placed(z).moved(move, c.size)
         return web.opened(here, c), web.jacobian(here, c)
 
     def reversed(self, links, states, points, phi: Array, z: Array) -> Array:
-        """Whether a block, or what the drive turns, lies half a turn from where it should in a configuration."""
+        """Whether a block, or the link that the drive turns, is reversed by half a turn in a configuration."""
         return self._web().reversed(placed(z), self._at(links, states, points, phi)[1])
 
     def solve(self, links, states, points, phi):
@@ -258,7 +255,7 @@ class General(AbstractChain):
 
         def rate(push):
             x = -inverse @ push
-            return x - inverse @ (matrix @ x + push)  # what rounding left: near dead positions it counts
+            return x - inverse @ (matrix @ x + push)  # corrects rounding, which matters near singular positions
 
         def along(t, v):
             return web.opened(here.later(v, t, c.size), self._moved_on(c, states, points, phi, t))
@@ -269,8 +266,8 @@ class General(AbstractChain):
         return self._states(here, v, rate(bend), places, c.size)
 
     def _polished(self, web: Web, here: Placed, c: Closure) -> tuple[Placed, Array]:
-        """The root near a configuration, and whether there is one; else the configuration itself. Without derivatives:
-        steps with one and the same inverse."""
+        """The root near a configuration and whether there is one; otherwise the configuration itself. No derivatives:
+        all steps use one inverse."""
         first, inverse, there = web.opened(here, c), inverted(web.jacobian(here, c)), here
         near = jnp.max(jnp.abs(inverse @ first)) < SWING * c.size  # false where it is not finite
         inverse = jnp.where(near, inverse, 0.0)
@@ -292,7 +289,7 @@ class General(AbstractChain):
                     pins[point] = carried(origin, found[link], places[link][point])
         return found, pins
 
-    # ---- closeness to where it cannot be assembled
+    # ---- distance to singular positions
 
     def _here(self, states, points) -> Placed:
         origins = [points[pins[0]].r for _, pins in self.members]
@@ -331,7 +328,7 @@ class General(AbstractChain):
         if "apart" in self.dead_positions():
             spans = [(gear.mesh, points[gear.centre].r - points[gear.pivot].r) for gear in self._geared_pairs()]
             least = smallest(jnp.stack([mesh.apart(span).value for mesh, span in spans]))
-            least = jnp.where(lost, jnp.maximum(least, value), least)  # what is open says nothing of them
+            least = jnp.where(lost, jnp.maximum(least, value), least)  # unknown where the group does not close
             found["apart"] = Margin(least, jnp.zeros_like(least), jnp.zeros_like(least))
         return found
 
@@ -358,7 +355,7 @@ class General(AbstractChain):
         c = self._closure(places, self._known(states, points), none if turns is None else turns.angle(states))
         on = [(loads[link].force, loads[link].moment / c.size) for link in names]
         load = jnp.concatenate([jnp.stack([force.x, force.y, moment]) for force, moment in on])
-        x = solve(self._web().jacobian(here, c).T, -load)  # multipliers: what the joints exert
+        x = solve(self._web().jacobian(here, c).T, -load)  # multipliers: forces of the joints
         pairs = self._pairs()
         pins = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(len(pairs))]
         slots = []
@@ -378,8 +375,8 @@ class General(AbstractChain):
         return (*pins, *slots, *meshes, *drive), torque
 
     def _teeth(self, x: Array, size: Array, pins: list[Wrench], slots: list[Wrench], states, points) -> list[Wrench]:
-        """What the wheels exert, from their multipliers, which are couples on wheels and pulls on racks. The true
-        forces go through the `pins` of wheels and the `slots` of racks, which are put right here."""
+        """Forces of the meshes from their multipliers (couples on gears, forces along racks); the difference to the
+        actual tooth forces is added to the `pins` of gears and the `slots` of racks."""
         found = []
         for gear, much in zip(self.gears, x, strict=False):
             if isinstance(gear, Gear):
@@ -395,7 +392,7 @@ class General(AbstractChain):
         return found
 
     def _carry(self, pins: list[Wrench], point: str, wheel: str, carrier: str, force: Vec) -> None:
-        """Add what a pin carries from the teeth of a wheel to what the wheel sits on: a force on the wheel."""
+        """Add the tooth force on a gear to the pin between the gear and its carrier, as a force on the gear."""
         for k, (at, link, _) in enumerate(self._pairs()):
             if at == point and link in (wheel, carrier):
                 more = force if link == wheel else -force

@@ -1,6 +1,6 @@
-"""Straight guides, on the frame or on a link that moves, and where two of them cross.
+"""Straight guides on the frame or on a moving link, and the intersection of two guides.
 
-Source: relative motion in a turning frame, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4.
+Source: relative motion in a rotating frame, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from linkjax.groups._state import LinkState, PointState
 
 
 class Guide(eqx.Module):
-    """A straight guide on the link `on` ("frame" for one that stands still).
+    """A straight guide on the link `on` ("frame" for a fixed guide).
 
-    The path it prescribes is the line through the point `through` of that link, at `along` (rad) to the link's axis (to
-    the x axis on the frame), shifted to its left by `offset` (m).
+    Its path is the line through the point `through` of that link, at the angle `along` (rad) to the link's axis (on the
+    frame: to the x axis), shifted to its left by `offset` (m).
     """
 
     through: str = eqx.field(static=True)
@@ -31,7 +31,7 @@ class Guide(eqx.Module):
     on: str = eqx.field(static=True, default="frame")
 
     def line(self, states: Mapping[str, LinkState], points: Mapping[str, PointState]) -> Line:
-        """The path where the links stand now."""
+        """The path for these states of the links."""
         t = unit(self.along)
         if self.on == "frame":
             return Line(points[self.through], t, self.offset, None)
@@ -39,12 +39,12 @@ class Guide(eqx.Module):
 
 
 def as_guide(guide: Guide | str) -> Guide:
-    """A guide, or the name of the frame point through which it runs along x."""
+    """The guide itself; for the name of a frame point, the guide through it parallel to x."""
     return Guide(guide) if isinstance(guide, str) else guide
 
 
 class Seen(NamedTuple):
-    """A coordinate of a point as seen from a line, with its derivatives by the crank angle."""
+    """A coordinate of a point relative to a line, with its derivatives with respect to the crank angle."""
 
     value: Array
     d: Array
@@ -53,7 +53,7 @@ class Seen(NamedTuple):
 
 class Line(NamedTuple):
     """A line through the moving point `base`, of direction `t`, shifted to its left by `offset`; `turning` holds the
-    rates of its direction, None for one that stands still."""
+    rates of its direction, None for a fixed direction."""
 
     base: PointState
     t: Vec
@@ -69,11 +69,11 @@ class Line(NamedTuple):
         return LinkState(self.t, self.turning.w, self.turning.e)
 
     def along(self, point: PointState) -> Seen:
-        """How far a point is along the line."""
+        """Coordinate of a point along the line."""
         return self._seen(point, self.t)
 
     def height(self, point: PointState) -> Seen:
-        """How far a point is off the line, to its left."""
+        """Distance of a point from the line, positive to its left."""
         value, d, dd = self._seen(point, self.t.perp())
         return Seen(value - self.offset, d, dd)
 
@@ -87,7 +87,7 @@ class Line(NamedTuple):
         return Seen(d.dot(axis), first, a.dot(axis) + 2 * w * v.dot(n) + e * d.dot(n) - w * w * d.dot(axis))
 
     def point(self, s: Array, d: Array, dd: Array) -> PointState:
-        """A point on the path, `s` ahead of the foot of its base, with the derivatives of that."""
+        """A point on the path, `s` ahead of the foot of its base; `d` and `dd` are the derivatives of `s`."""
         t, n, base = self.t, self.t.perp(), self.base
         arm = t * s + n * self.offset
         if self.turning is None:
@@ -97,8 +97,8 @@ class Line(NamedTuple):
         return PointState(base.r + arm, first, base.ddr + t * dd + n * (2 * w * d) + arm.perp() * e - arm * (w * w))
 
     def wanted(self, at: Vec, v: Vec | None = None) -> Array:
-        """What a point `at` on the line moves across it: the velocity's part along the left normal, or with the
-        velocity `v` the acceleration's."""
+        """For a point `at` that stays on the line: the component of its velocity along the left normal, or, given the
+        velocity `v`, of its acceleration."""
         n = self.t.perp()
         if self.turning is None:
             return jnp.zeros_like(n.x)
@@ -109,12 +109,12 @@ class Line(NamedTuple):
 
 
 def crossing(one: Line, two: Line) -> PointState:
-    """The point where two lines cross; a finite placeholder where they are parallel."""
+    """The intersection of two lines; a finite placeholder where they are parallel."""
     sine = one.t.cross(two.t)
     sine = once(jnp.where(sine != 0, sine, 0.1))
 
     def solved(a, b):
-        """The vector with these parts along the left normals of the two lines."""
+        """The vector with these components along the left normals of the two lines."""
         return (two.t * a - one.t * b) / sine
 
     apart = (two.base.r - one.base.r).dot(two.t.perp())

@@ -1,6 +1,6 @@
-"""Laws of motion: how a driver that does not simply turn moves over the cycle.
+"""Motion laws: the prescribed motion of a driver that does not simply rotate.
 
-The crank angle φ, which grows evenly in time, is then the phase of the law: one turn of it is one cycle of the driver.
+The crank angle φ is then the phase of the law and increases uniformly in time: one turn is one cycle of the driver.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SENSES = {"ccw": 1, "cw": -1}
 
 
 class Moved(NamedTuple):
-    """What a law says at a crank angle: the coordinate (rad or m) and its first and second derivatives by the angle."""
+    """The coordinate (rad or m) at a crank angle, and its first and second derivatives with respect to that angle."""
 
     value: Array
     d: Array
@@ -37,11 +37,11 @@ class AbstractLaw(eqx.Module):
         """The coordinate at the crank angle `phi` (rad), with its derivatives."""
 
     def begins(self) -> float:
-        """The coordinate at crank angle zero, where sketches are drawn."""
+        """The coordinate at crank angle zero, the position of a sketch."""
         return float(self.at(jnp.zeros(()))[0])
 
     def period(self) -> float:
-        """Crank angle (rad) after which it repeats."""
+        """Crank angle (rad) after which the motion repeats."""
         return 2 * math.pi
 
     def breaks(self) -> tuple[float, ...]:
@@ -50,16 +50,16 @@ class AbstractLaw(eqx.Module):
 
 
 def check_law(law: object, drawn: bool = False) -> None:
-    """Raise `TypeError` for what is no law of motion, and `ValueError` for one without a start where nothing is
-    `drawn` that could say it."""
+    """Raise `TypeError` for anything but a motion law, and `ValueError` for one without a start unless a sketch can
+    give it (`drawn`)."""
     if law is not None and not isinstance(law, AbstractLaw):
-        raise TypeError(f"a law of motion is a Harmonic or a Spline, but is {law!r}")
+        raise TypeError(f"a motion law must be a Harmonic or a Spline, but is {law!r}")
     if isinstance(law, Harmonic) and law.start is None and not drawn:
-        raise ValueError("a harmonic law needs a start, unless it belongs to the drive of a drawn linkage; give it one")
+        raise ValueError("a harmonic law needs a start, except in the drive of a drawn linkage; set `start`")
 
 
 def check_rotation(what: str, rotation: object, law: AbstractLaw | None) -> None:
-    """Raise `ValueError` for a rotation that is neither "ccw" nor "cw", and for "cw" beside a motion law."""
+    """Raise `ValueError` for a rotation that is neither "ccw" nor "cw", and for "cw" together with a motion law."""
     if rotation not in SENSES:
         raise ValueError(f'rotation of a {what} must be "ccw" (counter-clockwise) or "cw", but is {rotation!r}')
     if law is not None and rotation != "ccw":
@@ -67,8 +67,8 @@ def check_rotation(what: str, rotation: object, law: AbstractLaw | None) -> None
 
 
 class Harmonic(AbstractLaw):
-    """To and fro between `start`, at crank angle zero, and `stop`, half a turn later, as a cosine. In the drive of a
-    `linkage` the start may be None: where the sketch has what is driven."""
+    """Cosine motion between `start`, at crank angle zero, and `stop`, half a turn later, and back. In the drive of a
+    `linkage` the start may be None: the sketch then gives it."""
 
     start: Array | None = eqx.field(converter=as_float)
     stop: Array = eqx.field(converter=as_float)
@@ -81,11 +81,11 @@ class Harmonic(AbstractLaw):
 
 
 class Spline(AbstractLaw):
-    """Through given `values` at the crank angles `angles` (rad, rising, within one cycle), and so on for ever: the
-    periodic cubic spline, smooth up to the acceleration.
+    """Periodic cubic spline through `values` at the crank angles `angles` (rad, increasing, within one cycle); smooth
+    up to the acceleration.
 
-    `cycle` is the crank angle (rad) after which it repeats. Raises `ValueError` unless there are as many values as
-    angles, three at least, and the angles rise within one cycle.
+    `cycle` is the crank angle (rad) after which it repeats. Raises `ValueError` unless there are at least three angles,
+    as many values as angles, and the angles increase within one cycle.
     Source: C. de Boor, A Practical Guide to Splines, 1978, ch. IV.
     """
 
@@ -97,8 +97,8 @@ class Spline(AbstractLaw):
         steps = np.diff([*self.angles, self.angles[0] + self.cycle] if self.angles else [])
         if len(self.angles) < 3 or np.any(steps <= 0):
             raise ValueError(
-                f"the angles of a spline must be three or more and rise within one cycle of {self.cycle:.6g} rad, but "
-                f"are {self.angles}; leave the last out where it repeats the first"
+                f"a spline needs three or more angles that increase within one cycle of {self.cycle:.6g} rad, but has "
+                f"{self.angles}; omit the last if it repeats the first"
             )
         if len(self.values) != len(self.angles):
             raise ValueError(
@@ -126,7 +126,7 @@ class Spline(AbstractLaw):
 
 
 def _bends(steps: np.ndarray) -> np.ndarray:
-    """The matrix that makes second derivatives at the knots of a periodic cubic spline out of its values."""
+    """The matrix from the values of a periodic cubic spline to its second derivatives at the knots."""
     n = len(steps)
     system, right = np.zeros((n, n)), np.zeros((n, n))
     for i in range(n):

@@ -1,4 +1,4 @@
-"""What couples two wheels in a constant ratio: teeth in mesh, or a belt (chain, cable) round both.
+"""Couplings of constant ratio: two gears in mesh, or a belt (chain, cable) around two pulleys.
 
 Source: any text on machine elements, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 7 (gears), and
 Shigley, Mechanical Engineering Design, ch. 13 (tooth forces) and 17 (belts).
@@ -24,30 +24,30 @@ MOST = 100000  # teeth
 
 
 def check_pressure(kind: str, angle: Array) -> None:
-    """Raise ValueError for a pressure angle that is none."""
+    """Raise ValueError for an invalid pressure angle."""
     value = known(angle)
     if value is not None and not ((value >= 0) & (value < math.radians(60))).all():
         raise ValueError(f"pressure angle of a {kind} must be from 0 to 60 degrees, but is {value} rad")
 
 
 def push(size: Array, angle: Array) -> Array:
-    """What presses two toothed wheels apart while they carry a tangential force, whichever flank is loaded."""
+    """The separating force of two gears for the tangential force `size`, for either loaded flank."""
     return jnp.abs(size) * jnp.tan(angle)
 
 
 def _whole(teeth: Any) -> Any:
-    """Numbers of teeth as Python's, where they are whole numbers of NumPy."""
+    """Numbers of teeth as Python integers, where they are NumPy integers."""
     if not isinstance(teeth, tuple | list):
         return teeth
     return tuple(int(n) if isinstance(n, np.integer) else n for n in teeth)
 
 
 class Teeth(eqx.Module):
-    """Two toothed wheels in mesh: `teeth` of the wheel itself and of the other one.
+    """Two gears in mesh: `teeth` of the gear itself and of the other one.
 
-    Only their ratio counts: the pitch circles follow from the distance of the axes. `internal` says that the smaller one
-    runs inside the larger. `pressure_angle` (rad) is that of the line of action. Raises `ValueError` for numbers of
-    teeth that are no whole numbers above zero, and for two equal ones of which one is inside the other.
+    Only their ratio matters: the pitch circles follow from the centre distance. With `internal` the smaller gear runs
+    inside the larger one. `pressure_angle` (rad) is that of the line of action. Raises `ValueError` unless the numbers
+    of teeth are positive integers, and for an internal pair with equal numbers of teeth.
     """
 
     teeth: tuple[int, int] = eqx.field(static=True, converter=_whole)
@@ -57,29 +57,29 @@ class Teeth(eqx.Module):
     def __check_init__(self):
         pair = isinstance(self.teeth, tuple) and len(self.teeth) == 2
         if not pair or any(isinstance(n, bool) or not isinstance(n, int) or not 0 < n <= MOST for n in self.teeth):
-            told = f"must be two whole numbers, but are {self.teeth!r}"
-            raise ValueError(f"teeth of the wheel and of the other {told}")
-        check_pressure("wheel", self.pressure_angle)
+            problem = f"must be two integers from 1 to {MOST}, but are {self.teeth!r}"
+            raise ValueError(f"teeth of the gear and of the other {problem}")
+        check_pressure("gear", self.pressure_angle)
         if self.internal and self.teeth[0] == self.teeth[1]:
-            raise ValueError(f"of two wheels with {self.teeth[0]} teeth each none can run inside the other")
+            raise ValueError(f"two gears of an internal pair must differ in size, but have {self.teeth[0]} teeth each")
 
     def ratio(self) -> Array:
-        """Turns of the wheel for one of the other, as seen from the link that carries both."""
+        """Turns of the gear per turn of the other, relative to the link that carries both."""
         return as_float((1 if self.internal else -1) * self.teeth[1] / self.teeth[0])
 
     def turned_round(self) -> Teeth:
-        """The same, seen from the other wheel."""
+        """The same mesh, as that of the other gear."""
         return Teeth((self.teeth[1], self.teeth[0]), self.internal, self.pressure_angle)
 
     def apart(self, span: Vec) -> Margin:
-        """How far the axes are from coinciding: pitch circles are found for any distance."""
+        """Positive unless the axes coincide: pitch circles exist for any other centre distance."""
         gap = jnp.where(span.squared() > 0, 1.0, -1.0).astype(span.x.dtype)
         return Margin(gap, jnp.zeros_like(gap), jnp.zeros_like(gap))
 
     def exerted(self, span: Vec, moment: Array) -> Wrench:
-        """Force on the wheel, and the moment about its axis that it must have; `span` goes from its axis to that of the
-        other. Friction between the teeth is left out."""
-        to_pitch = 1 / (1 - self.ratio())  # pitch point = where both have the same speed
+        """Force on the gear, and the required moment about its axis; `span` goes from its axis to that of the other.
+        Friction between the teeth is neglected."""
+        to_pitch = 1 / (1 - self.ratio())  # pitch point = where both have the same velocity
         radius = safe_sqrt(span.squared()) * to_pitch
         along = span * safe_divide(jnp.ones_like(radius), safe_sqrt(span.squared()))
         pull = safe_divide(moment, radius)
@@ -88,10 +88,10 @@ class Teeth(eqx.Module):
 
 
 class Belt(eqx.Module):
-    """A belt, chain or cable round two wheels: `radius` of the wheel itself, and of the `other` one (m).
+    """A belt, chain or cable around two pulleys: `radius` of the pulley itself, and of the `other` one (m).
 
-    `crossed` turns them in opposite senses. `tension` (N) is that of the slack strand. It does not slip, has no mass
-    and does not stretch. Raises `ValueError` for radii that are not above zero.
+    A `crossed` belt turns them in opposite senses. `tension` (N) is that of the slack strand. The belt does not slip
+    or stretch and has no mass. Raises `ValueError` for radii that are not positive, and for a negative tension.
     """
 
     radius: Array = eqx.field(converter=as_float)
@@ -106,28 +106,28 @@ class Belt(eqx.Module):
                 raise ValueError(f"{name} of a belt must be above zero, but is {value} m")
         slack = known(self.tension)
         if slack is not None and not (slack >= 0).all():
-            raise ValueError(f"the slack strand of a belt can only pull, but its tension is {slack} N")
+            raise ValueError(f"tension of the slack strand of a belt must not be negative, but is {slack} N")
 
     def ratio(self) -> Array:
-        """Turns of the wheel for one of the other, as seen from the link that carries both."""
+        """Turns of the pulley per turn of the other, relative to the link that carries both."""
         return (-1.0 if self.crossed else 1.0) * self.other / self.radius
 
     def turned_round(self) -> Belt:
-        """The same, seen from the other wheel."""
+        """The same belt, as that of the other pulley."""
         return Belt(self.other, self.radius, self.crossed, self.tension)
 
     def _slope(self, span: Vec) -> Array:
-        """Sine of the angle between strands and line of centres."""
+        """Sine of the angle between the strands and the line of centres."""
         against = self.radius + self.other if self.crossed else self.radius - self.other
         return safe_divide(against, safe_sqrt(span.squared()), 2.0)
 
     def apart(self, span: Vec) -> Margin:
-        """How far the wheels are from being too near to each other for strands between them."""
+        """Negative where the pulleys are too close to each other for strands between them."""
         gap = 1 - jnp.abs(self._slope(span))
         return Margin(gap, jnp.zeros_like(gap), jnp.zeros_like(gap))
 
     def exerted(self, span: Vec, moment: Array) -> Wrench:
-        """Force on the wheel, and the moment about its axis that it must have; `span` goes from its axis to that of the
+        """Force on the pulley, and the required moment about its axis; `span` goes from its axis to that of the
         other."""
         c = span * safe_divide(jnp.ones_like(moment), safe_sqrt(span.squared()))
         sine = self._slope(span)

@@ -1,4 +1,4 @@
-"""The pairs of a group."""
+"""The kinematic pairs of a group."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ FRAME = "frame"
 
 
 class Pair(NamedTuple):
-    """A pair between two links, or a link and the frame: "R" turns about the point, "P" slides along a guide; "G" are
-    wheels in gear on what `on` names, of which the first is a rack if `rack`."""
+    """A pair between two links, or a link and the frame: "R" turns about the point, "P" slides along a guide, "G" is a
+    mesh of gears carried by `on`, the first of them a rack if `rack`."""
 
     letter: str
     name: str
@@ -20,5 +20,5 @@ class Pair(NamedTuple):
 
     @property
     def ends(self) -> tuple[str, str]:
-        """The two that it joins."""
+        """The two links that it joins."""
         return self.one, self.other

@@ -1,7 +1,7 @@
-"""Passive links: they hold what is held already, and only move because their dimensions fit.
+"""Redundant links (passive constraints): they only repeat constraints, and can move because their dimensions fit.
 
-A third parallel crank, a second guide beside the first. What they carry of the force that they share with others
-depends on how tight they fit, which a rigid machine does not tell: here they carry none of it.
+Examples are a third parallel crank and a second guide beside the first. The forces that they share with other links are
+statically indeterminate: they depend on clearances. Here redundant links carry none of them.
 Source: passive constraints, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2.
 """
 
@@ -18,21 +18,21 @@ from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apa
 from linkjax.groups._guide import Guide, as_guide
 from linkjax.groups._state import LinkState
 
-FITS = 1e-6  # of its length, or of the longest link: what a passive link may be off
+FITS = 1e-6  # largest misfit of a redundant link, relative to its length or to the longest link
 
 
 def fit(off, size) -> Margin:
-    """One where it fits to the last digit, zero where it is off by as much as may be."""
+    """The margin of a misfit `off`: one for an exact fit, zero for the largest misfit."""
     value, d, dd = (safe_divide(part, FITS * size) for part in off)
     sign = jnp.sign(value)
     return Margin(1 - jnp.abs(value), -sign * d, -sign * dd)
 
 
 class RedundantLink(AbstractGroup):
-    """A `link` between the points `from_` and `to` that are there already, whose distance is always its length.
+    """A `link` between the existing points `from_` and `to`, whose distance is always its length.
 
-    At `to` it only takes what is across its axis, so that it carries its own weight, inertia and loads and nothing
-    else. Where the distance changes, its margin `fits` is negative.
+    Its pin at `to` only transmits a force across its axis, so the link carries only its own weight, inertia and loads.
+    Where the distance changes, its margin `fits` is negative.
     """
 
     kind: ClassVar[str] = "redundant_link"
@@ -66,7 +66,7 @@ class RedundantLink(AbstractGroup):
         return {self.from_: "", self.to: ""}
 
     def _span(self, points):
-        """From the first pin to the second, with its derivatives."""
+        """Vector from the first pin to the second, with its derivatives."""
         a, b = points[self.from_], points[self.to]
         return b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
 
@@ -100,10 +100,10 @@ class RedundantLink(AbstractGroup):
 
 
 class RedundantSlider(AbstractGroup):
-    """A `block` pinned to the point `from_` that is there already and always keeps to the `guide`.
+    """A `block` pinned to the existing point `from_`, which always stays on the `guide`.
 
-    The guide only takes a couple, so that the block carries its own weight, inertia and loads and nothing else. Where
-    the point leaves the guide, its margin `fits` is negative.
+    The guide only transmits a couple, so the block carries only its own weight, inertia and loads. Where the point
+    leaves the guide, its margin `fits` is negative.
     """
 
     kind: ClassVar[str] = "redundant_slider"

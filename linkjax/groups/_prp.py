@@ -1,4 +1,4 @@
-"""II4 (PRP): two blocks pinned to each other, each on a guide of its own: where two slots cross.
+"""II4 (PRP): two blocks pinned to each other, each in its own slot: the intersection of two slots.
 
 Source: any text on Assur groups, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4 (closure) and
 ch. 13 (reactions).
@@ -17,16 +17,16 @@ from linkjax.groups._guide import Guide, as_guide, crossing
 
 def _guides(slots: tuple[Guide | str, Guide | str]) -> tuple[Guide, Guide]:
     if len(slots) != 2:
-        raise ValueError(f"a PRP has two slots, but {len(slots)} are given")
+        raise ValueError(f"a PRP needs two slots, but {len(slots)} are given")
     one, two = slots
     return as_guide(one), as_guide(two)
 
 
 class PRP(AbstractGroup):
-    """Two `blocks` pinned to each other at `meet`, each on its own of two `slots`, at least one of which moves.
+    """Two `blocks` pinned to each other at `meet`, each in one of two `slots`, at least one of which moves.
 
-    `side` is +1 when the direction of the second slot points to the left of that of the first, -1 when to its right;
-    the group cannot be assembled where the slots are parallel. Each block has the axes of its slot.
+    `side` is +1 when the direction of the second slot points to the left of that of the first, -1 when to its right.
+    The group cannot be assembled where the slots are parallel. Each block has the axes of its slot.
     """
 
     kind: ClassVar[str] = "PRP"
@@ -39,7 +39,7 @@ class PRP(AbstractGroup):
     def __check_init__(self):
         check_side(self.kind, self.side)
         if isinstance(self.blocks, str) or len(self.blocks) != 2:
-            raise ValueError(f"a PRP has two blocks, but they are {self.blocks!r}")
+            raise ValueError(f"a PRP needs two blocks, but has {self.blocks!r}")
         if self.slots[0].on == self.slots[1].on:
             raise ValueError(f"the two slots of a PRP must be on two links, but both are on {self.slots[0].on!r}")
 
@@ -91,7 +91,7 @@ class PRP(AbstractGroup):
         one, two = self.blocks
         s, t = states[one].u, states[two].u
         whole, sine = loads[one].force + loads[two].force, s.cross(t)
-        first = s.perp() * (-whole.dot(t) / sine)  # all forces on both blocks along t: the first slot's balances them
+        first = s.perp() * (-whole.dot(t) / sine)  # by balance of both blocks along t
         second = t.perp() * (whole.dot(s) / sine)
         pin = -(loads[one].force + first)
         guides = (Wrench(force, -loads[name].moment) for force, name in ((first, one), (second, two)))

@@ -1,4 +1,4 @@
-"""G: a rack that a wheel moves, and a wheel (pinion) that a rack turns.
+"""G: a rack moved by a gear, and a gear (pinion) turned by a rack.
 
 Source: rolling of the pitch circle on the pitch line of the rack, e.g. Artobolevsky, Theory of Mechanisms and Machines,
 1988, ch. 7.
@@ -22,20 +22,20 @@ from linkjax.groups._winding import Winding, always, counted, nothing
 
 
 def check_radius(kind: str, radius: Array) -> None:
-    """Raise ValueError for a pitch radius that is none."""
+    """Raise ValueError for an invalid pitch radius."""
     value = known(radius)
     if value is not None and not (value > 0).all():
         raise ValueError(f"radius of a {kind} must be above zero, but is {value} m")
 
 
 class Rack(AbstractGroup):
-    """A `link` that slides along a `guide`, moved by the toothed wheel `to` of pitch `radius` (m) about `centre`.
+    """A rack `link` that slides along a `guide`, moved by the gear `to` of pitch `radius` (m) about `centre`.
 
-    The wheel's centre is a point of the link (or frame) that the guide is on, and lies to the left of the guide's
+    The gear's centre is a point of the link (or frame) that carries the guide. It is to the left of the guide's
     direction for `side` +1, to the right for -1. The rack's own point `end`, the origin of its axes, is `start` (m)
-    ahead of the foot of `through` on the path while the wheel stands at zero, as seen from there. A belt or cable that
-    pulls a slide is a rack with the `pressure_angle` zero. `path` and `cycle_turns` are filled in by `kinematics.prepared`.
-    Raises `ValueError` for a radius or side that is none.
+    ahead of the foot of `through` on the path when the gear, relative to the carrier, is at zero. For a slider pulled
+    by a belt or cable, the `pressure_angle` is zero. `path` and `cycle_turns` are filled in by `kinematics.prepared`.
+    Raises `ValueError` for an invalid radius, side or pressure angle.
     """
 
     kind: ClassVar[str] = "rack"
@@ -57,7 +57,7 @@ class Rack(AbstractGroup):
         check_radius(self.kind, self.radius)
         check_pressure(self.kind, self.pressure_angle)
         if self.to == self.guide.on:
-            raise ValueError(f"rack {self.link!r} slides on {self.to!r}, its own wheel; name what carries both")
+            raise ValueError(f"rack {self.link!r} slides on {self.to!r}, its own gear; name the link that carries both")
 
     def mates(self) -> tuple[str, str]:
         """The links whose angles it follows."""
@@ -91,7 +91,7 @@ class Rack(AbstractGroup):
         return (self,)
 
     def coupling(self) -> Coupling:
-        """What it keeps constant."""
+        """The quantity that the mesh keeps constant."""
         rolled = self.side * self.radius
         return Coupling({self.to: -rolled, self.guide.on: rolled}, {self.link: jnp.ones_like(rolled)})
 
@@ -123,7 +123,7 @@ class Rack(AbstractGroup):
         )
 
     def exerted(self, pull: Array, states, points) -> Wrench:
-        """Force on the rack and its moment about its own point, when it is pulled so hard along the guide."""
+        """Force on the rack and its moment about the rack's own point, for the force `pull` along the guide."""
         t = states[self.link].u
         n = t.perp() * float(self.side)
         force = t * pull - n * push(pull, self.pressure_angle)
@@ -138,14 +138,14 @@ class Rack(AbstractGroup):
 
 
 class Pinion(AbstractWheel):
-    """A toothed wheel `link` of pitch `radius` (m) that turns about `pivot`, moved by the rack `to`.
+    """A gear `link` of pitch `radius` (m) that turns about `pivot`, moved by the rack `to`.
 
-    `pivot` is a point of the `carrier`, the frame or the link along which the rack slides; it lies to the left of the
-    rack's direction for `side` +1, to the right for -1. Seen from the carrier the wheel stands at `phase` (rad) while
-    the rack's point `at` is `start` (m) ahead of `through`, another point of the carrier, along the rack; abreast of
-    the pivot, if these are left out. Its turns are counted as those of a `Gear`. `end` names a pin of the wheel at its
-    length, if it has one. `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for a radius,
-    side or pressure angle that is none.
+    `pivot` is a point of the `carrier`, the frame or the link along which the rack slides. It is to the left of the
+    rack's direction for `side` +1, to the right for -1. Relative to the carrier, the gear is at `phase` (rad) when the
+    rack's point `at` is `start` (m) ahead of `through` along the rack. `through` is another point of the carrier, by
+    default the pivot. The turns are counted as those of a `Gear`. `end` names a pin of the gear at its length, if it
+    has one. `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for an invalid radius,
+    side or pressure angle.
     """
 
     kind: ClassVar[str] = "pinion"
@@ -193,7 +193,7 @@ class Pinion(AbstractWheel):
         return self.in_gear(self.to)
 
     def coupling(self) -> Coupling:
-        """What it keeps constant."""
+        """The quantity that the mesh keeps constant."""
         one = jnp.ones_like(self.radius)
         return Coupling({self.link: one, self.carrier: -one}, {self.to: -self.side / self.radius})
 
@@ -213,6 +213,6 @@ class Pinion(AbstractWheel):
     def react(self, loads, states, points):
         t, load = states[self.to].u, loads[self.link]
         n, moment = t.perp() * float(self.side), -load.moment
-        pull = self.side * moment / self.radius  # acts at the pitch point, the radius to the right of the pivot
+        pull = self.side * moment / self.radius  # acts at the pitch point, one radius to the right of the pivot
         force = t * pull + n * push(pull, self.pressure_angle)
         return (Wrench(-(load.force + force), jnp.zeros_like(moment)), Wrench(force, moment)), None

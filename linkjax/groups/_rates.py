@@ -1,6 +1,6 @@
-"""How the rates of links violate the pairs between them, where points lie at random or as told.
+"""How the rates of links violate the pairs between them, for random or given positions of the points.
 
-What holds at random places is what structure alone decides.
+What holds at random positions depends on the structure alone.
 """
 
 from __future__ import annotations
@@ -11,30 +11,32 @@ import numpy as np
 
 from linkjax.groups._pairs import FRAME, Pair
 
-GENERIC = 1e-9  # a singular value below this of the largest counts as none, where all places are drawn at random
+GENERIC = 1e-9  # smaller singular values, relative to the largest, count as zero at random positions
 Lies = Mapping[str, tuple[float, float, float]]
 
 
 def taken(pair: Pair) -> int:
-    """Degrees of freedom that a pair takes."""
+    """Degrees of freedom that a pair removes."""
     return 1 if pair.letter == "G" else 2
 
 
 def place_name(pair: Pair) -> str:
-    """What the place of a pair is filed under: pins at one point lie on one place."""
+    """The key of a pair's position: pins at one point share it."""
     return pair.name if pair.letter == "R" else f"{pair.name} of {pair.one}"
 
 
 def rates(
     links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None, lies: Lies | None = None
 ) -> np.ndarray:
-    """How the rates of all links (x, y, angle each) violate the pairs, two rows each and one for wheels in gear; the
-    last row is the rate of the drive. `lies` says where points and guides are (x, y, direction), by `place_name`; else
-    they lie at random."""
+    """The matrix from the rates of all links (x, y, angle each) to the violations of the pairs.
+
+    Each pair has two rows, gears in mesh have one; the last row is the rate of the drive. `lies` gives the positions of
+    points and guides (x, y, direction) by `place_name`; other positions are random.
+    """
     rng = np.random.default_rng(1)
     column = {name: 3 * i for i, name in enumerate(links)}
     spots: dict[str, tuple[float, float, float]] = dict(lies or {})
-    along: dict[str, np.ndarray] = {}  # of every block on its guide
+    along: dict[str, np.ndarray] = {}  # rate of every block on its guide
 
     def row(pair: Pair, at_one: Sequence[float]) -> np.ndarray:
         found = np.zeros(3 * len(links))
@@ -66,14 +68,14 @@ def rates(
 
 
 def null_space(matrix: np.ndarray) -> np.ndarray:
-    """Rows that span what the matrix takes to zero."""
+    """Rows that span the null space of the matrix."""
     _, sizes, right = np.linalg.svd(matrix)
     rank = int(np.sum(sizes > GENERIC * sizes[0])) if sizes.size else 0
     return right[rank:]
 
 
 def bodies(links: Sequence[str], pairs: Sequence[Pair]) -> dict[str, str]:
-    """For each link the first of those that cannot move against it, as the pairs between links hold them."""
+    """For each link the first link relative to which it cannot move, by the pairs between the links."""
     free = null_space(rates(links, pairs)) if pairs else np.eye(3 * len(links))
     each = free.T.reshape((len(links), 3, len(free)))
     found: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""II5 (RPP): a block pinned to a point slides in the slot of a slide, which slides on a guide: a scotch yoke.
+"""II5 (RPP): a block pinned to a point slides in the slot of a slider, which slides on a guide: a Scotch yoke.
 
 Source: any text on Assur groups, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4 (closure) and
 ch. 13 (reactions).
@@ -21,12 +21,11 @@ from linkjax.groups._guide import Guide, Line, as_guide, crossing
 
 
 class RPP(AbstractGroup):
-    """A slide `link` on a `guide` (or the name of a frame point through which it runs along x), and a `block` pinned at
-    the point `from_` that slides in the slide's slot.
+    """A slider `link` on a `guide`, and a `block` pinned at the point `from_` that slides in the slider's slot.
 
-    `end` is the slide's own point on the path that the guide prescribes, and its origin; its axis is along the path.
-    The slot runs at the angle `slot` (rad) to it, shifted from `end` to the slot's left by `offset` (m). The block has
-    the slot's axes.
+    `guide` may be the name of a frame point; the guide then passes through this point, parallel to x. `end` is the
+    slider's own point on the path of the guide, and its origin; its axis is along the path. The slot is at the angle
+    `slot` (rad) to this axis, shifted from `end` to the slot's left by `offset` (m). The block has the slot's axes.
     """
 
     kind: ClassVar[str] = "RPP"
@@ -42,7 +41,7 @@ class RPP(AbstractGroup):
     def __check_init__(self):
         slot = known(self.slot)
         if slot is not None and np.any(np.abs(np.sin(slot)) < 1e-9):
-            raise ValueError(f"the slot of an RPP must not lie along its guide, but stands at {slot} rad to it")
+            raise ValueError(f"the slot of an RPP must not be parallel to its guide, but its angle to it is {slot} rad")
 
     def link_names(self):
         return (self.link, self.block)
@@ -86,7 +85,7 @@ class RPP(AbstractGroup):
     def react(self, loads, states, points):
         t, s = states[self.link].u, states[self.block].u
         on_slide, on_block = loads[self.link], loads[self.block]
-        push = s.perp() * (-on_slide.force.dot(t) / t.cross(s))  # on the block by the slot
+        push = s.perp() * (-on_slide.force.dot(t) / t.cross(s))  # force on the block by the slot
         lift = t.perp() * (push - on_slide.force).dot(t.perp())
         arm = points[self.from_].r - points[self.end].r
         couple = arm.cross(push) - on_slide.moment - on_block.moment

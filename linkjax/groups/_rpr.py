@@ -1,4 +1,4 @@
-"""II3 (RPR): a block that slides along a lever: the slotted lever of a shaper, a swinging cylinder.
+"""II3 (RPR): a block that slides along a lever: the slotted lever of a shaper, an oscillating cylinder.
 
 Source: any text on Assur groups, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 4 (closure) and
 ch. 13 (reactions).
@@ -21,9 +21,9 @@ from linkjax.groups._state import LinkState, PointState
 class RPR(AbstractGroup):
     """A lever `link` pinned at the point `about`, and a `block` pinned at the point `from_` that slides along it.
 
-    The pin of the block runs on a line of the lever that is parallel to its axis, shifted to its left by `offset` (m).
-    `side` is +1 when it lies ahead of the lever's pivot, -1 when behind. `end` is the lever's far pin, on its axis;
-    the margin is measured by the distance to it, for the group has no other length. The block has the lever's axes.
+    The pin of the block moves on a line of the lever, parallel to its axis and shifted to its left by `offset` (m).
+    `side` is +1 when the pin is ahead of the lever's pivot, -1 when it is behind. `end` is the lever's far pin, on its
+    axis. The margin is relative to the length of the lever. The block has the lever's axes.
     """
 
     kind: ClassVar[str] = "RPR"
@@ -50,7 +50,7 @@ class RPR(AbstractGroup):
         return {self.link: (self.about, self.end), self.block: (self.from_, None)}
 
     def _span(self, points):
-        """From the lever's pivot to the block's pin; of length one where they coincide, which the margin tells."""
+        """From the lever's pivot to the block's pin; of length one where they coincide (no positive margin)."""
         d = points[self.from_].r - points[self.about].r
         return Vec(jnp.where(d.squared() > 0, d.x, 1.0), d.y)
 
@@ -60,8 +60,8 @@ class RPR(AbstractGroup):
         d, v, c = self._span(points), b.dr - a.dr, b.ddr - a.ddr
         squared = d.squared()
         ahead = squared - self.offset * self.offset
-        s = once(jnp.where(ahead > 0, safe_sqrt(ahead, 1.0), 0.1 * length)) * self.side  # or a flagged placeholder,
-        # with which the direction is finite, not of length one
+        s = once(jnp.where(ahead > 0, safe_sqrt(ahead, 1.0), 0.1 * length)) * self.side  # or a placeholder (negative
+        # margin), with which the direction is finite, but not of length one
         whole = jnp.where(ahead > 0, squared, s * s + self.offset**2)
         u = (d * s - d.perp() * self.offset) / whole
         n = u.perp()
@@ -82,7 +82,7 @@ class RPR(AbstractGroup):
         r = safe_sqrt(d.squared())
         dr = safe_divide(d.dot(v), r)
         ddr = safe_divide(d.dot(c) + v.squared() - dr * dr, r)
-        off = safe_sqrt(self.offset * self.offset)  # with a slope of zero where it is zero
+        off = safe_sqrt(self.offset * self.offset)  # with derivative zero at zero
         return {"pivot": Margin((r - off) / length, dr / length, ddr / length)}
 
     def transmission(self, states, points):

@@ -1,4 +1,4 @@
-"""II2 (RRP): a rod and a block that slides on a straight guide, offset and inclined, of the frame or of a link."""
+"""II2 (RRP): a rod and a block on a straight guide of the frame or of a link, with offset and inclination."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ from linkjax.groups._state import LinkState, PointState
 class RRP(AbstractGroup):
     """A rod `link` from point `from_` to the pin `end` of a sliding `block`.
 
-    The path of the pin is the `guide`, or the name of a frame point through which it runs along x.
-
-    `side` is +1 when the pin lies ahead of the foot of the perpendicular on the path, -1 when behind. The block's axes
-    are along the path and to its left. With `branch` "continue" the side is so just after crank angle zero, and motion
-    goes on smoothly through change points, where it turns round; `path` and `cycle_turns` are then filled in by
-    `kinematics.prepared`.
+    The `guide` is the path of the pin. It may be the name of a frame point; the path then passes through this point,
+    parallel to x. `side` is +1 when the pin is ahead of the foot of the perpendicular from `from_` on the path, -1 when
+    it is behind. The block's axes are along the path and to its left. With `branch` "continue", `side` applies just
+    after crank angle zero; the motion continues smoothly through change points, where the side changes. `path` and
+    `cycle_turns` are then filled in by `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "RRP"
@@ -68,7 +67,7 @@ class RRP(AbstractGroup):
         over = h
         if self.path is not None:  # zero at a change point
             over = jnp.where(jnp.abs(h) < 1e-12 * length, 1e-12 * length, h)
-        w = -height.d / over  # as seen from the guide the pin does not move across it: height' + w h = 0
+        w = -height.d / over  # relative to the guide the pin does not move across it: height' + w h = 0
         e = -(height.dd + w * w * q) / over
         if self.path is not None:
             near = self.path.near(phi, self.cycle_turns)
@@ -85,19 +84,19 @@ class RRP(AbstractGroup):
         return {self.link: LinkState(rod / length, w, e), self.block: carrier}, {self.end: end}
 
     def _reach(self, length, q):
-        """How far the pin is along the guide from the foot of the other; a flagged placeholder where it is nowhere."""
+        """Distance of the pin along the guide from the foot of `from_`; a placeholder where the margin is negative."""
         squared = (length - q) * (length + q)
         return once(jnp.where(squared > 0, safe_sqrt(squared, 1.0), 0.1 * length))
 
     def gaps(self, links, states, points):
-        """Both distances to a dead position, their derivatives, and what counts as zero."""
+        """Both distances to a singular position, their derivatives, and the tolerance of zero."""
         length = links[self.link].length
         height = jnp.stack(self.guide.line(states, points).height(points[self.from_])) / length
         whole = jnp.zeros_like(height).at[0].set(1.0)
         return (*jnp.stack([whole - height, whole + height]).T, jnp.full(2, TOUCHING))
 
     def coordinates(self, links, states, points, sense):
-        """What a polynomial takes through a change point."""
+        """The coordinates that a polynomial interpolates through a change point."""
         q = self.guide.line(states, points).height(points[self.from_]).value
         h = self._reach(links[self.link].length, q) * self.side * sense
         return jnp.stack([h, jnp.zeros_like(h)])
@@ -108,7 +107,7 @@ class RRP(AbstractGroup):
     def margins(self, links, states, points, phi):
         length = links[self.link].length
         q, dq, ddq = self.guide.line(states, points).height(points[self.from_])
-        beyond = TOUCHING if self.branch == "continue" else 0.0  # change points are passed
+        beyond = TOUCHING if self.branch == "continue" else 0.0  # motion passes through change points
         return {
             "left": Margin((length - q) / length + beyond, -dq / length, -ddq / length),
             "right": Margin((length + q) / length + beyond, dq / length, ddq / length),
@@ -135,7 +134,7 @@ class RRP(AbstractGroup):
         on_rod, on_block = loads[self.link], loads[self.block]
         push = on_block.force.dot(t)
         reach = rod.dot(t)
-        if self.path is not None:  # zero at a change point, where reactions have no bound
+        if self.path is not None:  # zero at a change point, where reactions are unbounded
             least = IN_LINE * safe_sqrt(rod.squared(), 1.0)
             reach = jnp.where(jnp.abs(reach) < least, least, reach)
         lift = -(on_rod.moment + push * rod.cross(t)) / reach

@@ -19,11 +19,11 @@ from linkjax.groups._state import LinkState, PointState
 
 
 class RRR(AbstractGroup):
-    """Two links, the first from point `from_`, the second from point `to`, meeting in a pin `meet`.
+    """Two links, the first from point `from_`, the second from point `to`, joined by the pin `meet`.
 
     `side` is +1 when `meet` lies to the left of the directed line from `from_` to `to`, -1 when to the right. With
-    `branch` "continue" it is so just after crank angle zero, and motion goes on smoothly through change points, where
-    the side turns round; `path` and `cycle_turns` are then filled in by `kinematics.prepared`.
+    `branch` "continue", `side` applies just after crank angle zero; the motion continues smoothly through change
+    points, where the side changes. `path` and `cycle_turns` are then filled in by `kinematics.prepared`.
     """
 
     kind: ClassVar[str] = "RRR"
@@ -77,22 +77,22 @@ class RRR(AbstractGroup):
         return {self.links[0]: first, self.links[1]: second}, {self.meet: meet}
 
     def _crossing(self, links, points, side):
-        """The links as vectors, from their outer pins to where they meet, its height over the line of these, and their
-        distance."""
+        """The links as vectors from the outer pins to the inner pin, its distance from the line of the outer pins, and
+        the distance between these."""
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         span = points[self.to].r - points[self.from_].r
         r = safe_sqrt(span.squared(), 1.0)
         along = span / r
-        # h = height of the crossing over the line a-b, from Heron's product: no digits lost near a dead position
+        # h = distance of the inner pin from the line a-b, by Heron's product, accurate near a singular position
         squared = (l1 + l2 - r) * (l1 + l2 + r) * (r - l1 + l2) * (r + l1 - l2)
         h = safe_sqrt(squared, jnp.asarray(1.0)) / (2 * r)
-        h = jnp.where(squared > 0, h, 0.1 * (l1 + l2))  # cannot close: a finite placeholder, flagged by the margin
+        h = jnp.where(squared > 0, h, 0.1 * (l1 + l2))  # a finite placeholder where the margin is negative
         foot = 0.5 * (r + (l1 - l2) * (l1 + l2) / r)
         up = along.perp() * (side * h)
         return along * foot + up, along * (foot - r) + up, h, r
 
     def gaps(self, links, states, points):
-        """Both distances to a dead position as smooth functions, their derivatives, and what counts as zero."""
+        """Both distances to a singular position as smooth functions, their derivatives, and the tolerance of zero."""
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
         s, ds, dds = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
@@ -103,7 +103,7 @@ class RRR(AbstractGroup):
         return (*(found / total**2).T, zero)
 
     def coordinates(self, links, states, points, sense):
-        """What a polynomial takes through a change point."""
+        """The coordinates that a polynomial interpolates through a change point."""
         p = self._crossing(links, points, self.side * sense)[0]
         return jnp.stack([p.x, p.y])
 
@@ -117,7 +117,7 @@ class RRR(AbstractGroup):
         r = safe_sqrt(s.squared())
         dr = safe_divide(s.dot(ds), r)
         ddr = safe_divide(s.dot(dds) + ds.squared() - dr * dr, r)
-        total, beyond = l1 + l2, TOUCHING if self.branch == "continue" else 0.0  # change points are passed
+        total, beyond = l1 + l2, TOUCHING if self.branch == "continue" else 0.0  # motion passes through change points
         return {
             "stretched": Margin((total - r) / total + beyond, -dr / total, -ddr / total),
             "folded": Margin((r - jnp.abs(l1 - l2)) / total + beyond, dr / total, ddr / total),
@@ -138,7 +138,7 @@ class RRR(AbstractGroup):
         one, two = self.links
         p, q = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
         det = p.cross(q)
-        if self.path is not None:  # zero at a change point, where reactions have no bound
+        if self.path is not None:  # zero at a change point, where reactions are unbounded
             least = IN_LINE * safe_sqrt(p.squared() * q.squared(), 1.0)
             det = jnp.where(jnp.abs(det) < least, least, det)
         m1, m2 = loads[one].moment, loads[two].moment

@@ -1,4 +1,4 @@
-"""States of points and links: where they are, and their first and second kinematic coefficients."""
+"""States of points and links: position, and first and second kinematic coefficients."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from linkjax._vec import Vec, zero
 
 
 class PointState(NamedTuple):
-    """Position of a point and its first and second kinematic coefficients (derivatives by the crank angle φ)."""
+    """Position of a point and its first and second kinematic coefficients (derivatives with respect to the crank
+    angle φ)."""
 
     r: Vec
     dr: Vec
@@ -18,8 +19,8 @@ class PointState(NamedTuple):
 
 
 class LinkState(NamedTuple):
-    """Orientation of a link as the unit vector `u` along it, with ω' = dθ/dφ and ε' = d²θ/dφ²; its `angle` (rad) with
-    all turns counted where that is known in closed form, as of cranks and wheels."""
+    """Orientation of a link as the unit vector `u` along it, with ω' = dθ/dφ and ε' = d²θ/dφ². Its `angle` (rad)
+    includes whole turns and is given where it is known in closed form, as for cranks and gears."""
 
     u: Vec
     w: Array
@@ -33,7 +34,7 @@ def at_rest(r: Vec) -> PointState:
 
 
 def carried(origin: PointState, link: LinkState, at: Vec, translating: bool = False) -> PointState:
-    """State of a point of a link, `at` in the link's frame."""
+    """State of a point of a link, `at` in the link's axes."""
     arm = at.turned(link.u).once()
     if translating:
         return PointState(origin.r + arm, origin.dr, origin.ddr)

@@ -1,4 +1,4 @@
-"""The reference path of a general group: where Newton's method begins at any crank angle."""
+"""The reference path of a group of higher class: start values of Newton's method at any crank angle."""
 
 from __future__ import annotations
 
@@ -13,28 +13,31 @@ from linkjax.groups._winding import Winding
 
 
 def closed_to(dtype: Any) -> float:
-    """What an assembly may leave open, of the size of the group: some thousand times the rounding."""
+    """Largest closure error, relative to the size of the group, that counts as closed: well above rounding."""
     return float(jnp.finfo(dtype).eps) ** 0.6
 
 
 def slow(dtype: Any) -> float:
-    """What it may leave open where steps are slow: at a change point."""
+    """The same where Newton's method converges slowly: at a change point."""
     return float(jnp.finfo(dtype).eps) ** 0.4
 
 
 def met(dtype: Any) -> float:
-    """A least singular value below this is none: it is the root of what rounding leaves open where assemblies meet."""
+    """A smaller least singular value counts as zero: the square root of rounding, where assembly modes coincide."""
     return 2 * float(jnp.finfo(dtype).eps) ** 0.5
 
 
 class Track(NamedTuple):
-    """Configurations of a group at equal steps of the crank, the mean of their Jacobian's determinant, whose sign tells
-    assemblies apart, and what they leave open, of the size of the group; how the links turn round that its wheels are
-    in gear with; and the first of the four places that say where the group is in the lower and the upper half of every
-    step (as floating numbers, as all leaves of a mechanism are; below zero, or beyond the last, they go on at the other
-    end); the size of the group (m); by how many whole turns its gears are off; the crank angles (rad) between which it
-    could not be followed, the first behind the second where it was followed all the way; and the last configurations
-    that were followed up and down from zero, with their crank angles."""
+    """Configurations `z` of a group at equal steps of the crank, the mean `sense` of their Jacobian's determinant
+    (its sign distinguishes assembly modes), and their closure errors `gap`, relative to the size of the group.
+
+    `wound` holds the unwound angles of the links that the gears follow. `first` is, for the lower and the upper half of
+    every step, the first of the four points of the path for interpolation (as floating-point numbers, like all leaves
+    of a mechanism; below zero, or beyond the last, they continue at the other end). `size` is the size of the group
+    (m), `whole` the offset of its meshes in whole turns. Between the crank angles `lost` (rad) the group could not be
+    followed; the first exceeds the second if it was followed over the whole cycle. `tips` are the last configurations
+    that were followed up and down from zero, `tips_at` their crank angles.
+    """
 
     z: Array
     sense: Array
@@ -48,15 +51,15 @@ class Track(NamedTuple):
     tips_at: Array | None = None
 
     def place(self, phi: Array, cycle_turns: int) -> tuple[Array, Array]:
-        """Step of the path at a crank angle, and how far in it; the path goes over so many turns."""
+        """Step of the path at a crank angle, and the fraction of it; the path covers `cycle_turns` turns."""
         count, span = self.sense.size - 1, 2 * jnp.pi * cycle_turns
         place = wrapped(phi, span) * (count / span)
         whole = jnp.clip(jnp.floor(place), 0, count - 1)
         return whole.astype(int), place - whole
 
     def nearby(self, phi: Array, cycle_turns: int) -> tuple[Array, Array]:
-        """Four places of the path near a crank angle, on one side of where the group does not close (below zero, or
-        beyond the last, they go on at the other end), and how far the angle is from the first of them, in steps."""
+        """Four points of the path near a crank angle, on one side of where the group does not close (below zero, or
+        beyond the last, they continue at the other end), and the distance of the angle from the first, in steps."""
         i, rest = self.place(phi, cycle_turns)
         assert self.first is not None
         span = 2 * jnp.pi * cycle_turns
@@ -66,45 +69,45 @@ class Track(NamedTuple):
         return first + jnp.arange(4), rest + (i - first).astype(rest.dtype)
 
     def _round(self, four: Array) -> tuple[Array, Array]:
-        """Places of the path, which begins again where it ends, and how often they have come round."""
+        """Points wrapped to the path, which repeats after its end, and the number of repetitions."""
         last = self.sense.size - 1
         rounds = (four > last).astype(int) - (four < 0).astype(int)
         return four - rounds * last, rounds
 
     def sense_at(self, phi: Array, cycle_turns: int) -> Array:
-        """The sense of the Jacobian's determinant at a crank angle."""
+        """The sign of the Jacobian's determinant at a crank angle."""
         return jnp.sign(self.sense[self._round(self.nearby(phi, cycle_turns)[0])[0][1]])
 
     def at(self, phi: Array, cycle_turns: int) -> Array:
-        """The configuration at a crank angle, roughly: a cubic through four places of the path, or through those of
-        them that were reached and where it ends nearby."""
+        """The approximate configuration at a crank angle: a cubic through four points of the path, or through those of
+        them that were reached and a nearby end of the path."""
         four, x = self.nearby(phi, cycle_turns)
         rows, ahead = self._round(four)
         assert self.tips is not None
         span = 2 * jnp.pi * cycle_turns
         place = four.astype(phi.dtype)
         z, down = jnp.concatenate([self.z[rows], self.tips]), self._before_zero(place, span)
-        if self.z.shape[2] == 3:  # angles go on from turn to turn
+        if self.z.shape[2] == 3:  # angles increase from turn to turn
             ahead = jnp.concatenate([ahead, jnp.asarray([0, -1]) + down.astype(int)]).astype(phi.dtype)
             rounds = jnp.round((phi - wrapped(phi, span)) / span) + ahead
             z = z.at[:, :, 2].add(jnp.outer(rounds, self.z[-1, :, 2] - self.z[0, :, 2]))
         return jnp.tensordot(self._weights(place, rows, x, span), z, 1)
 
     def _before_zero(self, place: Array, span: float) -> Array:
-        """Whether these four places of the path were reached on the way down."""
+        """Whether these four points of the path were reached downwards from zero."""
         return self.ends() & ((place[0] + 1.5) * (span / (self.sense.size - 1)) > self.middle())
 
     def _weights(self, place: Array, rows: Array, x: Array, span: float) -> Array:
-        """What four places of the path, and its ends, count for at a place so many steps from the first of them.
+        """Weights of four points of the path, and of its ends, at a point `x` steps from the first of them.
 
-        Near its ends in an angle that is there like the root of the distance: so a group moves where two of its
-        assemblies meet.
+        Near the ends, interpolation uses an angle that varies as the square root of the distance, as the motion does
+        where two assembly modes coincide.
         """
         assert self.lost is not None and self.tips_at is not None
         step = span / (self.sense.size - 1)
         at = place * step - jnp.where(self._before_zero(place, span), span, 0.0)
         sound = self.gap[rows] < closed_to(self.gap.dtype)
-        eases = self.ends() & jnp.any(sound)  # else it is right between its ends
+        eases = self.ends() & jnp.any(sound)  # else the angle is amid the range that was not followed
         apart = jnp.abs(self.tips_at[:, None] - at[None]) * (1 / step)
         beside = (
             eases
@@ -118,36 +121,36 @@ class Track(NamedTuple):
         return _lagrange(jnp.where(eases, eased, at), there)
 
     def elsewhere(self, phi: Array, cycle_turns: int) -> Array:
-        """Whether the group is where it was not followed to, or in another assembly than it began with."""
+        """Whether the group could not be followed to here, or is in another assembly mode than at first."""
         assert self.lost is not None
         here = wrapped(phi, 2 * jnp.pi * cycle_turns)
         unknown = (here > self.lost[0]) & (here < self.lost[1])
         return unknown | (self.sense_at(phi, cycle_turns) * self.sense[0] < 0)
 
     def ends(self) -> Array:
-        """Whether it cannot be followed all the way."""
+        """Whether the group cannot be followed over the whole cycle."""
         assert self.lost is not None
         return self.lost[0] < self.lost[1]
 
     def middle(self) -> Array:
-        """Crank angle (rad) in the middle of where it was not followed."""
+        """Crank angle (rad) in the middle of the range that was not followed."""
         assert self.lost is not None
         return 0.5 * (self.lost[0] + self.lost[1])
 
     def astray(self, but: np.ndarray | None = None) -> Array:
-        """Whether it does not come back to where it began; some links may be left out."""
+        """Whether the group does not return to its initial position; the links in `but` are ignored."""
         kept = self.z if but is None else self.z[:, ~but]
         moved, turned = jnp.split(kept[-1] - kept[0], [2], axis=1)
         assert self.size is not None
         turned = nearest_turn(turned, 2 * jnp.pi) if self.z.shape[2] == 3 else turned
         apart = jnp.maximum(
             jnp.max(jnp.abs(turned), initial=0.0), jnp.max(jnp.abs(moved), initial=0.0) / self.size
-        )  # racks only slide on
+        )  # racks only slide
         return apart > jnp.finfo(apart.dtype).eps ** 0.4
 
     def trouble(self) -> str:
-        """What is wrong with it: "ends" where it cannot be followed all the way, "change point" where it goes on in
-        another assembly, "astray" where it does not come back; "" for nothing."""
+        """The problem: "ends" if the group cannot be followed over the whole cycle, "change point" if it passes into
+        another assembly mode, "astray" if it does not return; "" for none."""
         if bool(self.ends()):
             return "ends"
         flips = bool(jnp.any(jnp.sign(self.sense) != jnp.sign(self.sense[0])))
@@ -155,7 +158,7 @@ class Track(NamedTuple):
 
 
 def _lagrange(nodes: Array, there: Array) -> Array:
-    """What values at all nodes but the last count for there, where a polynomial goes through those that are there."""
+    """Weights of all nodes but the last, at the last node, for a polynomial through the nodes that are `there`."""
     nodes, x = nodes[:-1], nodes[-1]
     apart = nodes[:, None] - nodes[None]
     pairs = there[None] & (apart != 0)

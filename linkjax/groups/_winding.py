@@ -1,4 +1,4 @@
-"""Angles of links that may turn round and round, unwound along the crank."""
+"""Unwound angles of rotating links along the cycle: angles that include whole turns."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from linkjax.groups._base import Margin
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState
 
-FASTEST = 3.0  # rad a step of the path, up to which turns are counted
+FASTEST = 3.0  # rad per step of the path, up to which turns are counted
 
 
 class Winding(NamedTuple):
@@ -25,7 +25,7 @@ class Winding(NamedTuple):
     w: Array
 
     def angle(self, number: int, u: Vec, phi: Array, cycle_turns: int) -> Array:
-        """The angle of a link whose direction is `u`: to the last digit, and in the right turn."""
+        """The angle of a link whose direction is `u`: accurate to rounding, and in the right turn."""
         count, span = self.at.shape[1] - 1, 2 * jnp.pi * cycle_turns
         here = wrapped(phi, span)
         place = here * (count / span)
@@ -40,33 +40,36 @@ class Winding(NamedTuple):
         return rough + nearest_turn(jnp.atan2(u.y, u.x) - rough, 2 * jnp.pi)
 
     def missed(self, turns: Array, path_turns: int) -> Array:
-        """How far from where it began is what should turn by a whole number of `turns` (rad) over the path, on the unit
-        circle; infinite where the links are too fast for their turns to be counted."""
+        """Distance on the unit circle between the initial and the final position, for `turns` (rad) over the path;
+        infinite where the links turn too fast for their turns to be counted."""
         return jnp.where(self.too_fast(path_turns), jnp.inf, 2 * jnp.abs(jnp.sin(0.5 * turns)))
 
     def too_fast(self, cycle_turns: int) -> Array:
-        """Whether links turn so fast that their turns cannot be counted."""
+        """Whether links turn too fast for their turns to be counted."""
         step = 2 * jnp.pi * cycle_turns / (self.at.shape[1] - 1)
         return jnp.max(jnp.abs(self.w)) * step > FASTEST
 
     def covered(self) -> Array:
-        """By how much each link turns in all (rad)."""
+        """Total rotation of each link (rad)."""
         return self.at[:, -1] - self.at[:, 0]
 
 
 def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
-    """Angles of links along the crank, from their states at equal steps (leaves of that shape) and whether they can be
-    assembled there: the first within half a turn of zero where they are not counted already; from step to step by
-    their rates, and to the last digit. Over steps where these are none, or grow beyond all bounds, as near a dead
-    position, they turn the shorter way. Where that is as near as nothing to half round, as when a dyad's far pins
-    nearly meet, either could be it: the rate is told as too fast."""
+    """Angles of links along the cycle, from their states at equal steps (leaves of that shape) and whether they can be
+    assembled there (`closes`).
+
+    The first angle is within half a turn of zero, unless whole turns are known already. From step to step the rates
+    determine the turn. Where rates do not exist or are unbounded, as near a singular position, links turn the shorter
+    way. Where this is almost half a turn, as when a dyad's outer pins nearly coincide, the sense is ambiguous: the rate
+    is then set to a value that counts as too fast.
+    """
     rows, rates = [], []
     last = jnp.maximum(jax.lax.cummax(jnp.where(closes, jnp.arange(closes.size), 0)), jnp.argmax(closes))
     for state in states:
         w, e = state.w, state.e
         if state.angle is not None:
             rows.append(state.angle)
-            rates.append(jnp.zeros_like(w))  # of what is counted already none is needed
+            rates.append(jnp.zeros_like(w))  # not needed where turns are known already
             continue
         angle = jnp.atan2(state.u.y, state.u.x)[last]
         known = closes & (jnp.abs(w) * step < FASTEST)
@@ -81,19 +84,19 @@ def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
 
 
 def always(phi: Array) -> Margin:
-    """The margin of what can stand at every crank angle: only over the cycle it may not come round."""
+    """The margin of a group that can be assembled at every crank angle, but may not return after the cycle."""
     return Margin(jnp.ones_like(phi), jnp.zeros_like(phi), jnp.zeros_like(phi))
 
 
 def nothing(missed: Array) -> Array:
-    """Whether what is missed after the cycle is nothing but rounding."""
+    """Whether the distance missed after the cycle is only rounding."""
     return missed < jnp.finfo(missed.dtype).eps ** 0.4
 
 
 def counted(
     name: str, number: int, states: Mapping[str, LinkState], path: Winding | None, phi: Array, cycle_turns: int
 ) -> tuple[Array, Array, Array]:
-    """Angle of a link, or of the frame, unwound, and its rates."""
+    """Unwound angle of a link, or of the frame, and its rates."""
     none = jnp.zeros_like(phi)
     if name == FRAME:
         return none, none, none

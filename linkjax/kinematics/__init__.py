@@ -11,14 +11,14 @@ from linkjax.kinematics._cycle import find_reversals as find_reversals
 from linkjax.kinematics._cycle import min_margin as min_margin
 from linkjax.kinematics._cycle import scan_angles as scan_angles
 from linkjax.kinematics._cycle import strokes as strokes
-from linkjax.kinematics._ranges import CrankRange as CrankRange
-from linkjax.kinematics._ranges import crank_ranges as crank_ranges
 from linkjax.kinematics._pose import Pose as Pose
 from linkjax.kinematics._pose import margins as margins
 from linkjax.kinematics._pose import named_groups as named_groups
 from linkjax.kinematics._pose import pose as pose
 from linkjax.kinematics._pose import prepared as prepared
 from linkjax.kinematics._pose import transmission_angles as transmission_angles
+from linkjax.kinematics._ranges import CrankRange as CrankRange
+from linkjax.kinematics._ranges import crank_ranges as crank_ranges
 from linkjax.kinematics._shortfall import lost_at_start as lost_at_start
 from linkjax.kinematics._shortfall import open_at_start as open_at_start
 from linkjax.kinematics._shortfall import shortfall as shortfall

@@ -1,8 +1,8 @@
-"""All the ways in which a general group can be assembled at one crank angle.
+"""All assembly modes of a group of higher class at one crank angle.
 
-Source: a plate on three legs closes where a trigonometric polynomial in its angle vanishes, of six roots at most
-(Hunt, Structural kinematics of in-parallel-actuated robot arms, 1983); at most C(2 k, k) ways for k loops of turning
-pairs: Wampler, Solving the kinematics of planar mechanisms by Dixon determinant, J. Mech. Des. 123 (2001).
+Source: a plate on three legs closes at the roots of a trigonometric polynomial in its angle, at most six (Hunt,
+Structural kinematics of in-parallel-actuated robot arms, 1983). A group with k loops of revolute joints has at most
+C(2 k, k) modes: Wampler, Solving the kinematics of planar mechanisms by Dixon determinant, J. Mech. Des. 123 (2001).
 """
 
 from __future__ import annotations
@@ -21,17 +21,20 @@ from linkjax.groups import General, closed_to
 from linkjax.kinematics._pose import before_group, prepared
 from linkjax.mechanism import Mechanism
 
-STARTS = 60  # random starts for every way that there may be
-SAME = 1e-6  # of directions: two ways that differ by less are one
-HELD = 1e-4  # the least singular value of what holds the links; where it is less two ways meet, or the group moves
-NEAR = 3e-3  # a multiple root of a polynomial may be off by so much
-MOVED = 1e-3  # of directions: two ways that differ by less and are not held are one
+STARTS = 60  # random starts per possible mode
+SAME = 1e-6  # of directions: two modes that differ by less are the same
+HELD = 1e-4  # below this least singular value of the closure Jacobian, two modes coincide or the group can move
+NEAR = 3e-3  # largest error of a multiple root of a polynomial
+MOVED = 1e-3  # of directions: two singular solutions that differ by less are the same
 
 
 class AssemblyModes(NamedTuple):
-    """The ways found to assemble a group, each as places of its pins (m), which will do as a sketch; how many there can
-    be at most, whether these are all, and whether there are places, not among them, from which the group can move on by
-    itself while all else stands still."""
+    """The assembly modes found for one group.
+
+    `sketches` holds the positions of its pins (m) in every mode; each can serve as a sketch. There are at most
+    `upper_bound` modes, and `all_found` says whether the list is complete. `moves` says whether the group also has
+    positions, not listed, in which it can move with the crank fixed.
+    """
 
     sketches: list[dict[str, Vec]]
     upper_bound: int
@@ -39,20 +42,21 @@ class AssemblyModes(NamedTuple):
     moves: bool = False
 
     def __str__(self) -> str:
-        found = (
-            f"all {len(self.sketches)}" if self.all_found else f"found {len(self.sketches)} of at most {self.upper_bound}"
-        )
-        return f"{found}; besides, there are places in which it can move by itself" if self.moves else found
+        count = len(self.sketches)
+        found = f"all {count}" if self.all_found else f"found {count} of at most {self.upper_bound}"
+        return f"{found}; the group has positions in which it can move with the crank fixed" if self.moves else found
 
 
 def assembly_modes(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str, AssemblyModes]:
-    """The ways to assemble every general group without wheels in gear at the crank angle `phi` (rad), by the name of
-    the group; the groups before it stand as the mechanism's own.
+    """The assembly modes of every group of higher class without gears, at the crank angle `phi` (rad).
 
-    Those of a triad (a link on three others, all pinned) are the real roots of its sextic, and all of them, but for
-    special dimensions, such as equal and parallel legs. Others are sought from random starts, always the same ones;
-    where the group can move by itself only the ways in which it cannot are listed. Numbers must be known: neither
-    traced nor batched.
+    The keys are the names of the groups, e.g. "plate-leg1-leg2-leg3". Dyads and groups with gears are not included. The
+    groups before each one keep the assembly mode of `mechanism`.
+
+    For a triad (a link pinned to three others) the modes are the real roots of its sextic. All of them are found,
+    except for special dimensions such as equal and parallel legs. For other groups the modes are sought from random
+    starts, the same in every call. If the group can move with the crank fixed, only the modes in which it cannot are
+    listed. Not for use under JAX transformations: dimensions must be numbers, neither traced nor batched.
     """
     mechanism, found = prepared(mechanism), {}
     angle = jnp.asarray(phi, dtype=float)
@@ -85,7 +89,7 @@ def _assemblies(group: General, links, states, points, phi) -> AssemblyModes:
         return z, gap, group.reversed(links, states, points, phi, z), least
 
     kept: list[np.ndarray] = []
-    loose: list[np.ndarray] = []  # where the joints do not hold the links, to first order
+    loose: list[np.ndarray] = []  # singular: to first order, the joints do not constrain all links
     for each, left, astern, least in zip(*map(np.asarray, jax.jit(jax.vmap(close))(jnp.asarray(starts))), strict=True):
         known = loose if least < HELD else kept
         apart = MOVED if least < HELD else SAME
@@ -102,12 +106,12 @@ def _assemblies(group: General, links, states, points, phi) -> AssemblyModes:
 
 
 def _rows(at: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Origins and directions as configurations, shape (ways, links, 4)."""
+    """Origins and directions as configurations, shape (modes, links, 4)."""
     return np.stack([np.real(at), np.imag(at), np.real(u), np.imag(u)], axis=-1)
 
 
 def _spots(group: General, places, z: np.ndarray) -> dict[str, Vec]:
-    """Where the pins are in a configuration."""
+    """Positions of the pins in a configuration."""
     found = {}
     for (link, pins), row in zip(group.members, z, strict=True):
         for pin in pins:
@@ -118,8 +122,8 @@ def _spots(group: General, places, z: np.ndarray) -> dict[str, Vec]:
 
 
 def _of_triad(group: General, places, outer: dict[str, complex]) -> np.ndarray | None:
-    """The configurations of a plate on three legs, all joints turning; None for any other group, and where its three
-    circles have one centre."""
+    """The configurations of a plate on three legs with revolute joints only; None for any other group, and if the three
+    circles are concentric."""
     legs = {link: pins for link, pins in group.members if len(set(pins) & set(group.outer)) == 1 and len(pins) == 2}
     plates = [link for link, _ in group.members if link not in legs]
     if len(group.members) != 4 or len(legs) != 3 or len(plates) != 1 or group.slots or group.drive is not None:
@@ -133,14 +137,14 @@ def _of_triad(group: General, places, outer: dict[str, complex]) -> np.ndarray |
     length = np.array([abs(places[leg][inner] - places[leg][out]) for leg, out, inner in joined])
 
     def lines(theta):
-        """The plate's first leg as seen from its foot, and the differences of circles: the plate's origin times `apart`
-        is `right`."""
+        """The vector of the first leg less the plate's origin, and the differences of the circle equations, in which
+        the product of `apart` and the plate's origin is `right`."""
         arms = near[:, None] * np.exp(1j * theta)[None] - far[:, None]
         right = (length[1:, None] ** 2 - length[:1, None] ** 2) - (np.abs(arms[1:]) ** 2 - np.abs(arms[:1]) ** 2)
         return arms[0], 2 * (arms[1:] - arms[:1]), right
 
     def crossing(apart, right):
-        """Where two lines cross, over the common denominator."""
+        """The intersection of two lines: numerator and common denominator."""
         return 1j * (right[1] * apart[0] - right[0] * apart[1]), np.imag(np.conj(apart[0]) * apart[1])
 
     def left(theta):
@@ -158,12 +162,12 @@ def _of_triad(group: General, places, outer: dict[str, complex]) -> np.ndarray |
     for theta in np.angle(z[np.abs(np.abs(z) - 1) < NEAR]):
         arm, apart, right = (each[..., 0] for each in lines(np.array([theta])))
         if np.max(np.abs(apart)) < 10 * NEAR * size:
-            return None  # three circles round one point: the plate may move on
+            return None  # three concentric circles: the plate can rotate
         top, bottom = crossing(apart, right)
         if np.abs(bottom) > 1e-6 * size**2:
             made.append((np.exp(1j * theta), top / bottom))
             continue
-        k = np.argmax(np.abs(apart))  # one line twice: where it meets the first circle
+        k = np.argmax(np.abs(apart))  # the two lines coincide: their intersections with the first circle
         foot, along = right[k] * apart[k] / np.abs(apart[k]) ** 2, 1j * apart[k] / np.abs(apart[k])
         middle = -np.real((foot + arm) * np.conj(along))
         reach = np.sqrt(np.maximum(middle**2 - np.abs(foot + arm) ** 2 + length[0] ** 2, 0.0))

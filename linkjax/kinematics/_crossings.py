@@ -1,4 +1,4 @@
-"""Where margins of a mechanism change their sign along the crank."""
+"""Crank angles at which margins of a mechanism change sign."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from linkjax.kinematics._cycle import stacked
 from linkjax.mechanism import Mechanism
 
-HALVINGS = 50  # of a scan step: down to rounding
-BESIDE = 1e-11  # rad: beside an end
-TOUCH = 2.0  # roundings below zero that a margin may come down to in a change point that it only touches
-BATCH = 16  # ends that are sharpened together
+HALVINGS = 50  # bisections of a scan step, down to rounding
+BESIDE = 1e-11  # rad: from an end to the additional scan points on both sides of it
+TOUCH = 2.0  # units of rounding: a margin this little below zero only touches zero, at a change point
+BATCH = 16  # ends that are refined together
 
 
 def sound(mechanism: Mechanism, phi: np.ndarray) -> np.ndarray:
-    """Whether it can be assembled at these angles."""
+    """Whether the mechanism can be assembled at each of these angles (rad)."""
     return np.all(_closes(margins_at(mechanism, phi)[0]), axis=1)
 
 
@@ -26,16 +26,16 @@ def _closes(value: np.ndarray) -> np.ndarray:
 
 
 def crossings(mechanism: Mechanism, scan: np.ndarray, circle: bool) -> list[tuple[float, int]]:
-    """Angles at which a margin changes its sign between these, with the number of the margin; on a circle the last of
-    them is the first."""
+    """Angles (rad) at which a margin changes sign between the scan angles, with the number of the margin. On a circle
+    the last scan angle is the first one again."""
     value, slope = (np.array(part) for part in _margins(mechanism, scan))
-    if circle:  # to the last digit: an end may lie right there
+    if circle:  # exactly equal: an end may be right there
         value[-1], slope[-1] = value[0], slope[0]
     found, known = _changes(mechanism, scan, value, slope), 0
     for _ in range(sum(bool(group.dead_positions()) for group in mechanism.groups) - 1):
         if len(found) == known:
             break
-        # what hangs on a group that is lost there may be lost a little before, and is not known beyond
+        # a group attached to one that fails there may fail slightly before, and its margin is unknown beyond
         known = len(found)
         beside = np.asarray([angle + side for angle, _ in found for side in (-BESIDE, BESIDE)])
         beside = beside[(beside > scan[0]) & (beside < scan[-1])]
@@ -47,11 +47,11 @@ def crossings(mechanism: Mechanism, scan: np.ndarray, circle: bool) -> list[tupl
 
 
 def _changes(mechanism: Mechanism, scan: np.ndarray, value: np.ndarray, slope: np.ndarray) -> list[tuple[float, int]]:
-    """The same between angles at which margins and their slopes are known."""
+    """The same between angles at which the margins and their slopes are given."""
     rows, cells = [], []
     above, after = _closes(value[:-1]), _closes(value[1:])
     down, dips = slope[:-1] < 0, slope[:-1] * slope[1:] < 0
-    for i, k in np.argwhere(dips & (above == after) & (above == down)):  # it may dip to the other side
+    for i, k in np.argwhere(dips & (above == after) & (above == down)):  # it may change sign twice
         rows.append((scan[i], scan[i + 1], k, above[i, k]))
     if rows:
         at, to, columns, kept = (np.asarray(part) for part in zip(*rows, strict=True))
@@ -75,7 +75,7 @@ def _margins(mechanism: Mechanism, phi):
 
 
 def margins_at(mechanism: Mechanism, phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same at any number of angles, in batches of one size."""
+    """The same at any number of angles, in batches of equal size."""
     rows = []
     for i in range(0, len(phi), BATCH):
         part = phi[i : i + BATCH]
@@ -87,8 +87,8 @@ def margins_at(mechanism: Mechanism, phi: np.ndarray) -> tuple[np.ndarray, np.nd
 def _halved(
     mechanism: Mechanism, low: np.ndarray, high: np.ndarray, columns: np.ndarray, which: int, first: np.ndarray
 ) -> np.ndarray:
-    """Where margins (`which` 0) or their slopes (1) change their sign between two angles, by halving; whether they are
-    positive at the `first` of them."""
+    """Angles at which margins (`which` 0) or their slopes (1) change sign between two angles, by bisection. `first`
+    says whether they are positive at the first angle."""
     rows = np.arange(len(low))
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)

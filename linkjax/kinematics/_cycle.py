@@ -1,4 +1,4 @@
-"""What only the whole cycle tells: reversals of motion (dead centres) and least margins, also between scan points."""
+"""Results over the whole cycle, refined between scan points: reversals of motion (dead centres) and least margins."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from linkjax.groups import BEYOND, Crank, Margin, Track
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
-DEAD_CENTRES = 8  # looked for per link and crank turn
+DEAD_CENTRES = 8  # slots per link and crank turn
 MARGIN_SCAN = 64  # scan points per turn for the least margins
 SHARPEN = 4  # Newton steps from the best scan point
-KINK = 10.0  # a margin with so steep a slope has no minimum like a parabola's, where the ratio is two at most
-REAL = 1e-6  # distance from the real axis up to which a reversal is one
-BEND = 30.0  # 1/rad: Newton's step squared times this bounds what is left of the distance to a reversal
+KINK = 10.0  # d² / (value dd): two at most near the minimum of a parabola; above this the margin reaches zero
+REAL = 1e-6  # rad: largest distance of a true reversal from the real axis
+BEND = 30.0  # 1/rad: the last Newton step squared, times this, bounds the error of a reversal
 
 
 class Motion(NamedTuple):
@@ -31,9 +31,12 @@ class Motion(NamedTuple):
 
 
 class Reversals(NamedTuple):
-    """Crank angles (rad) where a motion reverses; unused slots are not `present`. `distance` says how far off the real
-    axis the speed vanishes: zero for a true reversal, more for a point that only slows down. `left` bounds how far the
-    angle may still be off, `rate` is the acceleration coefficient there."""
+    """Crank angles `angle` (rad) at which a motion reverses, in a fixed number of slots; unused ones are not `present`.
+
+    `distance` (rad) is the distance from the real axis to the zero of the speed: zero for a true reversal, larger for a
+    point that only slows down. `left` (rad) bounds the error of the angle, `rate` is the magnitude of the acceleration
+    coefficient there, and `overflow` says that there are more reversals than slots.
+    """
 
     angle: Float[Array, " slots"]
     distance: Float[Array, " slots"]
@@ -44,7 +47,7 @@ class Reversals(NamedTuple):
 
     @property
     def true(self) -> Any:
-        """Which slots hold a reversal, and not only a slowing down."""
+        """Which slots hold a true reversal, not only a minimum of the speed."""
         return self.present & (self.distance < REAL)
 
 
@@ -56,10 +59,10 @@ def find_reversals(
     steps: int,
     wanted: Callable[[Array], Array] = jnp.isfinite,
 ) -> Reversals:
-    """Reversals of a motion over the cycle: in every scan cell whose end velocities point against each other.
+    """Reversals of a motion over the cycle, sought in the scan cells in which the velocity changes direction.
 
-    `scanned` holds the motion at the uniform `scan` angles (components first); each found angle is sharpened by
-    `steps` evaluations of `motion`. At most `slots` are kept, more set `overflow`; `wanted` filters by angle.
+    `scanned` holds the motion at the uniform `scan` angles (components first). Each angle is refined by `steps`
+    evaluations of `motion`. At most `slots` are kept; more set `overflow`. `wanted` filters by angle.
     """
     step = scan[1] - scan[0]
     v0, a0 = jnp.stack(scanned.v), jnp.stack(scanned.a) * step
@@ -90,7 +93,7 @@ def find_reversals(
 
 
 def _single_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Array]:
-    """Cells in which the motion reverses once, and where (0…1): the root of the cubic Hermite interpolant."""
+    """Cells in which the motion reverses once, and the place in them (0…1): a root of the cubic Hermite interpolant."""
     turn = v1 - v0
     along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))[None]
     f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
@@ -99,12 +102,12 @@ def _single_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Arr
     for _ in range(3):
         value, slope = f0 + x * (g0 + x * (c2 + x * c3)), g0 + x * (2 * c2 + 3 * x * c3)
         x = jnp.clip(x - safe_divide(value, slope), 0.0, 1.0)
-    stopped = (jnp.sum(v0 * v0, axis=0) == 0) & (jnp.sum(a0 * a0, axis=0) > 0)  # a scan point right on a reversal
+    stopped = (jnp.sum(v0 * v0, axis=0) == 0) & (jnp.sum(a0 * a0, axis=0) > 0)  # a scan point at a reversal
     return (jnp.sum(v0 * v1, axis=0) < 0) | stopped, x
 
 
 def _double_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Array, Array]:
-    """Cells in which the motion reverses and reverses back, and where: the Hermite interpolant dips below zero."""
+    """Cells in which the motion reverses twice, and the two places: the Hermite interpolant falls below zero."""
     mean = v0 + v1
     along = mean * safe_divide(jnp.ones_like(mean[0]), safe_sqrt(jnp.sum(mean * mean, axis=0)))[None]
     f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
@@ -119,13 +122,18 @@ def _double_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Arr
 
 
 def scan_angles(cycle_turns: int, points: int) -> Float[Array, " scan"]:
-    """Uniform crank angles over `cycle_turns` turns, `points` a turn, the end not repeated."""
+    """Uniform crank angles (rad) over `cycle_turns` turns, `points` per turn, without the end."""
     return jnp.arange(points * cycle_turns, dtype=float) * (2 * math.pi / points)
 
 
 def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Reversals]:
-    """Dead centres over the cycle: where a slider stops (by the name of its pin) or a link turning about a frame point
-    stops (by its name). Angles in rad, sharpened to rounding."""
+    """Dead centres of sliders and limit positions of rockers, over `cycle_turns` turns of the crank.
+
+    Returns {name: `Reversals`} for the pin of every slider on a guide of the frame and for every link pivoted on the
+    frame, except a crank that drives without a motion law. Crank angles are in rad, accurate to rounding, in
+    8 `cycle_turns` slots each; `Reversals.true` selects the used ones. If the mechanism cannot be assembled over the
+    whole cycle, the values are finite but meaningless. Differentiable with respect to the design.
+    """
     ends = _stopping_ends(mechanism)
     if not ends:
         return {}
@@ -146,8 +154,12 @@ def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Revers
 
 
 def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int = 1) -> dict[str, Array]:
-    """What the ends of `dead_centres` cover between them: a slider's pin the distance of its outermost dead centres
-    (m), a link its swing (rad): NaN where it also comes round. Zero for what never stops."""
+    """Strokes of sliders (m) and swing angles of rockers (rad), by the names of `dead_centres`.
+
+    `found` is the result of `dead_centres` for the same `mechanism` and `cycle_turns`. The stroke of a slider is the
+    distance between its outermost dead centres. A link or slider that never reverses has zero; a link that reverses
+    but also makes full rotations has NaN.
+    """
     if not found:
         return {}
     mechanism, ends = prepared(mechanism, cycle_turns), _stopping_ends(mechanism)
@@ -167,21 +179,21 @@ def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int 
             near = coarse[jnp.round(at[i] / scan[1]).astype(int) % scan.size]
             turned = near + nearest_turn(jnp.arctan2(place[:, 1], place[:, 0]) - near, 2 * math.pi)
             rest = nearest_turn(coarse[0] - coarse[-1], 2 * math.pi)
-            net = jnp.abs(coarse[-1] + rest - coarse[0])  # a link that comes round has no swing
+            net = jnp.abs(coarse[-1] + rest - coarse[0])  # a link that rotates fully has no swing
             reach = jnp.where(net < math.pi, turned[:, None] - turned[None, :], jnp.nan)
         covered[name] = largest(jnp.where(both, reach, 0.0))
     return covered
 
 
 def _places(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Float[Array, "ends 2"]:
-    """Position (m) of every pin, direction of every link that stops."""
+    """Position (m) of every pin and direction of every link in `ends`."""
     here = pose(mechanism, phi)
     at = [here.points[name].r if slides else here.links[name].u for name, slides in ends.items()]
     return jnp.stack([jnp.stack([v.x, v.y]) for v in at])
 
 
 def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
-    """Pins of sliders (True) and links that turn about a point of the frame (False), a turning crank left out."""
+    """Pins of sliders (True) and links pivoted on the frame (False), without a driving crank that has no motion law."""
     ends, turning = {}, isinstance(mechanism.driver, Crank) and not mechanism.prescribed
     for group in mechanism.groups[turning:]:
         ends |= {joint.point: True for joint in group.joints() if joint.slides and joint.by == "frame"}
@@ -193,7 +205,7 @@ def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
 
 
 def _motions(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Motion:
-    """Motion of every stopping end at one crank angle, leaves of shape (ends,)."""
+    """Motion of every pin and link in `ends` at one crank angle, leaves of shape (ends,)."""
     here = pose(mechanism, phi)
     still = jnp.zeros_like(phi)
     rows = []
@@ -215,10 +227,10 @@ class Least(NamedTuple):
 
 
 def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, dict[str, Least]]:
-    """Least signed margin of every group to each of its dead positions over the continuous cycle.
+    """Least signed margin of every group to each of its singular positions over the continuous cycle.
 
-    Dimensionless; negative where the group cannot be assembled, by how much it falls short. Values and gradients are
-    finite throughout, and the gradient points back to designs that assemble.
+    Returns {group: {side: `Least`}}. Margins are dimensionless; a negative one is the shortfall of a group that cannot
+    be assembled. Values and gradients are always finite, and the gradient points towards designs that can be assembled.
     """
     names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.dead_positions()]
     if not names:
@@ -231,7 +243,7 @@ def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, di
     start = jax.vmap(lambda m: _lowest(m, scan), in_axes=1)(scanned)
     for i, (group, side) in enumerate(names):
         path = getattr(named_groups(mechanism)[group], "path", None)
-        if isinstance(path, Track) and side == "loops":  # what it is not followed through may lie between scan points
+        if isinstance(path, Track) and side == "loops":  # a gap in the path may lie between scan points
             unseen = path.ends() & (jnp.min(scanned.value[:, i]) > 0)
             start = start.at[i].set(jnp.where(unseen, path.middle(), start[i]))
 
@@ -240,7 +252,7 @@ def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, di
     def sharpen(_, phi):
         here = jax.tree.map(jnp.diagonal, jax.vmap(lambda one: stacked(fixed, one))(phi))
         bend = jnp.where(here.dd > 0, here.dd, jnp.abs(here.d) + 1.0)
-        kink = loops & (here.d * here.d > KINK * here.value * jnp.maximum(here.dd, 0.0))  # one that comes to zero
+        kink = loops & (here.d * here.d > KINK * here.value * jnp.maximum(here.dd, 0.0))  # it reaches zero
         move = jnp.where(kink & (here.value > 0), safe_divide(here.value, here.d), here.d / bend)
         return jnp.clip(phi - move, start - step, start + step)
 
@@ -264,7 +276,7 @@ def stacked(mechanism: Mechanism, phi: Array) -> Margin:
 
 
 def _lowest(margin: Margin, scan: Array) -> Array:
-    """Best predicted place of the least margin: the lowest of the scan points' local parabolas."""
+    """Predicted crank angle of the least margin: the lowest point of the local parabolas at the scan points."""
     step = scan[1] - scan[0]
     move = jnp.clip(-margin.d / jnp.maximum(margin.dd, 1e-9), -step, step)
     predicted = margin.value + move * (margin.d + 0.5 * move * margin.dd)
@@ -273,6 +285,6 @@ def _lowest(margin: Margin, scan: Array) -> Array:
 
 
 def min_margin(mechanism: Mechanism, cycle_turns: int = 1) -> Array:
-    """The smallest of all assembly margins over the continuous cycle (positive: the machine can be assembled)."""
+    """The smallest of all assembly margins over the continuous cycle; positive if the machine can be assembled."""
     every = [least.value for sides in assembly_margins(mechanism, cycle_turns).values() for least in sides.values()]
     return smallest(jnp.stack(every)) if every else jnp.asarray(jnp.inf)

@@ -1,4 +1,4 @@
-"""Where a general group ends: the fold of its closure, at which the last two of its assemblies meet."""
+"""The fold of the closure of a group of higher class: two assembly modes coincide there, and the range ends."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from linkjax.groups import General, closed_to
 from linkjax.kinematics._pose import before_group
 from linkjax.mechanism import Mechanism
 
-STEPS = 20  # Newton steps: five where two assemblies meet, more where they only cross
-BEYOND = 1e-5  # rad: a fold is no further than where the group could be followed to
-NEAR = 1.0  # rad, or of the size: nor do links move further to it; else it is one of other assemblies
+STEPS = 20  # Newton steps: five where two assembly modes coincide and end, more where they cross
+BEYOND = 1e-5  # rad: largest distance of a fold beyond the angle to which the group was followed
+NEAR = 1.0  # rad, or relative to the size: largest motion of links to the fold, else it belongs to other modes
 
 
 def folded(mechanism: Mechanism, number: int, inside: float, end: float, far: float) -> float:
-    """The crank angle (rad) at which the general group of this number folds, from a rough `end` and an angle `inside`
-    at which it closes near there; the rough one where there is no fold so `far` inside (rad), or a very little beyond.
+    """The crank angle (rad) of the fold of the group of higher class with this number.
 
-    Newton's method on closure, a null vector of its Jacobian and that vector's length, together: regular where the
-    closure is not.
+    `end` is an estimate; at the angle `inside`, close to it, the group closes. The estimate is returned if there is no
+    fold between `far` (rad) inside it and slightly beyond it. Newton's method is applied to the closure, a null vector
+    of its Jacobian and the length of that vector together. This system is regular at the fold.
     Source: Moore and Spence, The calculation of turning points of nonlinear equations, SIAM J. Numer. Anal. 17, 1980.
     """
     angle, left, moved = _fold(mechanism, number, jnp.asarray(inside), jnp.asarray(end))
@@ -35,8 +35,8 @@ def folded(mechanism: Mechanism, number: int, inside: float, end: float, far: fl
 
 @eqx.filter_jit
 def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple[Array, Array, Array]:
-    """The crank angle after some steps, what is left open, of the size of the group, and how far links but loose
-    wheels have moved, in that size or rad."""
+    """The crank angle after `STEPS` steps, the closure error relative to the size of the group, and how far links have
+    moved, without the rotation of idler gears (relative to the size, or rad)."""
     group = mechanism.groups[number]
     assert isinstance(group, General) and group.path is not None
     links = mechanism.held_by(group)

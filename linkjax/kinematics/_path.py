@@ -1,4 +1,4 @@
-"""Following a general group along the crank, from its sketch on."""
+"""Following a group of higher class along the crank angle, from its sketch on."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from linkjax._lapack import pinv
 from linkjax._numerics import safe_divide
 from linkjax.groups import Gear, General, Track, closed_to
 
-ALONG = 5  # damped Newton steps in a step along the path
-GROW = 10.0  # times that what is open may grow in one of them
-AGAIN = 5  # times as many more where the smallest step does not close at once
-SWING = 0.2  # rad, or of the size: what links may move in one step
-SMALLEST = 4096  # parts of a step that a smaller one may be
-FIRST = 8  # parts of the first step that it is made in: nothing was seen before
-DIP = 0.25  # of the larger at either end, below which the determinant's square may come down to nothing in between
-FEW = 4  # places, at which the path may be interpolated
+ALONG = 5  # damped Newton steps per step along the path
+GROW = 10.0  # factor by which the closure error may grow in one Newton step
+AGAIN = 5  # further rounds of Newton steps where the smallest step does not close at once
+SWING = 0.2  # rad, or relative to the size: largest motion of a link in one step
+SMALLEST = 4096  # the smallest step is this fraction of a path step
+FIRST = 8  # parts of the first path step: it has no earlier position to compare with
+DIP = 0.25  # of the larger end value: if the squared determinant may fall below this in between, it may reach zero
+FEW = 4  # places needed to interpolate the path
 
 
 def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: Array) -> Track:
-    """The configurations of a group at these crank angles, which go over whole turns from zero.
+    """The configurations of a group at these crank angles, which cover whole turns from zero.
 
-    `before` gives states of links and points that were there before the group at a crank angle, and whether those can
-    be assembled there: where they cannot the group is open, too. Angles that are not reached on the way up, because the
-    group does not close before them, are reached on the way down where they can be.
+    `before` returns the states of the links and points that precede the group at a crank angle, and whether they can be
+    assembled there; where they cannot, the group does not close either. Angles that are not reached upwards from zero,
+    because the group does not close before them, are reached downwards where possible.
     """
     states, points, began = before(angles[0])
 
@@ -59,17 +59,17 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
 
 
 def _joined(up: Track, down: Track, tip: Tip, end: Tip, angles: Array) -> Track:
-    """One path of the ways up and down, and of where they end. Where they overlap, a range is longer than the path: a
-    step is left out there, for they may be anywhere to each other."""
+    """One path from the ways up and down, with their ends. Where the ways overlap, the range is longer than the path:
+    one step between them is omitted, because their configurations there are unrelated."""
     count, step, span = angles.size, angles[1], angles[-1]
     reached = [jnp.cumprod(way.gap < closed_to(angles.dtype)) > 0 for way in (up, down)]
     ahead, back = (jnp.sum(way) for way in reached)
     until, since = jnp.where(ahead > 0, tip.beyond, -1.0), span - jnp.where(back > 0, end.beyond, -1.0)
     since, ends = jnp.where(until < since, since, until + step), ahead < count
-    other = ends & (angles > 0.5 * (until + since))  # nearer to the way down
+    other = ends & (angles > 0.5 * (until + since))  # closer to the way down
     sound = reached[0] & ~other, reached[1][::-1] & other & (angles > since)
     begin, place = count - jnp.sum(sound[1]), jnp.arange(count)
-    few = jnp.where(ahead + jnp.sum(sound[1]) <= FEW, FEW, 0)  # they are held on to beyond, but count for nothing
+    few = jnp.where(ahead + jnp.sum(sound[1]) <= FEW, FEW, 0)  # beyond the end, repeated as not closed
     above, below = (place >= ahead) & (place < ahead + few), (place < begin) & (place >= begin - few)
     source = jnp.where(above, ahead - 1, jnp.where(below, begin, place))
     path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a)[source], up, down)
@@ -85,9 +85,9 @@ def _joined(up: Track, down: Track, tip: Tip, end: Tip, angles: Array) -> Track:
 
 
 def _gained(group: General) -> Array:
-    """By how much the links of a group with wheels in gear turn (rad, (links,)) where the crank comes round and the
-    group does not: wheels pinned once as those they are in gear with, and others by whole turns, one for each pair in
-    gear, wheels first; the rest not at all."""
+    """The rotation that links of a group with gears gain (rad, (links,)) where the crank rotates fully but the group
+    does not. Gears with a single pin follow the gears in mesh with them. Of each other pair of gears, one link gains
+    whole turns, preferably the gear. All other links gain none."""
     names, free = group.link_names(), group.spinning()
     wound = group.path.wound if group.path is not None else None
     covered = {} if wound is None else dict(zip(group.mates(), wound.covered(), strict=True))
@@ -115,8 +115,8 @@ def _gained(group: General) -> Array:
 
 
 def _firsts(sound: Array, other: Array) -> Array:
-    """The first of the four places nearest to either half of every step, all reached, and on the same way; where both
-    ways were taken they meet at crank angle zero, and the places go on there from the last to the first."""
+    """The first of the four places nearest to either half of every step, all reached and on the same way. If both ways
+    were taken, they join at crank angle zero, where the places continue from the last to the first."""
     steps = sound.size - 1
     ends = (other[1:] != other[:-1]) | (sound[1:] != sound[:-1])
     ends, sound = (
@@ -137,14 +137,14 @@ def _firsts(sound: Array, other: Array) -> Array:
 
 
 class Seen(NamedTuple):
-    """Where it was before on a way: the crank angle (rad), and the Jacobian's determinant there."""
+    """An earlier place on a way: the crank angle (rad) and the determinant of the Jacobian."""
 
     at: Array
     sense: Array
 
     def clear(self, here: Seen, there: Seen, order: int) -> Array:
-        """Whether there is no fold, or nearly one, between `here` and `there`: beside it the square of the determinant
-        is a parabola, which this place and those two tell."""
+        """Whether there is no fold, or near fold, between `here` and `there`. Close to one the square of the
+        determinant is a parabola, which is determined by this place and the other two."""
         h0, h1 = here.at - self.at, there.at - here.at
         r, q = (jnp.abs(safe_divide(side.sense, here.sense, 1.0)) ** (2 * order) for side in (self, there))
         bend = safe_divide(safe_divide(q - 1, h1) - safe_divide(1 - r, h0), h0 + h1)
@@ -155,8 +155,8 @@ class Seen(NamedTuple):
 
 
 class Tip(NamedTuple):
-    """Where a way ends: the last configuration that was followed, at which crank angle (rad), counted along the way,
-    and an angle right beyond the end."""
+    """The end of a way: the last configuration that was followed, its crank angle (rad, counted along the way), and an
+    angle just beyond the end."""
 
     z: Array
     at: Array
@@ -164,10 +164,13 @@ class Tip(NamedTuple):
 
 
 class _Going(NamedTuple):
-    """On the way from place to place: where it is, and where it was before; the last that was followed, and to which
-    crank angle (rad); where Newton's method begins, how wide the step is and may least be (rad), and how often it went
-    on there; where it got to (rad), be it lost or not, an angle right beyond where it was lost, and the most that was
-    open."""
+    """The state between two places of the path.
+
+    `here` and `seen` are the present and the previous place. `tip` is the last configuration that was followed, to the
+    crank angle `far` (rad). Newton's method begins at `start`; the step has the `width` and the lower bound `least`
+    (rad), and was repeated `tries` times. `at` (rad) is the angle reached, followed or not, `beyond` (rad) an angle
+    just beyond the end, and `most` the largest closure error.
+    """
 
     here: Track
     seen: Seen
@@ -192,15 +195,18 @@ def _follow(
     to: Array,
     way: Array,
 ) -> tuple[Track, Tip, Seen]:
-    """From a configuration on to the next crank angle, in as many steps as it takes; where it was followed to, and
-    where it was before. The angles are those on the `way`, one up or minus one down. A step is made smaller while it
-    does not close, moves links far, turns the sense of the Jacobian, or may have gone over a fold. Where the smallest
-    does not close, or moves links far, the group is lost: one more step leads to the end, where it may close in another
-    assembly, and is told as open."""
+    """Go from a configuration to the next crank angle, in as many steps as necessary; also return where the group was
+    followed to, and the previous place.
+
+    Angles are counted along the `way`, 1 up or -1 down. A step is made smaller if it does not close, moves links far,
+    changes the sign of the Jacobian's determinant, or may have crossed a fold. If the smallest step does not close, or
+    moves links far, the path ends: one more step leads to the next crank angle, where the group is marked as not
+    closed, even if it closes in another assembly mode.
+    """
     dtype, smallest, shut = last.z.dtype, (to - phi) / SMALLEST, closed_to(last.z.dtype)
     assert last.size is not None
     measure = jnp.ones_like(last.z).at[:, :2].set(last.size)
-    if last.z.shape[1] == 3:  # wheels may turn as fast as they like: there is only one way
+    if last.z.shape[1] == 3:  # idler gears may turn at any speed: their position is unique
         measure = measure.at[group.loose(), 2].set(jnp.inf)
 
     def step(going: _Going) -> _Going:
@@ -221,10 +227,10 @@ def _follow(
         here = jax.tree.map(lambda a, b: jnp.where(taken, a, b), there, going.here)
         at, far = jnp.where(taken, new, going.at), jnp.where(followed, new, going.far)
         tries = jnp.where(taken, 0.0, going.tries + small.astype(dtype))
-        least = jnp.where(taken & ~good, 2.0, 1.0) * going.least  # so that they do not become many
+        least = jnp.where(taken & ~good, 2.0, 1.0) * going.least  # limits the number of smallest steps
         seen = jax.tree.map(lambda a, b: jnp.where(taken, a, b), Seen(going.at, going.here.sense), going.seen)
         tip = jnp.where(followed, there.z, going.tip)
-        beyond = jnp.where((most >= shut) & ~gone, new + smallest, going.beyond)  # it may not close right beside a fold
+        beyond = jnp.where((most >= shut) & ~gone, new + smallest, going.beyond)  # close to a fold it may not close
         return _Going(here, seen, tip, far, z, width, least, tries, at, beyond, most)
 
     none = jnp.zeros_like(last.gap)

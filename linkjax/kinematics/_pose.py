@@ -40,30 +40,34 @@ from linkjax.groups import (
 from linkjax.kinematics._path import path_of
 from linkjax.mechanism import Lump, Mechanism, lumps
 
-STEPS = 360  # a turn, of the reference path of a general group: so fine that five Newton steps do near dead positions
-SCANNED = 120  # and where change points of a dyad are looked for
-COUNTS = 480  # and of one along which turns are counted
+STEPS = 360  # per turn of the path of a group of higher class: five Newton steps then suffice near singular positions
+SCANNED = 120  # per turn, in the search for change points of a dyad
+COUNTS = 480  # per turn, to count the revolutions of a link
 
 
 class Pose(NamedTuple):
-    """Points and links of a mechanism at one crank angle; points include the mass centres (`S1`, `S2`, …) and the
-    counterweights. `bodies[link][point]` is what is heavy on a link, and where."""
+    """Points and links of a mechanism at one crank angle.
+
+    `points` include the mass centres (`S1`, `S2`, …) and the counterweights. `bodies[link][point]` is the mass and
+    moment of inertia that a link has at a point.
+    """
 
     points: dict[str, PointState]
     links: dict[str, LinkState]
     bodies: dict[str, dict[str, Lump]]
 
     def heavy(self) -> list[tuple[str, str, Lump]]:
-        """All that is heavy, as (link, point, mass and inertia)."""
+        """All masses, as (link, point, mass and moment of inertia)."""
         return [(link, point, lump) for link, held in self.bodies.items() for point, lump in held.items()]
 
 
 def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
     """Positions and kinematic coefficients of every point and link at the crank angle `phi` (rad).
 
-    Pure and of scalar shape: `vmap` it over angles and designs. Positions in m, coefficients in m (points) and
-    dimensionless (links). Where a group cannot be assembled the values are finite placeholders and the group's margin
-    is negative.
+    `phi` and all results are scalars; use `jax.vmap` for many angles or designs. Kinematic coefficients are the first
+    and second derivatives with respect to `phi`. Positions are in m; coefficients are in m for points and dimensionless
+    for links. If a group cannot be assembled at `phi`, the values are finite placeholders and one of its `margins` is
+    negative. Pure and differentiable with respect to `phi` and the design.
     """
     return _pose(prepared(mechanism), jnp.asarray(phi))
 
@@ -74,7 +78,7 @@ def _pose(mechanism: Mechanism, phi: Scalar) -> Pose:
 
 
 def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scalar) -> Pose:
-    """Pose of the first groups of a mechanism."""
+    """Pose of the first groups of a mechanism, in order of assembly."""
     points = {name: at_rest(at) for name, at in mechanism.fixed.items()}
     links: dict[str, LinkState] = {}
     bodies = {}
@@ -91,27 +95,28 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
             weights = {piece: weight.at for piece, weight in link.counterweights.items()}
             for point, at in {link.centre_name: body.centre, **body.points, **weights}.items():
                 if point in points and (point in group.shared() or point in link.pins):
-                    continue  # a joint: where the link is pinned
+                    continue  # a joint: the link is pinned there
                 at = at if held is None else at - held.origin
                 points[point] = carried(points[origin], links[name], at, name in group.translating())
     return Pose(points, links, bodies)
 
 
 def _in_own_axes(link: LinkState, axis: Vec) -> LinkState:
-    """State of a link from that of the line between the two pins at which it is held, which lies at `axis` on it."""
+    """State of a link from the state of the line through two of its pins, whose direction on the link is `axis`."""
     angle = None if link.angle is None else link.angle - jnp.atan2(axis.y + 0.0, axis.x)
     return link._replace(u=link.u.turned(Vec(axis.x, -axis.y)), angle=angle)
 
 
 def prepared(mechanism: Mechanism, cycle_turns: int | None = None) -> Mechanism:
-    """The mechanism with a reference path for each of its general groups, of its dyads that continue through change
-    points, and of wheels in gear with links whose turns must be counted, over `cycle_turns` turns of the crank (as many as a
-    law of the driver takes, or one): from the sketch to crank angle zero, and on in small steps. Others are handed back
-    as they are.
+    """The mechanism with reference paths over `cycle_turns` turns of the crank; unchanged if it needs none or has them.
 
-    Whoever evaluates a mechanism many times prepares it once. The path carries no derivatives: it only says where
-    Newton's method begins. It belongs to the numbers it was made of: a mechanism that is made anew, by its constructor
-    or `dataclasses.replace`, has none, and one whose leaves were replaced keeps the old one.
+    Groups of higher class need a path, and so do dyads that continue through change points and gears in mesh with links
+    whose revolutions must be counted. It leads from the sketch to crank angle zero and on in small steps. By default it
+    takes as many turns as the motion law of the driver, or one.
+
+    Prepare a mechanism once if it is evaluated many times. A path has no derivatives: it only gives the start of
+    Newton's method. It belongs to the dimensions from which it was computed. A mechanism built by its constructor or
+    `dataclasses.replace` has no path; one whose leaves are replaced keeps the old path.
     """
     groups: list[Any] = [mechanism.groups[number] for number in followed(mechanism.groups)]
     law = mechanism.driver.follows()
@@ -152,24 +157,24 @@ def _prepared(mechanism: Mechanism, cycle_turns: int) -> Mechanism:
     made = [
         with_path(group, paths[i], cycle_turns) if i in paths else group for i, group in enumerate(mechanism.groups)
     ]
-    return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would drop the paths
+    return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would discard the paths
 
 
 def _closes(mechanism: Mechanism, groups: Sequence[AbstractGroup], here: Pose, phi: Array) -> Array:
-    """Whether the first groups of a mechanism can be assembled, or nearly so, as at a change point."""
+    """Whether these groups can be assembled, at least nearly, as at a change point."""
     found = [group.margins(mechanism.held_by(group), here.links, here.points, phi) for group in groups]
     every = [side.value > -closed_to(phi.dtype) for sides in found for side in sides.values()]
     return jnp.all(jnp.stack(every)) if every else jnp.asarray(True)
 
 
 def before_group(mechanism: Mechanism, number: int, phi: Scalar) -> tuple[dict[str, LinkState], dict[str, PointState]]:
-    """States of the links and points that are there before the group of this number is attached."""
+    """States of the links and points that precede the group with this number."""
     here = jax.jit(lambda m, phi: _of_groups(m, m.groups[:number], phi)[:2])(mechanism, phi)
     return here[1], here[0]
 
 
 def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, cycle_turns: int) -> Path:
-    """The course of a dyad through its change points."""
+    """The path of a dyad through its change points."""
     assert isinstance(group, RRR | RRP)
     held = fixed.held_by(group)
 
@@ -181,7 +186,7 @@ def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, cycle_turn
 
 
 def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:
-    """How the links turn round that wheels or racks follow."""
+    """The counted rotation of the links that gears or racks follow."""
 
     def mates(phi):
         (states, _, closes), none = before(phi), jnp.zeros_like(phi)
@@ -192,7 +197,13 @@ def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Ar
 
 
 def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
-    """Signed margin of every group to its dead positions at `phi`, with derivatives; {group: {side: Margin}}."""
+    """Signed margins of every group to its singular positions at the crank angle `phi` (rad).
+
+    Returns {group: {side: `Margin`}}, e.g. `margins(mechanism, 0.5)["coupler-rocker"]["stretched"]`. A margin is
+    dimensionless: positive where the group can be assembled, zero in the singular position, and negative where the
+    group cannot be assembled. It comes with its first and second derivatives, `d` and `dd`, with respect to `phi`.
+    `phi` and all results are scalars; use `jax.vmap` for many angles or designs.
+    """
     mechanism = prepared(mechanism)
     here = pose(mechanism, phi)
     groups = named_groups(mechanism).items()
@@ -200,14 +211,19 @@ def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
 
 
 def named_groups(mechanism: Mechanism):
-    """Groups by name: their links joined, e.g. `link4-rocker`."""
+    """The groups by name; a name joins the names of the links, e.g. `link4-rocker`."""
     return {"-".join(g.link_names()): g for g in mechanism.groups}
 
 
 def transmission_angles(mechanism: Mechanism, phi: Scalar) -> dict[str, Array]:
-    """Transmission angle (rad, 0…π) of every Assur group: between the two links of an RRR, between rod and the normal
-    of the guide in an RRP, between the line from pivot to pin and the normal of the guide in an RPR, between the slots
-    of a PRP, between slot and guide in an RPP."""
+    """Transmission angle (rad, 0…π) of every dyad at the crank angle `phi` (rad); π/2 is best, 0 and π are singular.
+
+    Returns {group: angle}. The angle is measured between the two links of an RRR, between the rod and the normal of the
+    guide in an RRP, between the line from pivot to pin and the normal of the guide in an RPR, between the two slots of
+    a PRP, and between the slot and the guide in an RPP. Groups of other kinds are not included. `phi` and all results
+    are scalars; use `jax.vmap` for many angles or designs. If a group cannot be assembled, its angle is a finite
+    placeholder.
+    """
     here = pose(mechanism, phi)
     angles = {name: group.transmission(here.links, here.points) for name, group in named_groups(mechanism).items()}
     return {name: angle for name, angle in angles.items() if angle is not None}

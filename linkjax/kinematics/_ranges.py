@@ -1,4 +1,4 @@
-"""Crank ranges that end: where a linkage whose crank does not come round can be assembled."""
+"""Crank ranges: where a linkage can be assembled if its crank cannot rotate fully."""
 
 from __future__ import annotations
 
@@ -16,21 +16,24 @@ from linkjax.kinematics._fold import folded
 from linkjax.kinematics._pose import named_groups, prepared
 from linkjax.mechanism import Mechanism
 
-SCAN = 360  # crank angles a turn at which the margins are first looked at
-CLOSE = 1e-5  # rad: how far inside a range a general group is taken to find its fold from
-STEP = 0.02  # rad: how far inside its range a fold may be found
-LONGEST = 8  # turns that a range may take
-SLOW = 32  # the same, either way, where wheels repeat nothing and all groups are closed in closed form
-SEEN = 8  # angles of a turn at which it is asked whether all is as it was
-TOGETHER = 1e-12  # rad: between ends that are one
-LEFT_OUT = 0.06  # rad: more than a reference path leaves out of a range that is longer
-NARROW = 1e-6  # rad: what is no range, and no gap
+SCAN = 360  # crank angles per turn at which the margins are first evaluated
+CLOSE = 1e-5  # rad: inside a range, where the search for the fold of a group of higher class begins
+STEP = 0.02  # rad: largest distance of a fold inside the estimated end
+LONGEST = 8  # largest number of turns of a range
+SLOW = 32  # the same, in each direction, where gears make the motion non-periodic and all groups have a closed form
+SEEN = 8  # angles per turn at which the motion is checked for periodicity
+TOGETHER = 1e-12  # rad: ends that are closer coincide
+LEFT_OUT = 0.06  # rad: more than a reference path omits of a range longer than the path
+NARROW = 1e-6  # rad: narrower ranges and gaps do not count
 
 
 class CrankRange(NamedTuple):
-    """Crank angles (rad) from `start` to `stop`, growing, between which a mechanism can be assembled all the way; what
-    ends it there, e.g. "coupler-rocker, stretched", and "" where nothing does: the crank comes round, or swings, with
-    wheels that repeat nothing, and can go on for as many turns as were looked at."""
+    """A range of crank angle (rad), `start` < `stop`, in all of which a mechanism can be assembled.
+
+    `at_start` and `at_stop` name the group and the singular position that end it, e.g. "coupler-rocker, stretched".
+    They are "" where nothing ends it: the crank rotates fully, or it drives gears that make the motion non-periodic and
+    the range continues beyond all turns examined.
+    """
 
     start: float
     stop: float
@@ -39,34 +42,42 @@ class CrankRange(NamedTuple):
 
 
 def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange, ...]:
-    """The ranges of crank angle in which a mechanism can be assembled, from the one that holds crank angle zero, or
-    where a law begins, or comes next, on; one from 0 to 2π `cycle_turns` for a crank that comes round, none for a linkage
-    that closes nowhere. `cycle_turns` of the crank are looked at: as many as the machine's cycle has (more than one where
-    gears turn other links less often), for what lies beyond is taken to repeat them where it can.
+    """The ranges of crank angle (rad) in which a mechanism can be assembled.
 
-    Angles are those a crank without a law turns by, so that a law inside a range (`Harmonic(start, stop)`) can be
-    driven; of other drivers they are the phase of their law. Ends are where a margin is zero, sharpened to rounding:
-    for groups closed in closed form some 1e-15 rad over the margin's slope, 1e-8 for dyads that continue through change
-    points. Of a general group there is one range, in which it can be followed up and down from there, through up to
-    eight turns; its ends are folds of its closure, to rounding too where two assemblies meet there (else up to 1e-5 rad
-    off). Where wheels turn so that nothing repeats after `cycle_turns`, as they may on a crank with a law, it is looked at
-    for as many turns either way as its range takes, up to 32 (eight with general groups), and ranges within `cycle_turns`
-    either way are told where they are. A gap narrower than 1e-6 rad is none, nor is one of a general group in which
-    less than 4e-10 of its size stays open, some 1e-4 rad wide. Ranges of other groups narrower than a thousandth of a
-    turn may be overlooked. Whether all is after a turn where it began is another question. Not for use under jax
-    transformations: plain numbers come out.
-    Source: Grashof's rule, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2, says which cranks turn.
+    A crank that rotates fully has one range, from 0 to 2π `cycle_turns`; a linkage that closes nowhere has none.
+    Otherwise the first range contains crank angle zero (or the angle at which a motion law begins), if the mechanism
+    can be assembled there. The ranges above it follow, then those below it. `cycle_turns` is the number of crank turns
+    in the machine's cycle, more than one if gears turn other links less often; the motion is assumed to repeat after
+    them.
+
+    Angles are those of a crank without a motion law, so that a law inside a range, e.g. `Harmonic(start, stop)`, is
+    possible. For other drivers they are the phase of the law.
+
+    A range ends where a margin is zero. For groups solved in closed form the error of an end is about 1e-15 rad divided
+    by the slope of the margin, or 1e-8 rad for dyads that continue through change points. A group of higher class has
+    one range: that in which it can be followed up and down from its sketch, through at most eight turns. It ends at
+    folds of the closure, accurate to rounding where two assembly modes coincide, and otherwise to 1e-5 rad.
+
+    If gears make the motion non-periodic after `cycle_turns`, as they may on a crank with a motion law, a range is
+    followed in both directions, for up to 32 turns each (eight with groups of higher class). The ranges within
+    `cycle_turns` in either direction are returned at their actual angles.
+
+    Gaps narrower than 1e-6 rad do not count, nor do gaps of a group of higher class with a closure error below 4e-10 of
+    its size, about 1e-4 rad wide. Ranges of other groups narrower than a thousandth of a turn may be missed. Whether
+    the machine returns to its initial position is not checked. Not for use under JAX transformations: returns floats.
+    Source: Grashof's rule says which cranks rotate fully, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
+    ch. 2.
     """
     crank, law, begin = mechanism.groups[0], mechanism.driver.follows(), 0.0
     if isinstance(crank, Crank) and law is not None:
-        begin = law.begins()  # sketches are drawn there
+        begin = law.begins()  # the angle of the sketch
         crank = dataclasses.replace(crank, law=None, phase=crank.phase + begin)
     elif law is not None:
         cycle_turns = max(cycle_turns, round(law.period() / (2 * math.pi)))
     mechanism, whole = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:])), 2 * math.pi * cycle_turns
     if not any(group.dead_positions() for group in mechanism.groups):
         return (CrankRange(0.0, whole, "", ""),)
-    ready = prepared(mechanism, cycle_turns)  # anew: a mechanism that is made has no paths
+    ready = prepared(mechanism, cycle_turns)  # again: a new mechanism has no paths
     if (
         isinstance(crank, Crank)
         and any(group.wheels() for group in mechanism.groups)
@@ -82,8 +93,8 @@ def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange
 
 
 def _repeats(mechanism: Mechanism, cycle_turns: int) -> bool:
-    """Whether margins are after so many turns what they were, at most of some angles of a turn: at one of them a dead
-    position may leave no digits. Where a general group is not assembled its margin says nothing."""
+    """Whether the margins repeat after so many turns, at the majority of some angles of a turn: at one of them a
+    singular position may leave no digits. A group of higher class that is not assembled there does not count."""
     at = np.arange(SEEN) * (2 * math.pi / SEEN)
     first, after = np.split(margins_at(mechanism, np.append(at, at + 2 * math.pi * cycle_turns))[0], 2)
     general = [isinstance(group, General) for group in mechanism.groups for _ in group.dead_positions()]
@@ -93,7 +104,7 @@ def _repeats(mechanism: Mechanism, cycle_turns: int) -> bool:
 
 
 def _turn_by_turn(mechanism: Mechanism, ready: Mechanism, cycle_turns: int) -> tuple[CrankRange, ...]:
-    """Ranges of a mechanism that repeats after these turns, or whose general groups go on for more of them."""
+    """Ranges of a mechanism that repeats after these turns, or whose groups of higher class take more turns."""
     found = first = _on_a_circle(ready, cycle_turns)
     while found and 2 * cycle_turns <= LONGEST and _goes_on(ready, cycle_turns, found[0]):
         cycle_turns *= 2
@@ -103,14 +114,14 @@ def _turn_by_turn(mechanism: Mechanism, ready: Mechanism, cycle_turns: int) -> t
 
 
 def _goes_on(mechanism: Mechanism, cycle_turns: int, found: CrankRange) -> bool:
-    """Whether a range may be longer than these turns, or that of one of its groups, which then is elsewhere in it."""
+    """Whether the range may be longer than these turns, or the range of a group, which is then at another place."""
     groups = [group for group in mechanism.groups if isinstance(group, General)]
     ends = [end for end, why in ((found.start, found.at_start), (found.stop, found.at_stop)) if why]
     for group, path in ((group, group.path) for group in groups):
         assert path is not None
         if path.trouble() == "astray" and (not ends or bool(path.astray(group.loose()))):
             return True
-        if bool(path.ends()):  # what is left out of a longer one is narrow
+        if bool(path.ends()):  # only a narrow part of a longer range is omitted
             seam = float(path.middle())
             if any(abs(math.remainder(end - seam, 2 * math.pi * cycle_turns)) < LEFT_OUT for end in ends):
                 return True
@@ -138,8 +149,8 @@ def _on_a_circle(mechanism: Mechanism, cycle_turns: int) -> tuple[CrankRange, ..
 
 
 def _on_a_line(mechanism: Mechanism, crank: Crank, cycle_turns: int) -> tuple[CrankRange, ...]:
-    """Ranges of a mechanism that repeats nothing, where they are, up and down from zero: down it is what another is
-    whose crank turns the other way, for paths are followed upwards."""
+    """Ranges of a mechanism whose motion is not periodic, up and down from zero. Paths are followed upwards only, so
+    the ranges below zero are found with reversed rotation of the crank."""
     longest = LONGEST if any(isinstance(group, General) for group in mechanism.groups) else SLOW
     ways = [dataclasses.replace(crank, rotation="cw" if crank.rotation == "ccw" else "ccw"), crank]
     both = [dataclasses.replace(mechanism, groups=(way, *mechanism.groups[1:])) for way in ways]
@@ -163,26 +174,26 @@ def _on_a_line(mechanism: Mechanism, crank: Crank, cycle_turns: int) -> tuple[Cr
 
 
 def _back(found: CrankRange) -> CrankRange:
-    """A range of a mechanism whose crank turns the other way."""
+    """A range for the opposite rotation of the crank."""
     return CrankRange(-found.stop, -found.start, found.at_stop, found.at_start)
 
 
 def _one_way(mechanism: Mechanism, cycle_turns: int) -> list[CrankRange]:
-    """Ranges of a prepared mechanism from zero up, as far as these turns; what is cut off there has no reason."""
+    """Ranges of a prepared mechanism from zero up to these turns; one that is cut off there has "" as its reason."""
     whole = 2 * math.pi * cycle_turns
     found = crossings(mechanism, np.append(_scan(mechanism, cycle_turns), whole), False)
     ends = [(0.0, None), *sorted(found), (whole, None)]
     angles = np.asarray([angle for angle, _ in ends])
     closes = _between(mechanism, angles)
     for path in _paths(mechanism):
-        if bool(path.ends()):  # beyond it is taken from the way down
+        if bool(path.ends()):  # beyond, the way down counts
             closes &= angles[:-1] + angles[1:] < 2 * float(path.middle())
     return _runs(mechanism, ends, closes)
 
 
 def _scan(mechanism: Mechanism, cycle_turns: int, ahead: float = 0.0) -> np.ndarray:
-    """Angles from zero up at which the margins are looked at, so much `ahead` of the crank: equal steps, and between
-    where general groups end."""
+    """Scan angles from zero up, `ahead` of the crank by so much (rad): equal steps, and the middles of the gaps in the
+    paths of groups of higher class."""
     gaps = np.asarray([float(path.middle()) for path in _paths(mechanism) if bool(path.ends())])
     return np.unique(
         np.concatenate([np.asarray(scan_angles(cycle_turns, SCAN)), np.mod(gaps + ahead, 2 * math.pi * cycle_turns)])
@@ -190,22 +201,22 @@ def _scan(mechanism: Mechanism, cycle_turns: int, ahead: float = 0.0) -> np.ndar
 
 
 def _paths(mechanism: Mechanism) -> list[Track]:
-    """The paths of general groups."""
+    """The paths of groups of higher class."""
     return [g.path for g in mechanism.groups if isinstance(g, General) and g.path is not None]
 
 
 def _between(mechanism: Mechanism, angles: np.ndarray) -> np.ndarray:
-    """Whether it can be assembled from each of these angles to the next."""
+    """Whether the mechanism can be assembled between each of these angles and the next."""
     closes, wide = sound(mechanism, 0.5 * (angles[:-1] + angles[1:])), np.diff(angles) > NARROW
     known = np.flatnonzero(wide)
     next_one = np.searchsorted(known, np.arange(len(closes)))
-    around = closes[known[next_one % len(known)]] & closes[known[next_one - 1]]  # of what is narrower than counts
+    around = closes[known[next_one % len(known)]] & closes[known[next_one - 1]]  # for narrow intervals
     return np.where(wide, closes, around)
 
 
 def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes: np.ndarray) -> list[CrankRange]:
-    """The ranges between these angles, at which the margins of these numbers change their sign, where it can be
-    assembled."""
+    """The ranges in which the mechanism can be assembled, between angles at which the margins of these numbers change
+    sign."""
     names = _margin_names(mechanism)
     owners = [number for number, group in enumerate(mechanism.groups) for _ in group.dead_positions()]
     ranges, first = [], 0
@@ -216,7 +227,7 @@ def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes
             inwards, told = 0.5 * (stop - start), []
             for end, margin, way in ((start, lower, inwards), (stop, upper, -inwards)):
                 told.append(end if margin is None else _sharpened(mechanism, owners[margin], end, way))
-            for end, margin in ((start, lower), (stop, upper)):  # what hangs on a group that is lost is so at once
+            for end, margin in ((start, lower), (stop, upper)):  # of a group and those attached to it, the first
                 those = [k for angle, k in ends if k is not None and abs(angle - end) < TOGETHER]
                 told.append("" if margin is None else names[min(those)])
             ranges.append(CrankRange(*told))
@@ -224,18 +235,18 @@ def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes
 
 
 def _margin_names(mechanism: Mechanism) -> list[str]:
-    """What the margins are of, in their order."""
+    """The names of the margins, in their order."""
     groups = named_groups(mechanism).items()
     return [f"{name}, {side}" for name, group in groups for side in group.dead_positions()]
 
 
 def _in_order(ranges: Sequence[CrankRange]) -> tuple[CrankRange, ...]:
-    """First that which holds zero, then those above it, then those below."""
+    """The range that contains zero first, then those above it, then those below it."""
     return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.stop < 0.0, r.start)))
 
 
 def _sharpened(mechanism: Mechanism, owner: int, end: float, inwards: float) -> float:
-    """An end of a range sharpened where a general group makes it; the middle of the range lies so far `inwards`."""
+    """An end of a range, refined if a group of higher class causes it; `inwards` leads to the middle of the range."""
     if not isinstance(mechanism.groups[owner], General):
         return end
     inside = end + math.copysign(min(CLOSE, abs(inwards)), inwards)

@@ -1,4 +1,4 @@
-"""What falls short where a dyad cannot be assembled, in its own lengths."""
+"""The shortfall of a dyad that cannot be assembled, in its own lengths."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from linkjax.groups import RPR, RRP, RRR, General
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
-OPEN = 1e-6  # what a margin falls short by where nothing closes; nearer to zero it may be a change point
+OPEN = 1e-6  # a margin below minus this cannot be assembled; closer to zero there may be a change point
 
 
 def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -> str:
-    """In words: how far apart the pins of this group are at the crank angle `phi`, and how far its links reach; its
-    margin where it is of another kind. Not for use under jax transformations."""
+    """A phrase for messages: the distance of the pins of this group at the crank angle `phi` (rad) and the reach of its
+    links, or the margin of a group of another kind. Not for use under JAX transformations."""
     mechanism = prepared(mechanism)
     group, here = named_groups(mechanism)[name], pose(mechanism, jnp.asarray(phi))
     links, points = mechanism.held_by(group), here.points
@@ -23,9 +23,7 @@ def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -
         one, two = (f"{link!r} ({float(links[link].length):.4g} m)" for link in group.links)
         pins = f"its pins {group.from_!r} and {group.to!r} are {away:.4g} m apart"
         far = side == "stretched"
-        return (
-            f"{pins}, and {one} and {two} {'do not reach' if far else 'cannot fold'} that {'far' if far else 'close'}"
-        )
+        return f"{pins}, and {one} and {two} {'do not reach that far' if far else 'differ in length by more'}"
     if isinstance(group, RRP):
         off = abs(float(group.guide.line(here.links, points).height(points[group.from_]).value))
         rod = f"{group.link!r} ({float(links[group.link].length):.4g} m) does not reach that far"
@@ -35,12 +33,12 @@ def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -
         offset = f"less than its offset of {abs(float(group.offset)):.4g} m"
         return f"its pins {group.about!r} and {group.from_!r} are {away:.4g} m apart, {offset}"
     if side == "loops" and isinstance(group, General) and group.path is not None and bool(group.path.ends()):
-        return "its loops do not close there, or only as another assembly"
+        return "its loops do not close there, or only in another assembly mode"
     return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
 
 
 def lost_at_start(mechanism: Mechanism) -> tuple[str, str] | None:
-    """The first group that cannot be assembled at crank angle zero, and its least margin; None where all can."""
+    """The first group that cannot be assembled at crank angle zero, and the side of its least margin; None if none."""
     for name, sides in margins(prepared(mechanism), jnp.zeros(())).items():
         side = min(sides, key=lambda side, sides=sides: float(sides[side].value), default=None)
         if side is not None and float(sides[side].value) < -OPEN:
@@ -49,7 +47,7 @@ def lost_at_start(mechanism: Mechanism) -> tuple[str, str] | None:
 
 
 def open_at_start(mechanism: Mechanism) -> str:
-    """What cannot be assembled at crank angle zero, and why; nothing where all can. Not for use under jax
+    """Which group cannot be assembled at crank angle zero, and why; "" if all can. Not for use under JAX
     transformations."""
     lost = lost_at_start(mechanism)
     if lost is None:

@@ -1,4 +1,4 @@
-"""Working loads: forces and torques, constant or opposing the motion, always on or in a window of the crank angle."""
+"""Loads: forces and torques, constant or opposing the motion, permanent or in a window of the crank angle."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class Window(eqx.Module):
 
 
 class Instant(NamedTuple):
-    """Where a load is evaluated: crank angle, and an angle on the side from which limits at jumps are taken."""
+    """The crank angle `phi` at which a load is evaluated, an angle `side` on the side of one-sided limits at jumps, and
+    the length of the `cycle` (all in rad)."""
 
     phi: Array
     side: Array
@@ -37,7 +38,8 @@ class Instant(NamedTuple):
 
 
 class AbstractLoad(eqx.Module):
-    """A load on one link. `reacts_on` is "frame" when its reaction goes into the machine's own frame."""
+    """A load on one link. It acts within its `window`, or permanently if that is None. `reacts_on` is "frame" if its
+    reaction acts on the frame of the machine."""
 
     name: eqx.AbstractVar[str]
     link: eqx.AbstractVar[str]
@@ -60,14 +62,14 @@ class AbstractLoad(eqx.Module):
 
     @abc.abstractmethod
     def opposed(self, pose: Pose) -> Motion | None:
-        """The motion the load opposes, None when it does not depend on the direction of motion."""
+        """The motion that the load opposes; None if it does not depend on the direction of motion."""
 
     def strength(self) -> Array:
-        """Size of a load that opposes a motion (N or N m); zero for others."""
+        """Magnitude of a load that opposes the motion (N or N m); zero for others."""
         return jnp.zeros(())
 
     def __check_init__(self):
-        """Raise `TypeError` for what is no force, and `ValueError` for what is no size of one."""
+        """Raise `TypeError` if a force is not a `Vec`, and `ValueError` if a component or magnitude is invalid."""
         if isinstance(force := getattr(self, "force", None), int | float | tuple | list):
             raise TypeError(f"force of load {self.name!r} must be a Vec, but is {force!r}; write Vec(x, y), in N")
         sizes = {key: getattr(self, key, None) for key in ("torque", "magnitude")}
@@ -77,7 +79,7 @@ class AbstractLoad(eqx.Module):
             if value is not None and not np.all(np.isfinite(value)):
                 raise ValueError(f"{key} of load {self.name!r} is {value}; write a finite number")
             if value is not None and key == "magnitude" and np.any(value < 0):
-                remedy = "write its size; a load that drives is no opposing one"
+                remedy = "write zero or more; use Force or Torque for a load that drives"
                 raise ValueError(f"{key} of load {self.name!r} must not be negative, but is {value}; {remedy}")
 
     def activity(self, at: Instant) -> Array | float:
@@ -86,7 +88,10 @@ class AbstractLoad(eqx.Module):
 
 
 class Force(AbstractLoad):
-    """A force, constant in the axes of the frame, at a `point` of a `link`."""
+    """A `force` (`Vec`, N), constant in the axes of the frame, at a `point` of a `link`.
+
+    It acts within its `window`, or permanently if that is None. Raises `TypeError` or `ValueError` for a bad force.
+    """
 
     name: str = eqx.field(static=True)
     link: str = eqx.field(static=True)
@@ -106,7 +111,11 @@ class Force(AbstractLoad):
 
 
 class OpposingForce(AbstractLoad):
-    """A force of constant `magnitude` (N) at a `point` of a `link`, against the velocity of that point."""
+    """A force of constant `magnitude` (N) at a `point` of a `link`, against the velocity of that point.
+
+    It acts within its `window`, or permanently if that is None. Raises `ValueError` if the magnitude is negative or not
+    finite.
+    """
 
     name: str = eqx.field(static=True)
     link: str = eqx.field(static=True)
@@ -135,7 +144,10 @@ class OpposingForce(AbstractLoad):
 
 
 class Torque(AbstractLoad):
-    """A constant `torque` (N m, positive counter-clockwise) on a `link`."""
+    """A constant `torque` (N m, positive counter-clockwise) on a `link`.
+
+    It acts within its `window`, or permanently if that is None. Raises `ValueError` if the torque is not finite.
+    """
 
     name: str = eqx.field(static=True)
     link: str = eqx.field(static=True)
@@ -155,7 +167,11 @@ class Torque(AbstractLoad):
 
 
 class OpposingTorque(AbstractLoad):
-    """A torque of constant `magnitude` (N m) on a `link`, against its rotation."""
+    """A torque of constant `magnitude` (N m) on a `link`, against its rotation.
+
+    It acts within its `window`, or permanently if that is None. Raises `ValueError` if the magnitude is negative or not
+    finite.
+    """
 
     name: str = eqx.field(static=True)
     link: str = eqx.field(static=True)
@@ -185,11 +201,12 @@ class OpposingTorque(AbstractLoad):
         return Motion((link.w,), (link.e,))
 
 
-NEAR = 1e-5  # rad: within this of a reversal the direction of motion is that of the side asked for
+NEAR = 1e-5  # rad: closer to a reversal than this, the direction of motion is that on the requested side
 
 
 def direction(point: PointState, at: Instant) -> Vec:
-    """Unit vector along the velocity; at a reversal, the limit from the side asked for; zero where at rest for good."""
+    """Unit vector along the velocity; at a reversal, its limit on the requested side; zero for a point that never
+    moves."""
     v, a = point.dr, point.ddr
     ahead = jnp.where(at.side >= at.phi, 1.0, -1.0)
     near = v.squared() <= NEAR * NEAR * a.squared()

@@ -1,4 +1,4 @@
-"""The scene: mechanism, loads, gravity and nominal speed together."""
+"""The scene: mechanism, loads, gravity and mean speed."""
 
 from linkjax.machine._scene import Scene as Scene
 from linkjax.machine._scene import check_scene as check_scene

@@ -1,4 +1,4 @@
-"""A scene: the mechanism with everything that acts on it."""
+"""A scene: a mechanism with its loads, gravity and speed."""
 
 from __future__ import annotations
 
@@ -23,12 +23,16 @@ from linkjax.mechanism import Mechanism, StructureError
 
 
 class Scene(eqx.Module):
-    """A machine at work: mechanism, loads, gravity (m/s²) and wanted mean crank speed (rad/s).
+    """A machine in operation: mechanism, loads, gravity (m/s²) and mean crank speed (rad/s).
 
-    `mean` says which mean of the crank speed is `speed`: "time" (2π turns / period) or "midrange" ((max + min) / 2).
-    `cycle_turns` is the number of crank turns after which everything repeats. The drive is a constant torque on the
-    crank that balances the cycle. With `constant_speed` the crank turns at constant `speed`, whatever the loads, and
-    analyses leave the actual motion out. Raises `StructureError` when a load names a link or point that does not exist.
+    `speed` is positive, and `mean` defines it: "time" (2π turns / period) or "midrange" ((max + min) / 2).
+    `target_delta` is the required coefficient of speed fluctuation δ, for which analyses find the flywheel; it may be
+    None. `cycle_turns` is the number of crank turns after which motion and loads repeat. The drive is a constant torque
+    on the crank that balances the work of the loads over the cycle. With `constant_speed` the crank turns at `speed`
+    whatever the loads, and analyses omit the actual motion.
+
+    Raises `StructureError` for an invalid value, for a load on an unknown link or point, and if the mechanism does not
+    return to its initial position after `cycle_turns`, as far as its gears and motion law show.
     """
 
     mechanism: Mechanism
@@ -44,16 +48,16 @@ class Scene(eqx.Module):
     def __check_init__(self):
         if not isinstance(self.mechanism, Mechanism):
             problem = f"is {type(self.mechanism).__name__}"
-            raise StructureError("mechanism", problem, "write a Mechanism, e.g. of lj.library")
+            raise StructureError("mechanism", problem, "write a Mechanism, e.g. from lj.library")
         if self.mean not in ("time", "midrange"):
             raise StructureError("mean", f"is {self.mean!r}", 'write "time" or "midrange"')
         if not isinstance(self.cycle_turns, int) or self.cycle_turns < 1:
-            raise StructureError("cycle_turns", f"is {self.cycle_turns!r}", "write a whole number of crank turns")
+            raise StructureError("cycle_turns", f"is {self.cycle_turns!r}", "write an integer of 1 or more")
         if not isinstance(self.constant_speed, bool):
             raise StructureError("constant_speed", f"is {self.constant_speed!r}", "write True or False")
         if self.constant_speed and self.target_delta is not None:
-            problem = "has no effect: at constant speed nothing fluctuates"
-            raise StructureError("target_delta", problem, "delete it, or constant_speed")
+            problem = "has no effect: at constant speed there is no speed fluctuation"
+            raise StructureError("target_delta", problem, "delete target_delta or constant_speed")
         for name in ("speed", "target_delta"):
             value = known(getattr(self, name))
             if value is not None and not np.all(value > 0):
@@ -63,15 +67,15 @@ class Scene(eqx.Module):
         law = self.mechanism.driver.follows()
         if law is not None and abs(self.cycle / law.period() - round(self.cycle / law.period())) > 1e-9:
             problem = (
-                f"the cycle of {self.cycle:.6g} rad is no multiple of the period of the law, {law.period():.6g} rad"
+                f"the cycle of {self.cycle:.6g} rad is not a multiple of the period of the law, {law.period():.6g} rad"
             )
-            raise StructureError("cycle_turns", problem, "write the crank turns after which everything repeats")
+            raise StructureError("cycle_turns", problem, "write the number of crank turns after which the law repeats")
         check_turns(self.mechanism, self.cycle_turns)
         if law is not None and self.target_delta is not None:
             problem = "has no effect: the driver follows a law, so its speed does not fluctuate"
-            raise StructureError("target_delta", problem, "delete it, or the law")
+            raise StructureError("target_delta", problem, "delete target_delta or the law")
         if self.target_delta is not None and not isinstance(self.mechanism.driver, Crank):
-            problem = "there is no shaft for a flywheel: no crank of the frame drives"
+            problem = "has no effect: a flywheel needs a driving crank on the frame, and there is none"
             raise StructureError("target_delta", problem, "delete it")
         if not isinstance(self.loads, tuple) or not all(isinstance(load, AbstractLoad) for load in self.loads):
             problem = f"are {type(self.loads).__name__}"
@@ -83,15 +87,16 @@ class Scene(eqx.Module):
                 raise StructureError(element, f"the name {load.name!r} is used already", "give every load its own name")
             seen.add(load.name)
             if load.window is not None and self._whole(load.window):
-                remedy = "leave the window out for a load that always acts, and the load for one that never does"
-                raise StructureError(element, "the ends of the window are one place of the cycle", remedy)
+                remedy = "omit `window` for a permanent load, or delete a load that never acts"
+                raise StructureError(element, "window start and end coincide", remedy)
             if load.link not in self.mechanism.links:
                 remedy = nearest(load.link, self.mechanism.links)
                 raise StructureError(element, f"link {load.link!r} is not defined", remedy)
             if load.opposing and self._never_moves(load):
                 what = f"point {load.point!r}" if load.point else f"link {load.link!r}"
-                problem = f"{what} never {'moves' if load.point else 'turns'}, so the load has nothing to oppose"
-                raise StructureError(element, problem, "name another point, or leave the load out")
+                problem = f"{what} never {'moves' if load.point else 'turns'}, so there is no motion to oppose"
+                remedy = f"name another {'point' if load.point else 'link'}, or delete the load"
+                raise StructureError(element, problem, remedy)
             on_link = self.mechanism.points_on(load.link)
             if load.point and load.point not in on_link:
                 problem = f"point {load.point!r} is not on link {load.link!r}"
@@ -117,18 +122,18 @@ class Scene(eqx.Module):
         return 2 * math.pi * self.cycle_turns
 
     def with_mechanism(self, mechanism: Mechanism) -> Scene:
-        """The same scene around another design of the same mechanism."""
+        """The same scene with another design of the same mechanism."""
         return dataclasses.replace(self, mechanism=jax.tree.map(as_float, mechanism))
 
 
 def check_scene(scene: object) -> None:
-    """Raise `TypeError` for what is no scene."""
+    """Raise `TypeError` if `scene` is not a `Scene`."""
     if not isinstance(scene, Scene):
         remedy = "write Scene(mechanism, loads, speed=...)" if isinstance(scene, Mechanism) else "write lj.load(name)"
         raise TypeError(f"a Scene is needed, not {type(scene).__name__}; {remedy}")
 
 
 def ready(scene: Scene) -> Scene:
-    """The scene with its mechanism `prepared`, to be evaluated many times."""
+    """The scene with its mechanism `prepared`, for many evaluations."""
     mechanism = prepared(scene.mechanism, scene.cycle_turns)
     return scene if mechanism is scene.mechanism else scene.with_mechanism(mechanism)

@@ -1,4 +1,4 @@
-"""Whether wheels in gear are after the cycle where they began, as far as their turns are those of the crank."""
+"""Whether gears return to their initial positions after the cycle, as far as the crank alone determines them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from linkjax._types import known
 from linkjax.groups import AbstractGroup, Crank, Gear, Pinion, Rack
 from linkjax.mechanism import Mechanism, StructureError
 
-WHOLE = 1e-9  # what a number of turns may be off a whole one
+WHOLE = 1e-9  # largest difference of a number of turns from an integer
 MOST = 1000  # cycles tried for the remedy
 
 
 def check_turns(mechanism: Mechanism, cycle_turns: int) -> None:
-    """Raise StructureError for wheels that are not where they began, and for racks that never come back."""
+    """Raise `StructureError` if a gear does not return to its initial position after the cycle, or a rack does not."""
     crank, turns = mechanism.driver, {"frame": 0.0}
     if isinstance(crank, Crank):
         turns[crank.link] = float(cycle_turns * crank.sense) if crank.law is None else 0.0
@@ -27,8 +27,8 @@ def check_turns(mechanism: Mechanism, cycle_turns: int) -> None:
         if abs(count - round(count)) > WHOLE:
             whole = [k for k in range(1, MOST + 1) if all(_near(k * each / cycle_turns) for each in turns.values())]
             taken = f"{cycle_turns} turn{'s' * (cycle_turns > 1)}"
-            problem = f"in {taken} of the crank {link!r} turns {count:.6g} times, so nothing repeats"
-            remedy = f"write {whole[0]}" if whole else "choose a ratio of smaller whole numbers"
+            problem = f"in {taken} of the crank, {link!r} turns {count:.6g} times, so the motion is not periodic"
+            remedy = f"write {whole[0]}" if whole else "choose a ratio of smaller integers"
             raise StructureError("cycle_turns", problem, remedy)
 
 
@@ -37,8 +37,8 @@ def _near(count: float) -> bool:
 
 
 def _angles(wheel: Gear | Rack | Pinion) -> dict[str, float] | None:
-    """Factors of angles in what a wheel keeps constant, the largest of them one, as plain numbers; None where they are
-    traced, or those of many designs."""
+    """Factors of the angles in the constraint of a gear, rack or pinion, scaled to a maximum of one, as plain numbers;
+    None if they are traced or batched."""
     values = {name: known(factor) for name, factor in wheel.coupling().angles.items()}
     if any(value is None or value.ndim for value in values.values()):
         return None
@@ -48,8 +48,8 @@ def _angles(wheel: Gear | Rack | Pinion) -> dict[str, float] | None:
 
 
 def _solved(group: AbstractGroup, rows: Sequence[Mapping[str, float]], turns: Mapping[str, float]) -> dict[str, float]:
-    """Turns of links of the group, where those of the others settle them: racks come back, so their ways do not
-    count."""
+    """Numbers of turns of the group's links, if those of other links determine them. Racks return, so their travel is
+    taken as zero."""
     unknown = list(dict.fromkeys(name for row in rows for name in row if name not in turns))
     if not rows or not set(unknown) <= set(group.link_names()):
         return {}
@@ -63,6 +63,6 @@ def _solved(group: AbstractGroup, rows: Sequence[Mapping[str, float]], turns: Ma
     for i in racks:
         rack, left = group.wheels()[i], float(matrix[i] @ counts - right[i])
         if abs(left) > WHOLE:
-            problem = f"{rack.to!r} turns {-rack.side * left:.6g} times in a cycle, so the rack never comes back"
-            raise StructureError(f"links.{rack.link}", problem, "let a wheel move it that swings")
+            problem = f"{rack.to!r} turns {-rack.side * left:.6g} times in a cycle, so the rack does not return"
+            raise StructureError(f"links.{rack.link}", problem, "drive it by an oscillating gear")
     return dict(zip(unknown, (float(count) for count in counts), strict=True)) if rank == len(unknown) else {}

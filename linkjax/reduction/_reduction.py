@@ -20,7 +20,8 @@ from linkjax.machine import Scene
 
 
 class Reduced(NamedTuple):
-    """Reduced inertia J (kg m²) with flywheel, its slope J' = dJ/dφ, reduced torque Q (N m) and each load's share."""
+    """Reduced inertia J (kg m²) with the flywheel, its slope J' = dJ/dφ (kg m²), reduced torque Q (N m), and the shares
+    of gravity and of each load in Q, by name."""
 
     inertia: Array
     slope: Array
@@ -29,7 +30,7 @@ class Reduced(NamedTuple):
 
 
 def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
-    """Reduce a pose that is known already; see `reduced_model`."""
+    """The reduced model for a given pose; see `reduced_model`."""
     inertia, half_slope, weight = scene.mechanism.flywheel.inertia, jnp.zeros_like(at.phi), jnp.zeros_like(at.phi)
     if scene.mechanism.prescribed:
         turn = here.links[scene.mechanism.driving_link]
@@ -44,9 +45,10 @@ def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
 
 
 def reduced_model(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
-    """Reduced inertia, slope and torque at the crank angle `phi` (rad); scalar in, scalar out, `vmap` for more.
+    """Reduced inertia, its slope, and reduced torque at the crank angle `phi` (rad), referred to the crank.
 
-    At a jump of a load the value is the limit from the side of the angle `side` (default: from increasing φ).
+    `phi` and all results are scalars; use `jax.vmap` for many angles or designs. At a jump of a load the value is the
+    one-sided limit on the side of the angle `side` (rad; default: just after `phi`).
     """
     phi = jnp.asarray(phi)
     return _reduce(scene, phi, phi if side is None else side)
@@ -58,8 +60,8 @@ def _reduce(scene: Scene, phi: Scalar, side: Scalar) -> Reduced:
 
 
 def governing(scene: Scene, here: Reduced) -> Reduced:
-    """What rules the motion of the crank: the reduced values themselves; where the driver follows a law, those of a
-    crank that nothing holds up, of inertia one without any torque (the shares of the loads stay what they are)."""
+    """The reduced values that govern the motion of the crank: those given, unless the driver follows a motion law. Then
+    inertia is one and torque zero, which gives constant speed; the shares of the loads are kept."""
     if not scene.mechanism.prescribed:
         return here
     none = jnp.zeros_like(here.torque)

@@ -308,7 +308,7 @@ def test_a_triad_that_can_move_by_itself():
     base = 0j, 1 + 0j, 2 + 0j
     found = triad(base, [z + 0.3 + 0.5j for z in base])
     assert found.moves and not found.all_found
-    assert str(found).endswith("besides, there are places in which it can move by itself")
+    assert str(found).endswith("; the group has positions in which it can move with the crank fixed")
     assert len(found.sketches) <= 6
 
 

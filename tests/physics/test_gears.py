@@ -182,9 +182,9 @@ def five_bar(teeth: tuple[int, int], turns: int) -> lj.Scene:
 
 def test_another_number_of_turns_is_refused():
     """With the right one."""
-    with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so nothing repeats; write 2"):
+    with pytest.raises(StructureError, match=r"'wheel' turns -0.5 times, so the motion is not periodic; write 2"):
         five_bar((40, 20), 1)
-    with pytest.raises(StructureError, match=r"in 2 turns of the crank 'wheel' turns -1.42857 times.*; write 7"):
+    with pytest.raises(StructureError, match=r"in 2 turns of the crank, 'wheel' turns -1.42857 times.*; write 7"):
         five_bar((28, 20), 2)
 
 
@@ -248,8 +248,8 @@ CRANK = Crank("crank", "A", "B")
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda: Teeth((20, 0)), r"must be two whole numbers, but are \(20, 0\)"),
-        (lambda: Teeth((20, 20), internal=True), "20 teeth each none can run inside"),
+        (lambda: Teeth((20, 0)), r"must be two integers from 1 to 100000, but are \(20, 0\)"),
+        (lambda: Teeth((20, 20), internal=True), "internal pair must differ in size, but have 20 teeth each"),
         (lambda: Belt(0.0, 0.1), "radius of a belt must be above zero, but is 0.0 m"),
         (lambda: Rack("rack", "R", "A", "crank", "A", -0.1), "radius of a rack must be above zero"),
         (lambda: Pinion("wheel", "D", "rack", "R", 0.1, side=2), "side of a pinion must be 1 or -1"),
@@ -261,25 +261,25 @@ CRANK = Crank("crank", "A", "B")
         (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "B", Teeth((20, 20)), "crank", "A")]),
          "point 'B' is not of the frame"),
         (lambda: Teeth((20, 20), pressure_angle=20.0), "must be from 0 to 60 degrees, but is 20.0 rad"),
-        (lambda: Belt(0.1, 0.1, tension=-5.0), "can only pull, but its tension is -5.0 N"),
-        (lambda: Rack("rack", "R", Guide("A", on="crank"), "crank", "B", 0.1), "slides on 'crank', its own wheel"),
-        (lambda: Gear("wheel", "D", Teeth((20, 20)), "wheel", "A"), "in gear with itself"),
+        (lambda: Belt(0.1, 0.1, tension=-5.0), "the slack strand of a belt must not be negative, but is -5.0 N"),
+        (lambda: Rack("rack", "R", Guide("A", on="crank"), "crank", "B", 0.1), "slides on 'crank', its own gear"),
+        (lambda: Gear("wheel", "D", Teeth((20, 20)), "wheel", "A"), "in mesh with itself"),
         (lambda: Mechanism(FIXED, {"crank": BARS["crank"], "other": Link(mass=1.0)}, [
             CRANK, Rack("other", "A", "D", "crank", "A", 0.05)]), "point name 'A' is used already"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Pinion("wheel", "D", "crank", "B", 0.05)]),
          "'crank' does not slide along 'frame'; name what it slides along: nothing"),
         (lambda: lj.Scene(Mechanism(FIXED, {**BARS, "wheel": Link(mass=1.0), "other": Link(mass=1.0)}, [
             CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("other", "R", "D", "wheel", "D", 0.05)])),
-         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+         "'wheel' turns -1 times in a cycle, so the rack does not return"),
         (lambda: General((("wheel", ("D",)),), ("D",), {}, gears=(Gear("wheel", "E", Teeth((20, 20)), "crank", "A"),)),
-         "the group of wheel: a wheel turns about 'E', which is no pin of 'wheel'; its pins are D"),
+         "the group of wheel: a gear turns about 'E', which is not a pin of 'wheel'; its pins are D"),
         (lambda: General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {}, (Slot("rack", "D"),), gears=(
             Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("rack", "R", "A", "wheel", "D", 0.05))),
-         "the rack 'rack' is in none of its slots; add one along the same guide"),
+         "the rack 'rack' has no slot; add a slot along the same guide"),
         (lambda: lj.Scene(Mechanism(FIXED, {"crank": BARS["crank"], "wheel": Link(mass=1.0), "rack": Link(mass=1.0)}, [
             CRANK, General((("wheel", ("D",)), ("rack", ("R",))), ("D",), {"R": Vec(0.3, 0.05)}, (Slot("rack", "D"),),
             gears=(Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("rack", "R", "D", "wheel", "D", 0.05)))])),
-         "'wheel' turns -1 times in a cycle, so the rack never comes back"),
+         "'wheel' turns -1 times in a cycle, so the rack does not return"),
     ],
 )  # fmt: skip
 def test_refused(make, told):

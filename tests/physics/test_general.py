@@ -330,8 +330,12 @@ def test_a_path_belongs_to_its_numbers():
 @pytest.mark.parametrize(
     ("members", "outer", "says"),
     [
-        ((("one", ("B", "C")), ("two", ("D", "C"))), ("B",), "2 links have 6 degrees of freedom, their joints take 4"),
-        ((("one", ("B", "C")),), ("B", "C"), "1 links have 3 degrees of freedom, their joints take 4"),
+        (
+            (("one", ("B", "C")), ("two", ("D", "C"))),
+            ("B",),
+            "2 links have 6 degrees of freedom, but their joints remove 4",
+        ),
+        ((("one", ("B", "C")),), ("B", "C"), "1 links have 3 degrees of freedom, but their joints remove 4"),
     ],
 )
 def test_what_is_no_group(members, outer, says):
@@ -340,7 +344,7 @@ def test_what_is_no_group(members, outer, says):
 
 
 def test_a_sketch_of_many_designs():
-    """Points that are sketched on one place are found in any of them."""
+    """Points that coincide in the sketch are found in any of them."""
     links = {"crank": Link(length=0.1), "plate": Link(length=0.25, points={"G": Vec(0.1, 0.2)})}
     links |= {"bar": Link(length=0.3), "arm": Link(length=0.3), "block": Link()}
     members = (("plate", ("E", "F", "G")), ("bar", ("B", "E")), ("arm", ("D", "F")), ("block", ("G",)))
@@ -351,16 +355,16 @@ def test_a_sketch_of_many_designs():
         return Mechanism({"A": Vec(0.0, 0.0), "D": Vec(0.5, 0.0)}, links, [Crank("crank", "A", "B"), group])
 
     assert made([0.3, 0.4]).driving_link == "crank"
-    with pytest.raises(StructureError, match="puts 'E' and 'F' of link 'plate' on one place"):
+    with pytest.raises(StructureError, match="'E' and 'F' of link 'plate' coincide in the sketch"):
         made([0.3, 0.1])
 
 
 def test_what_a_drive_cannot_do():
     members = (("lever", ("D", "C")), ("barrel", ("A", "H")), ("rod", ("C",)))
     slot = Slot("rod", Guide("A", on="barrel"))
-    with pytest.raises(ValueError, match="cannot do for ever"):
+    with pytest.raises(ValueError, match="along a guide, which requires a motion law; set `law`"):
         General(members, ("D", "A"), {}, (slot,), Drive("rod", "barrel"))
-    with pytest.raises(ValueError, match="moves 'ram' against 'barrel'; name links of the group"):
+    with pytest.raises(ValueError, match="moves 'ram' relative to 'barrel'; name links of the group"):
         General(members, ("D", "A"), {}, (slot,), Drive("ram", "barrel"))
 
 
@@ -374,8 +378,8 @@ def test_names_are_checked():
 @pytest.mark.parametrize(
     ("plate", "sketch", "through", "says"),
     [
-        (("E", "F", "H"), {"E": Vec(0.15, 0.28), "F": Vec(0.4, 0.25)}, "E", "link 'plate' has no marked point 'H'"),
-        (("E", "F", "G"), {"E": Vec(0.15, 0.28)}, "E", "does not say where link 'plate' is; sketch two of its points"),
+        (("E", "F", "H"), {"E": Vec(0.15, 0.28), "F": Vec(0.4, 0.25)}, "E", "link 'plate' has no coupler point 'H'"),
+        (("E", "F", "G"), {"E": Vec(0.15, 0.28)}, "E", "does not locate link 'plate'; sketch two of its points"),
         (("E", "F", "G"), {"E": Vec(0.15, 0.28), "F": Vec(0.4, 0.25)}, "D", "on link 'plate', but point 'D' is not"),
     ],
 )

@@ -208,7 +208,7 @@ def test_a_misfit_is_told():
         lj.MachineError, match=r"group 'tie' does not fit: at .* degrees it is off by 0.00398 of its length"
     ):
         lj.analyse(scene(0.251), angles=12)
-    with pytest.raises(ValueError, match="both ends of an RedundantLink hang on the point 'D'"):
+    with pytest.raises(ValueError, match="both ends of a redundant link are attached to the point 'D'"):
         RedundantLink("tie", "D", "D")
 
 

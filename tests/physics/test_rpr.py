@@ -153,7 +153,7 @@ def test_what_is_wrong_is_told():
         lj.analyse(lj.load("quick-return", {"groups[1].offset": "240 mm"}), angles=8)
     with pytest.raises(ValueError, match="side of an RPR must be 1 or -1"):
         RPR("lever", "die", "B", "P", "E", 0)
-    with pytest.raises(ValueError, match="both ends of an RPR hang on the point 'P'; name two points"):
+    with pytest.raises(ValueError, match="both ends of an RPR are attached to the point 'P'; name two points"):
         RPR("lever", "die", "P", "P", "E")
     with pytest.raises(lj.SceneError, match=r'groups\[1\].from = "P": the same point as `about`'):
         lj.load("quick-return", {"groups[1].from": "P"})

@@ -1,0 +1,68 @@
+"""What people read is written in the field's words, and old names are gone."""
+
+import re
+
+import pytest
+
+import linkjax as lj
+from linkjax._renamed import RENAMED
+from tests.helpers import ROOT
+from tests.words import PATTERN, SCANNED, WORDS, files, found_in
+
+OLD = [
+    "Met",
+    "Slide",
+    "RR",
+    "RP",
+    "over_designs",
+    "load_task",
+    "crank_limits",
+    "tied_angles",
+    "largest_speed",
+    "smallest_speed",
+    "smallest_margin",
+    "least_margin",
+    "smallest_transmission_angle",
+    "least_inertia",
+    "regime_margin",
+    "lowest_mean_speed",
+    "speed_max",
+    "speed_min",
+    "drive_torque_mean",
+    "largest_radius",
+    "smallest_radius",
+    "least_clearance",
+]
+MAY_NAME_THEM = ("linkjax/_renamed.py", "tests/test_words.py", "tests/words.py")
+
+
+@pytest.mark.parametrize("folder", SCANNED)
+def test_words_of_the_field(folder):
+    """No word of the list in messages, docstrings, comments, and docs; `python -m tests.words` prints them."""
+    places = [place for file in files([ROOT / folder]) for place in found_in(file)]
+    assert not places, "\n" + "\n".join(places)
+
+
+@pytest.mark.parametrize("line", ["the crank comes round", "is told to", "two wheels in gear", "leave it out"])
+def test_the_list_finds_words(line):
+    assert PATTERN.search(line)
+    assert not PATTERN.search(f"`{line.replace(' ', '_')}` is a name")
+
+
+def test_every_word_can_be_read():
+    for word, instead in WORDS.items():
+        assert re.compile(word) and instead
+
+
+def test_old_names_are_gone():
+    """Only the changelog and the table of renamed names have them."""
+    pattern = re.compile(r"(?<![\w-])(" + "|".join(OLD) + r")(?![\w-])")
+    every = files([ROOT / folder for folder in (*SCANNED, "tests")])
+    found = {file.relative_to(ROOT).as_posix() for file in every if pattern.search(file.read_text(encoding="utf-8"))}
+    assert found <= set(MAY_NAME_THEM)
+
+
+@pytest.mark.parametrize("old", [name for name, new in RENAMED.items() if new in lj.__all__])
+def test_old_names_say_the_new_one(old):
+    with pytest.raises(AttributeError, match=f"it is called '{RENAMED[old]}' now"):
+        getattr(lj, old)
