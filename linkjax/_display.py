@@ -207,5 +207,5 @@ def _amount(found: re.Match[str], show: Numbers) -> str:
     else:
         factor, label = turning(show.units) if unit == "rad/s" else show.units.get("rad", (180 / math.pi, "°"))
     digits = max(4, *(len(text.partition("e")[0].lstrip("-0.").replace(".", "")) for text in texts))
-    told = " to ".join(short(float(f"{factor * value:.{digits}g}")) for value in values)
-    return f"{told}{'' if label == '°' else ' '}{label}"
+    amount = " to ".join(short(float(f"{factor * value:.{digits}g}")) for value in values)
+    return f"{amount}{'' if label == '°' else ' '}{label}"

@@ -1,4 +1,4 @@
-"""The whole working cycle, computed and laid out."""
+"""The analysis of a working cycle, its JSON document and its columns."""
 
 from linkjax.analysis._analyse import LIGHTEST as LIGHTEST
 from linkjax.analysis._analyse import analyse as analyse

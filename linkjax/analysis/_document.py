@@ -1,4 +1,4 @@
-"""The JSON document of an analysis: the contract that reports, plots and other programs read."""
+"""The JSON document of an analysis, which reports, plots and other programs read."""
 
 from __future__ import annotations
 
@@ -16,18 +16,17 @@ from linkjax.motion import Peak
 
 SAME = 1e-6  # rad: dead centres so close are one
 WHY = {
-    "quadrature": "torques depend on position only, so the energy equation is integrated and no differential equation "
-    "is solved",
-    "prescribed": "the driver follows a law, so the motion is known before any force",
-    "constant speed": "asked for: the crank turns at constant nominal speed",
+    "quadrature": "torques depend only on position, so the energy equation is integrated by quadrature",
+    "prescribed": "the driver has a motion law, so the motion is known",
+    "constant speed": "as requested: the crank turns at constant nominal speed",
     "none": "there is no actual motion",
-    "diffrax": "asked for: the equation of motion is solved in the crank angle by diffrax (Dopri8)",
+    "diffrax": "as requested: diffrax (Dopri8) integrates the equation of motion over the crank angle",
 }
 
 
 def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
-    """A `Cycle` as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says. What
-    belongs to an actual motion that does not exist, or is not asked for, is None."""
+    """A `Cycle` as nested dicts of NumPy arrays and floats (SI), with the keys of `docs/conventions.md`. Values of
+    an actual motion that does not exist, or is not requested, are None."""
     cycle = jax.device_get(cycle)
     scene, code = cycle.scene, Result(int(cycle.result))
     return {
@@ -77,7 +76,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
 
 
 def _model(cycle: Any) -> dict[str, Any]:
-    """How the figures were found, and why so."""
+    """The method that gave the results, and the reason."""
     scene = cycle.scene
     method = "prescribed" if scene.mechanism.prescribed else cycle.method
     why = WHY[method]
@@ -93,7 +92,7 @@ def _model(cycle: Any) -> dict[str, Any]:
 
 
 def _motion(cycle: Any) -> dict[str, Any]:
-    """The actual motion; of one that does not exist only how far it is from that."""
+    """The actual motion; if it does not exist, only its margin and the lowest mean speed."""
     motion, missing = cycle.steady, cycle.missing
     series = {"speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time, "power": cycle.power}
     found = {
@@ -112,12 +111,12 @@ def moves(data: dict[str, Any]) -> bool:
 
 
 def check_limit(data: dict[str, Any]) -> float:
-    """The relative residual that a check of a sound analysis stays below, in the precision of the document."""
+    """The largest relative residual of a check in a correct analysis, for the precision of the document."""
     return 1e-10 if data["precision"] == "float64" else 1e-3
 
 
 def plain(value: Any) -> Any:
-    """The document with lists instead of arrays and None for what is no number, ready for `json.dump`."""
+    """The document with lists instead of arrays and None for NaN and infinity, ready for `json.dump`."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -132,7 +131,7 @@ def _maybe(value: Any) -> float | None:
 
 
 def _points(cycle: Any):
-    """Points in the order of the machine: frame, pins and marked points, then mass centres."""
+    """Points in the order of the mechanism: frame, pins and coupler points, then mass centres."""
     mechanism = cycle.scene.mechanism
     centres = [mechanism.links[link].centre_name for link in mechanism.link_names]
     first = [point for point in mechanism.owners() if point not in centres]
@@ -164,12 +163,12 @@ def _dead_centres(cycle: Any) -> list[dict[str, Any]]:
 
 
 def _stops(cycle: Any, found: Reversals) -> np.ndarray:
-    """Crank angles of the true dead centres, in order."""
+    """Crank angles of the actual dead centres, in order."""
     return np.sort(np.mod(np.asarray(found.angle)[np.asarray(found.true)], cycle.scene.cycle))
 
 
 def _strokes(cycle: Any) -> dict[str, Any]:
-    """What sliders and links cover, and how much longer one way takes than the other at constant speed."""
+    """Strokes of sliders, angles of oscillation of links, and time ratios at constant crank speed."""
     rows = {}
     for name, value in cycle.strokes.items():
         stops = _stops(cycle, cycle.dead_centres[name])
@@ -177,7 +176,7 @@ def _strokes(cycle: Any) -> dict[str, Any]:
             continue
         turn = np.sort(np.mod(stops, 2 * math.pi))
         ways = np.diff(turn, append=turn[0] + 2 * math.pi)
-        ways = ways[ways > SAME]  # the same dead centre in every turn counts once
+        ways = ways[ways > SAME]  # a dead centre that repeats in every turn counts once
         ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 else None
         unit = "m" if name in cycle.pose.points else "rad"
         rows[name] = {"value": float(value), "unit": unit, "time_ratio": ratio}

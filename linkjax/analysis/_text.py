@@ -1,4 +1,4 @@
-"""A cycle in plain text: what `print(cycle)` shows. Numbers have their units; a dash stands for what does not exist."""
+"""A cycle in plain text: what `print(cycle)` shows. Numbers have their units; a dash means: does not exist."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def cycle_text(cycle: Any) -> str:
 
 def _head(data: Data, scene: Any) -> Rows:
     """The structure, the actual motion if there is one, and the flywheel."""
-    wheel, count = data["flywheel"], len(data["angles"])
+    flywheel, count = data["flywheel"], len(data["angles"])
     turns = f"{scene.cycle_turns} turn{'s' * (scene.cycle_turns > 1)} of the crank"
     rows = [("structure", scene.mechanism.formula()), ("cycle", f"{turns}, {count} crank angle{'s' * (count > 1)}")]
     if moves(data):
@@ -45,10 +45,10 @@ def _head(data: Data, scene: Any) -> Rows:
     else:
         rows.append(("crank speed", f"{SHOW.speed(float(scene.speed))}, constant"))
         rows += [("δ", NONE), ("drive torque", f"{NONE} (constant torque of the actual motion)")]
-    rows.append(("flywheel", SHOW.shown(wheel["given"], "kg·m²")))
-    if wheel["for_target_delta"] is not None:
-        need = wheel["for_target_delta"]
-        rows.append((f"flywheel for δ = {wheel['target_delta']:g}",
+    rows.append(("flywheel", SHOW.shown(flywheel["given"], "kg·m²")))
+    if flywheel["for_target_delta"] is not None:
+        need = flywheel["for_target_delta"]
+        rows.append((f"flywheel for δ = {flywheel['target_delta']:g}",
                      SHOW.quantity(need, "kg·m²", 6) if need > 0 else "0 kg·m²"))  # fmt: skip
     return rows
 

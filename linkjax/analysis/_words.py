@@ -1,4 +1,4 @@
-"""What an analysis and its scene say in words, on the screen and in the report alike."""
+"""Units of peaks, for printed output and reports."""
 
 from __future__ import annotations
 

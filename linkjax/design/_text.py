@@ -1,4 +1,4 @@
-"""An optimum in plain text: what `print(best)` shows. Numbers have units; a dash stands for what does not exist."""
+"""An optimum in plain text: what `print(best)` shows. Numbers have units; a dash means: does not exist."""
 
 from __future__ import annotations
 

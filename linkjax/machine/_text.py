@@ -1,4 +1,4 @@
-"""A scene in plain text: what `print(scene)` shows. Numbers have their units; a dash stands for what does not exist."""
+"""A scene in plain text: what `print(scene)` shows. Numbers have their units; a dash means: does not exist."""
 
 from __future__ import annotations
 
