@@ -18,6 +18,11 @@ ROUNDING = 1e-12  # relative to a sum's terms: a smaller sum counts as zero
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 AMOUNT = re.compile(rf"(?<![\w.])({NUMBER})(?: to ({NUMBER}))? (m|rad/s|rad|degrees)(?![\w/^²])")
 QUOTED = re.compile(r"""("[^"]*"|(?<!\w)'[^']*')""")
+IN_WORDS = {
+    "delta": "speed fluctuation δ",
+    "steady_state_margin": "steady-state margin",
+    "flywheel_for_target_delta": "flywheel inertia for target δ",
+}
 Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
 
 
@@ -185,6 +190,13 @@ def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
 def turning(units: Units | None = None) -> tuple[float, str]:
     """Factor and label of speeds of rotation: revolutions per minute unless another unit was chosen."""
     return (units or {}).get("rad/s", (30 / math.pi, "rpm"))
+
+
+def in_words(name: str) -> str:
+    """Name of a measure or constraint in words: `peak_reaction_constant_speed` is "peak reaction, constant speed"."""
+    base, space, case = name.partition(" ")
+    words = IN_WORDS.get(base) or base.replace("_constant_speed", ", constant speed").replace("_", " ")
+    return f"{words}{space}{case}"
 
 
 def retold(message: str, show: Numbers) -> str:

@@ -299,7 +299,7 @@ def test_to_pylinkage_and_back(call, tmp_path):
 def test_what_cannot_be_exchanged(call, tmp_path):
     code, _, err = call("export", "quick-return", "--format", "pylinkage")
     assert code == 2
-    assert "quick-return: lever-die: pylinkage knows no such group (RPR); export turning cranks" in err
+    assert "quick-return: lever-die: pylinkage has no such group (RPR); use only rotating cranks" in err
     code, _, err = call("export", "four-bar", "--set", 'links.coupler.length="100 mm"', "--at", "180")
     assert code == 1
     assert "'coupler-rocker' cannot be assembled at 180 degrees" in err
@@ -314,6 +314,6 @@ def test_what_cannot_be_exchanged(call, tmp_path):
     path.write_text('{"joints": [], "links": []}', encoding="utf-8")
     code, _, err = call("import", path)
     assert code == 2
-    assert "broken.json: links: there must be one driver, but there are: none; mobility is one" in err
+    assert "broken.json: links: there must be one driver, but there are: none; write one" in err
     assert call("import", tmp_path / "missing.json")[0] == 2
     assert list(tmp_path.iterdir()) == [path]

@@ -92,7 +92,7 @@ def _drive(mechanism: Mechanism, show: Numbers) -> str:
 
 def print_structure(found: Structure) -> None:
     """Mobility, formula, and how every group is attached."""
-    console.print(f"mobility   {found.mobility_told()}", highlight=False)
+    console.print(f"mobility   {found.mobility_formula()}", highlight=False)
     console.print(f"structure  {found.formula()}", highlight=False)
     console.print(f"numbered   {found.formula(numbers=True)}", highlight=False)
     console.print(f"pairs      {found.formula(letters=True)}\n", highlight=False)

@@ -1,4 +1,4 @@
-"""Machines in the formats of other programs: MuJoCo's models and pylinkage's JSON."""
+"""Import and export of machines: MuJoCo models and pylinkage's JSON."""
 
 from linkjax.exchange._from_pylinkage import Imported as Imported
 from linkjax.exchange._from_pylinkage import from_pylinkage as from_pylinkage

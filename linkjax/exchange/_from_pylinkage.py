@@ -1,4 +1,4 @@
-"""Mechanisms out of pylinkage's JSON.
+"""Mechanisms from pylinkage's JSON.
 
 The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3), or that of the linkages of pylinkage 0.6
 to 0.9.
@@ -20,15 +20,15 @@ from linkjax.groups import FRAME, Drive, Guide, Slot
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage
 
 GROUND = "\ud800"  # the frame among the bodies; no link has such an id
-SMALLEST = 1e-30  # m, as in scene files
-ONE_PLACE = 1e-12  # of the drawing's size: joints nearer to each other are at one place
+SMALLEST = 1e-30  # m, as in scene files: smaller coordinates are zero
+ONE_PLACE = 1e-12  # of the drawing's size: joints nearer to each other coincide
 
 
 class Imported(NamedTuple):
-    """A mechanism out of a pylinkage file.
+    """A mechanism from a pylinkage file.
 
-    `points` are the ids of joints that were changed, with their new names, and `links` those of links and sliders.
-    `notes` say, a line each, where the motion differs from that in pylinkage.
+    `points` has the joint ids that were changed, with their new names; `links` has those of links and sliders.
+    `notes` has a line for each difference between its motion and that in pylinkage.
     """
 
     mechanism: Mechanism
@@ -38,27 +38,27 @@ class Imported(NamedTuple):
 
 
 def from_pylinkage(document: str | Mapping[str, Any]) -> Mechanism:
-    """The mechanism that pylinkage's JSON describes: a string, or what `json.load` or `mechanism_to_dict` gave.
+    """The mechanism that pylinkage's JSON describes: a string, or the result of `json.load` or `mechanism_to_dict`.
 
-    It is the mechanism of `read_pylinkage`, which says what is read and how, and also gives the names that were
-    changed. Coordinates are taken as metres. Raises `StructureError`, naming the element, for what it cannot read.
+    It is the mechanism of `read_pylinkage`, which documents what is read and also returns the names that were changed.
+    Coordinates are in metres. Raises `StructureError`, naming the element, for anything that it cannot read.
     """
     return read_pylinkage(document).mechanism
 
 
 def read_pylinkage(document: str | Mapping[str, Any]) -> Imported:
-    """The mechanism that pylinkage's JSON describes, with the names that were changed: `document` is a string, or what
-    `json.load` or `mechanism_to_dict` gave.
+    """The mechanism that pylinkage's JSON describes, with the names that were changed: `document` is a string, or the
+    result of `json.load` or `mechanism_to_dict`.
 
-    Points and links have the ids of joints and links there. An id that a scene file cannot hold is made usable:
-    `crank.motor_ground.A` becomes `crank_motor_ground_A`. Coordinates are taken as metres. At crank angle zero every
-    joint is where it is drawn, and lengths are the distances in the drawing; a tracker is where its distance and angle
-    put it. A driver becomes the crank, an arc driver a crank that oscillates over its arc. A prismatic joint becomes a
-    slider with the joint's name (`<id>_block` where it has none). Two links that share two joints, and three that form
-    a triangle, are one link. Groups may be of any class. Links have no masses.
+    Points and links have the ids of joints and links in the file. An id that is not allowed in a scene file is changed:
+    `crank.motor_ground.A` becomes `crank_motor_ground_A`. Coordinates are in metres. At crank angle zero every joint is
+    where it is drawn, and lengths are the distances in the drawing; a tracker is placed by its distance and angle. A
+    driver becomes the crank, an arc driver a crank that oscillates over its arc. A prismatic joint becomes a slider
+    with the joint's name (`<id>_block` where it has none). Two links that share two joints, and three links that form a
+    triangle, become one link. Groups may be of any class. Links have no masses.
 
     Raises `StructureError`, naming the joint or link, for what linkjax cannot express: several drivers, trackers
-    between two links, and joints without a link, as which pylinkage writes cams. It is also raised where an initial
+    between two links, and joints without a link (pylinkage writes cams in this way). It is also raised where an initial
     angle, an arc or a slide line disagrees with the drawing by more than 1e-3 of its size, for mechanisms that cannot
     move or are unconstrained, and for a document that is not a mechanism of pylinkage.
     """
@@ -66,7 +66,7 @@ def read_pylinkage(document: str | Mapping[str, Any]) -> Imported:
 
 
 class _Reader:
-    """The rigid bodies of a file: `on[body]` are the joints of each, also of the frame; `spots` are places."""
+    """The rigid bodies of a file: `on[body]` has the joints of each, also of the frame; `spots` has places."""
 
     def __init__(self, document: Drawn):
         self.joints: dict[str, Drawn] = {joint["id"]: joint for joint in document["joints"]}
@@ -85,10 +85,10 @@ class _Reader:
         self.on[self.bar["id"]] = [self.pivot, self.end]
         self.slides = self.guides()
 
-    # ---- what the file says
+    # ---- the contents of the file
 
     def at(self, joint: str) -> complex:
-        """Where a joint is drawn."""
+        """The drawn place of a joint."""
         if joint not in self.spots:
             raise StructureError(joint, "has no position", "write x and y")
         return self.spots[joint]
@@ -97,7 +97,7 @@ class _Reader:
         return self.joints[joint].get("type") or "revolute"
 
     def refs(self, joint: str) -> tuple[str, str] | None:
-        """The two joints that a tracker tracks; None for one that tracks nothing, and for other joints."""
+        """The two joints that a tracker tracks; None for a tracker without them, and for other joints."""
         one, two = (self.joints[joint].get(key) for key in ("ref_joint1_id", "ref_joint2_id"))
         return (one, two) if self.kind(joint) == "tracker" and one and two else None
 
@@ -114,11 +114,9 @@ class _Reader:
         drivers = [bar for bar in self.bars.values() if bar.get("type") in ("driver", "arc_driver")]
         if len(drivers) != 1:
             names = ", ".join(bar["id"] for bar in drivers) or "none"
-            remedy = "mobility is one"
+            remedy = "keep one: a mechanism of linkjax has one driver"
             if not drivers:
-                remedy += (
-                    "; pylinkage's to_mechanism omits the links of arc cranks and linear actuators: write a driver"
-                )
+                remedy = "write one; pylinkage's to_mechanism omits the links of arc cranks and linear actuators"
             raise StructureError("links", f"there must be one driver, but there are: {names}", remedy)
         (bar,) = drivers
         pins, pivot = bar["joints"], bar.get("motor_joint")
@@ -126,12 +124,12 @@ class _Reader:
         pivot = grounded[0] if not pivot and len(grounded) == 1 else pivot
         if len(pins) != 2 or pins[0] == pins[1] or pivot not in pins:
             raise StructureError(
-                bar["id"], "has no motor joint and one other", "put further joints on a link of their own"
+                bar["id"], "needs two joints, one of them its motor joint", "put further joints on a link of their own"
             )
         return bar, str(pivot), next(pin for pin in pins if pin != pivot)
 
     def guides(self) -> dict[str, tuple[str, str] | None]:
-        """Joints that slide, with two joints on their line, or with None where the joint itself has an axis.
+        """Joints that slide, each with two joints on its line, or with None where the joint itself has an axis.
 
         `pylinkage.dyads.to_mechanism` writes a slide on the line of two joints as a link `<joint>_guide` of all three.
         """
@@ -155,7 +153,7 @@ class _Reader:
         return [body for body, held in self.on.items() if all(joint in held for joint in joints)]
 
     def gather(self) -> None:
-        """Merge bodies that are rigid together, and put trackers on their bodies, until nothing changes."""
+        """Merge bodies that form a rigid body, and put trackers on their bodies, until nothing changes."""
         waiting = [joint for joint in self.joints if self.refs(joint)]
         while True:
             while self.doubled() or self.triangle():
@@ -172,14 +170,14 @@ class _Reader:
                 if ref not in self.joints:
                     raise StructureError(joint, f"tracks {ref!r}, which does not exist", nearest(ref, self.joints))
             problem = f"tracks {one!r} and {two!r}, which are on no common link"
-            raise StructureError(joint, problem, "linkjax's points are fixed to a link; delete it")
+            raise StructureError(joint, problem, "delete it, or track two joints of one link")
 
     def track(self, joint: str) -> None:
         """Place a tracker by its distance and angle, on the body of the two joints that it tracks."""
         one, two = self.refs(joint) or ("", "")
         axis = self.at(two) - self.at(one)
         if not self.apart(one, two):
-            raise StructureError(joint, f"tracks {one!r} and {two!r}, which coincide", "move one")
+            raise StructureError(joint, f"tracks {one!r} and {two!r}, which coincide", "move one of them")
         drawn = self.joints[joint]
         away = cmath.rect(float(drawn.get("distance", 0.0)), float(drawn.get("angle", 0.0)))
         self.spots[joint] = self.at(one) + away * axis / abs(axis)
@@ -192,7 +190,7 @@ class _Reader:
         self.on[body] = list(dict.fromkeys([*self.on[body], *joints]))
 
     def pairs(self) -> list[tuple[str, str, list[str]]]:
-        """Every two bodies that share joints, the earlier first, with these; the frame and the driver come first."""
+        """Pairs of bodies that share joints, with these joints, in the order of bodies; frame and driver come first."""
         order = sorted(self.on, key=lambda body: (body != GROUND, body != self.bar["id"]))
         shared = [(a, b, [j for j in self.on[a] if j in self.on[b]]) for a, b in itertools.combinations(order, 2)]
         return [each for each in shared if each[2]]
@@ -204,16 +202,16 @@ class _Reader:
                 continue
             if not self.apart(*shared[:2]):
                 problem = f"joints {shared[0]!r} and {shared[1]!r} coincide"
-                raise StructureError(two, problem, "move one")
+                raise StructureError(two, problem, "move one of them")
             if two == self.bar["id"]:
-                problem = f"could not move: its joints {shared[0]!r} and {shared[1]!r} are on the frame"
-                raise StructureError(two, problem, "take one of them off the frame")
+                problem = f"cannot move: its joints {shared[0]!r} and {shared[1]!r} are both on the frame"
+                raise StructureError(two, problem, "remove one of them from the frame")
             self.absorb(one, self.on.pop(two))
             return True
         return False
 
     def triangle(self) -> bool:
-        """Merge three bodies that are pinned to each other at three joints; False where there are none."""
+        """Merge three bodies that form a triangle, pinned to each other; False where there are none."""
         shared = {(one, two): joints[0] for one, two, joints in self.pairs()}
         for (one, two), joint in shared.items():
             for three in self.on:
@@ -226,7 +224,7 @@ class _Reader:
     # ---- the mechanism
 
     def imported(self) -> Imported:
-        """The mechanism of all bodies, with usable names."""
+        """The mechanism of all bodies, with valid names."""
         for joint in self.joints:
             if not self.refs(joint):
                 self.at(joint)
@@ -240,12 +238,12 @@ class _Reader:
                 raise StructureError(joint, "is on no link", remedy)
         for body, held in self.on.items():
             if body != GROUND and len(held) > 1 and not self.apart(*held[:2]):
-                raise StructureError(body, f"joints {held[0]!r} and {held[1]!r} coincide", "move one")
+                raise StructureError(body, f"joints {held[0]!r} and {held[1]!r} coincide", "move one of them")
         motion = motion_of(self.bar, self.end, self.at(self.end) - self.at(self.pivot), self.size)
         points, links, blocks, names = self.named()
         made = self.links(points, links, blocks)
         for number, (link, each) in enumerate(list(made.items()), 1):
-            if f"S{number}" in names.taken:  # as its mass centre would be called
+            if f"S{number}" in names.taken:  # the default name of its mass centre
                 made[link] = Link(
                     each.length, points=each.points, pins=each.pins, centre_name=names.new(f"S{number}", "S")
                 )
@@ -260,7 +258,7 @@ class _Reader:
         return Imported(mechanism, _changed(points), _changed(own | links), notes)
 
     def named(self) -> tuple[dict[str, str], dict[str, str], dict[str, str], Names]:
-        """Usable names of joints, of links and of blocks."""
+        """Valid names of joints, of links and of blocks."""
         bars = [body for body in self.on if body != GROUND]
         own = [bar for bar in bars if bar not in self.joints]
         names = Names([*self.joints, *own])
@@ -270,12 +268,12 @@ class _Reader:
         return points, links, blocks, names
 
     def slider(self, joint: str) -> str:
-        """The name that a file gives to a slider; empty where it is that of the joint."""
+        """The name of a slider in the file; empty where it is the name of the joint."""
         name = self.joints[joint].get("name") or ""
         return "" if name == joint else name
 
     def links(self, points: dict[str, str], links: dict[str, str], blocks: dict[str, str]) -> dict[str, Link]:
-        """The links with their pins, and with trackers as their points; sliders have one pin."""
+        """The links with their pins, and trackers as coupler points; sliders have one pin."""
         found = {}
         for body, held in self.on.items():
             if body == GROUND:
@@ -289,14 +287,14 @@ class _Reader:
         return found | {blocks[joint]: Link(pins=(points[joint],)) for joint in self.slides}
 
     def axis(self, body: str) -> complex:
-        """Direction of a body as it is drawn."""
+        """The drawn direction of a body."""
         if body == GROUND:
             return 1 + 0j
         one, two = self.on[body][:2]
         return (self.at(two) - self.at(one)) / abs(self.at(two) - self.at(one))
 
     def guide(self, joint: str, points: dict[str, str], links: dict[str, str]) -> Guide:
-        """The guide of a joint that slides, through the place where that is drawn."""
+        """The guide of a joint that slides, through the drawn place of the joint."""
         line, drawn = self.slides[joint], self.joints[joint]
         if line is not None:
             if not (on := self.bodies(*line)):
@@ -305,12 +303,12 @@ class _Reader:
             body, base, along = on[0], line[0], self.at(line[1]) - self.at(line[0])
         else:
             body, base, along = GROUND, self.pivot, complex(*drawn.get("axis", (1.0, 0.0)))
-        along = along / abs(along) if abs(along) > 1e-10 else 1 + 0j  # as pylinkage has it
+        along = along / abs(along) if abs(along) > 1e-10 else 1 + 0j  # as in pylinkage
         if line is None and "line_point" in drawn:
             off = abs(((self.at(joint) - complex(*drawn["line_point"])) / along).imag)
             if off > DISAGREE * self.size:
                 x, y = self.at(joint).real, self.at(joint).imag
-                problem = f"is drawn at ({x:.6g}, {y:.6g}), {off:.6g} off its line through {list(drawn['line_point'])}"
+                problem = f"is drawn at ({x:.6g}, {y:.6g}), {off:.6g} from its line through {list(drawn['line_point'])}"
                 raise StructureError(joint, problem, "correct line_point or axis, or move the joint onto the line")
         offset, angle = ((self.at(joint) - self.at(base)) / along).imag, cmath.phase(along / self.axis(body))
         offset = 0.0 if abs(offset) < ONE_PLACE * self.size else offset
@@ -318,10 +316,10 @@ class _Reader:
 
 
 def _plain(number: int | float) -> float:
-    """A coordinate without what rounding leaves of zero, which no scene file takes."""
+    """A coordinate, zero if it is a rounding error too small for scene files."""
     return 0.0 if abs(number) < SMALLEST else float(number)
 
 
 def _changed(names: Mapping[str, str]) -> dict[str, str]:
-    """Those of these names that were changed, with what they became."""
+    """The names that were changed, with their new names."""
     return {old: new for old, new in names.items() if old != new}

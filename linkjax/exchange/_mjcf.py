@@ -1,4 +1,4 @@
-"""Machines as models of MuJoCo.
+"""Machines as MuJoCo models.
 
 Source: MuJoCo documentation, XML reference (https://mujoco.readthedocs.io/en/stable/XMLreference.html).
 """
@@ -17,28 +17,28 @@ from linkjax.kinematics import Pose, prepared
 from linkjax.machine import Scene, ready
 from linkjax.mechanism import Mechanism, StructureError
 
-STEP = 1e-4  # s, of a simulation: half the time constant of the constraints, the most that MuJoCo allows
+STEP = 1e-4  # s, time step: half the time constant of the constraints, the largest that MuJoCo allows
 STIFF = {"solref": f"{2 * STEP:g} 1", "solimp": "0.9999 0.9999"}
-THIN = 0.015  # radius of a drawn link, as a part of the greatest distance on a link
+THIN = 0.015  # radius of a drawn link, relative to the greatest distance on a link
 
 
 def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9) -> str:
-    """A machine as the text of a MuJoCo model (MJCF), in SI units, standing at the crank angle `phi` (rad).
+    """A machine as a MuJoCo model (an MJCF string), in SI units, at the crank angle `phi` (rad).
 
-    Every link is a body in the plane z = 0, with its name and its axes. It hangs on the frame or on another link by one
-    joint of the same name, a hinge or a slide, whose coordinate (rad or m) is zero at `phi`. Loops are closed by
-    equality constraints: pins by `connect`; slides by `weld`, to a body `<block>.guide` that runs on the guide. Wheels
-    in gear have a tendon `<wheel>.mesh` of constant length. Every named point is a site of its name on the link that it
-    belongs to; where a pin closes a loop, the other link has a site `<link>.<point>` there. The motor `drive` acts on
-    the driver, by a tendon of that name where the pin that it turns closes a loop; a flywheel is the armature of its
-    joint. Counterweights are part of their link. A `Scene` brings its gravity; working loads, speeds and laws of motion
-    have no place in a model.
+    Every link is a body in the plane z = 0, with its name and its axes. It is attached to the frame or another link by
+    one joint of the same name, a hinge or a slide, whose coordinate (rad or m) is zero at `phi`. Equality constraints
+    close the loops: `connect` for pins; `weld` for slides, to a body `<block>.guide` that runs on the guide. Gears in
+    mesh have a tendon `<gear>.mesh` of constant length. Every named point is a site of its name on its link; where a
+    pin closes a loop, the other link has a site `<link>.<point>` there. The motor `drive` acts on the driving joint, by
+    a tendon of the same name if this joint is a pin that closes a loop. A flywheel is the armature of the joint.
+    Counterweights are part of their link. A `Scene` sets gravity; working loads, speeds and motion laws are not part of
+    the model.
 
-    MuJoCo knows no body without mass and inertia: where a link has none, it has `massless` times the greatest mass of
-    a link (1 kg if none has any), and this by the square of the greatest distance on a link.
+    MuJoCo needs mass and inertia for every body. A link without mass gets `massless` times the greatest mass of a link
+    (1 kg if no link has a mass); for its inertia this is multiplied by the square of the greatest distance on a link.
     Constraints are as stiff as MuJoCo allows at a time step of 0.1 ms. Needs MuJoCo 3.3.
-    Raises `MachineError` where the machine cannot be assembled at `phi`, and `StructureError` for a link with an ideal
-    counterweight that no body can have, and for machines that are traced or batched.
+    Raises `MachineError` where the machine cannot be assembled at `phi`. Raises `StructureError` for a link whose
+    ideal counterweight leaves it without positive inertia, and for machines that are traced or batched.
     """
     if isinstance(machine, Scene):
         machine = ready(machine)
@@ -72,7 +72,7 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
 
 
 def _numbers(at: complex) -> str:
-    """A place in the plane, to the last digit."""
+    """A place in the plane, with all digits."""
     return f"{at.real!r} {at.imag!r} 0"
 
 
@@ -94,7 +94,7 @@ def _body(parent: ET.Element, placed: Placed, inertial: dict[str, str]) -> ET.El
 
 
 def _drawn(body: ET.Element, mechanism: Mechanism, link: str, radius: float) -> None:
-    """What is seen of a link; it has no mass and touches nothing."""
+    """The visible geometry of a link, without mass and contact."""
     length = float(mechanism.links[link].length)
     if length:
         ends = f"0 0 0 {length!r} 0 0"
@@ -104,7 +104,7 @@ def _drawn(body: ET.Element, mechanism: Mechanism, link: str, radius: float) -> 
 
 
 def _heaviest(here: Pose) -> float:
-    """The greatest mass of a link, 1 kg if none has any."""
+    """The greatest mass of a link, 1 kg if no link has a mass."""
     return max(sum(float(lump.mass) for lump in held.values()) for held in here.bodies.values()) or 1.0
 
 
@@ -117,8 +117,8 @@ def _inertials(here: Pose, tree: Tree, massless: float, size: float) -> dict[str
         centre = sum(m * at for at, m, _ in lumps) / mass if mass else next(at for at, _, _ in lumps)
         inertia = sum(own + m * abs(at - centre) ** 2 for at, m, own in lumps)
         if inertia < 0 or (mass == 0 and any(m for _, m, _ in lumps)):
-            problem = "no body can have what its ideal counterweight leaves: an inertia below zero"
-            raise StructureError(f"links.{link}", problem, "leave `ideal` out, or give the link more mass")
+            problem = "its ideal counterweight makes its mass or inertia unphysical (no mass, or an inertia below zero)"
+            raise StructureError(f"links.{link}", problem, "omit `ideal`, or give the link more mass")
         found[link] = _inertial(centre, mass or least, inertia or least * size**2)
     return found
 
@@ -141,7 +141,7 @@ def _close(model: ET.Element, bodies: dict[str, ET.Element], tree: Tree, here: S
 
 
 def _couple(model: ET.Element, mechanism: Mechanism, tree: Tree) -> None:
-    """Keep wheels in gear: a tendon whose length is what they keep constant."""
+    """Keep gears in mesh, by a tendon whose constant length is their constraint."""
     above = {body.body: body for body in tree.bodies}
     wheels = [wheel for group in mechanism.groups for wheel in group.wheels()]
     names = [joint.name for group in mechanism.groups for joint in group.joints() if joint.meshes]
@@ -161,7 +161,7 @@ def _couple(model: ET.Element, mechanism: Mechanism, tree: Tree) -> None:
 
 
 def _hinges(angles: Mapping[str, Any], tree: Tree) -> dict[str, float]:
-    """Factors of hinges for those of the angles of links: each is the sum of all hinges that the link hangs on."""
+    """Factors of hinge coordinates from factors of link angles: an angle is the sum of all hinges up to the frame."""
     above, factors = {body.body: body for body in tree.bodies}, {}
     for link, factor in angles.items():
         while link != "frame":
@@ -181,7 +181,7 @@ def _tendon(model: ET.Element, name: str, factors: Mapping[str, float]) -> None:
 
 
 def _site(body: ET.Element, link: str, point: str, tree: Tree) -> str:
-    """Name of the site of a point on a link: the point's own on the link that it belongs to."""
+    """Name of the site of a point on a link; on the link that it belongs to, the name of the point."""
     if any(site.get("name") == point for site in body.findall("site")):
         return point
     ET.SubElement(body, "site", name=f"{link}.{point}", pos=_numbers(tree.places[link][point]))
@@ -195,7 +195,7 @@ def _drive(model: ET.Element, mechanism: Mechanism, bodies: dict[str, ET.Element
     if isinstance(driver, General) and driver.drive is not None:
         link, on = driver.drive.link, driver.drive.on
         hung = [body.body for body in tree.bodies if {body.body, body.parent} == {link, on}]
-        if driver.driven_slot() is None and hung != [link]:  # its pin closes a loop, and has no joint of its own
+        if driver.driven_slot() is None and hung != [link]:  # its pin closes a loop, and is not a joint of the tree
             _tendon(model, "drive", _hinges({link: 1.0, on: -1.0}, tree))
             motor.set("tendon", "drive")
             return

@@ -1,4 +1,4 @@
-"""How the driver of a pylinkage file moves: its sense, its law, and its angle at crank angle zero."""
+"""The motion of the driver of a pylinkage file: rotation, law, and angle at crank angle zero."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from linkjax.groups import AbstractLaw, Harmonic, Rotation, Spline
 from linkjax.mechanism import StructureError
 
 Drawn = Mapping[str, Any]
-DISAGREE = 1e-3  # of the drawing's size: how far a number may be off a drawing that is true to scale
+DISAGREE = 1e-3  # of the drawing's size: allowed difference of a number from a drawing that is true to scale
 SAME = 1e-9  # rad
 MOST_STEPS = 10000
-STEP = 2 * math.pi / 360  # a step of pylinkage's drivers (rad), where none is written
+STEP = 2 * math.pi / 360  # default step of pylinkage's drivers (rad)
 KNOTS = 16  # of the law of an arc driver that begins inside its arc, in one cycle
 
 
 class Motion(NamedTuple):
-    """The rotation of a driver ("ccw" or "cw"), its angle (rad) at crank angle zero, its law where it oscillates, and a note for
-    the user, or an empty string."""
+    """The rotation of a driver ("ccw" or "cw"), its angle (rad) at crank angle zero, its law where it oscillates, and a
+    note for the user, or an empty string."""
 
     rotation: Rotation
     phase: float
@@ -31,15 +31,15 @@ class Motion(NamedTuple):
 
 
 def motion_of(bar: Drawn, end: str, arm: complex, size: float) -> Motion:
-    """How a driver moves whose pin `end` is drawn at `arm` from its pivot, in a drawing of this size.
+    """The motion of a driver whose pin `end` is drawn at `arm` from its pivot, in a drawing of this size.
 
-    At crank angle zero it is where it is drawn. Raises `StructureError` where its initial angle disagrees with the
-    drawing, unless pylinkage reaches the drawing in a number of steps from there (it keeps the initial angle while it
-    steps); and for a driver that does not move.
+    At crank angle zero the driver is where it is drawn. Raises `StructureError` for a driver that does not move, and
+    where its initial angle disagrees with the drawing, unless a number of pylinkage's steps leads from this angle to
+    the drawing (pylinkage keeps the initial angle while it steps).
     """
     speed, seen = float(bar.get("angular_velocity", STEP)), math.atan2(arm.imag, arm.real)
     if speed == 0:
-        raise StructureError(bar["id"], "does not turn: angular_velocity is 0", "write an angular velocity")
+        raise StructureError(bar["id"], "does not turn: angular_velocity is 0", "write another angular velocity")
     arc, near = None, DISAGREE * size / abs(arm)
     if bar.get("type") == "arc_driver":
         arc = float(bar.get("arc_start", 0.0)), float(bar.get("arc_end", math.pi))
@@ -58,7 +58,7 @@ def motion_of(bar: Drawn, end: str, arm: complex, size: float) -> Motion:
             steps = _steps_between(float(given), seen, speed, arc)
             if steps is None:
                 problem = f"initial_angle is {given:.6g} rad, but {end!r} is drawn at {seen:.6g} rad"
-                remedy = "delete initial_angle, so that it starts where it is drawn, or draw all joints at that angle"
+                remedy = "delete initial_angle to start at the drawn angle, or draw all joints at the initial angle"
                 raise StructureError(bar["id"], problem, remedy)
             note = f"{bar['id']}: starts where it is drawn, {steps} steps after its initial_angle of {given:.6g} rad"
     if arc is None:
@@ -68,7 +68,7 @@ def motion_of(bar: Drawn, end: str, arm: complex, size: float) -> Motion:
 
 
 def _steps_between(given: float, seen: float, speed: float, arc: tuple[float, float] | None) -> int | None:
-    """After how many of pylinkage's steps a driver that began at one angle is at another; None where it never is."""
+    """The number of pylinkage's steps from one angle of a driver to another; None if it never gets there."""
     for steps, angle in enumerate(itertools.islice(_stepped(given, speed, arc), MOST_STEPS), 1):
         if abs(math.remainder(angle - seen, math.tau)) < SAME:
             return steps
@@ -89,10 +89,10 @@ def _stepped(angle: float, speed: float, arc: tuple[float, float] | None) -> Ite
 
 
 def _law(seen: float, arc: tuple[float, float], rises: bool) -> AbstractLaw:
-    """An oscillation over an arc, a cosine, which begins at an angle of it.
+    """An oscillation over an arc, as a cosine, from a start angle in the arc.
 
-    From an end of the arc it is harmonic. From an angle between, it is a spline through points of the cosine. That
-    angle and both ends are among the points. They lie symmetrically about each end, so the spline turns back there."""
+    From an end of the arc it is harmonic. From an angle in between it is a spline through points of the cosine. The
+    start and both ends are among the points. They are symmetric about each end, so the spline reverses there."""
     start, stop = arc
     if seen <= start + SAME or seen >= stop - SAME:
         return Harmonic(seen, stop if seen <= start + SAME else start)

@@ -1,4 +1,4 @@
-"""What pylinkage's JSON holds, checked: a document of joints and links, whatever version wrote it."""
+"""The contents of pylinkage's JSON, checked: a document of joints and links, from any version."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TEXTS = ("type", "name", "motor_joint", "ref_joint1_id", "ref_joint2_id")
 NUMBERS = ("distance", "angle", "angular_velocity", "initial_angle", "arc_start", "arc_end")
 PLACES = ("position", "axis", "line_point")
 TYPES = {"joints": ("ground", "revolute", "prismatic", "tracker"), "links": ("ground", "driver", "arc_driver", "link")}
-LARGEST = 1e20  # of a number in a file, as in scene files
+LARGEST = 1e20  # bound of numbers in a file, as in scene files
 WRITE = "write it with pylinkage's mechanism_to_json"
 BARE = "build a Mechanism of the topology and its Dimensions with pylinkage's to_mechanism, and write that"
 OTHERS = {
@@ -27,9 +27,9 @@ OTHERS = {
 
 
 def read(document: str | Mapping[str, Any]) -> Drawn:
-    """The joints and links of a document, each of them checked: ids are strings of their own, numbers are finite.
+    """The joints and links of a document, each of them checked: ids are different strings, numbers are finite.
 
-    Old linkages (pylinkage 0.6 to 0.9) are rewritten as joints and links. Raises `StructureError` for everything else.
+    Old linkages (pylinkage 0.6 to 0.9) are converted to joints and links. Raises `StructureError` for anything else.
     """
     if isinstance(document, str):
         document = _parsed(document)
@@ -53,13 +53,13 @@ def _parsed(text: str) -> Any:
     try:
         return json.loads(text)
     except json.JSONDecodeError as error:
-        raise StructureError("pylinkage", f"not JSON: {error.msg} in line {error.lineno}", WRITE) from error
+        raise StructureError("pylinkage", f"is not valid JSON: {error.msg} in line {error.lineno}", WRITE) from error
     except (ValueError, RecursionError) as error:  # a number of thousands of digits, thousands of brackets
-        raise StructureError("pylinkage", f"not JSON of a mechanism: {error}", WRITE) from error
+        raise StructureError("pylinkage", f"is not JSON of a mechanism: {error}", WRITE) from error
 
 
 def _check_all(key: str, elements: list[Any]) -> None:
-    """Raise `StructureError` for the first joint or link that is not what it should be."""
+    """Raise `StructureError` for the first joint or link that is not valid."""
     seen: set[str] = set()
     for number, each in enumerate(elements):
         if not isinstance(each, Mapping) or not isinstance(each.get("id"), str):
@@ -81,7 +81,7 @@ def _check_all(key: str, elements: list[Any]) -> None:
 
 
 def check(element: Drawn) -> None:
-    """Raise `StructureError` where a key of a joint or link is not what it should be."""
+    """Raise `StructureError` for a key of a joint or link with a wrong value."""
     for key, value in element.items():
         what, remedy = "", ""
         if key in TEXTS and not isinstance(value, str | None):
@@ -95,7 +95,7 @@ def check(element: Drawn) -> None:
 
 
 def are(values: object, *kinds: type) -> bool:
-    """Whether this is a list of strings, or of finite numbers below the largest that a scene file takes."""
+    """Whether this is a list of strings, or of finite numbers below the bound of scene files."""
     return isinstance(values, list | tuple) and all(
         isinstance(each, kinds) and not isinstance(each, bool) and (isinstance(each, str) or _fits(each))
         for each in values

@@ -1,7 +1,7 @@
 """Linkages as pylinkage 0.6 to 0.9 wrote them: joints that name the joints they are attached to, and no links.
 
-The format is that of `pylinkage.linkage.serialization` up to version 0.9. Its joints are drawn
-roughly. pylinkage computes each from its lengths, and takes the solution nearest to the drawing; so does this reader.
+The format is that of `pylinkage.linkage.serialization` up to version 0.9. The places of its joints are approximate.
+pylinkage computes each joint from its lengths and takes the solution nearest to the drawing; so does this reader.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from linkjax._units import nearest
 from linkjax.mechanism import StructureError
 
 Drawn = Mapping[str, Any]
-KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # the joints that each is attached to, its numbers
+KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # keys of its anchors, and of its numbers
     "Static": ((), ()),
     "Crank": (("joint0",), ("distance", "angle")),
     "Fixed": (("joint0", "joint1"), ("distance", "angle")),
@@ -27,10 +27,10 @@ OLD = {*KINDS, *ALIASES}
 
 
 def of_old(elements: list[Any]) -> dict[str, Any]:
-    """The joints and links of an old linkage, at the places that its lengths say.
+    """The joints and links of an old linkage, at the places computed from its lengths.
 
-    Links are called after their joint, as pylinkage's later `to_mechanism` calls them. Raises `StructureError` for
-    joints that lack a key, are attached to each other, or cannot be reached by their lengths.
+    Links are named after their joint, as in pylinkage's later `to_mechanism`. Raises `StructureError` for joints that
+    lack a key, are attached to each other, or are out of reach of their lengths.
     """
     joints: dict[str, Drawn] = {}
     for number, joint in enumerate(elements):
@@ -66,7 +66,7 @@ def _number(name: str, joint: Drawn, key: str) -> float:
 
 
 class _Made:
-    """Joints and links in the present format, as far as they are made."""
+    """Joints and links in the present format, those converted so far."""
 
     def __init__(self):
         self.joints: dict[str, dict[str, Any]] = {}
@@ -74,7 +74,7 @@ class _Made:
         self.inline: dict[tuple[str, str], str] = {}
 
     def has(self, name: str, joint: Drawn, joints: Mapping[str, Drawn]) -> bool:
-        """Whether all anchors of a joint are placed; those that are written inline are placed here."""
+        """Whether all anchors of a joint are placed; inline anchors are placed here."""
         for key in KINDS[_kind(joint)][0]:
             anchor = joint.get(key)
             if not isinstance(anchor, Mapping):
@@ -94,7 +94,7 @@ class _Made:
         return True
 
     def anchor(self, name: str, key: str, anchor: Drawn) -> str:
-        """The joint that a joint is attached to by one of its keys."""
+        """The anchor of a joint under one of its keys."""
         return self.inline[name, key] if anchor.get("inline") else anchor["ref"]
 
     def ground(self, name: str, at: complex) -> None:
@@ -104,7 +104,7 @@ class _Made:
         return complex(*self.joints[name]["position"])
 
     def add(self, name: str, joint: Drawn) -> None:
-        """Put a joint where its lengths say, nearest to where it is drawn, with its links."""
+        """Place a joint by its lengths, at the solution nearest to its drawn place, and add its links."""
         kind = _kind(joint)
         drawn = 0j if kind == "Fixed" else complex(_number(name, joint, "x"), _number(name, joint, "y"))
         if kind == "Static":
@@ -137,12 +137,12 @@ class _Made:
     @staticmethod
     def nearest(name: str, drawn: complex, places: tuple[complex, ...]) -> complex:
         if not places:
-            raise StructureError(name, "cannot be reached by its lengths", "correct its lengths or its anchors")
+            raise StructureError(name, "is out of reach of its anchors", "correct its lengths or its anchors")
         return min(places, key=lambda place: abs(place - drawn))
 
 
 def _circles(a: complex, r: float, b: complex, s: float) -> tuple[complex, ...]:
-    """Where two circles meet."""
+    """The intersections of two circles."""
     d = abs(b - a)
     if d == 0:
         return ()
@@ -155,7 +155,7 @@ def _circles(a: complex, r: float, b: complex, s: float) -> tuple[complex, ...]:
 
 
 def _circle_and_line(a: complex, r: float, b: complex, c: complex) -> tuple[complex, ...]:
-    """Where a circle meets the line through two points."""
+    """The intersections of a circle and the line through two points."""
     if b == c:
         return ()
     along = (c - b) / abs(c - b)

@@ -1,7 +1,7 @@
 """Mechanisms as pylinkage's JSON.
 
-The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3): joints with their places, links with the
-joints on them; lengths are the distances of these places.
+The format is that of `pylinkage.mechanism.mechanism_to_dict` (pylinkage 1.3): joints with their places, and links
+with their joints; lengths are the distances of these places.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ Document = dict[str, Any]
 
 
 def to_pylinkage(mechanism: Mechanism, steps: int = 360, name: str = "") -> Document:
-    """A mechanism as pylinkage's JSON (a dictionary for `json.dumps`), standing at crank angle zero, whose crank makes
-    a turn in so many `steps`.
+    """A mechanism as pylinkage's JSON (a dictionary for `json.dumps`), at crank angle zero, whose crank makes one turn
+    in `steps` steps.
 
-    Points and links keep their names, lengths are in metres. Marked points that other links are pinned to are joints of
-    their link, others trackers. The name of a block is that of its prismatic joint. Masses, mass centres and the
-    flywheel have no place there.
+    Points and links keep their names; lengths are in metres. Coupler points that other links are pinned to become
+    joints of their link, other coupler points become trackers. The name of a slider is the name of its prismatic joint.
+    Masses, mass centres and the flywheel are not written.
 
-    pylinkage knows a turning crank, pins, and slides on the frame. Raises `StructureError` for everything else: other
-    drivers and groups, guides on moving links, points on blocks; and for mechanisms that pylinkage's own solver steps
-    wrongly (with slides or trackers it takes joints one by one, and places of an earlier step for those not yet
-    solved). Raises `MachineError` where it cannot be assembled at crank angle zero.
+    pylinkage has rotating cranks, pins, and slides on the frame. Raises `StructureError` for everything else: other
+    drivers and groups, guides on moving links, points on sliders. Raises it also for mechanisms that pylinkage's own
+    solver steps wrongly: with slides or trackers it solves joints one by one, and uses places of the previous step for
+    joints not yet solved. Raises `MachineError` where the mechanism cannot be assembled at crank angle zero.
     """
     here = assembled(mechanism, 0.0)
     places, used = places_of(mechanism), {p for group in mechanism.groups for p in group.needs()}
@@ -45,14 +45,14 @@ def to_pylinkage(mechanism: Mechanism, steps: int = 360, name: str = "") -> Docu
         elif isinstance(group, RRP) and group.guide.on == "frame":
             joints.append(_slide(group, places["frame"][group.guide.through], here))
         else:
-            raise StructureError("-".join(group.link_names()), f"pylinkage knows no such group ({_what(group)})",
-                                 "export turning cranks, RRR, and RRP on the frame alone")  # fmt: skip
+            raise StructureError("-".join(group.link_names()), f"pylinkage has no such group ({_what(group)})",
+                                 "use only rotating cranks, RRR, and RRP on the frame")  # fmt: skip
         bars: list[Document] = []
         for link, (origin, far) in group.pins().items():
             marked = [p for p in mechanism.links[link].point_names() if p not in (origin, far)]
             if far is None and marked:
-                raise StructureError(f"links.{link}.points.{marked[0]}", "pylinkage knows no points on a block",
-                                     "delete it, or export another mechanism")  # fmt: skip
+                raise StructureError(f"links.{link}.points.{marked[0]}", "pylinkage has no points on a slider",
+                                     "delete this point")  # fmt: skip
             pinned = [p for p in marked if p in used]
             if far is not None and (pinned or not isinstance(group, Crank)):
                 own = link if not isinstance(group, Crank) else f"{link}.{pinned[0]}"
@@ -61,7 +61,7 @@ def to_pylinkage(mechanism: Mechanism, steps: int = 360, name: str = "") -> Docu
             for point in (p for p in marked if p not in used):
                 at, base, end = (places[link][p] for p in (point, origin, str(far)))
                 trackers.append(_tracker(point, (at - base) * abs(end - base) / (end - base), origin, str(far), here))
-        links += sorted(bars, key=lambda bar: len(bar["joints"]))  # its solver takes the first joints that it finds
+        links += sorted(bars, key=lambda bar: len(bar["joints"]))  # pylinkage uses the first joints that it finds
     found = {"name": name or mechanism.formula(), "joints": joints + trackers, "links": links, "ground": "frame"}
     if trackers or any(joint["type"] == "prismatic" for joint in joints):
         _check_order(found)
@@ -101,8 +101,8 @@ def _tracker(point: str, place: complex, origin: str, far: str, here: Pose) -> D
 
 
 def _check_order(document: Document) -> None:
-    """Follow pylinkage's solver joint by joint: it takes the first joints that it finds on the links of a joint, solved
-    or not."""
+    """Follow pylinkage's solver joint by joint: it uses the first joints that it finds on the links of a joint, solved
+    or not. Raises `StructureError` where one is not solved."""
     kinds = {joint["id"]: joint["type"] for joint in document["joints"]}
     links = [link["joints"] for link in document["links"]]
     solved = {p for p, kind in kinds.items() if kind == "ground"} | {links[1][1]}
@@ -115,8 +115,8 @@ def _check_order(document: Document) -> None:
             if sum(p in solved for p in found) < needed:
                 continue
             if not solved.issuperset(found[:needed]):
-                problem = "pylinkage would solve it from joints that it has not solved yet"
-                raise StructureError(point, problem, "leave out marked points and slides that nothing hangs on")
+                problem = "pylinkage would solve it from joints that are not solved yet"
+                raise StructureError(point, problem, "delete coupler points and sliders to which no link is attached")
             ready.append(point)
             solved.add(point)
         waiting = [p for p in waiting if p not in ready]

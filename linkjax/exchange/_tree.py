@@ -1,7 +1,7 @@
 """A mechanism as bodies on a spanning tree of joints, with the joints that close its loops.
 
-Plane vectors are complex numbers here, places in the axes of a link. Every length comes from the design; the pose at
-one crank angle only says where the joint coordinates are zero.
+Plane vectors are complex numbers here, and places are in the axes of a link. Every length comes from the design; the
+pose at one crank angle only defines the zero of the joint coordinates.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Places = Mapping[str, Mapping[str, complex]]
 
 
 def number(value) -> float:
-    """A number of a design. Raises `StructureError` while it is traced, or one of many."""
+    """A number of a design. Raises `StructureError` if it is traced or batched."""
     try:
         return float(value)
     except Exception as error:
@@ -37,7 +37,7 @@ def plane(at: Vec) -> complex:
 
 
 class Way(NamedTuple):
-    """The straight path that a block's origin takes on the link `on`: through `base`, in the direction `along`."""
+    """The straight path of a block's origin on the link `on`: through `base`, in the direction `along`."""
 
     on: str
     base: complex
@@ -45,8 +45,8 @@ class Way(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """A body that hangs on `parent`: its origin `at` there and its direction `turned`, where its joint stands at zero;
-    the joint is a hinge at `pin` of the body, or a slide along `axis` of it."""
+    """A body attached to `parent`: its origin `at` and direction `turned` there when its joint coordinate is zero. The
+    joint is a hinge at `pin` of the body, or a slide along `axis` of the body."""
 
     body: str
     parent: str
@@ -57,8 +57,8 @@ class Placed(NamedTuple):
 
 
 class Tree(NamedTuple):
-    """Bodies, parents first; pins, as (point, link, link), and slides that close loops; the paths of blocks; the places
-    of points by link."""
+    """Bodies, parents first; loop-closing pins, as (point, link, link), and slides; the paths of blocks; the places of
+    points by link."""
 
     bodies: list[Placed]
     pins: list[tuple[str, str, str]]
@@ -68,7 +68,7 @@ class Tree(NamedTuple):
 
 
 def places_of(mechanism: Mechanism) -> dict[str, dict[str, complex]]:
-    """Points of every link in its own axes, and those of the frame under "frame"."""
+    """Points of every link in the axes of the link, and the points of the frame under "frame"."""
     found = {"frame": {name: plane(at) for name, at in mechanism.fixed.items()}}
     for group in mechanism.groups:
         for name, (origin, far) in group.pins().items():
@@ -82,19 +82,19 @@ def places_of(mechanism: Mechanism) -> dict[str, dict[str, complex]]:
 
 
 def is_pin(joint: Joint) -> bool:
-    """Whether a joint is a pin, and not a slide or what drives."""
+    """Whether a joint is a pin, and not a slide, gear mesh or drive."""
     return not joint.slides and not joint.meshes and joint.name == joint.point
 
 
 class Stand(NamedTuple):
-    """Where origins of links are, and their directions, at one crank angle; "frame" is one of them."""
+    """Origins and directions of links at one crank angle, including "frame"."""
 
     at: dict[str, complex]
     u: dict[str, complex]
 
 
 def stand(mechanism: Mechanism, here: Pose) -> Stand:
-    """Where the links of a mechanism are in a pose."""
+    """Origins and directions of the links of a mechanism in a pose."""
     places, u = places_of(mechanism), {"frame": 1 + 0j, **{link: plane(state.u) for link, state in here.links.items()}}
     at = {link: plane(here.points[pin].r) - places[link][pin] * u[link] for link, pin in mechanism.origins().items()}
     return Stand({"frame": 0j, **at}, u)
@@ -125,7 +125,7 @@ def ways_of(group: AbstractGroup, places: Places, owners: Mapping[str, str], her
 
 
 def _as_it_stands(block: str, on: str, here: Stand) -> Way:
-    """The path of a block of a kind of group that is not known here: a block has the axes of its guide."""
+    """The path of a block of any other kind of group: a block has the axes of its guide."""
     return Way(on, (here.at[block] - here.at[on]) / here.u[on], here.u[block] / here.u[on])
 
 
@@ -135,22 +135,22 @@ def _at(mechanism: Mechanism, phi):
 
 
 def assembled(mechanism: Mechanism, phi: float) -> Pose:
-    """The pose at a crank angle (rad). Raises `MachineError` where there is none."""
-    places_of(mechanism)  # which refuses what is traced or batched
+    """The pose at a crank angle (rad). Raises `MachineError` where the mechanism cannot be assembled."""
+    places_of(mechanism)  # raises for traced or batched numbers
     here, sides = _at(mechanism, as_float(phi))
     for group, by_side in sides.items():
         for side, margin in by_side.items():
             if not float(margin.value) >= 0:
                 where = f"{math.degrees(float(phi)):.6g} degrees"
                 message = f"{group!r} cannot be assembled at {where}: its margin {side!r} is negative"
-                remedy = "choose another crank angle, or change its lengths"
+                remedy = "choose another crank angle, or change the lengths"
                 raise MachineError(f"{message}; {remedy}", Result.CANNOT_BE_ASSEMBLED)
     return here
 
 
 def tree_of(mechanism: Mechanism, here: Stand) -> Tree:
-    """The spanning tree, group by group: blocks on their guides where these are there already, then links on their
-    pins; what joints are left closes the loops."""
+    """The spanning tree, group by group: blocks on the guides of placed links, then links on their pins; the remaining
+    joints close the loops."""
     owners, places = mechanism.owners(), places_of(mechanism)
     tree = Tree([], [], [], {}, places)
     placed = {"frame"}
@@ -169,14 +169,14 @@ def tree_of(mechanism: Mechanism, here: Stand) -> Tree:
 
 
 def _order(joint: Joint, by: str, placed: set[str], ways: Mapping[str, Way]) -> int:
-    """Which of the joints that reach a new body comes first."""
+    """The priority of a joint that reaches a new body, lowest first."""
     if joint.slides:
         return 0 if by in placed else 3
     return 1 if (by if joint.link in placed else joint.link) not in ways else 2
 
 
 def _hung(joint: Joint, by: str, placed: set[str], tree: Tree, here: Stand) -> Placed:
-    """A body on the joint that hangs it on another."""
+    """A body on the joint that attaches it to another."""
     body, parent = (joint.link, by) if by in placed else (by, joint.link)
     if not joint.slides:
         turned, pin = here.u[body] / here.u[parent], tree.places[body][joint.point]
@@ -185,11 +185,11 @@ def _hung(joint: Joint, by: str, placed: set[str], tree: Tree, here: Stand) -> P
     on = way.base + ahead(joint.link, way, here) * way.along
     if body == joint.link:
         return Placed(body, parent, on, way.along, axis=1 + 0j)
-    back = way.along.conjugate()  # the link that has the guide, as seen from its block
+    back = way.along.conjugate()  # the link with the guide, in the axes of its block
     return Placed(body, parent, -on * back, back, axis=-way.along)
 
 
 def ahead(block: str, way: Way, here: Stand) -> float:
-    """How far a block is along its path (m)."""
+    """The displacement of a block along its path (m)."""
     u = here.u[way.on]
     return ((here.at[block] - here.at[way.on] - way.base * u) / (way.along * u)).real

@@ -1,4 +1,4 @@
-"""Machines by name: what a textbook calls a four-bar, a slider-crank, a scissor lift, as mechanisms."""
+"""Common machines by name, such as a four-bar, a slider-crank and a scissor lift."""
 
 from linkjax.library._bars import four_bar as four_bar
 from linkjax.library._bars import six_bar as six_bar

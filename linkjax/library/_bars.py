@@ -1,4 +1,4 @@
-"""Linkages of bars and pins alone."""
+"""Linkages of bars and pins."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from linkjax.groups import RRR, Crank, Rotation
 from linkjax.library._parts import Links, Place, check_closes, check_positive, origin, parts, vec
 from linkjax.mechanism import Flywheel, Mechanism
 
-CARRIERS: dict[str, tuple[str, str]] = {  # the link that E is on, and the one that F is on
+CARRIERS: dict[str, tuple[str, str]] = {  # the link with E and the link with F
     "watt-1": ("coupler", "rocker"),
     "watt-2": ("rocker", "frame"),
     "stephenson-1": ("crank", "rocker"),
@@ -24,10 +24,10 @@ def four_bar(
     """A four-bar linkage with the bars `crank` A–B, `coupler` B–C, `rocker` D–C and the distance A–D `frame` (m).
 
     A is the origin, D lies on the x axis. C is to the left of the line from B to D, or to its right with `side=-1`;
-    `rotation="cw"` is a crank that turns clockwise. `links` says what else there is to a link: `{"coupler": Link(mass=1.2,
-    points={"E": Vec(0.1, 0.05)})}`, without length. `flywheel` is its inertia (kg m²).
-    Whether the crank can turn fully is for `linkjax.margins` to say. Raises `ValueError` for lengths that are none, and
-    where one bar is longer than the other three together.
+    with `rotation="cw"` the crank turns clockwise. `links` gives masses and coupler points of links, without length:
+    `{"coupler": Link(mass=1.2, points={"E": Vec(0.1, 0.05)})}`. `flywheel` is the inertia of the flywheel (kg m²).
+    `linkjax.margins` shows whether the crank can rotate fully. Raises `ValueError` for lengths that are not positive,
+    and where one bar is longer than the other three together.
     """
     check_positive("four_bar", crank=crank, coupler=coupler, rocker=rocker, frame=frame)
     check_closes("four_bar", crank=crank, coupler=coupler, rocker=rocker, frame=frame)
@@ -40,18 +40,19 @@ def six_bar(
     rod: ArrayLike, lever: ArrayLike, e: Place, f: Place, *,
     side: int = 1, second_side: int = 1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
-    """A six-bar linkage driven from its crank on the frame: a `four_bar` with points A B C D, and two bars more, `rod`
+    """A six-bar linkage driven by its crank on the frame: a `four_bar` with points A B C D, and two more bars, `rod`
     E–G and `lever` F–G (m).
 
-    `kind` says what E and F are on; `e` and `f` are their places in the axes of that link (m), or on the frame:
-    "watt-1" coupler and rocker, "watt-2" rocker and frame, "stephenson-1" crank and rocker, "stephenson-3" coupler and
-    frame. G is to the left of the line from E to F, or to its right with `second_side=-1`. Else as for `four_bar`.
+    `kind` selects the links of E and F: "watt-1" coupler and rocker, "watt-2" rocker and frame, "stephenson-1" crank
+    and rocker, "stephenson-3" coupler and frame. `e` and `f` are their positions in the axes of that link, or on the
+    frame (m). G is to the left of the line from E to F, or to its right with `second_side=-1`. The other arguments are
+    those of `four_bar`.
 
-    "stephenson-2" is not among them: driven from a crank on the frame it is of class III or IV, which
-    `linkjax.groups.General` takes. Raises `ValueError` as `four_bar` does, and for kinds that it does not know.
+    "stephenson-2" is not available: driven by a crank on the frame it is of class III or IV and needs
+    `linkjax.groups.General`. Raises `ValueError` as `four_bar` does, and for an unknown `kind`.
     """
     if kind not in CARRIERS:
-        other = "driven from the frame it is of class III or IV; build it of a Crank and linkjax.groups.General"
+        other = "driven from the frame it is of class III or IV; build it with a Crank and linkjax.groups.General"
         remedy = other if kind == "stephenson-2" else f"write one of {', '.join(CARRIERS)}"
         raise ValueError(f"kind of a six_bar is {kind!r}; {remedy}")
     check_positive("six_bar", crank=crank, coupler=coupler, rocker=rocker, frame=frame, rod=rod, lever=lever)

@@ -1,4 +1,4 @@
-"""A scissor lift, which a cylinder between two of its links drives."""
+"""A scissor lift, driven by a cylinder between two of its links."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from linkjax.mechanism import Link, Mechanism
 
 
 class ByBar(AbstractLaw):
-    """Length (m) of a scissor lift's cylinder while the angle of its bars follows `angle`; the other numbers as for
-    `scissor_lift`."""
+    """Length (m) of a scissor lift's cylinder when the angle of its bars follows `angle`; the other numbers are
+    those of `scissor_lift`."""
 
     angle: Harmonic
     bar: Array = eqx.field(converter=as_float)
@@ -42,36 +42,37 @@ def scissor_lift(
     bar: ArrayLike, eye: ArrayLike, low: ArrayLike, high: ArrayLike, *,
     base: Place | None = None, pairs: int = 1, by_bar: bool = False, links: Links = None,
 ) -> Mechanism:  # fmt: skip
-    """A scissor lift of two equal bars (m), which a cylinder raises and lowers between the bar angles `low` and `high`
-    (rad, to the ground) in one cycle.
+    """A scissor lift of two equal bars (m). In one cycle a cylinder raises and lowers it between the bar angles `low`
+    and `high` (rad, to the ground).
 
-    The links are `bar` O–T and `other` R–U, hinged to each other at their middles C, a `roller` at R on the ground, and
-    the cylinder: a `barrel` on the fixed foot O, or on a point A of the frame at `base` (m), its `rod` on the eye E of
-    the other bar, `eye` (m) above C. O is the origin, R is on the x axis, T and U carry the platform. H is the end of
-    the barrel, at half the cylinder's least length. The cylinder's length, pin to pin, goes to and fro between its ends
-    as a cosine, or with `by_bar` the bars' angle does; the cylinder drives either way, and the drive torque is its
-    force by dlength/dφ. `links` says what else there is to a link, without length.
+    The links are `bar` O–T and `other` R–U, hinged to each other at their midpoints C, a `roller` at R on the ground,
+    and the cylinder: its `barrel` is pinned at the fixed foot O, or at a point A of the frame at `base` (m); its `rod`
+    is pinned at the eye E of the other bar, `eye` (m) above C. O is the origin, R is on the x axis, T and U carry the
+    platform. H is the end of the barrel, at half the cylinder's minimum length. The length of the cylinder, pin to pin,
+    oscillates between its ends as a cosine; with `by_bar` the angle of the bars does. In both cases the cylinder
+    drives, and the drive torque is its force times dlength/dφ. `links` gives masses and points of links, without
+    length.
 
-    Lifts have one pair of bars, or two of them side by side on one cylinder. In the plane these are one: with `pairs=2`
-    the masses given of bars and roller are those of one pair and count twice, loads are those of the whole platform,
-    and a joint's reaction is that of all its pins together.
+    Lifts have one pair of bars, or two pairs side by side on one cylinder. In the plane these coincide: with `pairs=2`
+    the given masses of bars and roller are those of one pair and count twice, loads are those of the whole platform,
+    and a joint's reaction is the sum over its pins.
 
-    Raises `ValueError` for lengths that are none, an eye beyond the end of the bar, angles that do not rise
-    between 0 and 90 degrees, a cylinder that does not grow between them, and pairs that are none.
+    Raises `ValueError` for lengths that are not positive, an eye beyond the end of the bar, angles that do not increase
+    between 0 and 90 degrees, a cylinder that does not extend between them, and `pairs` other than 1 or 2.
     """
     check_positive("scissor_lift", bar=bar, eye=eye)
     if pairs not in (1, 2):
-        raise ValueError(f"pairs of a scissor_lift must be 1 or 2, but is {pairs!r}; draw others by linkage")
+        raise ValueError(f"pairs of a scissor_lift must be 1 or 2, but is {pairs!r}; build others with linkage")
     values = numbers(bar, eye, low, high)
     if values and values[1] > values[0] / 2:
         raise ValueError(
             f"eye of a scissor_lift is {values[1]:g}, but half a bar is {values[0] / 2:g}; give its distance from the "
-            "middle"
+            "midpoint"
         )
     if values and not 0 < values[2] < values[3] < math.pi / 2:
         raise ValueError(
-            f"low and high of a scissor_lift are {values[2]:g} and {values[3]:g} rad; write angles to the ground that "
-            "rise between 0 and pi / 2"
+            f"low and high of a scissor_lift are {values[2]:g} and {values[3]:g} rad; write increasing angles to the "
+            "ground between 0 and pi / 2"
         )
     foot, at = ("O", origin()) if base is None else ("A", vec(base))
     bar, eye = as_float(bar), as_float(eye)
@@ -79,8 +80,8 @@ def scissor_lift(
     spans = numbers(short, long)
     if spans and not 0 < spans[0] < spans[1]:
         raise ValueError(
-            f"the cylinder of a scissor_lift is {spans[0]:g} m at low and {spans[1]:g} m at high, but must grow; bring "
-            "base nearer to the ground or to the fixed foot"
+            f"the cylinder of a scissor_lift is {spans[0]:g} m at low and {spans[1]:g} m at high, but must extend; "
+            "move base nearer to the ground or to the fixed foot"
         )
     law = ByBar(Harmonic(low, high), bar, eye, at) if by_bar else Harmonic(short, long)
     middle, axis = Vec(bar / 2, jnp.zeros_like(bar)), _eye(bar, eye, as_float(low)) - at
@@ -105,7 +106,7 @@ def scissor_lift(
 
 
 def _eye(bar, eye, angle) -> Vec:
-    """Where the eye is at a bar angle."""
+    """The position of the eye at a bar angle."""
     sine, cosine = sincos(angle)
     return Vec((bar / 2 - eye) * cosine, (bar / 2 + eye) * sine)
 
@@ -116,7 +117,7 @@ def _length(bar, eye, base: Vec, angle) -> Array:
 
 
 def _times(link: Link, count: int) -> Link:
-    """So many links side by side as one; a counterweight that is a disc becomes as much thicker."""
+    """`count` equal links side by side as one link; a disc counterweight becomes `count` times as thick."""
 
     def more(given, names):
         return {name: count * getattr(given, name) for name in names if getattr(given, name) is not None}

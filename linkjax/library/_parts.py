@@ -1,4 +1,4 @@
-"""What the constructors share: checks of their arguments, and links with the lengths that these give."""
+"""Shared parts of the constructors: checks of arguments, and links with the given lengths."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ Place = Vec | tuple[ArrayLike, ArrayLike]
 
 
 def vec(at: Place) -> Vec:
-    """A place in the plane."""
+    """A position in the plane."""
     return at if isinstance(at, Vec) else Vec(*at)
 
 
 def origin() -> Vec:
-    """Where the crank turns."""
+    """The pivot of the crank."""
     return Vec(0.0, 0.0)
 
 
 def numbers(*values: Any) -> list[float] | None:
-    """Numbers of a design; None while any is traced or one of many."""
+    """Numbers of a design; None if any is traced or batched."""
     found = [known(as_float(value)) for value in values]
     return None if any(v is None or v.ndim for v in found) else [float(v) for v in found if v is not None]
 
 
 def check_positive(machine: str, **lengths: ArrayLike) -> None:
-    """Raise `ValueError` for a length that is none."""
+    """Raise `ValueError` for a length that is not positive and finite."""
     for name, length in lengths.items():
         for value in numbers(length) or ():
             if not 0 < value < math.inf:
@@ -44,31 +44,31 @@ def check_positive(machine: str, **lengths: ArrayLike) -> None:
 
 
 def check_closes(machine: str, **lengths: ArrayLike) -> None:
-    """Raise `ValueError` where one side of a polygon is as long as all others together."""
+    """Raise `ValueError` where one side of a polygon is at least as long as all others together."""
     values = dict(zip(lengths, numbers(*lengths.values()) or (), strict=False))
     longest = max(values, key=lambda name: values[name], default="")
     rest = math.fsum(value for name, value in values.items() if name != longest)
     if values and values[longest] >= rest:
         raise ValueError(
-            f"{longest} of a {machine} is {values[longest]:g}, but all others together are {rest:g}, so that it closes "
-            f"at no crank angle; shorten {longest} or lengthen another"
+            f"{longest} of a {machine} is {values[longest]:g}, but all others together are {rest:g}, so it cannot be "
+            f"assembled at any crank angle; shorten {longest} or lengthen another"
         )
 
 
 def parts(machine: str, lengths: Mapping[str, ArrayLike], given: Links, marks: Mapping[str, Any] | None = None):
-    """Links of these lengths (zero for a block) with what is `given` of them and the points `marks`, by name.
+    """Links of these lengths (zero for a slider), by name, with the other properties of `given` and the points `marks`.
 
-    Raises `ValueError` for a link that the machine does not have, and one that is given a length.
+    Raises `ValueError` for a link that the machine does not have, and for a link of `given` with a length.
     """
     found = {}
     for name in given or {}:
         if name not in lengths:
-            raise ValueError(f"links of a {machine} has {name!r}, which it does not have; {nearest(name, lengths)}")
+            raise ValueError(f"links of a {machine}: it has no link {name!r}; {nearest(name, lengths)}")
     for name, length in lengths.items():
         link = (given or {}).get(name, Link())
         own = known(link.length)
         if own is not None and np.any(own != 0):
-            raise ValueError(f"links[{name!r}] of a {machine} has the length {own}; leave it out, the machine gives it")
+            raise ValueError(f"links[{name!r}] of a {machine} has the length {own}; omit it, the machine sets it")
         points = {**link.points, **(marks or {}).get(name, {})}
         found[name] = dataclasses.replace(link, length=length, points=points)
     return found

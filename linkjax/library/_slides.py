@@ -1,4 +1,4 @@
-"""Linkages with slides."""
+"""Linkages with sliders."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ def slider_crank(
     crank: ArrayLike, rod: ArrayLike, offset: ArrayLike = 0.0, *,
     side: int = 1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
-    """A slider-crank: `crank` A–B, `rod` B–D (m), and a block `slider` pinned at D, which runs along x.
+    """A slider-crank: `crank` A–B, `rod` B–D (m), and a `slider` pinned at D, which moves along x.
 
-    A is the origin; the path of D is `offset` (m) above it. D is ahead of B, or behind it with `side=-1`; `rotation="cw"` is
-    a crank that turns clockwise. `links` says what else there is to a link, `{"slider": Link(mass=3.0)}`, without
-    length; `flywheel` is its inertia (kg m²).
-    Raises `ValueError` for lengths that are none, and where the rod can reach the path at no crank angle.
+    A is the origin; the path of D is `offset` (m) above it. D is ahead of B, or behind it with `side=-1`; with
+    `rotation="cw"` the crank turns clockwise. `links` gives masses and coupler points of links, without length:
+    `{"slider": Link(mass=3.0)}`. `flywheel` is the inertia of the flywheel (kg m²).
+    Raises `ValueError` for lengths that are not positive, and where the rod cannot reach the path at any crank angle.
     """
     check_positive("slider_crank", crank=crank, rod=rod)
     values = numbers(crank, rod, offset)
     if values and abs(values[2]) >= values[0] + values[1]:
         raise ValueError(
-            f"offset of a slider_crank is {values[2]:g}, but crank and rod reach no farther than "
-            f"{values[0] + values[1]:g}; bring the path nearer, or lengthen the rod"
+            f"offset of a slider_crank is {values[2]:g}, but crank and rod reach only "
+            f"{values[0] + values[1]:g}; reduce the offset, or lengthen the rod"
         )
     links = parts("slider_crank", {"crank": crank, "rod": rod, "slider": 0.0}, links)
     groups = [Crank("crank", "A", "B", rotation), RRP("rod", "slider", "B", "D", Guide("A", 0.0, offset), side)]
@@ -40,11 +40,11 @@ def slider_crank(
 def scotch_yoke(
     crank: ArrayLike, *, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0
 ) -> Mechanism:  # fmt: skip
-    """A Scotch yoke: the pin B of the `crank` (m) turns a block `die` in the upright slot of a `yoke`, which runs along
-    x as a pure cosine: its point E is at (crank cos φ, 0).
+    """A Scotch yoke: the pin B of the `crank` (m) moves a block `die` in the vertical slot of a `yoke`, which moves
+    along x as a pure cosine: its point E is at (crank cos φ, 0).
 
-    A, the origin, is where the crank turns. `rotation`, `links` and `flywheel` as for `slider_crank`.
-    Raises `ValueError` for a length that is none.
+    A, the origin, is the pivot of the crank. `rotation`, `links` and `flywheel` are as for `slider_crank`.
+    Raises `ValueError` for a length that is not positive.
     """
     check_positive("scotch_yoke", crank=crank)
     links = parts("scotch_yoke", {"crank": crank, "yoke": 0.0, "die": 0.0}, links)
@@ -60,16 +60,16 @@ def quick_return(
     a `ram` through a `rod` E–R.
 
     O is the origin, P lies `distance` (m) below it. The path of R runs along x, `height` (m) above O, through the
-    point T above it; R is behind E, or ahead of it with `side=1`. With a crank shorter than the distance the lever
-    swings (the shaper's drive), with a longer one it turns (Whitworth's). `rotation`, `links` and `flywheel` as for
-    `slider_crank`. Raises `ValueError` for lengths that are none, and where crank and distance are equal.
+    point T above O; R is behind E, or ahead of it with `side=1`. If the crank is shorter than the distance, the lever
+    oscillates (shaper drive); if it is longer, the lever rotates (Whitworth). `rotation`, `links` and `flywheel` are as
+    for `slider_crank`. Raises `ValueError` for lengths that are not positive, and where crank and distance are equal.
     """
     check_positive("quick_return", crank=crank, distance=distance, lever=lever, rod=rod)
     values = numbers(crank, distance)
     if values and values[0] == values[1]:
         raise ValueError(
-            f"crank and distance of a quick_return are both {values[0]:g}, so that the die meets the lever's pivot; "
-            "shorten the crank for a lever that swings, lengthen it for one that turns"
+            f"crank and distance of a quick_return are both {values[0]:g}, so the die meets the lever's pivot; "
+            "shorten the crank for an oscillating lever, lengthen it for a rotating one"
         )
     links = parts("quick_return", {"crank": crank, "lever": lever, "die": 0.0, "rod": rod, "ram": 0.0}, links)
     fixed = {"O": origin(), "P": Vec(0.0, -as_float(distance)), "T": Vec(0.0, height)}
@@ -85,12 +85,13 @@ def toggle_press(
     crank: ArrayLike, rod: ArrayLike, upper: ArrayLike, lower: ArrayLike, pivot: Place, *,
     side: int = 1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
-    """A toggle press: `crank` A–B and `rod` B–C stretch and fold a knee of the bars `upper` D–C and `lower` C–E, which
-    moves a `ram`, pinned at E, up and down.
+    """A toggle press: `crank` A–B and `rod` B–C extend and fold the toggle of the bars `upper` D–C and `lower` C–E,
+    which moves a `ram`, pinned at E, up and down.
 
-    A is the origin, D the frame's point `pivot` (m), and E runs straight below it. C is to the left of the line from B
-    to D, or to its right with `side=-1`. `rotation`, `links` and `flywheel` as for `slider_crank`.
-    Raises `ValueError` for lengths that are none, and where crank and rod can hold the knee at no crank angle.
+    A is the origin, D is the frame point at `pivot` (m), and E moves straight below it. C is to the left of the line
+    from B to D, or to its right with `side=-1`. `rotation`, `links` and `flywheel` are as for `slider_crank`.
+    Raises `ValueError` for lengths that are not positive, and where crank, rod and upper bar cannot be assembled at any
+    crank angle.
     """
     check_positive("toggle_press", crank=crank, rod=rod, upper=upper, lower=lower)
     pivot = vec(pivot)

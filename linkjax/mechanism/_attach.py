@@ -1,6 +1,6 @@
-"""The groups that links and joints as drawn fall into, attached one after the other.
+"""The structural groups of a drawing, attached one after the other.
 
-Every group is drawn against what it hangs on where that truly is, and not where the sketch has it roughly.
+The places of a group are computed from the exact places of the links to which it is attached, not from the sketch.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._sketched import UNSURE
 from linkjax.mechanism._start import number
 
+PARALLEL = 1e-9  # sine of the angle between two guides of an RPP that count as parallel, as in that group
 Path = tuple[complex, complex]
 
 
@@ -52,17 +53,24 @@ class Attachment:
         """The driver and the Assur groups, in the order of their parts."""
         made, placed = [], {FRAME}
         for part in parts:
-            if not made:
-                group = self._driver(part)
-            elif len(part) == 1:
-                group = self.wheels.group(part[0], placed)
-            else:
-                group = (self._dyad(part, placed) if len(part) == 2 else None) or self._general(part, placed)
+            try:
+                group = self._group(part, placed) if made else self._driver(part)
+            except StructureError:
+                raise
+            except ValueError as error:  # of the group's class
+                problem, _, remedy = str(error).partition("; ")
+                problem = f"{', '.join(part)} form no group: {problem}"
+                raise StructureError("links", problem, remedy or "change these links or their joints") from error
             made.append(group)
             placed |= set(part)
             if isinstance(group, General) and part != parts[-1]:
                 self._settle(group)
         return made
+
+    def _group(self, part: tuple[str, ...], placed: set[str]) -> AbstractGroup:
+        if len(part) == 1:
+            return self.wheels.group(part[0], placed)
+        return (self._dyad(part, placed) if len(part) == 2 else None) or self._general(part, placed)
 
     def _driver(self, part: tuple[str, ...]) -> AbstractGroup:
         drive = self.drive
@@ -80,26 +88,27 @@ class Attachment:
         return Crank(drive.link, pivot, end, drive.rotation, phase, drive.law)
 
     def _general(self, part: tuple[str, ...], placed: set[str], drive: Drive | None = None) -> General:
-        """Links that are closed together by Newton's method."""
+        """A group of links whose loops are closed simultaneously by Newton's method."""
         drawing, ends = self.drawing, self.drawing.pins()
         outer = [p for name in part for p in drawing.links[name].pins if placed & set(ends[p])]
         slots = self._slots_within(part, placed)
         for slot in slots:
             if slot.block not in part:
-                problem = f"its guide is on {slot.guide.on!r}, which is found after the block"
-                raise StructureError(f"slot of {slot.block}", problem, "let the other of the two be the block")
+                problem = f"its guide is on {slot.guide.on!r}, whose position is determined only after the block"
+                remedy = f"make {slot.guide.on!r} the block and put the guide on {slot.block!r}"
+                raise StructureError(f"slot of {slot.block}", problem, remedy)
         own = [p for name in part for p in drawing.places(name) if p in drawing.spots and p not in outer]
         sketch = {p: Vec(drawing.spots[p].real, drawing.spots[p].imag) for p in dict.fromkeys(own)}
         members = tuple((name, drawing.links[name].pins) for name in part)
         group = General(members, tuple(dict.fromkeys(outer)), sketch, slots, drive, self.wheels.inside(part, placed))
         for name in part:
             if not any(slot.block == name for slot in slots) and name not in group.spinning():
-                drawing.axis(name)  # the sketch must say so
+                drawing.axis(name)  # raises where the sketch does not show the direction
         self.wheels.check_phases(group)
         return group
 
     def _settle(self, group: General) -> None:
-        """Find the places of the links of a general group, where it closes."""
+        """Find the places of the links of a numerically solved group if its loops close."""
         drawing = self.drawing
         points = {p: at_rest(Vec(drawing.spots[p].real, drawing.spots[p].imag)) for p in group.needs()}
         on = [guide.on for guide in group.guides() if guide.on != FRAME]
@@ -117,7 +126,7 @@ class Attachment:
     # ---- groups of class II in closed form
 
     def _dyad(self, part: tuple[str, ...], placed: set[str]) -> AbstractGroup | None:
-        """A group of class II in closed form; None where its links are drawn so that only Newton's method closes it."""
+        """A group of class II in closed form; None where its links need Newton's method."""
         touching = self._pairs_within(part, placed)
         inner = [pair for pair in touching if set(pair.ends) <= set(part)]
         one, two = part
@@ -131,7 +140,7 @@ class Attachment:
         return getattr(self, f"_{kind.lower()}", lambda *_: None)(part, first[0], inner[0], second[0])
 
     def _pairs_within(self, part: tuple[str, ...], placed: set[str]) -> list[Pair]:
-        """Pairs of a part; those at one pin are joined to what is placed already, or else to the first of the part."""
+        """Pairs of a part; links at one pin are joined to a placed link, or else to the first link of the part."""
         found = []
         for point, ends in self.drawing.pins().items():
             outside = [end for end in ends if end in placed]
@@ -142,24 +151,24 @@ class Attachment:
         return found + [Pair("P", f"{s.block}.guide", s.block, s.guide.on) for s in slots]
 
     def _slots_within(self, part: tuple[str, ...], placed: set[str]) -> tuple[Slot, ...]:
-        """Slots of a part; not those in which links that come later slide along it."""
+        """Slots of a part, without those of blocks that are attached after it."""
         here = {*part, *placed}
         ends = [(slot, {slot.block, slot.guide.on}) for slot in self.drawing.slots]
         return tuple(slot for slot, both in ends if both & set(part) and both <= here)
 
     def _span(self, link: str, one: str, two: str) -> complex:
-        """From one point of a link to another, in its own axes."""
+        """The vector from one point of a link to another, in the axes of the link."""
         places = self.drawing.places(link)
         return places[two] - places[one]
 
     def _check_told(self, pin: str, drawn: float, true: float, path: Path) -> None:
-        """Raise `StructureError` for a pin of a dyad that may be at either of two places, by so much (m) to both sides
-        of one, and that is sketched in the middle."""
+        """Raise `StructureError` for a pin of a dyad that is sketched in the middle between its two possible places,
+        which are `true` (m) from the middle on both sides."""
         if true > self.drawing.slack and abs(drawn) < UNSURE * true:
             one, two = (path[0] + sign * true * path[1] for sign in (1, -1))
             where = [f"({at.real + 0.0:.4g}, {at.imag + 0.0:.4g}) m" for at in (one, two)]
-            problem = f"is between the two places that the lengths leave to {pin!r}, {' and '.join(where)}"
-            raise StructureError(f"sketch.{pin}", problem, "sketch it nearer to the one that is meant")
+            problem = f"is midway between the two positions that the lengths allow for {pin!r}, {' and '.join(where)}"
+            raise StructureError(f"sketch.{pin}", problem, "sketch it nearer to the intended position")
 
     def _rrr(self, part, first: Pair, inner: Pair, second: Pair) -> AbstractGroup:
         drawing = self.drawing
@@ -229,6 +238,9 @@ class Attachment:
             return None
         if drawing.links[block].pins[0] != first.name:
             return None
+        if abs(math.sin(float(slot.along))) < PARALLEL:
+            problem = f"is parallel to the guide of {slide!r}, so the position of {slide!r} is undetermined"
+            raise StructureError(f"slot of {block}", problem, "change `along` of one of the two guides")
         path, at = drawing.path(guide), drawing.spot(first.name, block)
         along = path[1] * cmath.exp(1j * float(slot.along))
         self._cross((slide,), end, path, (at - 1j * along * float(slot.offset), along))
@@ -236,7 +248,7 @@ class Attachment:
         return RPP(slide, block, first.name, end, guide, slot.along, slot.offset)
 
     def _cross(self, blocks: Sequence[str], point: str, one: Path, two: Path) -> None:
-        """Place blocks that share a point where two paths cross, the first along the first, another along the other."""
+        """Place blocks that share a point at the crossing of two paths, each block along its path."""
         (base, along), (other, across) = one, two
         sine = (along.conjugate() * across).imag
         if abs(sine) > 1e-9:
@@ -246,7 +258,7 @@ class Attachment:
 
 
 def _turn(true: complex, own: complex) -> complex:
-    """The direction of a link, from that of a line on it and in its own axes."""
+    """The direction of a link, from the direction of a line on it, actual and in the axes of the link."""
     turn = true / own if own else 1 + 0j
     return turn / abs(turn) if turn else 1 + 0j
 

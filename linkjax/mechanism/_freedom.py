@@ -1,7 +1,7 @@
-"""What a chain of links and pairs can do: mobility, redundant pairs, loose links, and the parts it falls into.
+"""Mobility of a chain of links and pairs, its redundant pairs, its unconstrained links, and its Assur groups.
 
-Source: Grübler's and Chebyshev's formula for plane chains of links with lower pairs, and the canonical form of a system
-of equations (Dulmage and Mendelsohn, Coverings of bipartite graphs, 1958), whose blocks are the Assur groups.
+Source: Grübler's and Chebyshev's formula for planar chains of links with lower pairs, and the canonical form of a
+system of equations (Dulmage and Mendelsohn, Coverings of bipartite graphs, 1958), whose blocks are the Assur groups.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from linkjax.groups import FRAME, GENERIC, Lies, Pair, null_space, rates, taken
 
 
 def mobility(links: int, pairs: Sequence[Pair]) -> int:
-    """Degrees of freedom W = 3 n - 2 p - h of a plane chain of n moving links with p lower pairs and h pairs of wheels
-    in gear (Chebyshev, Grübler)."""
+    """Degrees of freedom W = 3 n - 2 p - h of a planar chain of n moving links with p lower pairs and h gear pairs
+    (Chebyshev, Grübler)."""
     return 3 * links - sum(taken(pair) for pair in pairs)
 
 
 def counted(links: int, pairs: Sequence[Pair]) -> str:
-    """That formula with its numbers."""
+    """The formula of `mobility` with its numbers."""
     gears = sum(pair.letter == "G" for pair in pairs)
     lower, found = len(pairs) - gears, mobility(links, pairs)
     if gears:
@@ -30,8 +30,8 @@ def counted(links: int, pairs: Sequence[Pair]) -> str:
 
 
 class Freedom(NamedTuple):
-    """What a chain of general dimensions can do: degrees of freedom, pairs of which some are redundant, and links that
-    still move when the drive is held."""
+    """Freedom of a chain of general dimensions: degrees of freedom, pairs of which some are redundant, links that can
+    still move with the drive held, and whether the drive moves the chain."""
 
     degrees: int
     redundant: tuple[Pair, ...]
@@ -40,21 +40,21 @@ class Freedom(NamedTuple):
 
 
 def shared_forces(links: Sequence[str], pairs: Sequence[Pair], lies: Lies) -> tuple[Pair, ...]:
-    """Pairs whose forces the balance of the links does not tell, as the points and guides lie: a force in one of them
-    can be taken by others."""
+    """Pairs whose forces are statically indeterminate in this position: a force in one of them can be taken by
+    others."""
     spare = null_space(rates(links, pairs, lies=lies).T)
     return _touched(pairs, spare)
 
 
 def _touched(pairs: Sequence[Pair], spare: np.ndarray) -> tuple[Pair, ...]:
-    """Pairs that take part in what is spare (rows over their equations)."""
+    """Pairs that take part in redundancy vectors (rows over the equations of the pairs)."""
     owner = np.repeat(np.arange(len(pairs)), [taken(pair) for pair in pairs])
     part = np.max(np.abs(spare), axis=0, initial=0.0)
     return tuple(pair for k, pair in enumerate(pairs) if part[owner == k].max() > GENERIC)
 
 
 def freedom(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None) -> Freedom:
-    """What a chain of general dimensions can do."""
+    """Freedom of a chain of general dimensions."""
     matrix = rates(links, pairs)
     free, spare = null_space(matrix), null_space(matrix.T)
     held = matrix if drive is None else rates(links, pairs, drive)
@@ -68,16 +68,16 @@ def freedom(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = No
 
 
 def blocks(links: Sequence[str], pairs: Sequence[Pair], drive: Pair | None = None) -> list[tuple[str, ...]]:
-    """The links cut into the smallest parts that can be solved one after the other, in the order of attachment, those
-    that the drive moves first where nothing else must be there before.
+    """The links divided into the smallest parts that can be solved one after the other, in the order of attachment;
+    the parts that the drive moves come as early as possible.
 
-    The chain must have one degree of freedom, which the drive takes (none without a drive), and no redundant pair.
+    The chain must have one degree of freedom, removed by the drive (zero without a drive), and no redundant pair.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
     pattern = np.abs(rates(links, pairs, drive)) > 0
-    row_of = maximum_bipartite_matching(csr_array(pattern), perm_type="row")  # the equation that each unknown is for
+    row_of = maximum_bipartite_matching(csr_array(pattern), perm_type="row")  # the equation of each unknown
     count, needs = len(links), np.zeros((len(links), len(links)), bool)
     for unknown, row in enumerate(row_of):
         needs[unknown // 3] |= pattern[row].reshape((count, 3)).any(axis=1)

@@ -1,4 +1,4 @@
-"""Wheels in gear among links and joints as one draws them: what carries them, and the group that each makes."""
+"""Gears and racks of a drawing: their carriers, their pairs and their groups."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._start import degrees, metres, number
 
-ASTRAY = 0.5  # rad: how far off its place a carrier of an undrawn wheel may be sketched
+ASTRAY = 0.5  # rad: largest misfit of the sketched carrier of a gear that is not sketched
 Pins = Mapping[str, Sequence[str]]
 
 
 def carried_on(gear: GearPair, pins: Pins) -> tuple[str, str, str]:
-    """What carries two wheels, and the pins that they turn about there. `pins` says what every pin joins."""
+    """The carrier of two gears, and the pins that they turn about on it. `pins` has the bodies that every pin joins."""
 
     def shared(one: str, other: str) -> list[str]:
         return [point for point, ends in pins.items() if {one, other} <= set(ends)]
@@ -32,23 +32,23 @@ def carried_on(gear: GearPair, pins: Pins) -> tuple[str, str, str]:
         if body not in (gear.link, gear.to) and (at := shared(gear.link, body)) and (about := shared(gear.to, body))
     ]
     if not both:
-        problem = f"{gear.link!r} and {gear.to!r} are in gear, but nothing carries both"
-        raise StructureError(f"gear of {gear.link}", problem, "pin both to the frame, or to one link")
+        problem = f"{gear.link!r} and {gear.to!r} are in mesh, but have no common carrier"
+        raise StructureError(f"gear of {gear.link}", problem, "pin both to the frame, or to the same link")
     if both[0][1] == both[0][2]:
-        problem = f"{gear.link!r} and {gear.to!r} are in gear, but turn about the same pin {both[0][1]!r}"
-        raise StructureError(f"gear of {gear.link}", problem, "pin one of them elsewhere")
+        problem = f"{gear.link!r} and {gear.to!r} are in mesh, but turn about the same pin {both[0][1]!r}"
+        raise StructureError(f"gear of {gear.link}", problem, "pin one of them at another point")
     return both[0]
 
 
 def pairs_of(
     gears: Sequence[GearPair], racks: Sequence[RackPair], slots: Sequence[Slot], pins: Pins, links: Mapping[str, Link]
 ) -> list[Pair]:
-    """The pairs that wheels in gear make. Raises `StructureError` for what is none."""
+    """The gear pairs. Raises `StructureError` for gears and racks that form no pair."""
     found = []
     for gear in (*gears, *racks):
         for name in (gear.link, gear.to):
             if gear.link == gear.to:
-                raise StructureError(f"gear of {gear.link}", "it is in gear with itself", "name another link")
+                raise StructureError(f"gear of {gear.link}", "it is in mesh with itself", "name another link")
             if name not in (FRAME, *links):
                 raise StructureError(f"gear of {gear.link}", f"link {name!r} is not defined", nearest(name, links))
         if isinstance(gear, GearPair):
@@ -56,30 +56,30 @@ def pairs_of(
             continue
         guide = next((slot.guide for slot in slots if slot.block == gear.link), None)
         if guide is None:
-            problem = f"link {gear.link!r} is a rack, but no slot's block"
-            raise StructureError(f"rack {gear.link}", problem, "add a slot that it slides in")
+            problem = f"link {gear.link!r} is a rack, but is not the block of any slot"
+            raise StructureError(f"rack {gear.link}", problem, "add a slot with this link as its block")
         if gear.to == guide.on:
-            problem = f"it slides on {gear.to!r}, its own wheel"
-            raise StructureError(f"rack {gear.link}", problem, "let it slide on what carries the wheel")
+            problem = f"it slides on {gear.to!r}, the gear that it meshes with"
+            raise StructureError(f"rack {gear.link}", problem, "let it slide on the carrier of the gear")
         if not any({gear.to, guide.on} <= set(ends) for ends in pins.values()):
-            problem = f"its wheel {gear.to!r} is not pinned to {guide.on!r}, along which it slides"
-            raise StructureError(f"rack {gear.link}", problem, "pin the wheel there")
+            problem = f"its gear {gear.to!r} is not pinned to {guide.on!r}, along which the rack slides"
+            raise StructureError(f"rack {gear.link}", problem, f"pin {gear.to!r} to {guide.on!r}")
         found.append(Pair("G", f"{gear.link}.mesh", gear.link, gear.to, guide.on, rack=True))
     return found
 
 
 class Wheels:
-    """Builds the group of a single link that is in gear with one that is there already."""
+    """Builds the group of a single link that meshes with a link attached before."""
 
     def __init__(self, gears: Sequence[GearPair], racks: Sequence[RackPair], drawing, drive: Drive):
         self.gears, self.drawing = gears, drawing
         self.racks, self.sides = racks, {rack.link: self._side(rack) for rack in racks}
-        self.counted = {FRAME: 0.0}  # angles with all turns, at crank angle zero
+        self.counted = {FRAME: 0.0}  # angles with full revolutions, at crank angle zero
         if drive.on == FRAME and all(slot.block != drive.link for slot in drawing.slots):
             self.counted[drive.link] = drive.begins(slides=False)
 
     def _side(self, rack: RackPair) -> int:
-        """On which side of the rack its wheel is. Raises `StructureError` where it is drawn on the other one."""
+        """The side of the rack on which its gear is. Raises `StructureError` where it is drawn on the other side."""
         guide, centre = self.drawing.guide(rack.link), self._centre(rack)
         on, known = self.drawing.drawn_axis(guide.on), {guide.through, centre} <= set(self.drawing.spots)
         if on is None or not known:
@@ -92,11 +92,11 @@ class Wheels:
         if rack.side is not None and rack.side != drawn and abs(off) > self.drawing.slack:
             one, other = ("left", "right") if rack.side > 0 else ("right", "left")
             problem = f"with this side {rack.to!r} is on the {one} of the guide, but it is drawn on the {other}"
-            raise StructureError(f"rack {rack.link}", problem, "delete it for the side drawn, or sketch it so")
+            raise StructureError(f"rack {rack.link}", problem, "delete it for the side drawn, or correct the sketch")
         return drawn if rack.side is None else rack.side
 
     def group(self, link: str, placed: set[str]) -> AbstractGroup:
-        """The group; the places of the link's points are found on the way."""
+        """The group of a link; it also finds the places of the link's points."""
         for gear in self.gears:
             if link in (gear.link, gear.to) and {gear.link, gear.to} - {link} <= placed:
                 return self._gear(gear if gear.link == link else turned_round(gear))
@@ -105,7 +105,7 @@ class Wheels:
         return self._rack(rack) if link == rack.link else self._pinion(rack)
 
     def inside(self, part: Sequence[str], placed: set[str]) -> tuple[Gear | Rack, ...]:
-        """The wheels and racks whose turns only come out together with links of a part."""
+        """The gears and racks whose angles are coupled with links of a part and solved simultaneously."""
         pins, found = self.drawing.pins(), []
         for gear in self.gears:
             carrier, pivot, centre = carried_on(gear, pins)
@@ -123,15 +123,15 @@ class Wheels:
                     (self.sides[rack.link], rack.start, rack.pressure_angle),
                 )
                 found.append(Rack(rack.link, end, guide, rack.to, self._centre(rack), rack.radius, *rest))
-        for wheel in found:
-            if wheel.link not in part:
-                problem = f"what carries it comes out only after {wheel.link!r} and {wheel.to!r}"
-                raise StructureError(f"gear of {wheel.link}", problem, "drive another link")
+        for each in found:
+            if each.link not in part:
+                problem = f"the position of its carrier is determined only after {each.link!r} and {each.to!r}"
+                raise StructureError(f"gear of {each.link}", problem, "drive another link")
         return self._as_drawn(found)
 
     def _as_drawn(self, found: Sequence[Gear | Rack]) -> tuple[Gear | Rack, ...]:
-        """These with the phases and starts that the drawing gives where none is given. Of wheels that are not drawn the
-        first phase is zero, and the others follow."""
+        """These, with missing phases and starts from the drawing. Of gears that are not drawn the first phase is zero,
+        and the others follow from it."""
         done, angles, left = list(found), dict(self.counted), list(range(len(found)))
         for name in (name for gear in found for name in gear.coupling().angles):
             axis = None if name in angles else self.drawing.drawn_axis(name)
@@ -153,7 +153,7 @@ class Wheels:
         return tuple(done)
 
     def check_phases(self, group: General) -> None:
-        """Raise `StructureError` where by the phases of wheels carriers, racks and drawn wheels are elsewhere than
+        """Raise `StructureError` where the phases of gears put carriers, racks or drawn gears elsewhere than
         sketched."""
         gears, free = group.gears, list(group.spinning())
         if not gears:
@@ -163,7 +163,7 @@ class Wheels:
         at = np.array([[row.get(name, 0.0) for name in (*free, *told)] for row in rows])
         inverse = np.linalg.pinv(at[:, : len(free)])
         spun, still = inverse @ left, np.eye(len(rows)) - at[:, : len(free)] @ inverse
-        left = still @ left  # what wheels cannot make up for
+        left = still @ left  # the part that gears cannot compensate
         off = np.linalg.pinv(still @ at[:, len(free) :]) @ left
         racks = {gear.link for gear in gears if isinstance(gear, Rack)}
         drawn = {name: cmath.phase(axis) for name in free if (axis := self.drawing.drawn_axis(name)) is not None}
@@ -177,11 +177,11 @@ class Wheels:
             remedy = next(filter(None, every), "")
             problem = f"with these phases {where} at crank angle zero, but is drawn at {write(there)}"
             raise StructureError(f"gear of {', '.join(gear.link for gear in gears)}", problem,
-                                 f"{remedy}delete the phases for those drawn, or sketch it so")  # fmt: skip
+                                 f"{remedy}delete the phases for those drawn, or correct the sketch")  # fmt: skip
 
     def _contradictions(self, group: General) -> tuple[list[dict[str, float]], np.ndarray, dict[str, float]]:
-        """What wheels, racks and a drive inside a group keep constant, by how much the sketch is off that (rad, of a
-        rack over its wheel's radius), and the angles and ways that it has."""
+        """The constraints of gears, racks and a drive inside a group, the misfit of the sketch in each (rad; of a rack
+        divided by its gear's radius), and the sketched angles and displacements."""
         rows, left, seen, wheels = [], [], {FRAME: 0.0}, group.spinning()
         for gear in group.gears:
             held, radius = gear.coupling(), 1.0 if isinstance(gear, Gear) else float(gear.radius)
@@ -201,8 +201,8 @@ class Wheels:
         return rows, np.array(left), seen
 
     def _remedy(self, gear: Gear | Rack, left: np.ndarray, share: np.ndarray) -> str:
-        """What to write for one wheel so that nothing of what is `left` stays; nothing where it takes more than one.
-        `share` is how much of its own phase wheels do not make up for."""
+        """The phase or start of one gear that removes the misfit `left`; empty where more than one must change. `share`
+        is the part of a change of its phase that other gears cannot compensate."""
         much = float(share @ share)
         more = -float(left @ share) / much if much > 1e-12 else math.inf
         if not np.abs(left + more * share).max() <= ASTRAY:
@@ -212,11 +212,11 @@ class Wheels:
             return f'write start = "{metres(start)}" for the rack {gear.link!r}, or '
         pair = GearPair(gear.link, gear.to, gear.mesh, gear.phase + more)
         if all((given.link, given.to) != (gear.link, gear.to) for given in self.gears):
-            pair = turned_round(pair)  # as it was drawn
-        return f'write phase = "{degrees(number(pair.phase))}" for that of {pair.link!r} with {pair.to!r}, or '
+            pair = turned_round(pair)  # in the order given
+        return f'write phase = "{degrees(number(pair.phase))}" for the pair {pair.link!r} and {pair.to!r}, or '
 
     def _way(self, rack: str) -> float:
-        """How far along its guide a rack is sketched (m)."""
+        """The displacement of a rack along its guide in the sketch (m)."""
         base, along = self.drawing.path(self.drawing.guide(rack))
         return ((self.drawing.spot(self.drawing.links[rack].pins[0], rack) - base) / along).real
 
@@ -231,15 +231,17 @@ class Wheels:
             pair = dataclasses.replace(gear, phase=seen)
             pair = pair if any(pair.link == g.link and pair.to == g.to for g in self.gears) else turned_round(pair)
             problem = f"with this phase {gear.link!r} is at {degrees(phase + moved)} at crank angle zero"
-            remedy = f'write phase = "{degrees(number(pair.phase))}", delete it for the phase drawn, or sketch it so'
+            remedy = (
+                f'write phase = "{degrees(number(pair.phase))}", delete it for the one drawn, or correct the sketch'
+            )
             raise StructureError(
-                f"gear of {pair.link}", f"{problem}, but drawn at {degrees(cmath.phase(drawn))}", remedy
+                f"gear of {pair.link}", f"{problem}, but is drawn at {degrees(cmath.phase(drawn))}", remedy
             )
         self._turn(gear.link, pivot, phase + moved)
         return Gear(gear.link, pivot, gear.mesh, gear.to, centre, end, phase, carrier)
 
     def _swept(self, link: str, angle: float) -> float:
-        """How far (m) a link that is turned so about its first pin moves what is drawn of it."""
+        """The largest displacement (m) of the drawn points of a link that turns by `angle` about its first pin."""
         spots = [self.drawing.spots[p] for p in self.drawing.links[link].point_names() if p in self.drawing.spots]
         reach = max((abs(spot - spots[0]) for spot in spots), default=0.0)
         return reach * abs(math.remainder(angle, 2 * math.pi))
@@ -252,8 +254,8 @@ class Wheels:
         drawn = self._way(rack.link) if end in self.drawing.spots else None
         start = float(rack.start) if rack.start is not None else 0.0 if drawn is None else drawn - moved
         if drawn is not None and abs(drawn - start - moved) > self.drawing.slack:
-            where = f"is {metres(start + moved)} along its guide at crank angle zero, but drawn at {metres(drawn)}"
-            remedy = f'write start = "{metres(drawn - moved)}", delete it for the start drawn, or sketch it so'
+            where = f"is {metres(start + moved)} along its guide at crank angle zero, but is drawn at {metres(drawn)}"
+            remedy = f'write start = "{metres(drawn - moved)}", delete it for the start drawn, or correct the sketch'
             raise StructureError(f"rack {rack.link}", f"with this start it {where}", remedy)
         self.drawing.place(rack.link, end, base + along * (start + moved), along)
         return Rack(rack.link, end, guide, rack.to, centre, rack.radius, side, start, rack.pressure_angle)
@@ -269,8 +271,8 @@ class Wheels:
         turned = on + per * (way - start)
         if stands is not None and self._swept(rack.to, per * (start - seen)) > self.drawing.slack:
             problem = f"with this start {rack.to!r} is at {degrees(turned)} at crank angle zero"
-            remedy = f'write start = "{metres(seen)}", delete it for the start drawn, or sketch it so'
-            raise StructureError(f"rack {rack.link}", f"{problem}, but drawn at {degrees(stands)}", remedy)
+            remedy = f'write start = "{metres(seen)}", delete it for the start drawn, or correct the sketch'
+            raise StructureError(f"rack {rack.link}", f"{problem}, but is drawn at {degrees(stands)}", remedy)
         self._turn(rack.to, pivot, turned)
         return Pinion(rack.to, pivot, rack.link, at, rack.radius, side, end, 0.0, guide.on, rack.pressure_angle,
                       guide.through, start)  # fmt: skip
@@ -279,37 +281,37 @@ class Wheels:
         on = self.drawing.guide(rack.link).on
         return next(point for point, ends in self.drawing.pins().items() if {rack.to, on} <= set(ends))
 
-    def _end(self, wheel: str, pivot: str) -> str | None:
-        """The pin at the far end of a wheel's axis, if it has one."""
-        link = self.drawing.links[wheel]
-        if link.pins[0] != pivot:
-            problem = f"is in gear, and turns about {pivot!r}, which is not its first pin"
-            raise StructureError(f"links.{wheel}", problem, "name that pin first")
-        return link.pins[1] if len(link.pins) > 1 and link.pins[1] not in link.points else None
+    def _end(self, link: str, pivot: str) -> str | None:
+        """The second pin of a gear, if its length places one."""
+        own = self.drawing.links[link]
+        if own.pins[0] != pivot:
+            problem = f"is a gear that turns about {pivot!r}, which is not its first pin"
+            raise StructureError(f"links.{link}", problem, f"name {pivot!r} first in its pins")
+        return own.pins[1] if len(own.pins) > 1 and own.pins[1] not in own.points else None
 
     def angle(self, link: str) -> float:
         """Angle of a link at crank angle zero."""
         return self.counted[link] if link in self.counted else cmath.phase(self.drawing.axis(link))
 
     def _turn(self, wheel: str, pivot: str, angle: float) -> None:
-        """Find the places of the points of a wheel that stands at this angle."""
+        """Find the places of the points of a gear at this angle."""
         self.counted[wheel] = angle
         turn = cmath.exp(1j * math.remainder(angle, 2 * math.pi))
         self.drawing.place(wheel, pivot, self.drawing.spots[pivot], turn)
 
 
 def turned_round(gear: GearPair) -> GearPair:
-    """The same two wheels, the other one first."""
+    """The same two gears in the other order."""
     mesh = gear.mesh.turned_round()
     return GearPair(gear.to, gear.link, mesh, None if gear.phase is None else -gear.phase * mesh.ratio())
 
 
 def _given(gear: Gear | Rack) -> float | None:
-    """The phase of a wheel, or the start of a rack, that is given."""
+    """The given phase of a gear, or the given start of a rack."""
     value = gear.phase if isinstance(gear, Gear) else gear.start
     return None if value is None else float(value)
 
 
 def _unknown(gear: Gear | Rack, angles: Mapping[str, float]) -> list[str]:
-    """The links of a gear whose angles are not known."""
+    """The links of a gear pair with unknown angles."""
     return [name for name, factor in gear.coupling().angles.items() if name not in angles and float(factor) != 0.0]

@@ -1,4 +1,4 @@
-"""A link: length, marked points and mass, in its own frame (origin at its first pin, x axis along it)."""
+"""A link: length, coupler points and mass, in its own axes (origin at its first pin, x axis along it)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ MassProperties = Literal["fixed", "scaled", "section"]
 
 
 class Counterweight(eqx.Module):
-    """A heavy piece fastened to a link: mass (kg) and the place of its centre in the link's frame (m).
+    """A mass fixed to a link: mass (kg) and the position of its centre in the link's axes (m).
 
     Its own inertia (kg m²) is given as `inertia`, or is that of a disc of `thickness` (m) and `density` (kg/m³),
-    m² / (2π thickness density); with neither it is a point. An `ideal` one adds the product mass · place alone: no
-    mass, no inertia; it must sit on a link that turns about a point of the frame. Its place does not follow the
-    length of the link. Raises `ValueError` when the inertia is given twice or half.
+    m² / (2π thickness density); with neither it is a point mass. An `ideal` counterweight adds the product
+    mass · position only: no mass, no inertia; its link must turn about a point of the frame. The position does not
+    change with the length of the link. Raises `ValueError` when the inertia is given twice or incompletely.
     """
 
     mass: Array = eqx.field(converter=as_float, default=0.0)
@@ -36,16 +36,16 @@ class Counterweight(eqx.Module):
 
     def __check_init__(self):
         if not isinstance(self.at, Vec) and isinstance(self.at, str | int | float | tuple | list):
-            raise TypeError(f"the place of a counterweight must be a Vec, but is {self.at!r}; write Vec(x, y)")
+            raise TypeError(f"the position of a counterweight must be a Vec, but is {self.at!r}; write Vec(x, y)")
         if (self.thickness is None) != (self.density is None):
-            raise ValueError("a counterweight that is a disc needs thickness and density; give both")
+            raise ValueError("a disc counterweight needs thickness and density; give both")
         given = [name for name in ("inertia", "thickness") if getattr(self, name) is not None]
         if len(given) > 1 or (given and self.ideal):
-            remedy = "an ideal one has none" if self.ideal else "give either inertia, or thickness and density"
-            raise ValueError(f"the inertia of a counterweight is fixed by {' and '.join(given)} already; {remedy}")
+            remedy = "an ideal one has no inertia" if self.ideal else "give either inertia, or thickness and density"
+            raise ValueError(f"the inertia of a counterweight is already given by {' and '.join(given)}; {remedy}")
 
     def own_inertia(self) -> Array:
-        """Inertia about its own centre (kg m²)."""
+        """Inertia about the centre of the counterweight (kg m²)."""
         if self.inertia is not None:
             return self.inertia
         if self.thickness is None or self.density is None:
@@ -53,23 +53,23 @@ class Counterweight(eqx.Module):
         return self.mass**2 / (2 * jnp.pi * self.thickness * self.density)
 
     def radius(self) -> Array | None:
-        """Radius of the disc (m), None for any other form."""
+        """Radius of the disc (m); None if it is not a disc."""
         if self.thickness is None or self.density is None:
             return None
         return safe_sqrt(self.mass / (jnp.pi * self.thickness * self.density))
 
 
 class Link(eqx.Module):
-    """What the designer chose for one link (SI units; every number is an array leaf).
+    """Dimensions and mass of one link (SI units; every number is an array leaf).
 
-    `length` is the distance between its two pins (zero for a sliding block). `centre` and `points` are given in the
-    link's frame; `mass`, `centre` and `inertia` are those without the `counterweights`. `mass_properties` says what
-    happens when the length changes: "fixed" keeps mass, centre, inertia and points as given; "scaled" lets centre and
-    points follow l / l_ref, mass l / l_ref and inertia (l / l_ref)^3 from `reference_length`; "section" computes a
-    slender uniform bar from `area` and `density`.
+    `length` is the distance between its two pins (zero for a slider). `centre` and `points` are given in the link's
+    axes; `mass`, `centre` and `inertia` exclude the `counterweights`. `mass_properties` says what happens when the
+    length changes: "fixed" keeps mass, centre, inertia and points as given; "scaled" multiplies centre, points and mass
+    by l / l_ref and inertia by (l / l_ref)^3, with l_ref = `reference_length`; "section" computes a slender uniform bar
+    from `area` and `density`.
 
-    A link that is drawn by its joints (see `linkage`) names its `pins`: the first is its origin, the second lies on its
-    axis at its length (unless it is a marked point), further ones are marked points.
+    For `linkage`, a link names its `pins`: the first is its origin, the second lies on its x axis at its length (unless
+    it is in `points`), further pins are in `points`.
     """
 
     length: Array = eqx.field(converter=as_float, default=0.0)
@@ -102,14 +102,14 @@ class Link(eqx.Module):
         if self.mass_properties == "section" and (self.area is None or self.density is None):
             raise ValueError('a link with mass_properties = "section" needs area and density; give both')
         if self.mass_properties == "scaled" and self.reference_length is None:
-            raise ValueError('a link with mass_properties = "scaled" needs reference_length; give its length as drawn')
+            raise ValueError('a link with mass_properties = "scaled" needs reference_length; give its original length')
 
     def point_names(self) -> tuple[str, ...]:
-        """Its own points that have names: pins and marked points, not counterweights and mass centre."""
+        """Names of its pins and coupler points, without counterweights and mass centre."""
         return tuple(dict.fromkeys((*self.pins, *self.points)))
 
     def actual(self) -> Body:
-        """Mass, mass centre, inertia about it and marked points (its own pins, too) at the present length."""
+        """Mass, mass centre, inertia about it, and points with its own pins, at the present length."""
         body = self._body()
         if not self.pins:
             return body
@@ -118,7 +118,7 @@ class Link(eqx.Module):
         return dataclasses.replace(body, points={**ends, **body.points})
 
     def held(self, origin: str, far: str | None) -> Held | None:
-        """How a group holds it at two pins; None where these are its origin and the end of its length."""
+        """The line between two of its pins in its axes; None where these are its origin and the end of its length."""
         if far is None or not self.pins or ((origin, far) == self.pins[:2] and far not in self.points):
             return None
         points = self.actual().points
@@ -147,10 +147,10 @@ class Lump(NamedTuple):
 
 
 def lumps(link: Link, body: Body, origin: str) -> dict[str, Lump]:
-    """All that is heavy on a link, by point: the link itself at its mass centre, and its counterweights."""
+    """The masses of a link, by point: the link itself at its mass centre, and its counterweights."""
     found = {link.centre_name: Lump(body.mass, body.inertia)}
     for name, piece in link.counterweights.items():
-        if piece.ideal:  # a mass at its place and as much less at the fixed pivot, without any inertia about it
+        if piece.ideal:  # a mass there, its negative at the fixed pivot, no inertia about the pivot
             mass, inertia = found.get(origin, Lump(jnp.zeros_like(piece.mass), jnp.zeros_like(piece.mass)))
             found[origin] = Lump(mass - piece.mass, inertia)
             found[name] = Lump(piece.mass, -piece.mass * piece.at.squared())
@@ -160,8 +160,8 @@ def lumps(link: Link, body: Body, origin: str) -> dict[str, Lump]:
 
 
 class Held(NamedTuple):
-    """How a group holds a link: the distance of the two pins (m), and in the link's axes the place of the first and the
-    direction to the second."""
+    """The line between two pins of a link: their distance (m), and in the link's axes the position of the first pin and
+    the direction to the second."""
 
     length: Array
     origin: Vec
@@ -169,7 +169,7 @@ class Held(NamedTuple):
 
 
 class Body(eqx.Module):
-    """Mass (kg), mass centre, central inertia (kg m²) and marked points of a link at its present length."""
+    """Mass (kg), mass centre, central inertia (kg m²) and points of a link at its present length."""
 
     mass: Array
     centre: Vec

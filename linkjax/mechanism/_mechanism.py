@@ -17,7 +17,7 @@ from linkjax.mechanism._text import structure_text
 
 
 class StructureError(ValueError):
-    """The composition of groups does not hold together; the message names the element and the remedy."""
+    """An error in the structure of a mechanism; the message names the element, the problem and the remedy."""
 
     def __init__(self, element: str, problem: str, remedy: str):
         self.element, self.problem, self.remedy = element, problem, remedy
@@ -27,9 +27,9 @@ class StructureError(ValueError):
 class Mechanism(eqx.Module):
     """A planar linkage of one degree of freedom. All numbers are array leaves, all topology is static.
 
-    `fixed` holds the points of the frame, `links` the links by name, `groups` the driving crank and the Assur groups
-    in their order of attachment. A gradient with respect to a mechanism is a mechanism.
-    Raises `StructureError` when a group refers to a link or point that does not exist yet, or names are doubled.
+    `fixed` holds the points of the frame, `links` the links by name, `groups` the driver and the Assur groups in their
+    order of attachment. A gradient with respect to a mechanism is a mechanism.
+    Raises `StructureError` when a group refers to a link or point that does not exist yet, or a name is used twice.
     """
 
     fixed: dict[str, Vec]
@@ -39,10 +39,10 @@ class Mechanism(eqx.Module):
     link_names: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __init__(self, fixed, links, groups, flywheel=None, link_names=()):
-        if link_names:  # as `dataclasses.replace` hands them back: the order in which the links were given
+        if link_names:  # given by `dataclasses.replace`: the original order of the links
             links = {name: links[name] for name in [*(n for n in link_names if n in links), *links]}
         self.fixed = dict(sorted(fixed.items()))  # sorted, as jax sorts the keys of dicts
-        self.groups = tuple(without_path(group) for group in groups)  # which belongs to the numbers it was made of
+        self.groups = tuple(without_path(group) for group in groups)  # valid only for its own numbers
         self.flywheel = Flywheel() if flywheel is None else flywheel
         named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
         self.links, self.link_names = dict(sorted(named.items())), tuple(named)
@@ -53,7 +53,7 @@ class Mechanism(eqx.Module):
 
     @property
     def driver(self) -> AbstractGroup:
-        """The driver."""
+        """The driving group."""
         return self.groups[0]
 
     @property
@@ -63,11 +63,11 @@ class Mechanism(eqx.Module):
 
     @property
     def prescribed(self) -> bool:
-        """Whether the driver follows a law, so that its motion is known before any force."""
+        """Whether the driver follows a motion law, so that its motion does not depend on forces."""
         return self.driver.follows() is not None
 
     def owners(self) -> dict[str, str]:
-        """The link each point belongs to: "frame", or the link that brought the point in."""
+        """The link that each point belongs to: "frame", or the link that introduced the point."""
         owner = dict.fromkeys(self.fixed, "frame")
         for group in self.groups:
             new = group.brings()
@@ -83,11 +83,11 @@ class Mechanism(eqx.Module):
         return owner
 
     def origins(self) -> dict[str, str]:
-        """The point at the origin of each link's frame."""
+        """The point at the origin of each link's axes."""
         return {link: first for group in self.groups for link, (first, _) in group.pins().items()}
 
     def points_on(self, link: str) -> set[str]:
-        """Points fixed to a link, pins that it shares included; those of the frame for "frame"."""
+        """Points fixed to a link, including the pins that it shares; the points of the frame for "frame"."""
         if link == "frame":
             return set(self.fixed)
         ends = {pin for group in self.groups for pin in group.pins().get(link, ()) if pin is not None}
@@ -95,7 +95,7 @@ class Mechanism(eqx.Module):
         return {*ends, own.centre_name, *own.point_names(), *own.counterweights}
 
     def held_by(self, group: AbstractGroup) -> dict[str, Link]:
-        """The links as a group sees them: with the distance of the two pins at which it holds them as their length."""
+        """The links for a group: as length each has the distance between the two pins that the group uses."""
         links = self.links
         for name, ends in group.holds().items():
             held = links[name].held(*ends)
@@ -118,35 +118,35 @@ def _named(link: Link, name: str) -> Link:
 
 
 def check_structure(mechanism: Mechanism) -> None:
-    """Raise `StructureError` at the first thing wrong with the composition."""
+    """Raise `StructureError` for the first error in the structure."""
     if not mechanism.groups or mechanism.groups[0].driving() is None:
         raise StructureError(
             "groups", "the first group must be the driver", 'begin with kind = "crank" or "linear_driver"'
         )
     flywheel = number_of(mechanism.flywheel.inertia)
     if not isinstance(mechanism.groups[0], Crank) and flywheel is not None and np.any(flywheel != 0):
-        raise StructureError("flywheel", "there is no shaft for it: no crank drives", "delete it")
+        raise StructureError("flywheel", "needs a crank as the driver: it is on the crank shaft", "delete it")
     known, placed = set(mechanism.fixed), set()
     everywhere = _all_points(mechanism)
     for number, group in enumerate(mechanism.groups):
         element = f"groups[{number}] ({group.kind})"
         if number and group.driving() is not None:
-            raise StructureError(element, "there is more than one driver", "keep one; mobility is one")
+            raise StructureError(element, "is a second driver", "keep one driver: a mechanism has one")
         for link in group.link_names():
             if link not in mechanism.links:
                 raise StructureError(element, f"link {link!r} is not defined", nearest(link, mechanism.links))
             if link in placed:
-                raise StructureError(element, f"link {link!r} belongs to a group already", "use each link once")
+                raise StructureError(element, f"link {link!r} already belongs to a group", "use each link once")
             placed.add(link)
         for point in group.needs():
             if point not in known:
                 later = point in everywhere
                 problem = f"point {point!r} does not exist yet" if later else f"point {point!r} is not defined"
-                remedy = "move this group behind the one that brings the point in" if later else nearest(point, known)
+                remedy = "move this group after the one that introduces the point" if later else nearest(point, known)
                 raise StructureError(element, problem, remedy)
         for point in group.on_frame():
             if point not in mechanism.fixed:
-                problem = f"point {point!r} moves, but must be a point of the frame"
+                problem = f"point {point!r} must be on the frame, but it moves"
                 raise StructureError(element, problem, nearest(point, mechanism.fixed))
         _check_guides(mechanism, group, element, placed)
         _check_couplings(mechanism, group, element, placed, number)
@@ -155,27 +155,27 @@ def check_structure(mechanism: Mechanism) -> None:
         for link, (origin, far) in group.pins().items():
             apart = None if far is None else _apart(mechanism.links[link], origin, far)
             if apart is not None and number and np.any(apart == 0):
-                problem = "has the length zero, but joins two pins"
+                problem = "joins two pins, but its length is zero"
                 raise StructureError(f"links.{link}", problem, "give the distance between its pins")
             for name, piece in mechanism.links[link].counterweights.items():
                 if piece.ideal and (origin not in mechanism.fixed or link in group.translating()):
-                    problem = f"an ideal counterweight cannot sit on link {link!r}: it has no fixed pivot"
+                    problem = f"link {link!r} has no fixed pivot, so its counterweight cannot be ideal"
                     where = f"links.{link}.counterweights.{name}"
-                    raise StructureError(where, problem, "leave `ideal` out, or choose a link with a fixed pivot")
+                    raise StructureError(where, problem, "omit `ideal`, or choose a link with a fixed pivot")
         _add_points(mechanism, group, element, known)
     _check_names(mechanism, everywhere)
     idle = [name for name in mechanism.links if name not in placed]
     if idle:
-        raise StructureError(f"links.{idle[0]}", "belongs to no group", "add a group that uses it, or delete it")
+        raise StructureError(f"links.{idle[0]}", "belongs to no group", "add a group that contains it, or delete it")
     _check_driven(mechanism)
 
 
 def _check_driven(mechanism: Mechanism) -> None:
-    """A driver of one link moves a group, where there are any."""
+    """Raise `StructureError` where the driver moves one link alone and the other groups do not move."""
     (driver, *rest), crank = structure(mechanism).parts, mechanism.driving_link
     if rest and driver.links == (crank,) and not any(crank in pair.ends for part in rest for pair in part.outer):
         problem = (
-            f"the driver moves {crank!r} alone, while {', '.join(rest[0].links)} hang on the frame and stand still"
+            f"the driver moves {crank!r} alone; {', '.join(rest[0].links)} are attached to the frame and do not move"
         )
         pins = ", ".join(pin for pin in mechanism.driver.pins()[crank] if pin and pin not in mechanism.fixed)
         remedy = f"attach it to a point of {crank!r}" + (f", such as {pins}" if pins else "")
@@ -183,7 +183,7 @@ def _check_driven(mechanism: Mechanism) -> None:
 
 
 def _apart(link: Link, origin: str, far: str) -> np.ndarray | None:
-    """Zero where a group holds a link at two pins at one place; None while its numbers are traced."""
+    """Zero where the two pins of a link in a group coincide; None while its numbers are traced."""
     if link.held(origin, far) is None:
         return number_of(link.length)
     points = link.actual().points
@@ -191,15 +191,15 @@ def _apart(link: Link, origin: str, far: str) -> np.ndarray | None:
 
 
 def _check_guides(mechanism, group, element, placed):
-    """Guides are on the frame or on links attached before, and run through points of these."""
+    """Raise `StructureError` unless guides are on the frame or on links attached before, through points of these."""
     for guide in group.guides():
         if guide.on in group.link_names():
             problem = f"the guide is on {guide.on!r}, a link of the group itself"
-            raise StructureError(element, problem, "name the frame, or a link of an earlier group")
+            raise StructureError(element, problem, "name the frame, or a link of a group before this one")
         if guide.on != "frame" and (guide.on not in placed):
             problem = f"the guide is on link {guide.on!r}, which is not attached yet"
             known = [name for name in placed if name not in group.link_names()]
-            remedy = "move this group behind the one that brings the link in"
+            remedy = "move this group after the one that introduces the link"
             raise StructureError(element, problem, remedy if guide.on in mechanism.links else nearest(guide.on, known))
         if guide.through not in (own := mechanism.points_on(guide.on)):
             where = "of the frame" if guide.on == "frame" else f"on link {guide.on!r}"
@@ -208,11 +208,11 @@ def _check_guides(mechanism, group, element, placed):
 
 
 def _check_couplings(mechanism, group, element, placed, number):
-    """Points that wheels turn about belong to the links that carry them, and racks slide on what carries the wheel."""
+    """Raise `StructureError` unless gears turn about points of their carriers, and racks slide on the same carrier."""
     there = [name for name in placed if name not in group.link_names()]
     for link in (link for link, _ in (*group.lies_on(), *group.slides_on())):
         if link != "frame" and link not in there:
-            problem, remedy = f"link {link!r} is not attached yet", "move this group behind the one that brings it in"
+            problem, remedy = f"link {link!r} is not attached yet", "move this group after the one that introduces it"
             raise StructureError(element, problem, remedy if link in mechanism.links else nearest(link, there))
     for link, point in group.lies_on():
         if point not in (own := mechanism.points_on(link)):
@@ -223,23 +223,23 @@ def _check_couplings(mechanism, group, element, placed, number):
         by = [joint.by for joint in joints if joint.slides and joint.link == link]
         if on not in by:
             problem = f"{link!r} does not slide along {on!r}"
-            raise StructureError(element, problem, f"name what it slides along: {', '.join(map(str, by)) or 'nothing'}")
+            raise StructureError(element, problem, f"it slides along: {', '.join(map(str, by)) or 'nothing'}")
 
 
 def _check_names(mechanism, points):
-    """Names that results are filed under must differ: those of groups, and those of links and points."""
+    """Raise `StructureError` unless the keys of results differ: names of groups, and names of links and points."""
     seen = {}
     for number, group in enumerate(mechanism.groups):
         name = "-".join(group.link_names())
         if name in seen:
-            problem = f"the group is called {name!r}, as groups[{seen[name]}] is"
+            problem = f"has the name {name!r}, which groups[{seen[name]}] has too"
             raise StructureError(f"groups[{number}] ({group.kind})", problem, "rename one of its links")
         seen[name] = number
     for name in mechanism.links:
         if name == "frame":
-            raise StructureError("links.frame", "the name is taken by the frame itself", "give the link another name")
+            raise StructureError("links.frame", "the name is reserved for the frame", "give the link another name")
         if name in points:
-            raise StructureError(f"links.{name}", f"there is a point {name!r} too", "give the link another name")
+            raise StructureError(f"links.{name}", f"there is also a point {name!r}", "give the link another name")
     for name, at in mechanism.fixed.items():
         if isinstance(at, str | int | float | tuple | list):
             raise StructureError(f"fixed.{name}", f"must be a Vec, but is {at!r}", "write Vec(x, y)")
@@ -262,7 +262,7 @@ def _add_points(mechanism, group, element, known):
     own = {mechanism.links[link].centre_name for link in group.pins()}
     own |= {name for link in group.pins() for name in mechanism.links[link].counterweights}
     for point, where in new:
-        pin = point in shared - own and (point not in before or point in group.needs())  # of several of its links
+        pin = point in shared - own and (point not in before or point in group.needs())  # of several links of the group
         if point in known and not pin:
-            raise StructureError(where, f"the point name {point!r} is used already", "give every point its own name")
+            raise StructureError(where, f"the point name {point!r} is already used", "give every point its own name")
         known.add(point)

@@ -1,7 +1,7 @@
-"""Chains that hold themselves fast by the count of their joints, but move because their dimensions fit.
+"""Chains that are rigid by the count of their joints, but move because of their special dimensions.
 
-Places are found by Gauss and Newton's method for all links and joints at once, redundant ones and all.
-Source: Gogu, Mobility of mechanisms: a critical review, 2005, on why the count alone does not tell.
+Places are found by the Gauss-Newton method for all links and joints simultaneously, including the redundant ones.
+Source: Gogu, Mobility of mechanisms: a critical review, 2005, on the limits of counting joints.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ import numpy as np
 from linkjax.groups import FRAME, AbstractGroup, Pair, RedundantLink, RedundantSlider
 from linkjax.mechanism._freedom import freedom
 
-STEPS = (0.05, 0.1)  # rad, or of the size: how far the drive is moved
-CLOSED = 1e-9  # of the size: what may be left open
+STEPS = (0.05, 0.1)  # rad, or of the size: trial displacements of the drive
+CLOSED = 1e-9  # of the size: largest closure error of a closed chain
 ROUNDS = 30
-H = 1e-7  # of the size, of differences
-NEARLY = 0.2  # of its length: what a link is off that was meant to fit
-Standing = Mapping[str, tuple[complex, complex]]  # where each link is, and its direction
-MOST = 3  # passive links that are looked for
+H = 1e-7  # of the size: step of finite differences
+NEARLY = 0.2  # of its length: largest misfit of a link that is meant to fit
+Standing = Mapping[str, tuple[complex, complex]]  # place and direction of each link
+MOST = 3  # redundant links searched for
 
 
 def passive_links(drawing, found: Sequence[Pair], driven: Pair) -> list[str]:
-    """Links without which the chain has the one degree of freedom that the drive takes, if it moves with them, too;
-    none if it does not. The last ones given are taken first."""
+    """Redundant links: without them the chain has the one degree of freedom of the drive, and it moves with them, too.
+    Empty if it does not move. The links given last are tried first."""
     if any(pair.letter == "G" for pair in found) or not _places(drawing, found, driven):
         return []
     gone = next(_dispensable(drawing, found, driven, MOST), ())
@@ -34,8 +34,8 @@ def passive_links(drawing, found: Sequence[Pair], driven: Pair) -> list[str]:
 
 
 def misfit(drawing, found: Sequence[Pair], driven: Pair) -> tuple[str, float, float, float] | None:
-    """A link that would only hold what is held already if it fitted, which it nearly does: its name, its length, and
-    how far apart its ends are at least and at most where the rest moves a little (m)."""
+    """A link that nearly fits as a redundant link: its name, its length, and the smallest and largest distance of its
+    ends while the other links move a little (m)."""
     geared = any(pair.letter == "G" for pair in found)
     for (link,) in () if geared else _dispensable(drawing, found, driven, 1):
         rest, own = drawing.without((link,)), drawing.places(link)
@@ -50,12 +50,12 @@ def misfit(drawing, found: Sequence[Pair], driven: Pair) -> tuple[str, float, fl
 
 
 def dispensable(drawing, found: Sequence[Pair], driven: Pair) -> list[str]:
-    """Links without each of which the chain has the one degree of freedom that the drive takes."""
+    """Single links whose removal leaves the chain with the one degree of freedom of the drive."""
     return [link for (link,) in _dispensable(drawing, found, driven, 1)]
 
 
 def _dispensable(drawing, found: Sequence[Pair], driven: Pair, most: int) -> Iterator[tuple[str, ...]]:
-    """Links, so many at most, without which the chain has the one degree of freedom that the drive takes."""
+    """Sets of at most `most` links whose removal leaves the chain with the one degree of freedom of the drive."""
     spare = [link for link in reversed(drawing.links) if link not in driven.ends and _bridges(link, found)]
     for count in range(1, most + 1):
         for gone in itertools.combinations(spare, count):
@@ -66,7 +66,7 @@ def _dispensable(drawing, found: Sequence[Pair], driven: Pair, most: int) -> Ite
 
 
 def _bridges(link: str, found: Sequence[Pair]) -> bool:
-    """Whether a link only joins two others, by pins, or by a pin and as the block of a slot."""
+    """Whether a link joins just two others, by two pins, or by a pin and as the block of a slot."""
     held = [pair for pair in found if link in pair.ends]
     return sorted(p.letter for p in held) in (["R", "R"], ["P", "R"]) and all(
         pair.one == link for pair in held if pair.letter == "P"
@@ -74,15 +74,15 @@ def _bridges(link: str, found: Sequence[Pair]) -> bool:
 
 
 def passive_group(link: str, drawing) -> AbstractGroup:
-    """The group of a passive link."""
+    """The group of a redundant link."""
     pins = drawing.links[link].pins
     guide = next((slot.guide for slot in drawing.slots if slot.block == link), None)
     return RedundantLink(link, pins[0], pins[1]) if guide is None else RedundantSlider(link, pins[0], guide)
 
 
 def _places(drawing, found: Sequence[Pair], driven: Pair) -> list[dict[str, complex]]:
-    """Where the points of all links are at some places of the drive at which all joints close, beside where it is
-    drawn; none where it cannot move."""
+    """The places of the points of all links at some positions of the drive at which all joints close, near the drawn
+    one; empty where the drive cannot move."""
     names = list(drawing.links)
     places = {name: drawing.places(name) for name in names}
     start = np.zeros((len(names), 3))
@@ -129,7 +129,7 @@ def _places(drawing, found: Sequence[Pair], driven: Pair) -> list[dict[str, comp
     moved = 1 + 0j
     x = _closest(lambda x: opened(x, 0.0)[:-1], start.ravel(), size)
     first = float(opened(x, 0.0)[-1] / size)
-    if driven.letter == "R":  # from where it stands now, so that no angle is near half a turn
+    if driven.letter == "R":  # measured from the present angle, to stay away from half a turn
         moved, first = cmath.exp(1j * first), 0.0
     for sign in (1, -1):
         ends = []
@@ -143,7 +143,7 @@ def _places(drawing, found: Sequence[Pair], driven: Pair) -> list[dict[str, comp
 
 
 def _closest(opened, x: np.ndarray, size: float) -> np.ndarray:
-    """Where least is left open, from a place nearby."""
+    """The position with the smallest closure error, from a nearby start."""
     for _ in range(ROUNDS):
         h = 1e-7 * np.where(np.arange(x.size) % 3 == 2, 1.0, size)
         slope = np.stack(

@@ -1,4 +1,4 @@
-"""What a sketch and the dimensions of links say of each other: units mixed up, numbers mistyped, points mirrored."""
+"""Checks of a sketch against the dimensions of links: wrong units, mistyped numbers, mirrored points."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from linkjax._types import known as number_of
 from linkjax.groups import Drive
 from linkjax.mechanism._mechanism import StructureError
 
-OUT_OF_SCALE = 5.0  # how many times too large or too small no rough sketch is; a centimetre has 10 mm, an inch 25.4
-ROUGH = 0.1  # of the drawing's size: how far off a point may be sketched
-UNSURE = 0.1  # of the way to one of two places: where a sketch in the middle tells none of them
-TRUE = 1e-3  # of the drawing's size: and in a drawing that is true to scale
-PLAIN = 0.05  # of the drawing's size: the smallest height of three points that plainly turn one way round
-FAR = 20.0  # times the extent of all else: where no pin can be that something else hangs on
+OUT_OF_SCALE = 5.0  # ratio of sizes that no rough sketch has; a centimetre is 10 mm, an inch 25.4 mm
+ROUGH = 0.1  # of the drawing's size: allowed error of a sketched point
+UNSURE = 0.1  # of the way to one of two places: a sketch nearer to the middle selects neither
+TRUE = 1e-3  # of the drawing's size: the same in a drawing that is true to scale
+PLAIN = 0.05  # of the drawing's size: the smallest height of a triangle whose sense of rotation is clear
+FAR = 20.0  # times the extent of all else: no pin that other links are attached to is so far away
 
 
 class Span(NamedTuple):
-    """Two points of a link: how far apart they are by its dimensions and as drawn, and the size of the drawing (m)."""
+    """Two points of a link: their distance by its dimensions and as drawn, and the size of the drawing (m)."""
 
     link: str
     one: str
@@ -31,14 +31,14 @@ class Span(NamedTuple):
 
     @property
     def off(self) -> bool:
-        """Whether that is more than what a rough sketch has."""
+        """Whether the two distances differ more than in a rough sketch."""
         alike = self.own / OUT_OF_SCALE < self.drawn < self.own * OUT_OF_SCALE
         return not alike and abs(self.drawn - self.own) > ROUGH * self.size
 
 
 def check_sketch(drawing, sketch: Collection[str]) -> None:
-    """Raise `StructureError` where the sketch is of quite another size than the links, or than one of them, and where a
-    link is sketched turned over."""
+    """Raise `StructureError` where the size of the sketch does not fit the links, or one of them, and where a link is
+    sketched mirrored."""
     spans = list(_spans(drawing))
     both = [span for span in spans if span.one in sketch and span.two in sketch]
     some = [span for span in spans if (span.one in sketch) != (span.two in sketch)]
@@ -53,21 +53,21 @@ def check_sketch(drawing, sketch: Collection[str]) -> None:
         raise StructureError("sketch", problem, remedy)
     wrong = sorted((span for span in (*both, *some) if span.off), key=lambda span: _marked(drawing, span) is not None)
     if wrong:
-        raise _misfit(drawing, wrong[0], f"the sketch has {wrong[0].drawn:.4g} m")
+        raise _misfit(drawing, wrong[0], f"{wrong[0].drawn:.4g} m in the sketch")
     for name in drawing.links:
         _check_sides(drawing, name, sketch)
 
 
 def allowed(drawing) -> float:
-    """How far (m) numbers may put a joint from where it is sketched: a thousandth of the size of a drawing that is true
-    to scale, as one is without lengths, a tenth of another one."""
+    """The allowed distance (m) of a joint from its sketched place: a thousandth of the size of a drawing that is true
+    to scale (one without lengths is), or else a tenth."""
     size = drawing.size()
     off = max((abs(span.own - span.drawn) for span in _spans(drawing)), default=0.0)
     return size * (TRUE if off <= TRUE * size else ROUGH)
 
 
 def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
-    """Raise `StructureError` where the drive puts a pin far from where a link that hangs on it can be."""
+    """Raise `StructureError` where the drive puts a pin out of reach of a link that is attached to it."""
     link, slides = drawing.links[drive.link], drawing.guide(drive.link) is not None
     moved = [point for point in link.point_names() if point not in drawing.fixed]
     strange = not slides and _strange(drawing, drive.link) > 0
@@ -76,13 +76,13 @@ def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
         if span.link == drive.link or mine not in moved or mine in sketch or other not in sketch:
             continue
         if span.off and span.drawn > span.own:
-            there = f"{mine!r} is {span.drawn:.4g} m from {other!r} as that is sketched"
+            there = f"{mine!r} is {span.drawn:.4g} m from the sketched point {other!r}"
             if slides:
-                problem = f"puts {drive.link!r} so that {there}, where {span.link!r} has {span.own:.4g} m"
-                raise StructureError("drive", problem, "correct its law, or the sketch")
+                problem = f"places {drive.link!r} so that {there}, but {span.link!r} spans {span.own:.4g} m"
+                raise StructureError("drive", problem, "correct the law of the drive, or the sketch")
             if strange:
-                raise _too_long(drawing, drive, f"so that {there}, where {span.link!r} has {span.own:.4g} m")
-            raise _misfit(drawing, span, f"{there} and {drive.link!r} has it")
+                raise _too_long(drawing, drive, f"so that {there}, but {span.link!r} spans {span.own:.4g} m")
+            raise _misfit(drawing, span, f"{drive.link!r} is placed so that {there}")
     rest = [at for point, at in drawing.spots.items() if point not in moved]
     within = max((abs(a - b) for a, b in itertools.combinations(rest, 2)), default=0.0)
     extent = max(within, *(float(other.length) for name, other in drawing.links.items() if name != drive.link), 0.0)
@@ -90,7 +90,7 @@ def check_reach(drawing, drive: Drive, sketch: Collection[str]) -> None:
     for point in shared if strange else ():
         spot = None if point in sketch else drawing.spots.get(point)
         if spot is not None and min(abs(spot - at) for at in rest) > FAR * extent:
-            raise _too_long(drawing, drive, f"and all else that is drawn lies within {within:.4g} m")
+            raise _too_long(drawing, drive, f"but the rest of the drawing is only {within:.4g} m across")
 
 
 def _spans(drawing) -> Iterator[Span]:
@@ -105,13 +105,13 @@ def _spans(drawing) -> Iterator[Span]:
 
 
 def _single(drawing, spans: list[Span]) -> bool:
-    """Whether it is one link that does not fit, because it is of another size than the rest."""
+    """Whether only one link does not fit, because its size differs from the others."""
     names = {span.link for span in spans}
     return len(names) == 1 and _strange(drawing, *names) != 0
 
 
 def _strange(drawing, name: str) -> int:
-    """Whether a link is much longer (+1) or shorter (-1) than is usual among the others."""
+    """Whether a link is much longer (+1) or shorter (-1) than the median of the others, or not (0)."""
     lengths = [float(length) for other, link in drawing.links.items() if other != name
                and (length := number_of(link.length)) is not None and length > 0]  # fmt: skip
     usual, length = statistics.median(lengths) if lengths else 0.0, float(drawing.links[name].length)
@@ -121,30 +121,30 @@ def _strange(drawing, name: str) -> int:
 
 
 def _misfit(drawing, span: Span, instead: str) -> StructureError:
-    """One dimension of a link against what is drawn."""
+    """The error for a dimension of a link that disagrees with the drawing."""
     point = _marked(drawing, span)
     between = f"from {span.one!r} to {span.two!r}"
     if point is None:
-        remedy = f'write what is meant, e.g. length = "{1000 * span.drawn:.4g} mm", or correct the places of the pins'
+        remedy = f'write the intended length, e.g. length = "{1000 * span.drawn:.4g} mm", or correct the sketch'
         return StructureError(f"links.{span.link}.length", f"is {span.own:.4g} m {between}, but {instead}", remedy)
-    problem = f"puts it {span.own:.4g} m away {between}, but {instead}"
-    return StructureError(f"links.{span.link}.points.{point}", problem, "correct the one or the other")
+    problem = f"makes the distance {between} {span.own:.4g} m, but {instead}"
+    return StructureError(f"links.{span.link}.points.{point}", problem, "correct one of the two")
 
 
 def _marked(drawing, span: Span) -> str | None:
-    """The end of it that is a marked point of the link, and not one that its length places."""
+    """The end of the span that is in `points` of the link, and not placed by its length."""
     return next((p for p in (span.two, span.one) if p in drawing.links[span.link].points), None)
 
 
 def _too_long(drawing, drive: Drive, why: str) -> StructureError:
-    """A link that the drive moves and that reaches far beyond all others."""
+    """The error for a driven link that reaches far beyond all others."""
     length = float(drawing.links[drive.link].length)
-    remedy = f'write the unit that is meant, e.g. length = "{length:.4g} mm"'
+    remedy = f'write the intended unit, e.g. length = "{length:.4g} mm"'
     return StructureError(f"links.{drive.link}.length", f"is {length:.4g} m, {why}", remedy)
 
 
 def _check_sides(drawing, name: str, sketch: Collection[str]) -> None:
-    """Raise `StructureError` where a link is sketched turned over: three of its points the other way round."""
+    """Raise `StructureError` where a link is sketched mirrored: three of its points in the opposite sense."""
     places, link, least = drawing.places(name), drawing.links[name], PLAIN * drawing.size()
     known = [p for p in places if p in drawing.spots and p not in drawing.unmeasured(name)]
     for three in itertools.combinations(known, 3):
@@ -154,13 +154,13 @@ def _check_sides(drawing, name: str, sketch: Collection[str]) -> None:
             base, across = drawing.spots[one], drawing.spots[two] - drawing.spots[one]
             at = base + (places[last] - places[one]) * across / (places[two] - places[one])
             side, line = "left" if drawn > 0 else "right", f"the line from {one!r} to {two!r}"
-            problem = f"lies to the {side} of {line}, but {name!r} has it on the other side"
+            problem = f"is to the {side} of {line}, but {name!r} has it on the other side"
             remedy = f"sketch it near ({at.real:.4g}, {at.imag:.4g}) m"
-            remedy = f"turn the sign of its `across` on the link, or {remedy}" if last in link.points else remedy
+            remedy = f"change the sign of its `across` on the link, or {remedy}" if last in link.points else remedy
             raise StructureError(f"sketch.{last}", problem, remedy)
 
 
 def _height(a: complex, b: complex, c: complex) -> float:
-    """Smallest height of a triangle, positive where it turns to the left."""
+    """Smallest height of a triangle, positive for counter-clockwise corners."""
     longest = max(abs(b - a), abs(c - a), abs(c - b))
     return ((b - a).conjugate() * (c - a)).imag / longest if longest else 0.0

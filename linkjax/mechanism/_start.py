@@ -1,4 +1,4 @@
-"""Where a drawn machine is at crank angle zero: as it is drawn, unless a number says so, and then both must agree."""
+"""The position of a drawn machine at crank angle zero: as drawn; a number that is given must agree with it."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from jaxtyping import Array
 from linkjax.groups import FRAME, Drive, Harmonic, Pair
 from linkjax.mechanism._mechanism import StructureError
 
-SAME = 1e-9  # rad, or of the drawing's size: a law that ends so near to where it begins moves nothing
-DIGITS = 10  # of a number that a message proposes
+SAME = 1e-9  # rad, or of the drawing's size: a law with a smaller stroke moves nothing
+DIGITS = 10  # of a number in the remedy of a message
 
 
 def degrees(angle: float) -> str:
-    """An angle (rad) as a message proposes it; not wrapped, since whole turns count where gears are coupled."""
+    """An angle (rad) as a string for messages; not wrapped, since full revolutions matter where gears are coupled."""
     return f"{math.degrees(angle) + 0.0:.{DIGITS}g} deg"
 
 
 def metres(length: float) -> str:
-    """A length (m) as a message proposes it."""
+    """A length (m) as a string for messages."""
     return f"{length + 0.0:.{DIGITS}g} m"
 
 
 def number(value: Array | None) -> float:
-    """A number that may be left open, which is then zero."""
+    """An optional number, zero where it is None."""
     return 0.0 if value is None else float(value)
 
 
 def settled(drawing, drive: Drive, driven: Pair) -> Drive:
-    """The drive with a phase, and a law with a start: those of the drawing where they are not given. Raises
-    `StructureError` where a number that is given disagrees with the drawing."""
+    """The drive with a phase, and its law with a start; missing ones are taken from the drawing. Raises
+    `StructureError` where a given number disagrees with the drawing."""
     slides, law = driven.letter == "P", drive.law
     drawn = _way(drawing, drive.link) if slides else _angle(drawing, drive)
     if isinstance(law, Harmonic) and law.start is None:
@@ -47,19 +47,19 @@ def settled(drawing, drive: Drive, driven: Pair) -> Drive:
 
 
 def spots_with_crank(drawing, drive: Drive) -> dict[str, complex]:
-    """Where points are drawn (m), and those of a crank whose length and phase are given."""
+    """The drawn places of points (m), and the places of a crank's points if its length and phase are given."""
     if drive.phase is None or drive.law is not None or drive.link not in drawing.links:
         return drawing.spots
     copy = dataclasses.replace(drawing, links=dict(drawing.links), spots=dict(drawing.spots))
     try:
         copy.place_drive(drive)
-    except StructureError:  # it is not known yet, and will be told where it is needed
+    except StructureError:  # unknown so far; reported where it is needed
         return drawing.spots
     return copy.spots | drawing.spots
 
 
 def check_guides(drawing) -> None:
-    """Raise `StructureError` for a block that is drawn beside its guide."""
+    """Raise `StructureError` for a block that is not drawn on its guide."""
     for slot in drawing.slots:
         guide, on = slot.guide, drawing.drawn_axis(slot.guide.on)
         pin = drawing.links[slot.block].pins[0]
@@ -70,14 +70,14 @@ def check_guides(drawing) -> None:
         aside = ((drawing.spots[pin] - drawing.spots[guide.through]) / along).imag
         if abs(aside - float(guide.offset)) > drawing.slack:
             where = f"drawn {metres(aside - float(guide.offset))} to the left of the path"
-            problem = f"{pin!r} is {where} that its guide prescribes (offset {metres(float(guide.offset))})"
-            remedy = f'write offset = "{metres(aside)}", turn the guide (along), or sketch {pin!r} on it'
+            problem = f"{pin!r} is {where} of its guide (offset {metres(float(guide.offset))})"
+            remedy = f'write offset = "{metres(aside)}", correct `along` of the guide, or sketch {pin!r} on the path'
             raise StructureError(f"slot of {slot.block}", problem, remedy)
 
 
 def _check_block(drawing, block: str, along: complex) -> None:
-    """Raise `StructureError` where what a block says of its points disagrees with the drawing: its axes are those of
-    its guide, in this direction."""
+    """Raise `StructureError` where the points of a block disagree with the drawing: its axes are those of its guide,
+    in the direction `along`."""
     link, unknown = drawing.links[block], drawing.unmeasured(block)
     origin = drawing.spots[link.pins[0]]
     for point, at in drawing.places(block).items():
@@ -87,7 +87,7 @@ def _check_block(drawing, block: str, along: complex) -> None:
         if abs(drawn - at) > drawing.slack:
             key = f"points.{point}" if point in link.points else "length"
             problem = f"puts {point!r} {_along(at)} its guide from {link.pins[0]!r}, but it is drawn {_along(drawn)} it"
-            remedy = "a block has the axes of its guide: correct it, or omit it for the place drawn"
+            remedy = "a block has the axes of its guide: correct the value, or omit it for the place drawn"
             raise StructureError(f"links.{block}.{key}", problem, remedy)
 
 
@@ -96,22 +96,22 @@ def _along(at: complex) -> str:
 
 
 def check_fixed(drawing, sketch: Mapping[str, complex]) -> None:
-    """Raise `StructureError` for a point of the frame that is sketched elsewhere."""
+    """Raise `StructureError` for a frame point whose place in the sketch differs."""
     for name, at in sketch.items():
         if name in drawing.fixed and abs(at - drawing.spots[name]) > drawing.slack:
             there = drawing.spots[name]
-            problem = f"is {metres(abs(at - there))} from where [fixed] has it, ({there.real:.6g}, {there.imag:.6g}) m"
+            problem = f"is {metres(abs(at - there))} from its place in [fixed], ({there.real:.6g}, {there.imag:.6g}) m"
             raise StructureError(f"sketch.{name}", problem, "delete it, or correct one of the two")
 
 
 def _angle(drawing, drive: Drive) -> float | None:
-    """The angle between a link and what it turns on, as drawn; None where the sketch does not say it."""
+    """The drawn angle between a link and the link or frame that it is driven against; None where it is not sketched."""
     link, on = drawing.drawn_axis(drive.link), drawing.drawn_axis(drive.on)
     return None if link is None or on is None else cmath.phase(link / on)
 
 
 def _way(drawing, block: str) -> float | None:
-    """How far along its guide a block is drawn (m); None where the sketch does not say it."""
+    """The drawn displacement of a block along its guide (m); None where it is not sketched."""
     guide, pin = drawing.guide(block), drawing.links[block].pins[0]
     on = drawing.drawn_axis(guide.on)
     if on is None or pin not in drawing.spots or guide.through not in drawing.spots:
@@ -120,21 +120,23 @@ def _way(drawing, block: str) -> float | None:
 
 
 def _from_drawing(drawing, drive: Drive, law: Harmonic, slides: bool, drawn: float | None) -> Drive:
-    """The drive whose law begins where it is drawn; of angles, the turn nearest to where the law ends."""
+    """The drive with a law that begins at the drawn position; of an angle, within half a turn of the end of the law."""
     if drawn is None:
-        what = "how far along its guide it is" if slides else f"how it stands to {drive.on!r}"
-        problem = f"has no start, and the sketch does not say of {drive.link!r} {what}"
-        raise StructureError("drive.law", problem, "write start, or sketch it")
+        what = "displacement" if slides else "angle"
+        problem = f"has no start, and the sketch does not show the {what} of {drive.link!r} relative to {drive.on!r}"
+        raise StructureError("drive.law", problem, "write start, or sketch this link")
     phase, stop = number(drive.phase), float(law.stop)
     start = drawn if slides else stop + math.remainder(drawn - phase - stop, 2 * math.pi)
     if abs(stop - start) <= SAME * (drawing.size() if slides else 1.0):
         where = metres(stop) if slides else degrees(drawn)
-        raise StructureError("drive.law", f"ends where {drive.link!r} is drawn, at {where}", "write another stop")
+        raise StructureError(
+            "drive.law", f"stops where it starts: {drive.link!r} is drawn at {where}", "write another stop"
+        )
     return dataclasses.replace(drive, phase=phase, law=dataclasses.replace(law, start=start))
 
 
 def _check(drawing, drive: Drive, driven: Pair, drawn: float, given: Drive) -> None:
-    """Raise `StructureError` where the drive's numbers put it elsewhere than it is drawn."""
+    """Raise `StructureError` where the numbers of the drive disagree with the drawing."""
     slides = driven.letter == "P"
     begins = drive.begins(slides)
     off = abs(begins - drawn) if slides else abs(math.remainder(begins - drawn, 2 * math.pi))
@@ -148,15 +150,15 @@ def _check(drawing, drive: Drive, driven: Pair, drawn: float, given: Drive) -> N
     against = "" if slides or drive.on == FRAME else f" to {drive.on!r}"
     seen = f"{drive.link!r} is drawn at {write(drawn)}{against}"
     if drive.law is None:
-        problem, remedy = f"is {write(begins)}, but {seen}", "delete it for the angle drawn, or sketch it so"
+        problem, remedy = f"is {write(begins)}, but {seen}", "delete it for the angle drawn, or correct the sketch"
         raise StructureError("drive.phase", problem, remedy)
     phase = 0.0 if slides else number(given.phase)
     since = "" if given.phase is None or slides else f" from the phase {degrees(phase)}"
-    problem = f"begins at {write(begins - phase)}{since}, but {seen}"
+    problem = f"starts at {write(begins - phase)}{since}, but {seen}"
     shift = drawn - begins
     if isinstance(drive.law, Harmonic):
         remedy = f'write start = "{write(number(drive.law.start) + shift)}"'
     else:
         remedy = "change its values"
     also = "" if slides else f', or phase = "{degrees(phase + shift)}"'
-    raise StructureError("drive.law", problem, f"{remedy}{also}, or sketch it so")
+    raise StructureError("drive.law", problem, f"{remedy}{also}, or correct the sketch")

@@ -10,8 +10,8 @@ from linkjax.mechanism._freedom import counted, mobility
 
 
 class Part(NamedTuple):
-    """The driver or an Assur group: its links, its class and kind (II1), its pairs as letters (RRR), the pairs by which
-    it is attached and those inside it, and the number of the last part that moves it (None for one that does not)."""
+    """The driver or an Assur group: its links, its class and kind (II1), its pairs as letters (RRR), its outer and
+    inner pairs, and the number of the last part that moves it (None for a part that does not move)."""
 
     links: tuple[str, ...]
     kind: str
@@ -29,16 +29,16 @@ class Structure(NamedTuple):
     mobility: int
     parts: tuple[Part, ...]
 
-    def mobility_told(self) -> str:
-        """The formula of Chebyshev and Grübler with its numbers."""
+    def mobility_formula(self) -> str:
+        """The formula of Chebyshev and Grübler with its numbers, as a string."""
         return counted(len(self.links), self.pairs)
 
     def formula(self, letters: bool = False, numbers: bool = False) -> str:
         """Structural formula, e.g. `I1(crank) → II2(rod, slider)`; with letters `R(crank) → RRP(rod, slider)`; with
-        numbers of links, the frame's zero among them, `I1(0,1) → II2(2,3)`.
+        numbers of links (0 is the frame) `I1(0,1) → II2(2,3)`.
 
-        An arrow leads to a part from the last one that moves it; where it leads to several, these stand in braces:
-        `I1(0,1) → {II2(2,4); II2(3,5)}`. What stands still follows behind a semicolon.
+        An arrow leads to a part from the last part that moves it. Several parts moved by one are in braces:
+        `I1(0,1) → {II2(2,4); II2(3,5)}`. Parts that do not move follow after a semicolon.
         """
         shown = {name: str(i) if numbers else name for i, name in enumerate(self.links, 1)}
 
@@ -58,7 +58,7 @@ class Structure(NamedTuple):
 def structure_of(links: Sequence[str], groups: Sequence[AbstractGroup], owners: Mapping[str, str]) -> Structure:
     """Links, pairs, mobility and parts of groups in their order, with the link that each point belongs to."""
     parts: list[Part] = []
-    moving: dict[str, int] = {}  # in which part each link that moves comes in
+    moving: dict[str, int] = {}  # the number of the part of each moving link
     for number, group in enumerate(groups):
         kind, letters = group.classified()
         pairs = [Pair(j.letter, j.name, j.link, j.by or owners[j.point])

@@ -1,4 +1,4 @@
-"""Figures put into the page itself."""
+"""Figures embedded in the page."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ GROUP = re.compile(r"(before|hodograph|crank)-[\d-]+|before-key-[\d-]+")
 
 
 def inline_svg(text: str, name: str, title: str) -> str:
-    """An SVG document as an element of an HTML page: no namespaces, no metadata, its ids prefixed by its name.
+    """An SVG document as an element of an HTML page, without namespaces and metadata, its ids prefixed by its name.
 
-    It scales with the page and never beyond its own width. Coordinates are rounded to a hundredth of a point. What
-    `linkjax.viz` marked by names gets what the page's own program looks for: curves of the machine before and
-    hodographs their class, and panels over the crank angle the place of their box, `data-panel` (left, top, right,
-    bottom), with the crank angle (degrees) at which they end, `data-end`. Raises `ParseError` for what is no SVG.
+    The element scales with the page, up to 1.6 px per point of its width. Coordinates are rounded to 0.01 point. Groups
+    named by `linkjax.viz` get the attributes that the script of the page needs: a class for curves of the earlier
+    design and for hodographs; for panels over the crank angle the box of the panel, `data-panel` (left, top, right,
+    bottom), and the crank angle (degrees) at its right edge, `data-end`. Raises `ParseError` for invalid XML.
     """
     root = ET.fromstring(text)
     _clean(root, re.sub(r"\W", "-", name) + "-")
@@ -53,7 +53,7 @@ def _clean(element: ET.Element, prefix: str) -> None:
 
 
 def _mark(element: ET.Element, name: str) -> None:
-    """Class and data of a group that the page's program works on."""
+    """Set class and data attributes of a group that the script of the page uses."""
     found = GROUP.fullmatch(name)
     if found is None:
         return
@@ -63,12 +63,12 @@ def _mark(element: ET.Element, name: str) -> None:
         return
     outline = next((path.get("d", "") for path in element.iter() if _local(path.tag) == "path"), "")
     numbers = [float(number) for number in re.findall(r"-?[\d.]+", outline)]
-    if len(numbers) >= 8:  # the rectangle that matplotlib draws first: the panel's background
+    if len(numbers) >= 8:  # matplotlib draws the background rectangle of the panel first
         xs, ys = numbers[0:8:2], numbers[1:8:2]
         element.set("data-panel", " ".join(f"{edge:.2f}" for edge in (min(xs), min(ys), max(xs), max(ys))))
         element.set("data-end", name.split("-")[1])
 
 
 def _local(name: str) -> str:
-    """A name without its namespace."""
+    """A name without namespace."""
     return name.rpartition("}")[2]

@@ -1,11 +1,11 @@
-"""The tables of an optimisation, from its document."""
+"""Tables of an optimisation, from its document."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from linkjax._display import NONE, above
+from linkjax._display import NONE, above, in_words
 from linkjax.analysis import measure_scales
 from linkjax.report._cells import Cell, Cells, table, words
 
@@ -13,38 +13,38 @@ Data = dict[str, Any]
 
 
 def asked(show: Cells, optimum: Data) -> str:
-    """What was asked: objective, free numbers, limits, cases; and how it was solved."""
+    """The problem: objective, design variables, constraints, cases; and the solver."""
     goal, solver = optimum["objective"], optimum["solver"]
-    rows = [["objective", f"{goal['sense']} {plain(goal['name'])}"]]
+    rows = [["objective", f"{goal['sense']} {in_words(goal['name'])}"]]
     free = [f"{name} ({show.bound(v['lower'], v['unit'])} … {show.bound(v['upper'], v['unit'])})"
             for name, v in optimum["variables"].items()]  # fmt: skip
-    rows.append(["free numbers", "; ".join(free) or NONE])
-    limits = [f"{plain(label)} {limit['sense']} {show.bound(limit['bound'], limit['unit'])}"
+    rows.append(["design variables", "; ".join(free) or NONE])
+    limits = [f"{in_words(label)} {limit['sense']} {show.bound(limit['bound'], limit['unit'])}"
               for label, limit in optimum["limits"].items()]  # fmt: skip
-    rows.append(["limits", "; ".join(limits) or "none"])
+    rows.append(["constraints", "; ".join(limits) or "none"])
     if optimum.get("before_is"):
         rows.append(["before", optimum["before_is"]])
     if optimum["cases"]:
-        rows.append(["cases, the worst counts", ", ".join(optimum["cases"])])
+        rows.append(["cases, the worst governs", ", ".join(optimum["cases"])])
     rows.append(["solver", f"{solver['name']}: {solver['why']}"])
-    return table(["asked", ""], [[words(name), words(text)] for name, text in rows])
+    return table(["problem", ""], [[words(name), words(text)] for name, text in rows])
 
 
 def measures(show: Cells, optimum: Data) -> str:
-    """The objective and every measure before and after."""
+    """Objective and all measures, before and after."""
     goal, units, scales = optimum["objective"], optimum["units"], measure_scales(optimum)
-    name = f"{plain(goal['name'])}, worst case" if optimum["cases"] else plain(goal["name"])
+    name = f"{in_words(goal['name'])}, worst case" if optimum["cases"] else in_words(goal["name"])
     rows = [_change(show, name, goal["before"], goal["after"], goal["unit"], "objective", scales)]
     for name, after in optimum["after"].items():
-        if name != goal["name"] or optimum["cases"]:  # a measure is of the scene as it is, without the cases
+        if name != goal["name"] or optimum["cases"]:  # measures are of the scene itself, without the cases
             rows.append(
-                _change(show, plain(name), optimum["before"].get(name), after, units.get(name, "1"), "", scales)
+                _change(show, in_words(name), optimum["before"].get(name), after, units.get(name, "1"), "", scales)
             )
     return table(["measure", "before", "after", "change", ""], rows, "Before and after")
 
 
 def variables(show: Cells, optimum: Data) -> str:
-    """The free numbers: before, after, their bounds, and which bound holds them."""
+    """Design variables: before, after, bounds, and the active bound."""
     held = any(v["active"] or v["no_effect"] for v in optimum["variables"].values())
     rows = []
     for name, v in optimum["variables"].items():
@@ -56,41 +56,41 @@ def variables(show: Cells, optimum: Data) -> str:
             row.append(Cell(_plain_number(show, v["bound_multiplier"]) if v["active"] else "", True))
         rows.append(row)
         for tie, values in v["linked"].items():
-            row = [words(f"tied to it: {tie}"), *show.several([values["before"], values["after"]], values["unit"], 6)]
+            row = [words(f"linked: {tie}"), *show.several([values["before"], values["after"]], values["unit"], 6)]
             rows.append([*row, *[Cell("")] * (len(rows[-1]) - len(row))])
-    head = ["free number", "before", "after", "lower bound", "upper bound"]
-    return table([*head, "", "gain per unit (SI)"] if held else head, rows, "Free numbers")
+    head = ["design variable", "before", "after", "lower bound", "upper bound"]
+    return table([*head, "", "multiplier (SI)"] if held else head, rows, "Design variables")
 
 
 def limits(show: Cells, optimum: Data) -> str:
-    """The limits: value, bound, multiplier, whether active or not met, and the crank angles that tie there."""
+    """Constraints: value, bound, multiplier, whether active or violated, and the crank angles of equal peaks."""
     rows, feasible, scales = [], optimum["result"]["code"] == 0, measure_scales(optimum)
     for label, limit in optimum["limits"].items():
         beside = scales.get(limit["unit"], 0.0)
         cells = show.several([limit["before"], limit["value"]], limit["unit"], beside=beside)
         cells.append(Cell(f"{limit['sense']} {show.bound(limit['bound'], limit['unit'])}", True))
         price = Cell(_plain_number(show, limit["multiplier"]) if feasible else "", True)
-        state = Cell("not met" if not limit["met"] else "active" if limit["active"] and feasible else "")
-        rows.append([words(plain(label)), *cells, price, state, words(angles(show, limit["peak_angles"]))])
-    head = ["limit", "before", "after", "bound", "multiplier (SI)", "", "tied at"]
-    return table(head, rows, "Limits") if rows else ""
+        state = Cell("violated" if not limit["met"] else "active" if limit["active"] and feasible else "")
+        rows.append([words(in_words(label)), *cells, price, state, words(angles(show, limit["peak_angles"]))])
+    head = ["constraint", "before", "after", "bound", "multiplier (SI)", "", "peaks at"]
+    return table(head, rows, "Constraints") if rows else ""
 
 
 def outcome(show: Cells, optimum: Data) -> str:
-    """How the search went: starts, residual of the optimality conditions, evaluations, angles that tie."""
+    """Convergence: starts, residual of the optimality conditions, evaluations, crank angles of equal peaks."""
     starts, goal = optimum["starts"], optimum["objective"]
     rows = [["residual of the optimality conditions (KKT)", _plain_number(show, optimum["kkt_residual"], 2)],
-            ["evaluations of a cycle", str(optimum["evaluations"])]]  # fmt: skip
+            ["cycle evaluations", str(optimum["evaluations"])]]  # fmt: skip
     if starts:
         feasible = sum(bool(start["feasible"]) for start in starts)
-        text = f"{optimum['starts_at_optimum']} of {len(starts)} reached the best; {feasible} met every limit"
+        text = f"{optimum['starts_at_optimum']} of {len(starts)} reached the optimum; {feasible} feasible"
         rows.append(["starts", text])
     if goal["peak_angles"]:
-        how = "ties" if len(goal["peak_angles"]) > 1 else "peaks"
-        rows.append([f"the objective {how} at", angles(show, goal["peak_angles"])])
+        how = "equal peaks" if len(goal["peak_angles"]) > 1 else "peak"
+        rows.append([f"{how} of the objective at", angles(show, goal["peak_angles"])])
     if optimum["scene_after"]:
-        rows.append(["scene of the new machine", str(optimum["scene_after"])])
-    text = table(["search", ""], [[words(name), words(value)] for name, value in rows])
+        rows.append(["scene file of the optimum", str(optimum["scene_after"])])
+    text = table(["convergence", ""], [[words(name), words(value)] for name, value in rows])
     if len(starts) > 1:
         reached = show.several([start["objective"] for start in starts], goal["unit"], 6)
         each = []
@@ -98,31 +98,26 @@ def outcome(show: Cells, optimum: Data) -> str:
             residual = Cell(_plain_number(show, start["residual"], 2), True)
             count = Cell(str(start["evaluations"]), True)
             each.append([words(i + 1), cell, words("yes" if start["feasible"] else "no"), residual, count])
-        text += table(["start", "objective", "meets every limit", "residual", "evaluations"], each, "Starts")
+        text += table(["start", "objective", "feasible", "residual", "evaluations"], each, "Starts")
     return text
 
 
 def conflicts(optimum: Data) -> str:
-    """The limits that cannot hold together, in a list; nothing when there are none."""
+    """Table of the conflicting constraints; empty if there are none."""
     names = optimum["result"]["conflicts"]
-    rows = [[words(plain(name)), words(_missed(optimum["limits"].get(name)))] for name in names]
-    return table(["limits that clash", ""], rows) if rows else ""
+    rows = [[words(in_words(name)), words(_missed(optimum["limits"].get(name)))] for name in names]
+    return table(["conflicting constraints", ""], rows) if rows else ""
 
 
 def _missed(limit: Data | None) -> str:
     if limit is None or limit["value"] is None:
         return ""
-    return "met" if limit["met"] else "not met"
+    return "satisfied" if limit["met"] else "violated"
 
 
 def angles(show: Cells, found: list[float]) -> str:
-    """Crank angles in a row, a dash for none."""
+    """Crank angles separated by commas; a dash for none."""
     return ", ".join(show.turned(angle) for angle in found) or NONE
-
-
-def plain(name: str) -> str:
-    """A name of the document in words."""
-    return str(name).replace("_", " ")
 
 
 def _change(

@@ -1,4 +1,4 @@
-"""The page: tables, figures and the moving machine, in the order in which a designer reads them."""
+"""The page: animated machine, tables and figures."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ $program
 """)
 
 STAGE = Template("""<figure class="stage">
-<svg id="stage" viewBox="0 0 $width $height" role="img" aria-label="The machine at the crank angle chosen"></svg>
+<svg id="stage" viewBox="0 0 $width $height" role="img" aria-label="The machine at the selected crank angle"></svg>
 <ul class="legend">$legend</ul>
 <noscript>$still</noscript>
 <figcaption>The machine to scale$figcaption</figcaption>
@@ -57,14 +57,14 @@ CONTROLS = Template("""<div id="controls" role="region" aria-label="Motion of th
 <input type="range" id="angle" min="0" max="$end" step="any" value="$start" disabled>
 <output id="angle-shown" for="angle"></output></span>
 <button type="button" id="play" disabled>Play</button>
-<label>Cycle in <select id="pace" disabled><option value="1">1 s</option><option value="2">2 s</option>
+<label>Playback time <select id="pace" disabled><option value="1">1 s</option><option value="2">2 s</option>
 <option value="4" selected>4 s</option><option value="8">8 s</option><option value="16">16 s</option></select></label>
 <label><input type="checkbox" id="show-names" checked disabled> Names</label>
 $before</form></div>
 <script type="application/json" id="machine-data">$view</script>
 <script>$js</script>""")
 
-HINT = '<p class="lead screen">Click or drag in a diagram over the crank angle to move the machine there.</p>\n'
+HINT = '<p class="lead screen">Click or drag in a diagram over the crank angle to set the angle of the machine.</p>\n'
 BEFORE = '<label><input type="checkbox" id="show-before" checked disabled> Before</label>'
 
 
@@ -72,19 +72,19 @@ def write_report(
     data: Data, scene: Scene, path: str | Path, *, figures: str | Path | Iterable[str | Path] | None = None,
     before: tuple[Data, Scene] | None = None, optimum: Data | None = None, units: str = "",
 ) -> Path:  # fmt: skip
-    """Write the report of an analysis as one HTML file that needs nothing else: no network, no fonts, no other files.
+    """Write the report of an analysis as one self-contained HTML file: no network, no fonts, no other files.
 
     `data` is the document of the analysis (see `linkjax.analysis.document`); `before` the document and scene of an
-    earlier design, shown behind and beside it; `optimum` the document of the optimisation that led from the one to the
-    other; `units` what numbers are shown in ("mm, rpm, kN"; SI with prefixes where nothing is said). `figures` are the
-    files that `linkjax.viz.write_figures` returned, of which the SVG ones are put into the page in that order, or the
-    folder that it wrote them to; without them the figures are drawn.
-    Returns the path. Raises `OSError` when a file cannot be read or written, `QuantityError` for an unknown unit,
-    `ValueError` where the two designs are not analysed at the same crank angles.
+    earlier design, shown for comparison; `optimum` the document of the optimisation from the earlier design to this
+    one; `units` the display units (e.g. "mm, rpm, kN"; default SI with prefixes). `figures` are the files returned by
+    `linkjax.viz.write_figures`, whose SVG files are embedded in that order, or the folder with these files; by default
+    the figures are drawn.
+    Returns the path. Raises `OSError` if a file cannot be read or written, `QuantityError` for an unknown unit,
+    `ValueError` if the two designs are analysed at different crank angles.
     """
     if before is not None and not np.array_equal(data["angles"], before[0]["angles"]):
         counts = f"{np.size(before[0]['angles'])} and {np.size(data['angles'])}"
-        raise ValueError(f"before and after have other crank angles ({counts}); analyse both at the same `angles`")
+        raise ValueError(f"before and after have different crank angles ({counts}); analyse both with equal `angles`")
     chosen = display_units(units)
     show = Cells(chosen)
     captions = {picture.name: picture.caption for picture in PICTURES}
@@ -124,7 +124,7 @@ def write_report(
 
 
 def _read(figures: str | Path | Iterable[str | Path], names: list[str]) -> dict[str, str]:
-    """SVG texts by name, from files or from a folder of them."""
+    """Contents of SVG files by name, from a list of files or from a folder."""
     if isinstance(figures, str | Path):
         files = [file for name in names if (file := Path(figures) / f"{name}.svg").exists()]
     else:
@@ -133,7 +133,7 @@ def _read(figures: str | Path | Iterable[str | Path], names: list[str]) -> dict[
 
 
 def figure_html(text: str, name: str, caption: str) -> str:
-    """A figure with its caption, from the text of its SVG."""
+    """A figure with its caption, from its SVG text."""
     return f"<figure>{inline_svg(text, name, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
@@ -144,7 +144,7 @@ def _verdict(show: Cells, result: Data) -> str:
 
 
 def _verdicts(show: Cells, optimum: Data | None, data: Data, before: tuple[Data, Scene] | None) -> list[str]:
-    """How the search went, the machine itself, and what is wrong with the one before, if anything is."""
+    """Results of the optimisation and of the analysis, and a failure of the earlier design, if any."""
     found = [of.get("result") or {} for of in (optimum, data) if of]
     old = before[0].get("result") or {} if before else {}
     if old.get("code"):
@@ -153,7 +153,7 @@ def _verdicts(show: Cells, optimum: Data | None, data: Data, before: tuple[Data,
 
 
 def _optimisation(show: Cells, optimum: Data) -> str:
-    """What was asked, what came of it, and how it was found."""
+    """Problem, results and convergence of the optimisation."""
     tables = (_optimum.asked(show, optimum), _optimum.conflicts(optimum), _optimum.measures(show, optimum),
               _optimum.variables(show, optimum), _optimum.limits(show, optimum))  # fmt: skip
     figures = [figure_html(svg(of.name, figure), of.name, of.caption) for of, figure in courses(optimum, show.units)]
@@ -161,21 +161,21 @@ def _optimisation(show: Cells, optimum: Data) -> str:
 
 
 def _stage(view: Data, data: Data, still: str) -> str:
-    """The place of the moving machine; without a program to move it, the still drawing."""
+    """The element for the animated machine, with the static drawing for browsers without scripts."""
     shapes = [(link["name"], link["colour"], link["fill"], "") for link in view["machines"][0]["links"]]
     shapes += [("before", "#a8a8a8", "#f3f3f3", ' class="before"')] if len(view["machines"]) > 1 else []
     legend = "".join(
         f'<li{look}><i style="border-color:{edge};background:{fill}"></i>{escape(name)}</li>'
         for name, edge, fill, look in shapes
     )
-    timed = "; times as in the true motion, slowed down" if view["time"] and "motion" in data else ""
+    timed = "; animated in the actual motion, slowed down" if view["time"] and "motion" in data else ""
     return STAGE.substitute(width=view["width"], height=view["height"], legend=legend, still=still,
                             figcaption=f'<span class="screen">{timed}</span>')  # fmt: skip
 
 
 def _program(view: Data) -> str:
     return CONTROLS.substitute(
-        end=360 * view["turns"],
+        end=360 * view["cycle_turns"],
         start=f"{view['start']:g}",
         before=BEFORE if len(view["machines"]) > 1 else "",
         view=json.dumps(view, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c"),

@@ -1,4 +1,4 @@
-"""The page of rolling bodies: tables, figures and the chain in motion."""
+"""The page for rolling bodies: animated chain, tables and figures."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from linkjax.rolling import tidy
 from linkjax.viz import ROLLING_PICTURES, scale_mark, svg
 
 Data = dict[str, Any]
-WIDE, EDGE, RIM = 560.0, 14.0, 1.075  # typographic points; the drawn ring over its radius
+WIDE, EDGE, RIM = 560.0, 14.0, 1.075  # typographic points; outside of the drawn ring over its radius
 
 STAGE = """<figure class="stage"><svg id="stage" viewBox="0 0 {size} {size}" role="img"
-aria-label="The rolling bodies at the angle chosen"></svg><noscript>{still}</noscript>
-<figcaption>The rolling bodies to scale, at constant speed; the curve of their centres dashed</figcaption></figure>"""
+aria-label="The rolling bodies at the selected angle"></svg><noscript>{still}</noscript>
+<figcaption>The rolling bodies to scale, at constant speed; dashed: ellipse of the body centres</figcaption></figure>"""
 
 CONTROLS = """<div id="controls" role="region" aria-label="Motion of the rolling bodies"><form autocomplete="off">
 <span class="turn"><label for="angle">Angle of the driven member</label>
 <input type="range" id="angle" min="0" max="{end}" step="any" value="0" disabled>
 <output id="angle-shown" for="angle"></output></span>
 <button type="button" id="play" disabled>Play</button>
-<label>One round in <select id="pace" disabled><option value="3">3 s</option>
+<label>Playback time <select id="pace" disabled><option value="3">3 s</option>
 <option value="6" selected>6 s</option><option value="12">12 s</option><option value="24">24 s</option></select></label>
 <label><input type="checkbox" id="show-names" checked disabled> Numbers</label></form></div>
 <script type="application/json" id="machine-data">{view}</script>
@@ -34,10 +34,10 @@ CONTROLS = """<div id="controls" role="region" aria-label="Motion of the rolling
 
 
 def write_rolling_report(data: Data, path: str | Path, *, units: str = "") -> Path:
-    """Write the report of a document of rolling bodies as one HTML file that needs nothing else; returns the path.
+    """Write the report of a document of rolling bodies as one self-contained HTML file; returns the path.
 
-    `units` is what numbers are shown in ("in, rad/s"). Raises `OSError` where the file cannot be written,
-    `QuantityError` for an unknown unit.
+    `units` are the display units (e.g. "in, rad/s"). Raises `OSError` if the file cannot be written, `QuantityError`
+    for an unknown unit.
     """
     data, chosen = tidy(data), display_units(units)
     show = Cells(chosen)
@@ -75,11 +75,11 @@ def write_rolling_report(data: Data, path: str | Path, *, units: str = "") -> Pa
 
 
 def rolling_view(data: Data, units: str = "") -> dict[str, Any]:
-    """Everything the page needs to draw and move the chain, ready for `json.dumps`; lengths in m, angles in rad."""
+    """Data to draw and animate the chain in the page, ready for `json.dumps`; lengths in m, angles in rad."""
     rings, motion = data["rings"], data["motion"]
     outer, e = rings["outer_radius"], rings["eccentricity"]
     rest = e if motion["held"] == "outer" else 0.0
-    reach = RIM * outer + abs(e - rest)  # of the drawing, from the point at rest
+    reach = RIM * outer + abs(e - rest)  # of the drawing, from the fixed point
     scale = (WIDE - 2 * EDGE) / (2 * reach)
     length, text = scale_mark(0.22 * WIDE / scale, display_units(units))
     ratios = {name: _listed(value) for name, value in motion["ratios"].items()}
@@ -96,7 +96,7 @@ def _listed(value: Any) -> Any:
 
 
 def _cycle(data: Data) -> float:
-    """Angle of the driven member at which the places of the document end."""
+    """Angle of the driven member at the end of the motion in the document."""
     return float(data["angles"][1] - data["angles"][0]) * len(data["angles"])
 
 
@@ -115,7 +115,7 @@ def _bodies(show: Cells, data: Data) -> str:
         [Cell(show.speed(spin), True) for spin in spins],
     ]  # fmt: skip
     rows = [[words(i), *cells] for i, cells in enumerate(zip(*columns, strict=True), 1)]
-    head = ["body", "radius", "angle from the line of centres", "x of its centre", "y of its centre", "speed"]
+    head = ["body", "radius", "angle from the line of centres", "centre x", "centre y", "rotational speed"]
     return table(head, rows)
 
 
@@ -128,21 +128,19 @@ def _rings(show: Cells, data: Data) -> str:
             ("radius of the outer ring", rings["outer_radius"], "m"),
             ("eccentricity", rings["eccentricity"], "m"),
             ("outer radius that closes the chain", limits["closing_outer_radius"], "m"),
-            ("eccentricity that closes the chain between these rings", limits["closing_eccentricity"], "m"),
-            ("largest body that fits", limits["max_radius"], "m"),
-            ("smallest body that fits", limits["min_radius"], "m"),
-            ("semi-major axis of the curve of the centres", data["centres"]["semi_major"], "m"),
-            ("semi-minor axis of the curve of the centres", data["centres"]["semi_minor"], "m"),
-            ("least distance of bodies that are no neighbours", limits["min_clearance"], "m"),
-            ("bodies that these rings take", limits["fitting_bodies"], ""),
-            ("margin of the rings, (R − r − e) / R", limits["ring_margin"], ""),
-            ("margin of closing, the square of closing eccentricity over outer radius", limits["closing_margin"], ""),
+            ("eccentricity that closes the chain with these rings", limits["closing_eccentricity"], "m"),
+            ("max body radius that fits", limits["max_radius"], "m"),
+            ("min body radius that fits", limits["min_radius"], "m"),
+            ("semi-major axis of the ellipse of the body centres", data["centres"]["semi_major"], "m"),
+            ("semi-minor axis of the ellipse of the body centres", data["centres"]["semi_minor"], "m"),
+            ("min clearance between non-adjacent bodies", limits["min_clearance"], "m"),
+            ("number of bodies that closes the chain", limits["fitting_bodies"], ""),
+            ("ring margin, (R − r − e) / R", limits["ring_margin"], ""),
+            ("closing margin, (closing eccentricity / R)²", limits["closing_margin"], ""),
         )
     ]
-    rows.append([words("gap between last and first body"), show.amount(chain["closing_clearance"], "m", 2)])
-    rows.append(
-        [words("largest distance of surfaces that touch, over R"), show.amount(data["checks"]["contacts"], "", 2)]
-    )
+    rows.append([words("clearance between last and first body"), show.amount(chain["closing_clearance"], "m", 2)])
+    rows.append([words("max gap or overlap at contacts, over R"), show.amount(data["checks"]["contacts"], "", 2)])
     return table(["quantity", "value"], [[name, Cell(cell.text, True)] for name, cell in rows])
 
 
@@ -152,5 +150,5 @@ def _speeds(show: Cells, data: Data) -> str:
         [words(name), Cell(show.speed(motion[key]), True), show.amount(motion["ratios"][key], "", 6)]
         for key, name in (("inner", "inner ring"), ("outer", "outer ring"), ("carrier", "line of centres"))
     ]
-    rows.append([words("neighbours rub at"), show.amount(motion["rubbing"], "m/s", 6), Cell("", True)])
-    return table(["member", "speed", "over the driven one"], rows)
+    rows.append([words("sliding speed between neighbours"), show.amount(motion["rubbing"], "m/s", 6), Cell("", True)])
+    return table(["member", "rotational speed", "ratio to the driven member"], rows)

@@ -1,4 +1,4 @@
-"""The tables of the report, from the document of an analysis and its scene."""
+"""Tables of the report, from the document of an analysis and its scene."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from linkjax.report._cells import Cell, Cells, table, words
 Data = dict[str, Any]
 CONSTANT = "_constant_speed"
 CHECKS = {
-    "virtual_power": "virtual power: drive torque by kinetostatics against the reduced model",
-    "energy_closure": "energy: kinetic energy of the links against the work of every load",
-    "force_balance": "force balance: frame force against inertia, weight and loads",
+    "virtual_power": "virtual power: drive torque from kinetostatics and from the reduced model",
+    "energy_closure": "energy: kinetic energy of the links and work of all loads",
+    "force_balance": "force balance: frame force and inertia forces, weights and loads",
 }
 
 
 def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -> str:
-    """Speed fluctuation, speeds, flywheel and drive; the same of the machine before in a column of its own."""
+    """Speed fluctuation, speeds, drive and flywheel; those of the earlier design in a separate column."""
     old = _values(show, before) if before else {}
     remarks = _remarks(show, data, scene)
     rows = []
@@ -33,7 +33,7 @@ def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -
 
 
 def _values(show: Cells, data: Data) -> dict[str, str]:
-    """The results of an analysis as they are printed, by name."""
+    """Formatted results of an analysis, by name."""
     motion, wheel = data["motion"], data.get("flywheel", {})
     found = (
         {}
@@ -42,77 +42,75 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
             "coefficient of speed fluctuation δ": show.measured(float(motion["delta"]), float(motion["delta_error"]))[
                 0
             ],
-            "mean speed": show.speed(motion["mean_speed"]),
-            "largest speed": show.speed(motion["max_speed"]),
-            "smallest speed": show.speed(motion["min_speed"]),
-            "drive torque, constant": show.quantity(
-                float(motion["mean_drive_torque"]), "N·m", beside=torque_scale(data)
-            ),
+            "mean crank speed": show.speed(motion["mean_speed"]),
+            "max crank speed": show.speed(motion["max_speed"]),
+            "min crank speed": show.speed(motion["min_speed"]),
+            "mean drive torque": show.quantity(float(motion["mean_drive_torque"]), "N·m", beside=torque_scale(data)),
         }
     )
     if motion.get("period") is not None:
-        found["drive power, mean"] = show.quantity(float(motion["mean_power"]), "W", beside=power_scale(data))
-        found["duration of the cycle"] = show.quantity(float(motion["period"]), "s")
-    found["flywheel, given"] = show.amount(wheel.get("given"), "kg·m²").text
+        found["mean drive power"] = show.quantity(float(motion["mean_power"]), "W", beside=power_scale(data))
+        found["period of the cycle"] = show.quantity(float(motion["period"]), "s")
+    found["flywheel inertia, given"] = show.amount(wheel.get("given"), "kg·m²").text
     if wheel.get("for_target_delta") is not None:
         need = float(wheel["for_target_delta"])
-        found["flywheel, needed"] = show.quantity(need, "kg·m²") if need > 0 else "none"
+        found["flywheel inertia, required"] = show.quantity(need, "kg·m²") if need > 0 else "none"
     if wheel.get("textbook") is not None:
-        found["flywheel by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
+        found["flywheel inertia by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
     if motion.get("steady_state_margin") is not None:
-        found["regime margin"] = show.quantity(float(motion["steady_state_margin"]), digits=4)
+        found["steady-state margin"] = show.quantity(float(motion["steady_state_margin"]), digits=4)
     if motion.get("speed") is None and motion.get("min_mean_speed") is not None:
-        found["lowest mean speed"] = show.speed(motion["min_mean_speed"])
+        found["min mean speed"] = show.speed(motion["min_mean_speed"])
     return found
 
 
 def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
-    """What is said beside the results."""
+    """Remarks on the results, by name."""
     motion, runs = data["motion"], moves(data)
     error = show.measured(float(motion["delta"]), float(motion["delta_error"]))[1] if runs else ""
-    mean = "mean over time" if scene.mean == "time" else "mean of largest and smallest"
+    mean = "mean over time" if scene.mean == "time" else "mean of max and min"
     wanted = data.get("flywheel", {}).get("target_delta", scene.target_delta)
     steady = (motion.get("steady_state_margin") or 0.0) > 0
     need = data.get("flywheel", {}).get("for_target_delta") or 0.0
-    exactly = "exactly" if need > 0 else "it is steadier without"
+    exactly = "exactly" if need > 0 else "not required: δ is smaller without it"
     return {
-        "coefficient of speed fluctuation δ": f"{error}, of the {mean}",
-        "mean speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s" if runs else "",
-        "largest speed": f"at {show.turned(motion['angle_of_max'])}" if runs and uneven(data) else "",
-        "smallest speed": f"at {show.turned(motion['angle_of_min'])}" if runs and uneven(data) else "",
-        "drive torque, constant": "balances the cycle",
-        "drive power, mean": "over the cycle",
-        "flywheel, given": "on the crank shaft",
-        "flywheel, needed": "" if wanted is None else f"for δ = {float(wanted):g}, {exactly}",
-        "flywheel by ΔA/(δω²)": "textbook, for comparison",
-        "regime margin": f"{'positive: there is a' if steady else 'no'} periodic regime at this speed",
-        "lowest mean speed": "that has a periodic regime",
+        "coefficient of speed fluctuation δ": f"{error}, based on the {mean}",
+        "mean crank speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s" if runs else "",
+        "max crank speed": f"at {show.turned(motion['angle_of_max'])}" if runs and uneven(data) else "",
+        "min crank speed": f"at {show.turned(motion['angle_of_min'])}" if runs and uneven(data) else "",
+        "mean drive torque": "constant over the cycle",
+        "mean drive power": "over the cycle",
+        "flywheel inertia, given": "on the crankshaft",
+        "flywheel inertia, required": "" if wanted is None else f"for δ = {float(wanted):g}, {exactly}",
+        "flywheel inertia by ΔA/(δω²)": "textbook formula, for comparison",
+        "steady-state margin": f"{'positive: ' if steady else 'no '}steady-state motion at this mean speed",
+        "min mean speed": "with steady-state motion",
     }
 
 
 def nominal(show: Cells, scene: Scene) -> str:
-    """The wanted mean speed in words."""
+    """The specified mean speed in words."""
     factor, label = turning(show.units)
     return f"{show.shown(factor * float(scene.speed))} {label} mean speed"
 
 
 def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
-    """Largest magnitudes over the continuous cycle, in both motions: side by side, or each beside that of before."""
+    """Peak magnitudes over the continuous cycle, in both motions: side by side, or each before and after."""
     found = data.get("peaks", {})
     names = list(dict.fromkeys(name.removesuffix(CONSTANT) for name in found))
     if before is None and not any(name in found for name in names):
         rows = [[words(peak_name(n)), *_peak(show, data, n + CONSTANT)] for n in names]
-        return table(["largest", "constant speed", "error", "at"], rows)
+        return table(["peak", "constant speed", "error", "at"], rows)
     if before is None:
         rows = [[words(peak_name(n)), *_peak(show, data, n), *_peak(show, data, n + CONSTANT)] for n in names]
-        return table(["largest", "true motion", "error", "at", "constant speed", "error", "at"], rows)
+        return table(["peak", "actual motion", "error", "at", "constant speed", "error", "at"], rows)
     text = ""
-    for motion, suffix in (("true motion", ""), ("constant speed", CONSTANT)):
+    for motion, suffix in (("actual motion", ""), ("constant speed", CONSTANT)):
         rows = []
         for name in (n for n in names if n + suffix in found):
             old = peak_told(before, name + suffix)[0] if name + suffix in before.get("peaks", {}) else None
             rows.append([words(peak_name(name)), show.amount(old, peak_unit(name)), *_peak(show, data, name + suffix)])
-        text += table([f"largest, {motion}", "before", "after", "error", "at"], rows) if rows else ""
+        text += table([f"peak, {motion}", "before", "after", "error", "at"], rows) if rows else ""
     return text
 
 
@@ -127,7 +125,7 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
 
 
 def peak_name(name: str) -> str:
-    """A peak's name in words: `reaction.B.rod` is the joint force at B on the rod."""
+    """Name of a peak in words: `reaction.B.rod` is the joint force B on the rod."""
     if name.startswith("reaction."):
         joint, _, link = name.removeprefix("reaction.").rpartition(".")
         return f"guide force on {link}" if joint.endswith(".guide") else f"joint force {joint} on {link}"
@@ -135,8 +133,8 @@ def peak_name(name: str) -> str:
 
 
 def links(show: Cells, scene: Scene) -> str:
-    """Links with their lengths and masses."""
-    rows, kinds = [], {"fixed": "as given", "scaled": "follow the length", "section": "from the section"}
+    """Links with lengths, mass properties and counterweights."""
+    rows, kinds = [], {"fixed": "fixed", "scaled": "scaled with the length", "section": "from the cross-section"}
     for name in scene.mechanism.link_names:
         link = scene.mechanism.links[name]
         body, length = link.actual(), float(link.length)
@@ -151,13 +149,13 @@ def links(show: Cells, scene: Scene) -> str:
             rows.append([
                 words(f"counterweight {piece} of {name}"), Cell(NONE, True), show.given(weight.mass, "kg"),
                 words(place), show.given(weight.own_inertia(), "kg·m²"),
-                words("ideal" if weight.ideal else "as given"),
+                words("ideal" if weight.ideal else "fixed"),
             ])  # fmt: skip
     return table(["link", "length", "mass", "mass centre, along the link", "inertia about it", "mass properties"], rows)
 
 
 def points(show: Cells, scene: Scene) -> str:
-    """Points of the frame, and further points marked on links."""
+    """Fixed points of the frame, and additional points of links."""
     frame = scene.mechanism.fixed.items()
     rows = [[words(p), words("frame"), show.given(at.x, "m"), show.given(at.y, "m")] for p, at in frame]
     for name in scene.mechanism.link_names:
@@ -180,11 +178,11 @@ def groups(show: Cells, data: Data) -> str:
         turned = group.get("transmission_span")
         span = NONE if turned is None else f"{show.turned(turned[0])} … {show.turned(turned[1])}"
         rows.append([words(name), words(group.get("formula", group["kind"])), words(margins or NONE), words(span)])
-    return table(["group", "kind", "assembly margin, least over the cycle", "transmission angle"], rows)
+    return table(["group", "kind", "min assembly margin over the cycle", "transmission angle"], rows)
 
 
 def dead_centres(show: Cells, data: Data) -> str:
-    """Crank angles at which a point or link reverses, and what it covers between them."""
+    """Limit positions of points and links: crank angles, and the stroke or angle between them."""
     found: dict[str, list[str]] = {}
     for entry in data.get("dead_centres", []):
         name = f"point {entry['point']}" if "point" in entry else f"link {entry['link']}"
@@ -197,12 +195,12 @@ def dead_centres(show: Cells, data: Data) -> str:
             ratio = NONE if covered["time_ratio"] is None else f"{covered['time_ratio']:.4f}"
             ends = [*show.several([covered["value"]], covered["unit"], 6), Cell(ratio, True)]
         rows.append([words(name), words(",  ".join(angles)), *ends])
-    head = ["reverses", "at crank angle", "stroke or swing", "time ratio"]
-    return table(head, rows) if rows else "<p>Nothing reverses over the cycle.</p>"
+    head = ["limit positions of", "at crank angle", "stroke or angle", "time ratio"]
+    return table(head, rows) if rows else "<p>No point or link has a limit position.</p>"
 
 
 def loads(show: Cells, scene: Scene) -> str:
-    """Working loads and gravity."""
+    """Loads and gravity."""
     rows = []
     for load in scene.loads:
         size = load_size(show, load)
@@ -215,11 +213,11 @@ def loads(show: Cells, scene: Scene) -> str:
     pull = scene.gravity
     size = f"({show.shown(pull.x, 'm/s²')}, {show.shown(pull.y, 'm/s²')})"
     rows.append([words("gravity"), words("every link"), words(size), words("always"), words(NONE)])
-    return table(["load", "on", "amount", "acts", "reacts on"], rows)
+    return table(["load", "acts on", "value", "active", "reaction on"], rows)
 
 
 def checks(show: Cells, data: Data) -> str:
-    """The analysis's own checks, passed or failed."""
+    """Checks of the analysis, passed or failed."""
     limit = check_limit(data)
     rows = []
     for name, value in data.get("checks", {}).items():
@@ -229,22 +227,22 @@ def checks(show: Cells, data: Data) -> str:
         verdict = Cell("✓ pass" if passed else "✗ fail", look="good" if passed else "bad")
         what = CHECKS.get(name, name.replace("_", " "))
         rows.append([words(what), show.amount(value, digits=2), show.amount(limit, digits=1), verdict])
-    return table(["check", "relative residual", "limit", ""], rows)
+    return table(["check", "relative residual", "tolerance", ""], rows)
 
 
 def model(data: Data, scene: Scene) -> str:
-    """Which model was used and why."""
+    """The model, and why it was selected."""
     used = data.get("model", {})
     rows = [
         [words("structure"), words(scene.mechanism.formula())],
-        [words("motion"), words(f"{used.get('motion', NONE)}: {used.get('why', NONE)}")],
+        [words("method"), words(f"{used.get('method', NONE)}: {used.get('why', NONE)}")],
         *(
-            [[words("reactions that equilibrium does not tell"), words(", ".join(used["indeterminate"]))]]
+            [[words("statically indeterminate reactions"), words(", ".join(used["indeterminate"]))]]
             if used.get("indeterminate")
             else []
         ),
         [words("nodes of the cycle grid"), words(used.get("nodes", NONE))],
-        [words("crank angles tabulated"), words(np.size(data["angles"]))],
+        [words("tabulated crank angles"), words(np.size(data["angles"]))],
         [words("precision"), words(data.get("precision", NONE))],
         [words("linkjax"), words(data.get("linkjax_version", "") or NONE)],
     ]

@@ -1,14 +1,14 @@
-// Draws the machine from the data in the page, moves it, and shows the crank angle in every diagram.
+// Draws and animates the machine from the data in the page, and shows the crank angle in every diagram.
 (function () {
   "use strict";
   const find = (id) => document.getElementById(id);
   const stage = find("stage");
   const view = JSON.parse(find("machine-data").textContent);
-  const end = 360 * view.turns;
+  const end = 360 * view.cycle_turns;
   const step = end / view.angles;
   const NS = stage.namespaceURI;
   const INK = "#222222", GREY = "#6b6b6b", LOAD = "#d55e00";
-  const LEAD = 14; // from a point to the middle of its name
+  const LEAD = 14; // distance from a point to the middle of its name
 
   const X = (x) => view.left + view.scale * x;
   const Y = (y) => view.base - view.scale * y;
@@ -25,7 +25,7 @@
     for (const name in attributes) element.setAttribute(name, attributes[name]);
   }
 
-  // ---- where things are: cubic Hermite interpolation between the angles given, `at` in degrees
+  // ---- positions: cubic Hermite interpolation between the tabulated angles, `at` in degrees
 
   function cell(at) {
     const place = (((at % end) + end) % end) / step;
@@ -33,7 +33,7 @@
     return { i: i, j: (i + 1) % view.angles, t: place - i };
   }
   function position(machine, name, at) {
-    const p = machine.points[name] || machine.headings[name]; // of a link its direction
+    const p = machine.points[name] || machine.headings[name]; // for a link: its direction
     if (!p.dx) return [p.x, p.y];
     const { i, j, t } = cell(at), h = (step * Math.PI) / 180;
     const near = (1 + 2 * t) * (1 - t) * (1 - t), far = t * t * (3 - 2 * t);
@@ -48,9 +48,9 @@
     return [(1 - t) * p.dx[i] + t * p.dx[j], (1 - t) * p.dy[i] + t * p.dy[j]];
   }
 
-  // ---- what does not move
+  // ---- fixed parts
 
-  function ground(parent, x1, y1, x2, y2, nx, ny) { // a line with hatching on the side (nx, ny), in the picture
+  function ground(parent, x1, y1, x2, y2, nx, ny) { // a line hatched on the side (nx, ny), in picture coordinates
     const length = Math.hypot(x2 - x1, y2 - y1), tx = (x2 - x1) / length, ty = (y2 - y1) / length;
     let strokes = "";
     for (let s = 2.3; s < length; s += 4.6) {
@@ -95,7 +95,7 @@
     make(parent, "text", { x: x + long / 2, y: y - 4, "text-anchor": "middle", class: "scale" }, view.bar.text);
   }
 
-  // ---- what moves: every part made once; each returns how it is put to a crank angle
+  // ---- moving parts: each function creates a part once and returns a function that sets its crank angle
 
   function bar(parent, machine, link, edge, fill) {
     const lines = [[edge, 10.5], [fill, 8.3]].map(([colour, width]) => make(parent, "polygon", {
@@ -127,7 +127,7 @@
       });
     };
   }
-  function slot(parent, machine, entry, edge) { // two rails on a moving link
+  function slot(parent, machine, entry, edge) { // the two rails of a guide on a moving link
     const rails = [1, -1].map(() => make(parent, "line", { stroke: edge, "stroke-width": 1 }));
     return (at) => {
       const [c, s] = position(machine, entry.on, at), [ox, oy] = position(machine, entry.origin, at);
@@ -140,7 +140,7 @@
       });
     };
   }
-  function wheel(parent, machine, entry, edge) { // a pitch circle, and a spoke that shows how it turns
+  function wheel(parent, machine, entry, edge) { // a pitch circle, and a spoke that shows its rotation
     const circle = make(parent, "circle", { r: entry.radius * view.scale, fill: "none", stroke: edge,
       "stroke-dasharray": "9 2 2 2" });
     const spoke = machine.headings[entry.link] ? make(parent, "line", { stroke: edge }) : null;
@@ -152,7 +152,7 @@
       set(spoke, { x1: X(x), y1: Y(y), x2: X(x + long * c), y2: Y(y + long * s) });
     };
   }
-  function belt(parent, machine, [one, other, crossed], edge) { // its two straight strands
+  function belt(parent, machine, [one, other, crossed], edge) { // the two straight strands
     const strands = [1, -1].map((side) => [side, make(parent, "line", { stroke: edge })]);
     const far = crossed ? -other.radius : other.radius;
     return (at) => {
@@ -189,7 +189,7 @@
     symbol.dataset.centre = name;
     return (at) => symbol.setAttribute("transform", `translate(${spot(position(machine, name, at))})`);
   }
-  function away(machine, entry, at) { // the direction in which a name keeps clear of the links at its point
+  function away(machine, entry, at) { // direction from a point to its name, away from the links at this point
     const [x, y] = position(machine, entry.point, at);
     let sx = 0, sy = 0, first = null;
     for (const name of entry.near) {
@@ -207,7 +207,7 @@
     const text = make(parent, "text", { "text-anchor": "middle", fill: entry.faint ? GREY : INK }, entry.text);
     const wide = 2.3 * (entry.text.length - 1);
     const still = entry.pivot ? [0, 1] : entry.guide === null ? null : [Math.sin(entry.guide), Math.cos(entry.guide)];
-    const lead = entry.pivot ? 25 : still ? 22 : LEAD; // clear of the ground, of the guide
+    const lead = entry.pivot ? 25 : still ? 22 : LEAD; // clear of ground or guide
     return (at) => {
       const [x, y] = position(machine, entry.point, at), [ox, oy] = still || away(machine, entry, at);
       const px = Math.min(Math.max(X(x) + (lead + wide) * ox, 4 + 2 * wide), view.width - 4 - 2 * wide);
@@ -220,7 +220,7 @@
     const since = (a) => ((a % cycle) + cycle) % cycle;
     return since(angle - on) < since(off - on);
   }
-  function covered(machine, at) { // places in the picture that a name should not cover: joints, links, other names
+  function covered(machine, at) { // positions that a label should not cover: joints, links, other labels
     const inside = ([x, y]) => [X(x), Y(y)], found = [];
     for (const name of [...machine.joints, ...machine.centres]) {
       const place = inside(position(machine, name, at));
@@ -258,7 +258,7 @@
     const head = make(group, "path", { fill: LOAD, d: "M0 0L-9 3.6V-3.6z" });
     const text = make(group, "text", { fill: LOAD, "text-anchor": "middle" }, entry.text);
     let chosen = 0;
-    const show = (at, x1, y1, x2, y2, path, places) => { // the name where it covers least; it moves only at need
+    const show = (at, x1, y1, x2, y2, path, places) => { // the label has the least overlap, and moves only if necessary
       const angle = (Math.atan2(y2 - y1, x2 - x1) * 180) / Math.PI;
       shaft.setAttribute("d", path);
       head.setAttribute("transform", `translate(${x2.toFixed(2)} ${y2.toFixed(2)}) rotate(${angle.toFixed(2)})`);
@@ -318,7 +318,7 @@
       drawPaths(parent, machine, { stroke: "#b5b5b5", "stroke-width": 0.8, "stroke-dasharray": "3 2" });
     }
     const solid = make(parent, "g", {});
-    const layer = (link) => (link.upon ? 2 : link.corners.length === 1 ? 0 : 1); // a block lies upon the link it is on
+    const layer = (link) => (link.upon ? 2 : link.corners.length === 1 ? 0 : 1); // a slider is in front of its guide
     const order = [...machine.links].sort((a, b) => layer(a) - layer(b));
     for (const link of order) {
       const [edge, fill, dark] = old ? ["#a8a8a8", "#f3f3f3", "#f3f3f3"] : [link.colour, link.fill, link.dark];
@@ -351,7 +351,7 @@
     };
   }
 
-  // ---- the diagrams: a line at the crank angle, a dot on every hodograph; a click sets the angle
+  // ---- diagrams: a line at the crank angle, a dot on every hodograph; a click sets the angle
 
   function cursors() {
     const moves = [];
@@ -385,7 +385,7 @@
     return moves;
   }
 
-  // ---- time: the cycle's own, slowed down; equal steps of angle where there is no motion
+  // ---- time: that of the cycle, slowed down; proportional to the angle without an actual motion
 
   function timeOf(at) {
     if (!view.time) return at / end;
@@ -416,7 +416,7 @@
     shown.textContent = text;
     find("stage-angle").textContent = "φ = " + text;
     const whole = moves.map((move) => move(at));
-    find("stage-note").textContent = whole[0] ? "" : "cannot be assembled here";
+    find("stage-note").textContent = whole[0] ? "" : "cannot be assembled at this angle";
     marks.forEach((mark) => mark(at));
   }
   function frame(now) {

@@ -1,4 +1,4 @@
-// Draws rolling bodies from the data in the page, and moves them at constant speed.
+// Draws rolling bodies from the data in the page and animates them at constant speed.
 (function () {
   "use strict";
   const find = (id) => document.getElementById(id);
@@ -14,13 +14,13 @@
     return element;
   }
 
-  // a point of the design's axes after the line of centres has turned about the point at rest
+  // a point in the axes of the design, after the line of centres has turned about the fixed point
   function moved(x, y, turn) {
     const c = Math.cos(turn), s = Math.sin(turn), dx = x - view.rest, dy = y;
     return [view.rest + c * dx - s * dy, s * dx + c * dy];
   }
 
-  // every member is a group about its own centre; it returns how it is put to an angle of the driven member
+  // creates a member as a group about its centre; returns a function that sets the angle of the driven member
   function member(x, y, ratio, draw) {
     const group = make(stage, "g", {});
     draw(group);
@@ -72,7 +72,7 @@
   make(stage, "path", { d: `M22 ${low - 3}v6m0 -3h${long}m0 -3v6`, stroke: INK, fill: "none" });
   make(stage, "text", { x: 22 + long / 2, y: low - 4, "text-anchor": "middle", class: "scale" }, view.bar.text);
 
-  // ---- controls: the slider in degrees of the driven member, along its rotation
+  // ---- controls: the slider is in degrees of the driven member, positive along its rotation
 
   const slider = find("angle"), button = find("play"), pace = find("pace");
   const end = Number(slider.max);

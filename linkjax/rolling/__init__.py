@@ -1,4 +1,4 @@
-"""The closed chain of rolling bodies between two rings: equal bodies, or unequal ones between eccentric rings."""
+"""Closed chains of rolling bodies between two rings: equal bodies, or unequal bodies between eccentric rings."""
 
 from linkjax.rolling._chain import Chain as Chain
 from linkjax.rolling._chain import Ellipse as Ellipse

@@ -1,4 +1,4 @@
-"""The bodies of a chain: places, radii, contacts, and any point of any working surface."""
+"""Bodies of a chain: positions, radii, contacts, and points of the working surfaces."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Bodies = Float[Array, " bodies"]
 
 
 class Chain(eqx.Module):
-    """Where everything is (m); every vector holds one entry per body, the centres of the rings are single points.
+    """Positions of a chain (m); vectors have one entry per body, the centres of the rings are single points.
 
-    `angles` (rad, growing) are those of the bodies at the centre of the inner ring, from the line of centres, and
-    `directions` the unit vectors there. `neighbour_contacts` are those of each body with the next, the last with the
-    first.
+    `angles` (rad, increasing) are the polar angles of the body centres about the centre of the inner ring, from the
+    line of centres, and `directions` the corresponding unit vectors. `neighbour_contacts` are the contacts of each body
+    with the next, and of the last with the first.
     """
 
     angles: Bodies
@@ -45,7 +45,7 @@ class Rings(eqx.Module):
 
 
 class Ellipse(eqx.Module):
-    """The curve of the centres: centre and semi-axes (m) along and across the line of centres, foci in ring centres."""
+    """Ellipse of the body centres: centre, semi-axes (m) along and across the line of centres; foci at ring centres."""
 
     centre: Vec
     major: Scalar
@@ -53,18 +53,18 @@ class Ellipse(eqx.Module):
     foci: tuple[Vec, Vec]
 
     def at(self, angle: Any) -> Vec:
-        """The point of the curve at the eccentric anomaly `angle` (rad)."""
+        """The point of the ellipse at the eccentric anomaly `angle` (rad)."""
         direction = unit(as_float(angle))
         return self.centre + Vec(self.major * direction.x, self.minor * direction.y)
 
 
 def chain(design: Rolling) -> Chain:
-    """The chain in the axes of the design (origin at the inner ring's centre, x along the line of centres).
+    """The chain in the axes of the design (origin at the centre of the inner ring, x along the line of centres).
 
-    After the inversion that makes the rings concentric the bodies stand at equal steps; so each touches both rings
-    and the one before whatever the rings, and the last leaves `closure_gap` to the first unless the rings close the
-    chain. A body at the angle φ has its centre at ρ = ((R + r)² - e²) / (2 (R + r) - 2 e cos φ) and the radius ρ - r.
-    Where the rings touch or cross the values are finite placeholders; `margins` leads back.
+    After the inversion that makes the rings concentric, the bodies are at equal angular steps. Each body therefore
+    touches both rings and the previous body for all rings; the gap between the last and the first is `closure_gap`. A
+    body at the angle φ has its centre at the radius ρ = ((R + r)² - e²) / (2 (R + r) - 2 e cos φ) and the radius ρ - r.
+    If the rings touch or intersect, the values are finite placeholders; `margins` then shows the violation.
     """
     angles = _angles(design, design.bodies)
     inner, outer, e = design.inner_radius, design.outer_radius, design.eccentricity
@@ -80,26 +80,25 @@ def chain(design: Rolling) -> Chain:
 
 
 def closure_gap(design: Rolling) -> Scalar:
-    """Angle (rad) at the inner ring's centre that is left between the last body and the first; negative: they overlap.
-
-    Exactly: 2π turns less the sum of the steps from body to body, one more than there are gaps in an open chain.
+    """Angular gap (rad) between the last body and the first, about the centre of the inner ring; negative if they
+    overlap. It is 2π turns minus the sum of the `bodies` angular steps from body to body.
     """
     angles = _angles(design, design.bodies + 1)
     return 2 * math.pi * design.turns - (angles[-1] - angles[0])
 
 
 def closing_clearance(design: Rolling) -> Scalar:
-    """Distance (m) between the surfaces of the last body and the first; negative where they overlap."""
+    """Distance (m) between the surfaces of the last body and the first; negative if they overlap."""
     made = chain(design)
     ends = Vec(made.centres.x[-1] - made.centres.x[0], made.centres.y[-1] - made.centres.y[0])
     return safe_sqrt(ends.squared()) - made.radii[-1] - made.radii[0]
 
 
 def clearances(design: Rolling) -> Float[Array, "bodies others"]:
-    """Distances (m) between the surfaces of bodies that are no neighbours, negative where they overlap.
+    """Distances (m) between the surfaces of non-adjacent bodies; negative if they overlap.
 
-    Row i holds those of body i to bodies i + 2, i + 3, …: all but itself and its two neighbours, none in a chain of
-    three. In a chain of more than one turn some are always negative: its bodies need planes of their own.
+    Row i holds the distances from body i to bodies i + 2, i + 3, …, without itself and its two neighbours; a chain of
+    three has none. In a chain of several turns some are always negative: its bodies must move in different planes.
     """
     made = chain(design)
     count = design.bodies
@@ -109,7 +108,7 @@ def clearances(design: Rolling) -> Float[Array, "bodies others"]:
 
 
 def centre_curve(design: Rolling) -> Ellipse:
-    """The ellipse on which the centres of all bodies lie: (R + r) / 2 is its semi-major axis, foci are ring centres."""
+    """Ellipse of the body centres: its semi-major axis is (R + r) / 2, its foci are the centres of the rings."""
     e, zero = design.eccentricity, jnp.zeros_like(design.eccentricity)
     major = 0.5 * (design.inner_radius + design.outer_radius)
     minor = safe_sqrt((major - 0.5 * e) * (major + 0.5 * e))
@@ -117,26 +116,26 @@ def centre_curve(design: Rolling) -> Ellipse:
 
 
 def surface_points(made: Chain, angle: Any) -> Vec:
-    """A point of every body's working surface, at `angle` (rad, one or one per body) from its outward direction.
+    """A point on the working surface of every body, at `angle` (rad, one or one per body) from the outward direction.
 
-    The outward direction leads from the inner ring's centre through the body's; π is the contact with the inner ring,
-    and zero that with the outer ring where there is no eccentricity.
+    The outward direction is from the centre of the inner ring to the centre of the body. The contact with the inner
+    ring is at π; that with the outer ring is at zero if there is no eccentricity.
     """
     return made.centres + unit(as_float(angle)).turned(made.directions) * made.radii
 
 
 def ring_points(design: Rolling, angle: Any) -> Rings:
-    """Points of the working surfaces of both rings, at `angle` (rad) about the ring's own centre."""
+    """Points on the working surfaces of both rings, at `angle` (rad) about the centre of each ring."""
     direction = unit(as_float(angle))
     far = Vec(design.eccentricity, jnp.zeros_like(design.eccentricity))
     return Rings(direction * design.inner_radius, far + direction * design.outer_radius)
 
 
 def moved(made: Chain, carrier: Any, rest: Vec | None = None) -> Chain:
-    """The chain after the line of centres has turned by `carrier` (rad) about the point `rest`, in axes that stand.
+    """The chain after the line of centres has turned by `carrier` (rad) about the point `rest`, in fixed axes.
 
-    Bodies of fixed size keep their places relative to the line of centres. `rest` is the centre of the ring that has
-    its axis in the frame: the inner one unless told otherwise.
+    Bodies of fixed size keep their positions relative to the line of centres. `rest` is the centre of the ring whose
+    axis is fixed in the frame; default: the inner ring.
     """
     rest, heading = made.inner_centre if rest is None else rest, unit(as_float(carrier))
     directions = made.directions.turned(heading)
@@ -148,7 +147,7 @@ def moved(made: Chain, carrier: Any, rest: Vec | None = None) -> Chain:
 
 
 def _angles(design: Rolling, count: int) -> Float[Array, " count"]:
-    """Angles of so many bodies at the inner ring's centre: equal steps where the rings are concentric, mapped back."""
+    """Polar angles of `count` bodies about the inner ring centre: equal steps for concentric rings, mapped back."""
     q, step = half_angle_ratio(design), 2 * half_step(design)
     half = unit(0.5 * design.start)
     begin = design.start - 2 * jnp.arctan2((1 - q) * half.x * half.y, half.x**2 + q * half.y**2)

@@ -1,4 +1,4 @@
-"""The design of a closed chain of rolling bodies, and the two numbers of its rings on which everything else rests."""
+"""Design of a closed chain of rolling bodies, and basic quantities of its rings."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from linkjax.mechanism import StructureError
 
 
 class Rolling(eqx.Module):
-    """A chain of `bodies` that roll between an inner and an outer ring, each touching both rings and its neighbours.
+    """A chain of `bodies` rolling between an inner and an outer ring; each touches both rings and its two neighbours.
 
-    Axes: origin at the centre of the inner ring, x along the line of centres, so that the outer ring has its centre at
-    (`eccentricity`, 0); lengths in m. The centre of the first body lies at the angle `start` (rad) from the line of
-    centres, the others follow counter-clockwise and close after `turns` turns about the inner ring. Without an
-    eccentricity all bodies are equal. Raises `StructureError` for numbers of bodies and turns that make no chain; of
-    rings that do not suit each other, `margins` and `check` tell.
+    Axes: origin at the centre of the inner ring, x along the line of centres, so that the centre of the outer ring is
+    (`eccentricity`, 0); lengths in m. The centre of the first body is at the angle `start` (rad) from the line of
+    centres; the others follow counter-clockwise and close after `turns` turns about the inner ring. Without
+    eccentricity all bodies are equal. Raises `StructureError` if no chain has these numbers of bodies and turns; use
+    `margins` and `check` for the rings.
     """
 
     inner_radius: Array = eqx.field(converter=as_float)
@@ -35,30 +35,31 @@ class Rolling(eqx.Module):
 
 
 def check_numbers(bodies: int, turns: int) -> None:
-    """Raise `StructureError` unless a chain of so many bodies can close after so many turns."""
+    """Raise `StructureError` unless a chain of `bodies` bodies can close after `turns` turns."""
     whole = isinstance(bodies, int) and isinstance(turns, int) and not isinstance(bodies, bool) and turns >= 1
     if not whole:
-        raise StructureError("bodies", f"{bodies!r} bodies in {turns!r} turns", "write whole numbers, turns from 1")
+        raise StructureError("bodies", f"{bodies!r} bodies in {turns!r} turns", "write positive integers")
     if bodies <= 2 * turns:
-        remedy = f"take at least {2 * turns + 1} bodies" + (", or fewer turns" if turns > 1 else "")
+        remedy = f"use at least {2 * turns + 1} bodies" + (", or fewer turns" if turns > 1 else "")
         raise StructureError("bodies", f"{bodies} bodies cannot close in {turns} turns", remedy)
     common = math.gcd(bodies, turns)
     if common > 1:
-        problem = f"{bodies} bodies in {turns} turns close after {bodies // common} in {turns // common} already"
-        raise StructureError("bodies", problem, "take numbers without a common divisor")
+        fewer = f"bodies {bodies // common}, turns {turns // common}"
+        problem = f"{bodies} bodies in {turns} turns already close with {fewer}"
+        raise StructureError("bodies", problem, "use numbers without a common divisor")
 
 
 def half_tangent(bodies: int, turns: int) -> float:
-    """tan(π turns / bodies): of half the step from body to body where the rings are concentric."""
+    """tan(π turns / bodies), the tangent of half the angular step from body to body between concentric rings."""
     check_numbers(bodies, turns)
     return math.tan(math.pi * turns / bodies)
 
 
 def half_step(design: Rolling) -> Scalar:
-    """Half the angle from body to body after the inversion that makes the rings concentric (rad).
+    """Half the angular step (rad) from body to body after the inversion that makes the rings concentric.
 
-    tan² of it is ((R - r)² - e²) / (4 r R), Steiner's invariant of two circles; zero, without slope, where the rings
-    touch or cross.
+    Its tan² is ((R - r)² - e²) / (4 r R), Steiner's invariant of two circles. Zero, with zero derivative, if the rings
+    touch or intersect.
     """
     inner, outer, e = design.inner_radius, design.outer_radius, design.eccentricity
     width = (outer - inner - e) * (outer - inner + e)
@@ -66,9 +67,9 @@ def half_step(design: Rolling) -> Scalar:
 
 
 def half_angle_ratio(design: Rolling) -> Scalar:
-    """q in tan(φ/2) = tan(θ/2) / q, with θ the angle of a body after that inversion and φ its angle before it.
+    """q in tan(φ/2) = tan(θ/2) / q, where φ and θ are the angles of a body before and after this inversion.
 
-    The inversion maps the inner ring to itself. One where the rings are concentric, and where they touch or cross.
+    The inversion maps the inner ring to itself. q = 1 if the rings are concentric, and if they touch or intersect.
     """
     inner, outer, e = design.inner_radius, design.outer_radius, design.eccentricity
     narrow, wide = (outer - inner - e) * (outer + inner + e), (outer - inner + e) * (outer + inner - e)

@@ -1,4 +1,4 @@
-"""The JSON document of a chain of rolling bodies: what tables, figures and the report read."""
+"""JSON document of a chain of rolling bodies, the input of tables, figures and the report."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from linkjax.rolling._design import Rolling
 from linkjax.rolling._machine import Closing, RollingMachine, closing, problem
 from linkjax.rolling._rates import Rates
 
-ROUNDING = 1e-14  # of the outer radius
+ROUNDING = 1e-14  # relative to the outer radius
 
 
 class _Computed(NamedTuple):
-    """What is computed of a chain and its motion; `path` and `turned` over the angles of the driven member."""
+    """Computed quantities of a chain and its motion; `path` and `turned` over the angles of the driven member."""
 
     made: Chain
     curve: Ellipse
@@ -48,10 +48,10 @@ def _computed(machine: RollingMachine, angles: int) -> _Computed:
 
 
 def document(machine: RollingMachine, angles: int = 360, name: str = "", version: str = "") -> dict[str, Any]:
-    """The machine as nested dicts of NumPy arrays and floats (SI), laid out as `docs/rolling.md` says.
+    """The machine as nested dicts of NumPy arrays and floats (SI); see `docs/rolling.md` for the layout.
 
-    `angles` is the number of equal steps of the driven member, along its rotation, at which the places of the bodies
-    are given: over one turn of the line of centres, or of the driven member where the line of centres is held.
+    The positions of the bodies are given at `angles` equal steps of the driven member, along its rotation: over one
+    turn of the line of centres, or of the driven member if the line of centres is held.
     """
     design, found, judged = machine.design, _computed(machine, angles=angles), closing(machine.design)
     made, path, turned = found.made, found.path, found.turned
@@ -93,7 +93,7 @@ def document(machine: RollingMachine, angles: int = 360, name: str = "", version
 
 
 def tidy(data: dict[str, Any]) -> dict[str, Any]:
-    """The document as it is shown: places of the bodies and the gap are zero where they are only rounding."""
+    """The document for display: positions of the bodies and the gap are zero if they are only rounding errors."""
     least = ROUNDING * data["rings"]["outer_radius"]
     bodies, chain = data["bodies"], data["chain"]
     places = {key: np.where(np.abs(bodies[key]) < least, 0.0, bodies[key]) for key in ("x", "y")}
@@ -102,7 +102,7 @@ def tidy(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays on the host, single numbers as Python's own."""
+    """JAX arrays as NumPy arrays, scalars as Python floats."""
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items()}
     if isinstance(value, jax.Array):
@@ -120,7 +120,7 @@ def _rates(rates: Rates) -> dict[str, Any]:
 
 
 def _limits(design: Rolling, found: _Computed, judged: Closing) -> dict[str, Any]:
-    """What bounds the chain, and what would close it."""
+    """Bounds and margins of the chain, and the values that would close it."""
     inner, outer, e = (float(x) for x in (design.inner_radius, design.outer_radius, design.eccentricity))
     return {
         "max_radius": 0.5 * (outer + abs(e) - inner), "min_radius": 0.5 * (outer - abs(e) - inner),
@@ -133,7 +133,7 @@ def _limits(design: Rolling, found: _Computed, judged: Closing) -> dict[str, Any
 
 
 def _contacts(design: Rolling, made: Chain) -> float:
-    """Largest distance, or overlap, of surfaces that should touch, over the outer radius; measured from centres."""
+    """Largest gap or overlap of surfaces that should touch, over the outer radius, computed from the centres."""
     x, y, r = (np.asarray(part) for part in (made.centres.x, made.centres.y, made.radii))
     inner, outer, e = (float(each) for each in (design.inner_radius, design.outer_radius, design.eccentricity))
     gaps = [np.hypot(x, y) - (inner + r), np.hypot(x - e, y) - (outer - r)]

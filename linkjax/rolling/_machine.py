@@ -1,4 +1,4 @@
-"""A chain of rolling bodies at work: which member is held, which drives and how fast; and whether it exists at all."""
+"""Motion of a chain of rolling bodies: held member, driven member and speed; check that the chain closes."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from linkjax.rolling._design import Rolling
 from linkjax.rolling._rates import Rates, rates
 
 MEMBERS = ("inner", "outer", "carrier")
-CLOSED = 1e-5  # rad: a gap between last and first body below which a chain is called closed
+CLOSED = 1e-5  # rad: largest gap between last and first body of a closed chain
 
 
 class RollingMachine(eqx.Module):
-    """A design with the member that is held and the one that drives, at `speed` (rad/s, counter-clockwise positive).
+    """A design with a held member and a driven member, which rotates at `speed` (rad/s, counter-clockwise positive).
 
-    Members are the rings, "inner" and "outer", and the line of centres, "carrier". The centre of a ring that is held
-    rests; with the line of centres held, or concentric rings, both do. Raises `StructureError` where held and driven
-    are no two different members.
+    Members are the rings, "inner" and "outer", and the line of centres, "carrier". The centre of a held ring is fixed;
+    both centres are fixed if the line of centres is held or the rings are concentric. Raises `StructureError` unless
+    held and driven are two different members.
     """
 
     design: Rolling
@@ -44,16 +44,16 @@ class RollingMachine(eqx.Module):
             if getattr(self, key) not in MEMBERS:
                 raise StructureError(key, f"is {getattr(self, key)!r}", f"write one of {', '.join(MEMBERS)}")
         if self.held == self.driven:
-            raise StructureError("driven", f"{self.held!r} is held and driven", "hold one member and drive another")
+            raise StructureError("driven", f"{self.held!r} is both held and driven", "choose two different members")
 
     @property
     def cycle(self) -> Scalar:
-        """Angle (rad) the driven member turns until the line of centres has turned once; one turn where it is held."""
+        """Angle (rad) of the driven member for one turn of the line of centres; one turn if that is held."""
         ratio = self.turned(1.0).carrier
         return 2 * math.pi / jnp.where(self.held == "carrier", 1.0, ratio)
 
     def turned(self, angle: Any) -> Rates:
-        """Angles turned by all members when the driven one has turned by `angle` (rad); of a speed, all speeds."""
+        """Angles of all members when the driven member has turned by `angle` (rad); for a speed, all speeds."""
         given = {self.held: jnp.zeros_like(as_float(angle)), self.driven: as_float(angle)}
         return rates(self.design, **given)
 
@@ -62,7 +62,7 @@ class RollingMachine(eqx.Module):
         return self.turned(self.speed)
 
     def rest(self) -> Vec:
-        """The point of the line of centres that rests (m): the outer ring's centre if that is held, or the origin."""
+        """Fixed point of the line of centres (m): the centre of the outer ring if it is held, otherwise the origin."""
         e = self.design.eccentricity
         return Vec(e if self.held == "outer" else jnp.zeros_like(e), jnp.zeros_like(e))
 
@@ -72,10 +72,10 @@ class RollingMachine(eqx.Module):
 
 
 def check(design: Rolling) -> None:
-    """Raise `MachineError`, saying what is wrong and what to do, where rings and bodies make no closed chain.
+    """Raise `MachineError`, with problem and remedy, unless rings and bodies form a closed chain.
 
-    Radii must be positive, the outer ring larger than inner radius and eccentricity together, and the gap between the
-    last and the first body, or their overlap, at most 1e-5 rad.
+    Radii must be positive, the outer radius larger than inner radius plus eccentricity, and the gap or overlap between
+    the last and the first body at most 1e-5 rad.
     """
     wrong = problem(design)
     if wrong:
@@ -83,7 +83,7 @@ def check(design: Rolling) -> None:
 
 
 class Closing(NamedTuple):
-    """The numbers by which a chain is judged."""
+    """Quantities to check the closure of a chain."""
 
     margins: Margins
     gap: Scalar
@@ -94,7 +94,7 @@ class Closing(NamedTuple):
 
 @compiled_soon
 def closing(design: Rolling) -> Closing:
-    """Margins, the gap, and the outer radius, eccentricity and (real) number of bodies that would close the chain."""
+    """Margins, gap, and the outer radius, eccentricity and (real) number of bodies that would close the chain."""
     inner, outer, e, bodies, turns = (
         design.inner_radius, design.outer_radius, design.eccentricity, design.bodies, design.turns
     )  # fmt: skip
@@ -104,13 +104,13 @@ def closing(design: Rolling) -> Closing:
 
 
 def problem(design: Rolling) -> str:
-    """What `check` says, and nothing where the chain closes."""
+    """Error message of `check`; empty if the chain closes."""
     found = closing(design)
     return _rings(design, found) or _closing(design, found)
 
 
 def _rings(design: Rolling, found: Closing) -> str:
-    """What is wrong with the rings alone; nothing where they leave room."""
+    """Error message for invalid rings; empty if the rings are valid."""
     inner, outer, e = (float(x) for x in (design.inner_radius, design.outer_radius, design.eccentricity))
     if not (np.isfinite([inner, outer, e]).all() and inner > 0 and outer > 0):
         return f"inner radius {inner:g} m, outer radius {outer:g} m, eccentricity {e:g} m: radii must be positive"
@@ -118,14 +118,14 @@ def _rings(design: Rolling, found: Closing) -> str:
         return ""
     show = Numbers()
     return (
-        f"The rings touch or cross: the outer radius {show.shown(outer, 'm')} is not above inner radius and "
-        f"eccentricity together, {show.shown(inner + abs(e), 'm')}. Take a smaller eccentricity, or a larger outer "
-        f"ring (with {show.quantity(float(found.outer_radius), 'm', 9)} the chain closes)."
+        f"The rings touch or intersect: the outer radius {show.shown(outer, 'm')} is not larger than inner radius plus "
+        f"eccentricity, {show.shown(inner + abs(e), 'm')}. Use a smaller eccentricity or a larger outer radius "
+        f"({show.quantity(float(found.outer_radius), 'm', 9)} closes the chain)."
     )
 
 
 def _closing(design: Rolling, found: Closing) -> str:
-    """How a chain fails to close and what would close it; nothing where it does."""
+    """Error message for a chain that does not close, with remedies; empty if it closes."""
     gap, show = float(found.gap), Numbers()
     if abs(gap) <= CLOSED:
         return ""
@@ -134,7 +134,7 @@ def _closing(design: Rolling, found: Closing) -> str:
         ways.append(f"an eccentricity of {show.quantity(float(found.eccentricity), 'm', 9)}")
     what = "leaves a gap of" if gap > 0 else "overlaps itself by"
     return (
-        f"The chain does not close: it {what} {show.turned(abs(gap))}; these rings take {float(found.bodies):.4f} "
+        f"The chain does not close: it {what} {show.turned(abs(gap))}; these rings fit {float(found.bodies):.4f} "
         f"bodies in {design.turns} turn{'s' if design.turns > 1 else ''}, not {design.bodies}. "
         f"It closes with {' or '.join(ways)}."
     )

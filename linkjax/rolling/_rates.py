@@ -1,4 +1,4 @@
-"""How fast rings, line of centres and bodies turn: rolling without slip at both rings, by Willis' equation."""
+"""Speeds of rings, line of centres and bodies, for rolling without slip at both rings, by the Willis equation."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from linkjax.rolling._design import Rolling
 
 
 class Rates(eqx.Module):
-    """Speeds (rad/s, counter-clockwise), or angles turned (rad): the ratios are constant, so one serves for both.
+    """Speeds (rad/s, counter-clockwise positive) or angles of rotation (rad); both have the same constant ratios.
 
-    `carrier` is the line of centres, with which the chain turns; `bodies` are the bodies' own, in the frame. `rubbing`
-    is the speed (m/s) at which neighbours rub where they touch, 2 r |inner - carrier|, the same at every contact.
+    `carrier` is the line of centres, with which the chain turns; `bodies` are the rotations of the bodies in the frame.
+    `rubbing` is the sliding speed (m/s) between neighbours, 2 r |inner - carrier|, equal at all contacts.
     """
 
     inner: Scalar
@@ -29,14 +29,14 @@ class Rates(eqx.Module):
 
 
 def rates(design: Rolling, *, inner: Any = None, outer: Any = None, carrier: Any = None) -> Rates:
-    """All speeds from two of them, e.g. `rates(design, inner=30.0, outer=0.0)` where the outer ring is held.
+    """All speeds from two of them, e.g. `rates(design, inner=30.0, outer=0.0)` for a held outer ring.
 
-    Seen from the line of centres the rings have equal surface speeds of opposite sense, r (inner - carrier) =
-    -R (outer - carrier), whatever the eccentricity, and a body of radius ρ turns by -r (inner - carrier) / ρ. Given
-    angles it returns angles. Raises `ValueError` unless just two are given.
+    Relative to the line of centres, the surface speeds of the rings are equal and opposite, r (inner - carrier) =
+    -R (outer - carrier), for any eccentricity, and a body of radius ρ rotates at -r (inner - carrier) / ρ. For angles
+    it returns angles. Raises `ValueError` unless exactly two are given.
     """
     if sum(value is None for value in (inner, outer, carrier)) != 1:
-        raise ValueError("rates needs two of inner, outer, carrier; the third follows from them")
+        raise ValueError("rates needs exactly two of inner, outer and carrier; omit the third")
     r, big = design.inner_radius, design.outer_radius
     if carrier is None:
         inner, outer = as_float(inner), as_float(outer)

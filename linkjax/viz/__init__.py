@@ -1,4 +1,4 @@
-"""Drawings, plots and animation of an analysed machine; figures are matplotlib `Figure` objects, nothing is global."""
+"""Drawings, plots and animations of an analysed machine: matplotlib `Figure` objects without global state."""
 
 from linkjax.viz._animation import animate as animate
 from linkjax.viz._dynamics import speed_figure as speed_figure

@@ -1,4 +1,4 @@
-"""The machine in motion, as an animated GIF."""
+"""Animated GIF of the moving machine."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ COLOURS = 96
 def animate(
     data: Data, scene: Scene, path: str | Path, *, frames: int = 60, seconds: float = 4.0, units: str = ""
 ) -> Path:  # fmt: skip
-    """Write an animated GIF of one cycle of the true motion, slowed down to `seconds`, repeating for ever.
+    """Write an animated GIF of one cycle of the actual motion, slowed down to `seconds`, in an endless loop.
 
-    Frames are equal steps of time, so the picture speeds up and slows down as the machine does; without a motion they
-    are equal steps of crank angle. Below the machine runs the crank speed, in the unit among `units` ("rad/s";
-    rpm where there is none). Returns the path.
+    Frames are at equal steps of time, so the animation shows the varying speed; without an actual motion they are at
+    equal steps of crank angle. A panel below the machine shows the crank speed, in the unit given in `units` (e.g.
+    "rad/s"; default rpm). Returns the path.
     """
     turn = turning(display_units(units))
     look = skeleton(data, scene)
@@ -72,7 +72,7 @@ def animate(
 
 
 def frame_angles(data: Data, scene: Scene, frames: int) -> list[float]:
-    """Crank angles (rad) at equal steps of time over the cycle, or of angle where there is no motion to follow."""
+    """Crank angles (rad) at equal steps of time over the cycle; at equal steps of angle without an actual motion."""
     angles = np.append(np.asarray(data["angles"], float), scene.cycle)
     motion = data.get("motion", {})
     timed = motion.get("time") is not None
@@ -87,7 +87,7 @@ def frame_angles(data: Data, scene: Scene, frames: int) -> list[float]:
 
 
 def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float, turn: tuple[float, str]) -> tuple[Axes, Line2D]:
-    """A small panel with the crank speed, and the dot that runs along it."""
+    """A small panel with the crank speed, and the dot that moves along the curve."""
     ax = stage.figure.add_axes((0.11, 0.36 * share, 0.85, 0.45 * share))
     shade(ax, scene)
     ax.plot(degrees(data, scene), turn[0] * closed(data, data["motion"]["speed"]), color=BLUE, linewidth=1.3)
@@ -104,7 +104,8 @@ def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float, turn: tup
 
 
 def save(pictures: list[Image.Image], path: Path, duration: int) -> Path:
-    """All frames in one palette, the commonest colours: neighbours then differ only where something moved."""
+    """Write the frames with one palette of the most frequent colours, so that successive frames differ only where
+    something moved."""
     some = np.stack([np.asarray(picture, np.uint32) for picture in pictures[:: max(1, len(pictures) // 4)]])
     packed, count = np.unique(some @ np.array([65536, 256, 1], np.uint32), return_counts=True)
     often = packed[np.argsort(-count)[: 4 * COLOURS]]

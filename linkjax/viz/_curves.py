@@ -1,4 +1,4 @@
-"""Hodographs and names that several figures share."""
+"""Hodographs and point names used by several figures."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from linkjax.viz._style import GREY, INK, Data, closed, largest
 
 
 class Names(NamedTuple):
-    """Points of the machine worth a curve: pins and marked points that move, mass centres that move on their own."""
+    """Points of which curves are drawn: moving pins and coupler points, and mass centres that follow none of them."""
 
     pins: list[str]
     centres: list[str]
 
 
 def moving(data: Data, scene: Scene) -> Names:
-    """Points that move; a mass centre that moves as some pin does is left to the pin."""
+    """Points that move; a mass centre with the same motion as a pin is omitted."""
     points = data["points"]
     where = {name: np.stack([closed(data, p["x"]), closed(data, p["y"])]) for name, p in points.items()}
     size = largest(where.values())
@@ -38,7 +38,7 @@ def moving(data: Data, scene: Scene) -> Names:
 
 
 def frame_equal(ax: Axes, curves: list[np.ndarray]) -> None:
-    """Equal scales on a panel that holds the curves (each 2 by angles) and the pole, with lines through the pole."""
+    """Fit a panel with equal scales to the curves (each 2 by angles) and the pole, and draw axes through the pole."""
     sides = np.array(ax.get_window_extent().size) / ax.figure.dpi
     parts = [np.append(part[np.isfinite(part)], 0.0) for part in np.concatenate(curves, axis=1)]
     halves = 0.7 * (max(np.ptp(part) / side for part, side in zip(parts, sides, strict=True)) or 1.0) * sides
@@ -53,10 +53,10 @@ def frame_equal(ax: Axes, curves: list[np.ndarray]) -> None:
 
 
 def hodograph(ax: Axes, phi: np.ndarray, curve: np.ndarray, look: dict[str, Any], named: bool = True) -> None:
-    """A closed curve of vector ends, shape (2, angles), with a dot every 30 degrees and the quarters named.
+    """Draw a closed curve of vector ends, shape (2, angles), with a dot every 30 degrees and a label every 90 degrees.
 
-    `phi` are the crank angles in degrees, the end of the cycle included. In the SVG the curve is a group named
-    `hodograph-…` that keeps every vertex, so that the report's cursor finds the crank angle on it.
+    `phi` are the crank angles in degrees, including the end of the cycle. In the SVG the curve is a group named
+    `hodograph-…` that keeps every vertex, so that the report can place its cursor by crank angle.
     """
     (drawn,) = ax.plot(*curve, **look)
     if np.all(np.isfinite(curve)):

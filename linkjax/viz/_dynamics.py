@@ -35,11 +35,10 @@ from linkjax.viz._style import (
 
 @styled
 def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Reduced torque by load, mean drive torque, and the work of each over the cycle with the kinetic energy; without
-    an actual motion of the loads alone.
+    """Reduced torque of each load, mean drive torque, their work over the cycle, and the kinetic energy; without an
+    actual motion, only torque and work of the loads.
 
-    Surplus of drive over load is shaded: there the machine gains speed. Work is integrated by the trapezoid rule over
-    the angles shown; the kinetic energy is ½ J ω².
+    Work is integrated by the trapezoidal rule over the angles shown; the kinetic energy is ½ J ω².
     """
     phi, reduced, runs = degrees(data, scene), data["reduced"], moves(data)
     before = before if before and moves(before) == runs else None
@@ -51,7 +50,7 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
     energy_look = {"color": BLACK, "linewidth": 1.6, "linestyle": (0, (1.5, 1.5))}
     keys = [key(name, **look) for name, look in looks.items()]
     keys += [key("all loads", **total)] if len(loads) > 1 else []
-    keys += [key("drive", **mean), key("kinetic energy, change", **energy_look)] if runs else []
+    keys += [key("drive", **mean), key("change of kinetic energy", **energy_look)] if runs else []
     keys += [*before_keys(before), *window_keys(scene)]
     figure, ((top,), (bottom,)) = sheet("Torque and work, reduced to the crank", 2, 1, panel=2.1, keys=keys)
 
@@ -86,26 +85,26 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
 
 
 def _gain(data: Data) -> np.ndarray:
-    """Kinetic energy over the closed cycle, less that at its start."""
+    """Change of kinetic energy since the start of the cycle, over the closed cycle."""
     energy = 0.5 * closed(data, data["reduced"]["inertia"]) * closed(data, data["motion"]["speed"]) ** 2
     return energy - energy[0]
 
 
 def integral(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Running integral by the trapezoid rule, zero at the start."""
+    """Cumulative integral by the trapezoidal rule, zero at the start."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x))])
 
 
 @styled
 def speed_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Crank speed with mean, extremes and δ, and the angular acceleration of the crank."""
+    """Crank speed with its mean, maximum, minimum and δ; angular acceleration of the crank."""
     phi, motion = degrees(data, scene), data["motion"]
     turn, per = turning(units)
-    name = "mean (of time)" if scene.mean == "time" else "mean of largest and smallest"
+    name = "mean over time" if scene.mean == "time" else "mean of max and min"
     mean = {"color": GREEN, "linewidth": 1.1, "linestyle": (0, (5, 2))}
-    keys = [key("true motion", color=BLUE, linewidth=1.7), key(name, **mean)]
+    keys = [key("actual motion", color=BLUE, linewidth=1.7), key(name, **mean)]
     keys += [*before_keys(before), *window_keys(scene)]
-    figure, ((top,), (bottom,)) = sheet("Speed of the crank", 2, 1, panel=(2.2, 1.4), keys=keys, right=1.05)
+    figure, ((top,), (bottom,)) = sheet("Crank speed", 2, 1, panel=(2.2, 1.4), keys=keys, right=1.05)
     acceleration = closed(data, motion["acceleration"])
     factor, shown = prefixed(largest([acceleration]), "rad/s²")
     if before:
@@ -118,7 +117,7 @@ def speed_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
     _extremes(top, data, scene, units)
     if before:
         low, high = top.get_ylim()
-        old = [turn * float(before["motion"][f"speed_{which}"]) for which in ("min", "max")]
+        old = [turn * float(before["motion"][f"{which}_speed"]) for which in ("min", "max")]
         room = 0.05 * (max(high, old[1]) - min(low, old[0]))
         top.set_ylim(min(low, old[0] - room), max(high, old[1] + room))
     bottom.plot(phi, factor * acceleration, color=VERMILION, linewidth=1.4)
@@ -128,11 +127,11 @@ def speed_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
 
 
 def _extremes(ax: Axes, data: Data, scene: Scene, units: Units | None) -> None:
-    """Largest and smallest speed marked at their angles; δ as a measure to the right of the panel."""
+    """Mark maximum and minimum speed at their angles, and dimension δ to the right of the panel."""
     motion, end = data["motion"], 360 * scene.cycle_turns
     ends, (turn, per) = {}, turning(units)
     for which, up in (("max", 1), ("min", -1)):
-        value, angle = turn * float(motion[f"speed_{which}"]), math.degrees(float(motion[f"angle_of_{which}"]))
+        value, angle = turn * float(motion[f"{which}_speed"]), math.degrees(float(motion[f"angle_of_{which}"]))
         ends[which] = value
         ax.plot([angle, end * 1.015], [value, value], color=GREY, linewidth=0.7, linestyle=(0, (1, 1.5)), clip_on=False)
         ax.plot([angle], [value], "o" if up > 0 else "s", color=BLUE, markerfacecolor="white", markersize=5, zorder=5,

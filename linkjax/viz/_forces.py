@@ -1,4 +1,4 @@
-"""Joint forces, drive torque and shaking force, in the true motion and at constant speed."""
+"""Joint forces, drive torque and shaking force, in the actual motion and at constant speed."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CONSTANT = {"color": VERMILION, "linewidth": 1.2, "linestyle": (0, (4, 1.3))}
 
 
 class Case(NamedTuple):
-    """Forces of one motion, and how they look."""
+    """Forces of one motion, and their line style."""
 
     name: str
     forces: dict[str, Any]
@@ -46,29 +46,29 @@ class Case(NamedTuple):
 
 
 def cases(data: Data) -> list[Case]:
-    """Forces in the true motion first, then at constant speed; one of them when only that was computed."""
+    """Forces in the actual motion, then at constant speed; only one of them if the other was not computed."""
     constant = Case("constant speed", data.get("forces_constant_speed", data["forces"]), CONSTANT)
     if data.get("model", {}).get("constant_speed", False) or data["forces"] is None:
         return [constant]
-    true = Case("true motion", data["forces"], TRUE)
+    true = Case("actual motion", data["forces"], TRUE)
     return [true, constant] if "forces_constant_speed" in data else [true]
 
 
 def cases_before(before: Data | None) -> list[Case]:
-    """The same of the machine before, thin and grey."""
-    looks = {"true motion": BEFORE, "constant speed": BEFORE | {"linestyle": (0, (1, 1.3)), "linewidth": 1.1}}
+    """The same cases of the earlier design, as thin grey lines."""
+    looks = {"actual motion": BEFORE, "constant speed": BEFORE | {"linestyle": (0, (1, 1.3)), "linewidth": 1.1}}
     found = cases(before) if before else []
     return [Case(f"before, {case.name}", case.forces, looks[case.name]) for case in found]
 
 
 def motion_keys(found: list[Case], old: list[Case]) -> list[Line2D]:
-    """Legend entries of the motions."""
+    """Legend entries for the motions."""
     keys = [key(case.name, **case.look) for case in found]
     return keys + [key(case.name, gid=f"before-key-{i}", **case.look) for i, case in enumerate(old)]
 
 
 def joints(data: Data) -> list[tuple[str, str, str]]:
-    """(joint, link, by): one side of every joint, the other being equal and opposite."""
+    """(joint, link, by) for one side of every joint; the force on the other side is equal and opposite."""
     found, peaks = [], data.get("peaks", {})
     named = {name.removesuffix("_constant_speed") for name in peaks}
     for joint, sides in cases(data)[0].forces["reactions"].items():
@@ -82,13 +82,13 @@ def joints(data: Data) -> list[tuple[str, str, str]]:
 
 
 def joint_name(joint: str, link: str, by: str) -> str:
-    """Heading of a joint's panel: `B: rod on crank` says who pushes whom."""
+    """Heading of the panel of a joint: `B: rod on crank` is the force of the rod on the crank."""
     return f"{joint.removeprefix(link + '.')}: {by} on {link}"
 
 
 @styled
 def reactions_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Magnitude of every joint force over the crank angle, and the couple of every guide that carries one."""
+    """Magnitude of every joint force over the crank angle, and the couple in every guide that transmits one."""
     found, old = cases(data), cases_before(before)
     pairs = joints(data)
     panels = [(pair, False, [_magnitude(case, *pair) for case in found]) for pair in pairs]
@@ -120,7 +120,7 @@ def reactions_figure(data: Data, scene: Scene, before: Data | None = None, units
 
 def _behind(ax: Axes, before: Data | None, scene: Scene, case: Case, pair: tuple[str, str, str], couple: bool,
             factor: float) -> None:  # fmt: skip
-    """The same joint of the machine before, where it has it."""
+    """Draw the same joint of the earlier design, if it exists there."""
     side = case.forces["reactions"].get(pair[0], {}).get(pair[1])
     if before and side:
         values = np.asarray(side.get("moment", 0.0)) if couple else _magnitude(case, *pair)
@@ -155,7 +155,7 @@ def reaction_hodographs_figure(
 
 def _polar(ax: Axes, scene: Scene, forces: list[tuple[Case, Any, dict[str, Any]]], units: Units | None, name: str,
            named: bool = False) -> None:  # fmt: skip
-    """Hodographs of a force in several cases, each with the document it is from; those of before lie behind."""
+    """Draw hodographs of a force in several cases, each with its document; those of the earlier design are behind."""
     curves = [np.stack([closed(data, force["fx"]), closed(data, force["fy"])]) for _, data, force in forces]
     factor, shown = prefixed(largest(curves), "N", units)
     for i, ((case, data, _), curve) in enumerate(zip(forces, curves, strict=True)):
@@ -190,13 +190,13 @@ def drive_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
 
 
 def _speed(data: Data, scene: Scene, case: Case) -> np.ndarray:
-    """The crank's speed in a case, over the closed cycle."""
-    return closed(data, data["motion"]["speed"] if case.name.endswith("true motion") else float(scene.speed))
+    """Crank speed in a case, over the closed cycle."""
+    return closed(data, data["motion"]["speed"] if case.name.endswith("actual motion") else float(scene.speed))
 
 
 @styled
 def shaking_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Polar plot of the shaking force, its magnitude, and the shaking moment."""
+    """Hodograph and magnitude of the shaking force, and the shaking moment."""
     found = [(case, data, case.forces["shaking"]) for case in cases(data)]
     old = [(case, before or data, case.forces["shaking"]) for case in cases_before(before)]
     keys = [*motion_keys([case for case, *_ in found], [case for case, *_ in old]), *mark_keys(scene)]

@@ -36,13 +36,13 @@ ORDERS = (("position", "m", "x", "y"), ("first coefficient", "m/rad", "dx", "dy"
 
 @styled
 def points_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Position, first and second kinematic coefficients of pins and marked points over the crank angle."""
-    return _points(data, scene, before, units, moving(data, scene).pins, "Pins and marked points")
+    """Positions, first and second kinematic coefficients of pins and coupler points over the crank angle."""
+    return _points(data, scene, before, units, moving(data, scene).pins, "Pins and coupler points")
 
 
 @styled
 def centres_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """The same of the mass centres that move on their own."""
+    """The same for the mass centres that do not move with a pin."""
     return _points(data, scene, before, units, moving(data, scene).centres, "Mass centres")
 
 
@@ -68,7 +68,7 @@ def _points(data: Data, scene: Scene, before: Data | None, units: Units | None, 
 
 @styled
 def links_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Angle, first and second kinematic coefficients of the links, and transmission angles of the groups (degrees)."""
+    """Angles, first and second kinematic coefficients of the links, and transmission angles of the groups (degrees)."""
     del units
     phi = degrees(data, scene)
     turning = [n for n, link in data["links"].items() if largest([link["d"]]) > 0]
@@ -101,13 +101,13 @@ def links_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
         over_crank([row[column] for row in axes], scene, columns=2)
     transmission.set_ylim(0, 180)
     transmission.set_yticks([0, 40, 90, 140, 180])
-    for limit in (40, 140):  # outside these a group works badly
+    for limit in (40, 140):  # recommended range of the transmission angle
         transmission.axhline(limit, color=VERMILION, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
     return figure
 
 
 def _transmission(data: Data) -> dict[str, np.ndarray]:
-    """Transmission angles (rad) of the groups that have one."""
+    """Transmission angles (rad) of the groups for which one is defined."""
     found = {n: np.asarray(g.get("transmission_angle", ())) for n, g in data.get("groups", {}).items()}
     return {name: values for name, values in found.items() if values.size == np.size(data["angles"])}
 
@@ -122,16 +122,17 @@ def _turn(data: Data, link: Data) -> np.ndarray:
 def velocity_hodographs_figure(
     data: Data, scene: Scene, before: Data | None = None, units: Units | None = None
 ) -> Figure:
-    """Hodographs of the first kinematic coefficients: the velocities at unit crank speed."""
-    return _hodographs(data, scene, before, units, 1, "Hodographs of the first coefficients (velocity / ω)")
+    """Hodographs of the first kinematic coefficients, the velocities at unit crank speed."""
+    return _hodographs(data, scene, before, units, 1, "Hodographs of the first kinematic coefficients (velocity / ω)")
 
 
 @styled
 def acceleration_hodographs_figure(
     data: Data, scene: Scene, before: Data | None = None, units: Units | None = None
 ) -> Figure:
-    """Hodographs of the second kinematic coefficients: the accelerations at constant unit crank speed."""
-    return _hodographs(data, scene, before, units, 2, "Hodographs of the second coefficients (acceleration / ω²)")
+    """Hodographs of the second kinematic coefficients, the accelerations at constant unit crank speed."""
+    title = "Hodographs of the second kinematic coefficients (acceleration / ω²)"
+    return _hodographs(data, scene, before, units, 2, title)
 
 
 def _hodographs(data: Data, scene: Scene, before: Data | None, units: Units | None, order: int, title: str) -> Figure:
@@ -158,10 +159,10 @@ def _hodographs(data: Data, scene: Scene, before: Data | None, units: Units | No
 
 @styled
 def inertia_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Reduced inertia J and its slope J′ over the crank angle."""
+    """Reduced inertia J and its derivative J′ with respect to the crank angle."""
     phi, reduced = degrees(data, scene), data["reduced"]
     wheel = float(data.get("flywheel", {}).get("given", 0.0))
-    keys = [key("flywheel's share", color=GREY, linewidth=1.0, linestyle=(0, (5, 2)))] if wheel > 0 else []
+    keys = [key("flywheel", color=GREY, linewidth=1.0, linestyle=(0, (5, 2)))] if wheel > 0 else []
     figure, axes = sheet("Reduced inertia", 2, 1, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(scene)])
     top, bottom = (row[0] for row in axes)
     for ax, kind, name, unit, colour in (

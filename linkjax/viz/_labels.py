@@ -1,4 +1,4 @@
-"""Names beside points, placed where they cover least."""
+"""Placement of names beside points, with the least overlap."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Box = tuple[float, float, float, float]
 def place_labels(
     names: list[str], spots: np.ndarray, obstacles: np.ndarray, faint: np.ndarray, *, size: float, limits: Box
 ) -> list[tuple[float, float]]:
-    """Centres of the names, all lengths in typographic points.
+    """Centres of the names; all lengths in typographic points.
 
-    `spots` are the points named (n by 2), `obstacles` what should not be covered (m by 2 samples), `faint` what may be
-    covered at need. Every name takes the direction and distance at which it covers least; greedy, in order.
+    `spots` are the named points (n by 2), `obstacles` samples of what must not be covered (m by 2), `faint` samples of
+    what may be covered if necessary. Each name in turn gets the direction and distance with the least overlap (greedy).
     """
     chosen: list[tuple[float, float]] = []
     boxes: list[Box] = []
@@ -38,7 +38,7 @@ def place_labels(
 
 
 def inside(points: np.ndarray, box: Box) -> int:
-    """How many points lie in a box (left, bottom, right, top)."""
+    """Number of points inside a box (left, bottom, right, top)."""
     if not points.size:
         return 0
     x, y = points[:, 0], points[:, 1]
@@ -46,7 +46,7 @@ def inside(points: np.ndarray, box: Box) -> int:
 
 
 def grown(box: Box, by: float) -> Box:
-    """A box with a border added."""
+    """A box with a margin added."""
     return box[0] - by, box[1] - by, box[2] + by, box[3] + by
 
 

@@ -1,4 +1,4 @@
-"""The machine drawn to scale."""
+"""Drawing of the machine to scale."""
 
 from __future__ import annotations
 
@@ -49,14 +49,14 @@ from linkjax.viz._style import (
 )
 from linkjax.viz._wheels import draw_wheels
 
-JOINT, CENTRE = 3.4, 5.0  # points: radius of a joint, and of a mass centre's symbol
-ARROW, ARC = 46.0, 15.0  # points: length of a force arrow, radius of a torque's
-BLOCK = (10.5, 7.0)  # points: half length and half height of a sliding block
+JOINT, CENTRE = 3.4, 5.0  # points: radius of a joint and of the symbol of a mass centre
+ARROW, ARC = 46.0, 15.0  # points: length of a force arrow, radius of a torque arc
+BLOCK = (10.5, 7.0)  # points: half length and half height of a slider (block)
 MARGIN = (36.0, 46.0, 36.0, 30.0)  # points: left, bottom, right, top
 
 
 class Stage(NamedTuple):
-    """A figure with a panel in equal scales; `unit` is the length (m) that one typographic point stands for."""
+    """A figure with a panel with equal scales; `unit` is the length (m) shown by one typographic point."""
 
     figure: Figure
     ax: Axes
@@ -67,10 +67,10 @@ class Stage(NamedTuple):
 def machine_figure(
     data: Data, scene: Scene, angle: float | None = None, *, before: Data | None = None, units: Units | None = None
 ) -> Figure:
-    """The machine to scale at a crank angle (rad; by default one at which the loads act and the joints stand apart).
+    """The machine to scale at a crank angle (rad; by default one at which loads act and the joints are well separated).
 
-    Links with their joints, ground, guides and blocks, mass centres as quartered circles, paths of pins and marked
-    points, the loads that act there, a scale bar. The machine before lies behind in grey.
+    Shows links with their joints, ground, guides and sliders, mass centres as quartered circles, paths of pins and
+    coupler points, the loads active at this angle, and a scale bar. The earlier design is drawn behind in grey.
     """
     look = skeleton(data, scene)
     if before:
@@ -100,7 +100,7 @@ def machine_figure(
 
 
 def make_stage(look: Skeleton, width: float, tallest: float, head: float) -> Stage:
-    """A figure `width` inches wide, at most `tallest` high, whose panel below `head` inches holds the whole cycle."""
+    """A figure of `width` inches, at most `tallest` high; its panel, below `head` inches, holds the whole cycle."""
     left, bottom, right, top = MARGIN
     spread = np.maximum(look.high - look.low, 1e-3 * look.size)
     room = np.array([72 * width - left - right, 72 * (tallest - head) - bottom - top])
@@ -119,7 +119,7 @@ def make_stage(look: Skeleton, width: float, tallest: float, head: float) -> Sta
 
 
 def colour(index: int) -> str:
-    """Colour of the link of this index."""
+    """Colour of the link with this index."""
     return COLOURS[index % len(COLOURS)]
 
 
@@ -130,7 +130,7 @@ def tint(name: str, share: float = 0.3) -> tuple[float, float, float]:
 
 
 def _draw_before(stage: Stage, look: Skeleton, at: Places) -> None:
-    """The machine before: outlines of its links in grey."""
+    """Draw the earlier design: outlines of its links in grey."""
     for shape in look.shapes:
         corners = np.stack([at[p] for p in outline(shape, at, 3 * stage.unit)])
         for edge, width in (("#a8a8a8", 10.5), ("#f1f1f1", 8.9)):
@@ -139,7 +139,7 @@ def _draw_before(stage: Stage, look: Skeleton, at: Places) -> None:
 
 
 def draw_frame(stage: Stage, data: Data, look: Skeleton, units: Units | None = None) -> None:
-    """What does not move: paths, guides, ground, scale bar."""
+    """Draw the fixed parts: paths, guides, ground, scale bar."""
     ax, unit = stage.ax, stage.unit
     for point in look.traced:
         ax.plot(*path(data, point), color="#c3ccd4", linewidth=0.9, zorder=1)
@@ -162,7 +162,7 @@ def draw_frame(stage: Stage, data: Data, look: Skeleton, units: Units | None = N
 
 
 def _ground(stage: Stage, start: np.ndarray, end: np.ndarray, outward: np.ndarray) -> None:
-    """A line of the frame with hatching on its outer side."""
+    """Draw a line of the frame, hatched on its outer side."""
     ax, unit = stage.ax, stage.unit
     ax.plot(*np.stack([start, end], axis=1), color=INK, linewidth=1.0, zorder=2, solid_capstyle="butt")
     t = (end - start) / math.hypot(*(end - start))
@@ -182,7 +182,7 @@ def _scale_bar(stage: Stage, units: Units | None) -> None:
 
 
 def scale_mark(longest: float, units: Units | None) -> tuple[float, str]:
-    """Length of a scale bar (m), 1, 2 or 5 times a power of ten in the unit shown, and what is written on it."""
+    """Length of a scale bar (m), 1, 2 or 5 times a power of ten in the displayed unit, and its label."""
     factor, shown = prefixed(longest, "m", units)
     power = 10.0 ** math.floor(math.log10(factor * longest))
     length = max(k * power for k in (1, 2, 5) if k * power <= factor * longest)
@@ -190,7 +190,7 @@ def scale_mark(longest: float, units: Units | None) -> tuple[float, str]:
 
 
 def draw_links(stage: Stage, look: Skeleton, at: Places, working: list[Arrow]) -> list[Artist]:
-    """What moves: links, blocks, joints, mass centres and loads; the artists, in order of drawing."""
+    """Draw the moving parts: links, sliders, joints, mass centres and loads. Returns the artists in drawing order."""
     artists: list[Artist] = []
     for i, shape in enumerate(look.shapes):
         artists += _counterweights(stage, shape, at, i)
@@ -222,7 +222,7 @@ def _place(at: np.ndarray) -> Place:
 def _bar(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
     """A bar, or a plate through all its points, with a rounded outline."""
     corners = np.stack([at[p] for p in outline(shape, at, 3 * stage.unit)])
-    if len(corners) == 1:  # a block that turns
+    if len(corners) == 1:  # a slider that turns
         return [Circle(_place(corners[0]), BLOCK[1] * stage.unit, facecolor=tint(colour(index)), linewidth=1.3,
                        edgecolor=colour(index), zorder=2.5)]  # fmt: skip
     edge, fill, order = colour(index), tint(colour(index)), 3 + 0.1 * index
@@ -239,7 +239,7 @@ def _bar(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
 
 
 def _counterweights(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
-    """Discs to scale (a symbol where the size is not known), on arms from the first pin."""
+    """Counterweights as discs to scale (a symbol if the size is unknown), on arms from the first pin."""
     artists: list[Artist] = []
     for point, radius in shape.weights.items():
         line = np.stack([at[shape.pins[0]], at[point]])
@@ -251,7 +251,7 @@ def _counterweights(stage: Stage, shape: Shape, at: Places, index: int) -> list[
 
 
 def _rails(stage: Stage, slot: Slot, at: Places, index: int) -> list[Artist]:
-    """A guide on a moving link, in the colour of that link."""
+    """A guide on a moving link, in the colour of the link."""
     first, last, t = slot.drawn(at)
     t = stage.unit * t
     n = np.array([-t[1], t[0]])
@@ -261,7 +261,7 @@ def _rails(stage: Stage, slot: Slot, at: Places, index: int) -> list[Artist]:
 
 
 def _block(stage: Stage, shape: Shape, at: Places, index: int) -> list[Artist]:
-    """A block, turned along its guide, with arms to its marked points; upon the link that it slides on."""
+    """A slider along its guide, with arms to its additional points, in front of the link that carries the guide."""
     t = stage.unit * at[shape.link] / (math.hypot(*at[shape.link]) or 1.0)
     n = np.array([-t[1], t[0]])
     a, b = BLOCK[0] * t, BLOCK[1] * n
@@ -283,7 +283,7 @@ def _quartered(stage: Stage, centre: Place) -> list[Artist]:
 
 
 def _tail(stage: Stage, arrow: Arrow) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of a force arrow: head at the point, or tail there when the arrow would leave the picture."""
+    """Ends of a force arrow: its head is at the point, or its tail if the arrow would leave the drawing."""
     reach = ARROW * stage.unit * arrow.along
     gap = 6.5 * stage.unit * arrow.along
     tail, head = arrow.at - gap - reach, arrow.at - gap
@@ -308,7 +308,7 @@ def _load(stage: Stage, arrow: Arrow) -> list[Artist]:
 
 
 def draw_names(stage: Stage, data: Data, look: Skeleton, at: Places, working: list[Arrow]) -> None:
-    """Names of points, mass centres and loads, placed where they cover least."""
+    """Write the names of points, mass centres and loads, with the least overlap."""
     unit = stage.unit
     centres = [shape.centre for shape in look.shapes if shape.centre]
     marked = [p for shape in look.shapes for p in shape.marked if p not in look.joints]
@@ -344,7 +344,7 @@ def draw_names(stage: Stage, data: Data, look: Skeleton, at: Places, working: li
 
 
 def _covered(stage: Stage, arrow: Arrow) -> np.ndarray:
-    """Points along a load's arrow."""
+    """Points along the arrow of a load."""
     if arrow.turn == 0:
         return along(*_tail(stage, arrow), 2.5 * stage.unit)
     sweep = np.radians(np.arange(-25, 206, 15))

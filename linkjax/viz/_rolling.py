@@ -1,4 +1,4 @@
-"""Rolling bodies between two rings: the drawing to scale, sizes and speeds over the angle, and the chain in motion."""
+"""Rolling bodies between two rings: drawing to scale, radius and speed over the angle, animation of the chain."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ from linkjax.viz._style import (
 from linkjax.viz._write import svg
 
 FRAMES, SECONDS, DPI = 72, 6.0, 100  # of the animation
-RIM = 0.075  # of the outer radius: width of the drawn rings
+RIM = 0.075  # width of the drawn rings over the outer radius
 
 
 class Plan(NamedTuple):
-    """What is drawn at one moment: centres and radii (m), and the angles (rad) that all members have turned."""
+    """One frame of the motion: centres (m) and angles of rotation (rad) of the bodies; (x, y, angle) of each ring."""
 
     x: np.ndarray
     y: np.ndarray
@@ -58,12 +58,12 @@ class Plan(NamedTuple):
 
 @styled
 def rolling_figure(data: Data, units: Units | None = None) -> Figure:
-    """The chain to scale, in the axes of the design: rings, numbered bodies, contacts, curve of the centres."""
+    """The chain to scale, in the axes of the design: rings, numbered bodies, contacts, ellipse of the body centres."""
     keys = [
         Patch(facecolor=tint(BLUE), edgecolor=BLUE, label="inner ring"),
         Patch(facecolor=tint(GREEN), edgecolor=GREEN, label="outer ring"),
         Patch(facecolor=tint(ORANGE, 0.45), edgecolor=INK, label="rolling bodies"),
-        key("curve of the centres", color=PURPLE, linestyle=(0, (5, 2)), linewidth=1.2),
+        key("ellipse of the body centres", color=PURPLE, linestyle=(0, (5, 2)), linewidth=1.2),
         key("contacts", color=VERMILION, marker="o", markersize=4, linewidth=0),
     ]
     figure, ax = _stage(data, str(data["title"] or data["scene"]), keys, units)
@@ -83,7 +83,7 @@ def rolling_figure(data: Data, units: Units | None = None) -> Figure:
 
 @styled
 def bodies_figure(data: Data, units: Units | None = None) -> Figure:
-    """Radius and speed of a body over its place, the bodies of the chain as dots."""
+    """Radius and speed of a body over its angular position; the bodies of the chain are dots."""
     rings, motion = data["rings"], data["motion"]
     angles = np.linspace(0, 2 * math.pi, 361)
     inner, outer, e = (rings[name] for name in ("inner_radius", "outer_radius", "eccentricity"))
@@ -92,11 +92,11 @@ def bodies_figure(data: Data, units: Units | None = None) -> Figure:
     places = np.degrees(data["bodies"]["angle"]) % 360
     size, unit = prefixed(float(radii.max()), "m", units)
     turn, rpm = turning(units)
-    keys = [key("anywhere between the rings", color=BLUE), key("the bodies", color=VERMILION, marker="o", linewidth=0)]
-    figure, ((above,), (below,)) = sheet("Rolling bodies over their place", 2, 1, keys=keys, panel=1.7)
+    keys = [key("body at any angle", color=BLUE), key("bodies of the chain", color=VERMILION, marker="o", linewidth=0)]
+    figure, ((above,), (below,)) = sheet("Radius and speed of the rolling bodies", 2, 1, keys=keys, panel=1.7)
     for ax, curve, dots, name in (
         (above, size * radii, size * data["bodies"]["radius"], label("radius", unit)),
-        (below, turn * speeds, turn * motion["bodies"], label("speed of rotation", rpm)),
+        (below, turn * speeds, turn * motion["bodies"], label("rotational speed", rpm)),
     ):
         ax.plot(np.degrees(angles), curve, color=BLUE, linewidth=1.5)
         ax.plot(places, dots, "o", color=VERMILION, markersize=5)
@@ -112,14 +112,14 @@ def bodies_figure(data: Data, units: Units | None = None) -> Figure:
 
 ROLLING_PICTURES: dict[str, tuple[str, Callable[..., Figure]]] = {
     "rolling": ("The rolling bodies to scale", rolling_figure),
-    "bodies": ("Radius and speed of the bodies over their place", bodies_figure),
+    "bodies": ("Radius and speed of the rolling bodies over their angular position", bodies_figure),
 }
 
 
 def write_rolling_figures(data: Data, directory: str | Path, units: str = "") -> list[Path]:
-    """Write the figures of a document of rolling bodies as PNG (150 dpi) and SVG into a directory made if need be.
+    """Write the figures of a document of rolling bodies as PNG (150 dpi) and SVG; the directory is created if missing.
 
-    `units` is what numbers are shown in ("in, rad/s"). Returns the files. Raises `QuantityError` for an unknown unit.
+    `units` are the display units (e.g. "in, rad/s"). Returns the files. Raises `QuantityError` for an unknown unit.
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
@@ -136,7 +136,7 @@ def write_rolling_figures(data: Data, directory: str | Path, units: str = "") ->
 
 @styled
 def animate_rolling(data: Data, path: str | Path, units: str = "") -> Path:
-    """Write an animated GIF of the places in the document, one turn of the line of centres; returns the path."""
+    """Write an animated GIF of the positions in the document, one turn of the line of centres; returns the path."""
     figure, ax = _stage(data, str(data["title"] or data["scene"]), [], display_units(units), width=5.0)
     figure.set_dpi(DPI)
     painter = FigureCanvasAgg(figure)
@@ -155,7 +155,7 @@ def animate_rolling(data: Data, path: str | Path, units: str = "") -> Path:
 
 
 def plan_at(data: Data, i: int) -> Plan:
-    """The moment of number `i` of the document."""
+    """The frame at index `i` of the angles of the document."""
     path = data["path"]
 
     def ring(name: str) -> tuple[float, float, float]:
@@ -167,7 +167,7 @@ def plan_at(data: Data, i: int) -> Plan:
 
 
 def _stage(data: Data, title: str, keys: list[Any], units: Units | None, width: float = WIDTH) -> tuple[Figure, Axes]:
-    """A figure with a panel to scale that holds the outer ring wherever it goes, title, legend and scale bar."""
+    """A figure with a panel to scale that holds the outer ring in all its positions, a title, legend and scale bar."""
     head = 0.36 + (0.19 * legend_columns(keys)[1] if keys else 0)
     height = min(width, 6.0) + head
     figure = canvas(width, height)
@@ -180,7 +180,7 @@ def _stage(data: Data, title: str, keys: list[Any], units: Units | None, width: 
     ax = figure.add_axes((0, 0, 1, 1 - head / height))
     half = 1.05 * (1 + RIM) * data["rings"]["outer_radius"]
     x, y = 0.5 * data["rings"]["eccentricity"], 0.0
-    if not keys:  # in motion, in the frame
+    if not keys:  # animation, in the axes of the frame
         xs, ys = data["path"]["outer"]["x"], data["path"]["outer"]["y"]
         x, y = (0.5 * float(each.min() + each.max()) for each in (xs, ys))
         half += 0.5 * float(max(np.ptp(xs), np.ptp(ys)))
@@ -196,7 +196,7 @@ def _stage(data: Data, title: str, keys: list[Any], units: Units | None, width: 
 
 
 def _members(data: Data, at: Plan) -> list[Artist]:
-    """Rings and bodies with marks that turn with them."""
+    """Rings and bodies, with marks that show their rotation."""
     rings, radii = data["rings"], data["bodies"]["radius"]
     inner, outer = rings["inner_radius"], rings["outer_radius"]
     rim = RIM * outer
@@ -211,7 +211,7 @@ def _members(data: Data, at: Plan) -> list[Artist]:
                                     (at.outer, GREEN, outer, outer + rim)):  # fmt: skip
         for quarter in range(4):
             found.append(_spoke(ring[:2], ring[2] + quarter * math.pi / 2, near, far, colour))
-    fill = (*tint(ORANGE, 0.45), 0.5 if data["chain"]["turns"] > 1 else 1.0)  # bodies that overlap show each other
+    fill = (*tint(ORANGE, 0.45), 0.5 if data["chain"]["turns"] > 1 else 1.0)  # transparent, as bodies overlap
     for x, y, r, spin in zip(at.x, at.y, radii, at.spins, strict=True):
         found.append(Circle((x, y), r, facecolor=fill, edgecolor=INK, linewidth=1.0, zorder=3.2))
         found.append(_spoke((x, y), spin, 0.62 * r, r, INK))
@@ -219,14 +219,14 @@ def _members(data: Data, at: Plan) -> list[Artist]:
 
 
 def _spoke(centre: tuple[float, float], angle: float, near: float, far: float, colour: str) -> Line2D:
-    """A mark on a member, so that one sees it turn."""
+    """A mark on a member that shows its rotation."""
     c, s = math.cos(angle), math.sin(angle)
     x, y = centre
     return Line2D([x + near * c, x + far * c], [y + near * s, y + far * s], color=colour, linewidth=1.4, zorder=3.4)
 
 
 def _centres_of_rings(ax: Axes, data: Data) -> None:
-    """The line of centres, and the centres of both rings on it."""
+    """Draw the line of centres and the centres of both rings."""
     e, reach = data["rings"]["eccentricity"], 0.5 * data["rings"]["inner_radius"]
     ax.plot([-reach, reach + e], [0, 0], color=GREY, linewidth=0.7, linestyle=(0, (8, 2, 1.5, 2)), zorder=4)
     for x, colour in ((0.0, BLUE), (e, GREEN)):
@@ -234,7 +234,7 @@ def _centres_of_rings(ax: Axes, data: Data) -> None:
 
 
 def _numbers(ax: Axes, data: Data, show: Numbers) -> None:
-    """Number and radius in every body that is large enough for them."""
+    """Write number and radius into every body that is large enough."""
     unit = (ax.get_xlim()[1] - ax.get_xlim()[0]) / (72 * WIDTH)  # m per point
     bodies = data["bodies"]
     for i, (x, y, r) in enumerate(zip(bodies["x"], bodies["y"], bodies["radius"], strict=True), 1):

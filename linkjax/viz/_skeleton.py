@@ -1,4 +1,4 @@
-"""What a drawing has to know of a machine: which points make up which link, pivots, blocks, guides, mass centres."""
+"""Geometry needed to draw a machine: points of each link, pivots, sliders, guides, mass centres."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ Places = dict[str, np.ndarray]
 
 
 class Shape(NamedTuple):
-    """A link to draw: its pins, its further marked points, its mass centre (None without mass), block or bar, its
-    counterweights with their radii (m; None where they are no discs), and for a block whether what it slides on
-    moves."""
+    """A link to draw: its pins, its additional points, its mass centre (None without mass), whether it is a slider
+    (`block`), its counterweights with their radii (m; None unless a disc), and for a slider whether its guide moves."""
 
     link: str
     pins: tuple[str, ...]
@@ -33,7 +32,7 @@ class Shape(NamedTuple):
 
 
 class Guide(NamedTuple):
-    """A straight guide of the frame: the block on it, its direction (rad) and the two ends of the pin's stroke."""
+    """A straight guide of the frame: its slider, its direction (rad) and the two ends of the stroke of the pin."""
 
     block: str
     angle: float
@@ -41,8 +40,8 @@ class Guide(NamedTuple):
 
 
 class Slot(NamedTuple):
-    """A straight guide on the link `on`, in the axes of that link about its point `origin`: direction (rad), and the
-    two ends of the stroke of the block's pin."""
+    """A straight guide on the link `on`, in the axes of that link with origin at its point `origin`: direction (rad),
+    and the two ends of the stroke of the slider pin."""
 
     on: str
     origin: str
@@ -50,14 +49,14 @@ class Slot(NamedTuple):
     ends: tuple[np.ndarray, np.ndarray]
 
     def drawn(self, at: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Its two ends and its direction, where the link stands."""
+        """Its two ends and its direction at the position of the link."""
         axes = _axes(at[self.on])
         along = axes @ np.array([math.cos(self.angle), math.sin(self.angle)])
         return at[self.origin] + axes @ self.ends[0], at[self.origin] + axes @ self.ends[1], along
 
 
 class Arrow(NamedTuple):
-    """A working load at work: force arrow along `along` with its head at `at`, or a torque of sense `turn` about it."""
+    """An active load: a force arrow along `along` with its head at `at`, or a torque of sense `turn` about `at`."""
 
     text: str
     at: np.ndarray
@@ -66,7 +65,7 @@ class Arrow(NamedTuple):
 
 
 class Skeleton(NamedTuple):
-    """Everything about a machine's looks that does not move, and the size of the drawing (m)."""
+    """All parts to draw, independent of the crank angle, and the bounds of the drawing (m)."""
 
     shapes: tuple[Shape, ...]
     pivots: tuple[str, ...]
@@ -81,12 +80,12 @@ class Skeleton(NamedTuple):
 
     @property
     def size(self) -> float:
-        """Larger side of the rectangle in which all points stay over the cycle."""
+        """Longer side of the rectangle that holds all points over the cycle."""
         return float(np.max(self.high - self.low)) or 1.0
 
 
 def skeleton(data: Data, scene: Scene) -> Skeleton:
-    """Read the looks of a machine off its scene and the paths of its points."""
+    """The parts to draw, from the scene of a machine and the paths of its points."""
     mechanism = scene.mechanism
     shapes, joints = [], []
     for group in mechanism.groups:
@@ -139,7 +138,7 @@ def _slots(data: Data, scene: Scene) -> tuple[Slot, ...]:
 
 
 def _axes(heading: np.ndarray) -> np.ndarray:
-    """The matrix that turns what is given in the axes of a link, whose direction is `heading`."""
+    """Rotation matrix from the axes of a link with the direction `heading` to the frame."""
     c, s = heading / (math.hypot(*heading) or 1.0)
     return np.array([[c, -s], [s, c]])
 
@@ -150,7 +149,7 @@ def _weights(link: Link) -> dict[str, float | None]:
 
 
 def outline(shape: Shape, at: Places, flat: float) -> list[str]:
-    """Points at the corners of a link, in order: one, two of a bar, more of a plate; within `flat` (m) it is a bar."""
+    """Corner points of a link, in order: one, two for a bar, more for a plate; a width below `flat` (m) makes a bar."""
     names = list(dict.fromkeys((*shape.pins, *shape.marked)))
     corners = np.stack([at[p] for p in names])
     if len(names) < 2:
@@ -171,7 +170,7 @@ def path(data: Data, point: str) -> np.ndarray:
 
 
 def _guide(data: Data, shape: Shape, paths: Places) -> Guide | None:
-    """The guide of a block that never turns and whose pin keeps to a straight line, None where there is none."""
+    """The guide of a slider whose pin moves on a straight line of the frame; None otherwise."""
     angle = float(np.mean(np.asarray(data["links"][shape.link]["angle"], float)))
     along = np.array([math.cos(angle), math.sin(angle)])
     track = paths[shape.pins[0]]
@@ -186,8 +185,8 @@ def _guide(data: Data, shape: Shape, paths: Places) -> Guide | None:
 
 
 def places(data: Data, scene: Scene, angle: float) -> Places:
-    """Positions of all points and directions of all links, by name, at a crank angle (rad): between the angles given by
-    cubic Hermite interpolation."""
+    """Positions of all points and directions of all links, by name, at a crank angle (rad), by cubic Hermite
+    interpolation between the tabulated angles."""
     angles, cycle = np.asarray(data["angles"], float), scene.cycle
     knots = np.append(angles, angles[0] + cycle)
     angle = angles[0] + (angle - angles[0]) % cycle
@@ -206,19 +205,19 @@ def places(data: Data, scene: Scene, angle: float) -> Places:
 
 
 def heading(data: Data, link: str) -> dict[str, np.ndarray]:
-    """The unit vector along a link and its first coefficient, keyed as those of a point."""
+    """Unit vector along a link and its first kinematic coefficient, with the keys of a point."""
     angle, rate = (np.asarray(data["links"][link][key], float) for key in ("angle", "d"))
     return {"x": np.cos(angle), "y": np.sin(angle), "dx": -np.sin(angle) * rate, "dy": np.cos(angle) * rate}
 
 
 def velocity(data: Data, scene: Scene, point: str, angle: float) -> np.ndarray:
-    """First kinematic coefficient of a point at a crank angle, linear between the angles given."""
+    """First kinematic coefficient of a point at a crank angle, linear between the tabulated angles."""
     p, phi = data["points"][point], np.append(np.asarray(data["angles"], float), scene.cycle)
     return np.array([np.interp(angle % scene.cycle, phi, closed(data, p[k])) for k in ("dx", "dy")])
 
 
 def arrows(data: Data, scene: Scene, angle: float, units: Units | None = None) -> list[Arrow]:
-    """The working loads that act at a crank angle."""
+    """The loads that act at a crank angle."""
     found, at = [], places(data, scene, angle)
     origins = scene.mechanism.origins()
     for load in scene.loads:
@@ -256,13 +255,13 @@ def acts(load, angle: float, cycle: float) -> bool:
 
 
 def amount(value: float, unit: str, units: Units | None = None) -> str:
-    """A load's size with its unit, as it is written beside its arrow."""
+    """Magnitude of a load with its unit, as written beside its arrow."""
     factor, shown = prefixed(value, unit, units)
     return f"{factor * value:.4g} {shown}"
 
 
 def clearest(data: Data, scene: Scene, look: Skeleton) -> float:
-    """The crank angle (rad, whole degrees) with the most loads at work, and of these the one with joints best apart."""
+    """Crank angle (rad, a multiple of 5 degrees) with most loads active and, among these, the joints best separated."""
     best, chosen = (-1, -1.0), 0.0
     good = ~lost(data)
     angles = np.asarray(data["angles"], float)

@@ -1,4 +1,4 @@
-"""One look for all figures: palette, type, sheets of panels, the crank-angle axis, units on the axes."""
+"""Common style of all figures: colours, fonts, layout of panels, crank-angle axis, units of the axes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from linkjax.machine import Scene
 Data = dict[str, Any]
 Plot = Callable[..., Figure]
 
-# Okabe and Ito, Color universal design (2008): told apart with every kind of colour vision.
+# Okabe and Ito, Color universal design (2008): distinguishable with every type of colour vision.
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 ORANGE, SKY, BLACK = "#E69F00", "#56B4E9", "#000000"
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
@@ -40,7 +40,7 @@ STYLE: dict[Any, Any] = {
     "axes.titlelocation": "left",
     "axes.titlepad": 4,
     "axes.titlesize": TEXT,
-    "axes.titley": 1.0,  # a fixed place: finding one takes a sixth of the time of drawing
+    "axes.titley": 1.0,  # fixed position: automatic placement takes a sixth of the drawing time
     "axes.formatter.useoffset": False,
     "axes.spines.right": False,
     "axes.spines.top": False,
@@ -74,16 +74,16 @@ STYLE: dict[Any, Any] = {
 
 
 styled = matplotlib.rc_context(STYLE)
-"""Decorator: the function runs under the house style and leaves matplotlib's settings as they were."""
+"""Decorator: run a function with this style and restore the settings of matplotlib afterwards."""
 
 
 def line(index: int) -> dict[str, Any]:
-    """Colour and dashes of the series of this index: different in colour and in grey."""
+    """Colour and dashes of the series with this index; distinguishable in colour and in grey."""
     return {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)], "linewidth": 1.5}
 
 
 def canvas(width: float, height: float) -> Figure:
-    """An empty figure (inches) with a raster canvas of its own."""
+    """An empty figure (inches) with its own raster canvas."""
     figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
@@ -95,8 +95,8 @@ def sheet(
 ) -> tuple[Figure, list[list[Axes]]]:  # fmt: skip
     """A figure with a title, a legend of `keys` below it and `rows` by `cols` panels of height `panel` (inches).
 
-    Margins are in inches and the same on every sheet, so no layout has to be solved. `panel` may be a height for each
-    row; square panels take their height from the width.
+    Margins are fixed in inches, so that no layout solver is needed. `panel` may be one height per row; the height of
+    square panels equals their width.
     """
     left, bottom, above = 0.62, 0.48, 0.24
     across, legend_rows = legend_columns(keys)
@@ -121,14 +121,14 @@ def sheet(
         low = bottom + sum(heights[row + 1 :]) + (rows - 1 - row) * gap[1]
         rect = [(left + c * (width + gap[0])) / WIDTH for c in range(cols)]
         axes.append([figure.add_axes((x, low / height, width / WIDTH, heights[row] / height)) for x in rect])
-        for ax in axes[-1]:  # the same for the labels of the axes
+        for ax in axes[-1]:  # fixed positions of the axis labels, too
             ax.xaxis.set_label_coords(0.5, -0.235 / heights[row])
             ax.yaxis.set_label_coords(-0.1, 0.5)
     return figure, axes
 
 
 def legend_columns(keys: Sequence[Line2D | Patch]) -> tuple[int, int]:
-    """Columns of the legend under the title, in as few rows as fit; entries run down the columns."""
+    """Numbers of columns and rows of the legend, with as few rows as fit; entries are ordered down the columns."""
     widths = [(0.6 * len(str(entry.get_label())) + 5.2) * TEXT / 72 for entry in keys]
     for rows in range(1, len(widths)):
         columns = math.ceil(len(widths) / rows)
@@ -138,23 +138,23 @@ def legend_columns(keys: Sequence[Line2D | Patch]) -> tuple[int, int]:
 
 
 def key(label: str, **look: Any) -> Line2D:
-    """A legend entry for a line (matplotlib would leave out a name that begins with an underscore)."""
+    """A legend entry for a line (matplotlib omits labels that begin with an underscore)."""
     return Line2D([], [], label=f" {label}" if label.startswith("_") else label, **look)
 
 
 def behind(ax: Axes, x: Any, y: Any, **look: Any) -> None:
-    """A curve of the machine before, thin behind the others; a group named `before-…` in the SVG."""
+    """Draw a curve of the earlier design, thin, behind the others; a group named `before-…` in the SVG."""
     (curve,) = ax.plot(x, y, **BEFORE | look)
     curve.set_gid(f"before-{ax.figure.axes.index(ax)}-{len(ax.lines)}")
 
 
 def before_keys(before: Data | None) -> list[Line2D]:
-    """The legend entry of the machine before, where there is one."""
+    """Legend entry for the earlier design, if there is one."""
     return [key("before", gid="before-key", **BEFORE)] if before else []
 
 
 def mark_keys(scene: Scene) -> list[Line2D]:
-    """Legend entries of the marks on hodographs."""
+    """Legend entries for the marks on hodographs."""
     dot = {"color": BLUE, "linewidth": 0, "markersize": 4.2}
     return [
         key("φ = 0", marker="o", markerfacecolor="white", **dot),
@@ -163,14 +163,14 @@ def mark_keys(scene: Scene) -> list[Line2D]:
 
 
 def degrees(data: Data, scene: Scene) -> np.ndarray:
-    """Crank angles in degrees, with the end of the cycle added so that curves close."""
+    """Crank angles in degrees, with the end of the cycle appended to close the curves."""
     return np.degrees(np.append(np.asarray(data["angles"], float), scene.cycle))
 
 
 def closed(data: Data, values: Any, climb: float = 0.0) -> np.ndarray:
-    """A quantity over the angles with its first value (plus `climb`) repeated at the end of the cycle.
+    """A quantity over the angles, with its first value (plus `climb`) appended at the end of the cycle.
 
-    Where the linkage cannot be assembled there is nothing to show: NaN.
+    NaN where the linkage cannot be assembled.
     """
     count = np.size(data["angles"])
     values = np.array(np.broadcast_to(np.asarray(values, float), (count,)))
@@ -186,7 +186,7 @@ def lost(data: Data) -> np.ndarray:
 
 
 def largest(values: Iterable[Any]) -> float:
-    """Largest magnitude in several arrays, zero where there is none."""
+    """Largest magnitude in several arrays; zero if there is no finite value."""
     finite = [np.abs(v)[np.isfinite(v)] for v in map(np.asarray, values)]
     return max((float(v.max()) for v in finite if v.size), default=0.0)
 
@@ -197,9 +197,9 @@ def label(quantity: str, unit: str) -> str:
 
 
 def crank_axis(ax: Axes, scene: Scene, *, columns: int = 1, last: bool = True) -> None:
-    """The x axis of everything over the crank angle; the lowest panel of a column (`last`) carries the numbers."""
+    """Set up the crank-angle axis of a panel; the lowest panel of a column (`last`) has the tick labels."""
     turns = scene.cycle_turns
-    ax.set_gid(f"crank-{360 * turns}-{ax.figure.axes.index(ax)}")  # the report's cursor finds its panels by it
+    ax.set_gid(f"crank-{360 * turns}-{ax.figure.axes.index(ax)}")  # the report identifies the panels by it
     step = next(s for s in (30, 45, 60, 90, 180, 360) if 360 * turns / s <= 13 / columns)
     ax.set_xlim(0, 360 * turns)
     ax.set_xticks(range(0, 360 * turns + 1, step))
@@ -211,7 +211,7 @@ def crank_axis(ax: Axes, scene: Scene, *, columns: int = 1, last: bool = True) -
 
 
 def spans(scene: Scene) -> list[tuple[str, list[tuple[float, float]]]]:
-    """For every load with a window: its name and the ranges of crank angle (degrees) in which it acts."""
+    """Name and ranges of crank angle (degrees) of every load with a window."""
     found, cycle = [], scene.cycle
     for load in scene.loads:
         if load.window is None:
@@ -230,7 +230,7 @@ def shade(ax: Axes, scene: Scene) -> None:
 
 
 def window_keys(scene: Scene) -> list[Patch]:
-    """Legend entries of the shaded windows."""
+    """Legend entries for the shaded windows."""
     return [
         Patch(facecolor=WINDOWS[i % len(WINDOWS)], alpha=0.25, linewidth=0, label=f"{name} acts")
         for i, (name, _) in enumerate(spans(scene))
@@ -238,13 +238,13 @@ def window_keys(scene: Scene) -> list[Patch]:
 
 
 def over_crank(axes: Sequence[Axes], scene: Scene, columns: int = 1) -> None:
-    """Dress one column of panels over the crank angle."""
+    """Set up one column of panels over the crank angle."""
     for ax in axes:
         shade(ax, scene)
         crank_axis(ax, scene, columns=columns, last=ax is axes[-1])
 
 
 def blank(axes: Iterable[Axes]) -> None:
-    """Take panels that are not needed off the sheet."""
+    """Remove unused panels."""
     for ax in axes:
         ax.remove()

@@ -1,4 +1,4 @@
-"""The machine as plain data from which a page draws and moves it: the same looks as `machine_figure`."""
+"""The machine as plain data for the animated drawing of the report, with the appearance of `machine_figure`."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, heading, o
 from linkjax.viz._style import Data, lost
 
 WIDE, TALLEST = 560.0, 400.0  # typographic points
-DIGITS = 9  # significant, of coordinates: a billionth of the machine
+DIGITS = 9  # significant digits of coordinates: 1e-9 of the size of the machine
 
 
 def machine_view(
     data: Data, scene: Scene, before: tuple[Data, Scene] | None = None, units: Units | None = None
 ) -> dict[str, Any]:
-    """Everything a page needs to draw the machine at any crank angle, ready for `json.dumps`; lengths in m, angles rad.
+    """Data to draw the machine at any crank angle in the report, ready for `json.dumps`; lengths in m, angles in rad.
 
-    A point at (x, y) stands at (left + scale x, base - scale y) of a picture `width` by `height`. Positions and first
+    A point (x, y) is drawn at (left + scale x, base - scale y) in a picture of `width` by `height`. Positions and first
     kinematic coefficients of the points are given at `angles` equal steps of the cycle, for cubic Hermite
-    interpolation. `time` are the times at these angles and at the end of the cycle, None without a motion.
+    interpolation. `time` holds the times at these angles and at the end of the cycle; None without an actual motion.
     """
     machines = [(data, scene), *([before] if before else [])]
     looks = [skeleton(of, by) for of, by in machines]
@@ -44,7 +44,7 @@ def machine_view(
         "scale": scale,
         "left": 0.5 * (WIDE + left - right) - scale * float(middle[0]),
         "base": 0.5 * (height + top - bottom) + scale * float(middle[1]),
-        "turns": scene.cycle_turns,
+        "cycle_turns": scene.cycle_turns,
         "angles": int(np.size(data["angles"])),
         "start": math.degrees(clearest(data, scene, looks[0])),
         "time": _times(data, scene),
@@ -54,7 +54,7 @@ def machine_view(
 
 
 def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Units | None) -> dict[str, Any]:
-    """One machine: its points over the angles, what is drawn between them, and the loads."""
+    """One machine: its points over the angles, the parts drawn between them, and the loads."""
     at = places(data, scene, clearest(data, scene, look))
     links = []
     for i, shape in enumerate(look.shapes):
@@ -96,7 +96,7 @@ def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Unit
 
 
 def _point(data: Data, name: str, at: Places) -> dict[str, Any]:
-    """Coordinates and first coefficients; of a point that never moves one number each, and no coefficients."""
+    """Coordinates and first kinematic coefficients over the angles; only one pair of coordinates for a fixed point."""
     where = path(data, name)
     if np.all(where == where[:, :1]):
         return {"x": float(at[name][0]), "y": float(at[name][1])}
@@ -106,7 +106,7 @@ def _point(data: Data, name: str, at: Places) -> dict[str, Any]:
 
 
 def _heading(data: Data, link: str) -> dict[str, list[float]]:
-    """The unit vector along a link, as `_point` gives a point that moves."""
+    """Unit vector along a link, in the form of a moving point in `_point`."""
     count = np.size(data["angles"])
     return {key: _short(np.broadcast_to(part, (count,))) for key, part in heading(data, link).items()}
 
@@ -125,7 +125,7 @@ def _times(data: Data, scene: Scene) -> list[float] | None:
 
 
 def _names(data: Data, look: Skeleton) -> list[dict[str, Any]]:
-    """What is written beside points: names of points that stay together, and the points to keep away from."""
+    """Labels of points, one for points that coincide over the cycle, with the neighbouring points to avoid."""
     centres = [shape.centre for shape in look.shapes if shape.centre]
     pieces = [p for shape in look.shapes for p in shape.weights]
     marked = [p for shape in look.shapes for p in shape.marked]
@@ -147,10 +147,8 @@ def _names(data: Data, look: Skeleton) -> list[dict[str, Any]]:
 
 
 def _load(data: Data, scene: Scene, load: Any, units: Units | None) -> dict[str, Any] | None:
-    """A load: where it acts, when (None: always), and its direction: given, against the motion, or a sense of turning.
-
-    The sense of an opposing torque is given at every angle.
-    """
+    """A load: its point, its window (None: always active), and its direction: fixed, against the motion, or a sense of
+    rotation. The sense of an opposing torque is given at every angle."""
     on_off = None if load.window is None else [float(load.window.on), float(load.window.off)]
     entry: dict[str, Any] = {"window": on_off, "against": False, "along": None, "turn": None}
     if isinstance(load, Force | OpposingForce):

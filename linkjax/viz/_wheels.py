@@ -1,4 +1,4 @@
-"""Wheels in gear as they are drawn: pitch circles with a spoke that shows how they turn, and the strands of belts."""
+"""Drawing of gears and pulleys: pitch circles with a spoke that shows the rotation, and the strands of belts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from linkjax.machine import Scene
 
 
 class Wheel(NamedTuple):
-    """The pitch circle of a link, or of the frame, about a point: radius (m)."""
+    """Pitch circle of a link, or of the frame, about a point; radius in m."""
 
     link: str
     point: str
@@ -23,14 +23,14 @@ class Wheel(NamedTuple):
 
 
 class Strands(NamedTuple):
-    """A belt round two wheels."""
+    """A belt around two pulleys."""
 
     one: Wheel
     other: Wheel
     crossed: bool
 
     def ends(self, a: np.ndarray, b: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Where its two straight strands touch the wheels, whose centres are these."""
+        """Ends of the two straight strands, at the points of tangency; `a` and `b` are the centres of the pulleys."""
         span = complex(*(b - a))
         far = -self.other.radius if self.crossed else self.other.radius
         lean = math.acos(max(-1.0, min(1.0, (self.one.radius - far) / (abs(span) or 1.0))))
@@ -43,7 +43,7 @@ class Strands(NamedTuple):
 
 
 def wheels_of(scene: Scene, paths) -> tuple[tuple[Wheel, ...], tuple[Strands, ...]]:
-    """The wheels of a machine, and the belts round them, from the paths of points (each of shape (2, angles))."""
+    """Gears, pulleys and belts of a machine, from the paths of its points (each of shape (2, angles))."""
     wheels, belts = [], []
     for group in (wheel for each in scene.mechanism.groups for wheel in each.wheels()):
         if isinstance(group, Gear):
@@ -67,7 +67,7 @@ def wheels_of(scene: Scene, paths) -> tuple[tuple[Wheel, ...], tuple[Strands, ..
 
 
 def draw_wheels(wheels, belts, at, colours, ink: str) -> list[Artist]:
-    """Chain-dotted circles in the colour of their links, a spoke each, and the strands of belts."""
+    """Chain-dotted circles with a spoke, in the colours of their links, and the strands of belts."""
     artists: list[Artist] = []
     for wheel in wheels:
         colour, centre = colours.get(wheel.link, ink), at[wheel.point]

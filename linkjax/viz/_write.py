@@ -1,4 +1,4 @@
-"""All figures of an analysis, written to files."""
+"""Writing of all figures of an analysis to files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from linkjax.viz._style import STYLE, Data
 
 
 class Picture(NamedTuple):
-    """A figure of the set: file name, what it shows, how it is drawn, and the part of the analysis it needs."""
+    """A figure: file name, caption, function that draws it, and the part of the analysis that it needs."""
 
     name: str
     caption: str
@@ -40,37 +40,37 @@ class Picture(NamedTuple):
 
 PICTURES = (
     Picture("machine", "The machine to scale", machine_figure, "points"),
-    Picture("points", "Positions and kinematic coefficients of pins and marked points", points_figure, "points"),
+    Picture("points", "Positions and kinematic coefficients of pins and coupler points", points_figure, "points"),
     Picture("mass-centres", "Positions and kinematic coefficients of the mass centres", centres_figure, "points"),
     Picture("links", "Angles and kinematic coefficients of the links, transmission angles", links_figure, "links"),
     Picture("velocity-hodographs", "Hodographs of the first kinematic coefficients",
             velocity_hodographs_figure, "points"),
     Picture("acceleration-hodographs", "Hodographs of the second kinematic coefficients",
             acceleration_hodographs_figure, "points"),
-    Picture("inertia", "Reduced inertia and its slope", inertia_figure, "reduced"),
-    Picture("torque", "Reduced torque by load, drive torque, and work", torque_figure, "reduced"),
+    Picture("inertia", "Reduced inertia and its derivative", inertia_figure, "reduced"),
+    Picture("torque", "Reduced torque of each load, drive torque, and work", torque_figure, "reduced"),
     Picture("speed", "Speed and angular acceleration of the crank", speed_figure, "motion"),
-    Picture("reactions", "Joint forces by magnitude", reactions_figure, "forces"),
-    Picture("reaction-hodographs", "Joint forces as polar hodographs", reaction_hodographs_figure, "forces"),
+    Picture("reactions", "Magnitudes of the joint forces", reactions_figure, "forces"),
+    Picture("reaction-hodographs", "Hodographs of the joint forces", reaction_hodographs_figure, "forces"),
     Picture("drive", "Drive torque and power", drive_figure, "forces"),
     Picture("shaking", "Shaking force and shaking moment", shaking_figure, "forces"),
 )  # fmt: skip
 
 COURSES = (
-    Picture("history", "Objective and violation of the limits over the steps of the search", history_figure, "history"),
-    Picture("trade-off", "Best objective over the bound of one limit", trade_off_figure, "trade_off"),
+    Picture("history", "Objective and constraint violation over the iterations", history_figure, "history"),
+    Picture("trade-off", "Best objective over the bound of one constraint", trade_off_figure, "trade_off"),
 )
 
 
 def write_figures(
     data: Data, scene: Scene, directory: str | Path, before: Data | None = None, units: str = ""
 ) -> list[Path]:
-    """Write every figure that the analysis has data for, as PNG (150 dpi) and SVG, into a directory made if need be.
+    """Write every figure for which the analysis has data, as PNG (150 dpi) and SVG; create a missing directory.
 
     `data` is the document of an analysis (see `linkjax.analysis.document`), `before` that of an earlier design, drawn
-    behind in grey, and `units` what numbers are shown in ("mm, rpm, kN"; SI with prefixes where nothing is said).
-    Returns the files, a PNG and an SVG for each figure, in the order in which a reader wants them. The files hold no
-    dates: the same data gives the same bytes. Raises `QuantityError` for an unknown unit.
+    behind in grey, and `units` are the display units (e.g. "mm, rpm, kN"; default SI with prefixes). Returns the files,
+    a PNG and an SVG for each figure, in the order of the report. The files contain no dates, so the same data gives
+    the same bytes. Raises `QuantityError` for an unknown unit.
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
@@ -85,7 +85,7 @@ def write_figures(
 
 
 def drawn(data: Data, scene: Scene, before: Data | None, units: Units) -> Iterator[tuple[str, Figure]]:
-    """Every figure of an analysis that there is data for, with its name."""
+    """Every figure for which the analysis has data, with its name."""
     for picture in PICTURES:
         if _has(data, picture.needs):
             old = before if before and _has(before, picture.needs) else None
@@ -93,21 +93,21 @@ def drawn(data: Data, scene: Scene, before: Data | None, units: Units) -> Iterat
 
 
 def _has(data: Data, part: str) -> bool:
-    """Whether an analysis has the part that a figure needs."""
+    """Whether an analysis contains the part that a figure needs."""
     if part == "motion":
         return moves(data)
     return bool(data.get(part) or (part == "forces" and data.get("forces_constant_speed")))
 
 
 def courses(optimum: Data, units: Units) -> Iterator[tuple[Picture, Figure]]:
-    """Every figure of an optimisation that its document has data for."""
+    """Every figure for which the document of an optimisation has data."""
     for course in COURSES:
         if optimum.get(course.needs):
             yield course, course.draw(optimum, units)
 
 
 def svg(name: str, figure: Figure) -> str:
-    """A figure as SVG text that depends on nothing but the figure and its name."""
+    """A figure as SVG text that depends only on the figure and its name."""
     text = io.StringIO()
     with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
         figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})

@@ -238,7 +238,9 @@ def test_a_slide_off_its_line():
     document = written(MECHANISMS["slider_crank"]())
     slider = next(joint for joint in document["joints"] if joint["type"] == "prismatic")
     slider["line_point"] = [0.0, 0.3]
-    with pytest.raises(StructureError, match=r"rod.1: is drawn at \(.*\), 0.0986394 off its line through \[0.0, 0.3\]"):
+    with pytest.raises(
+        StructureError, match=r"rod.1: is drawn at \(.*\), 0.0986394 from its line through \[0.0, 0.3\]"
+    ):
         lj.from_pylinkage(document)
 
 

@@ -70,20 +70,20 @@ BARE = "; build a Mechanism of the topology and its Dimensions with pylinkage's 
     [
         (lambda: with_component("cam"), f"follower: {NO_LINK}"),
         (lambda: with_component("tracker"), f"T: {NO_LINK}"),
-        (lambda: with_component("arc"), "links: there must be one driver, but there are: none; mobility is one; pylink"
-                                        "age's to_mechanism omits the links of arc cranks and linear actuators: write"),
+        (lambda: with_component("arc"), "links: there must be one driver, but there are: none; write one; pylinkage's "
+                                        "to_mechanism omits the links of arc cranks and linear actuators"),
         (lambda: topology()[0], f"pylinkage: is a topology without dimensions (key 'nodes'){BARE}"),
         (lambda: topology()[1], f"pylinkage: holds dimensions without a topology (key 'node_positions'){BARE}"),
         (lambda: {"version": "1.0", "topologies": []}, "pylinkage: is a catalogue of topologies"),
         (lambda: {"instances": {}, "connections": []}, "pylinkage: is a hierarchy of topologies"),
         (lambda: tracking("tip", "rocker.1"), "T: tracks 'coupler.0_crank.tip' and 'ground.D_rocker.1', which are on no"
-                                              " common link; linkjax's points are fixed to a link; delete it"),
+                                              " common link; delete it, or track two joints of one link"),
         (lambda: tracking("tip", "tip"), "T: tracks 'coupler.0_crank.tip' and 'coupler.0_crank.tip', which coincide"),
         (lambda: tracking("tip", "X"), "T: tracks 'X', which does not exist; known here: T"),
         (lambda: old(1, x=None), "A: x is None, which is not a finite number; write a number"),
-        (lambda: old(1, angle=0), "A_driver: does not turn: angular_velocity is 0; write an angular velocity"),
+        (lambda: old(1, angle=0), "A_driver: does not turn: angular_velocity is 0; write another angular velocity"),
         (lambda: old(2, type="RRRDyad"), "C: has the type 'RRRDyad'; known here: Static, Crank, Fixed, Revolute"),
-        (lambda: old(2, distance0=9.0), "C: cannot be reached by its lengths; correct its lengths or its anchors"),
+        (lambda: old(2, distance0=9.0), "C: is out of reach of its anchors; correct its lengths or its anchors"),
         (lambda: old(2, joint0={"ref": "Z"}), "C: joint0 is 'Z', which does not exist; known here: A, C, F, L, O, R"),
         (lambda: old(2, joint0=None), "C: joint0 is None, which is not a joint; write e.g. {\"ref\": \"A\"}"),
         (lambda: old(2, joint0={"ref": "F"}), "C, F, S: are attached to each other, so none of them can be placed"),
@@ -136,7 +136,7 @@ def test_broken_files_are_read_or_refused(name, rng):
     "text", ["[" * 100000, "1" * 5000, '{"joints": [' + "1" * 5000 + "]}"], ids=["deep", "long", "in"]
 )
 def test_texts_that_no_parser_takes(text):
-    with pytest.raises(StructureError, match=r"pylinkage: (not JSON|has no lists)"):
+    with pytest.raises(StructureError, match=r"pylinkage: (is not JSON|is not valid JSON|has no lists)"):
         read_pylinkage(text)
 
 

@@ -137,8 +137,8 @@ def _press(**changes) -> lj.Scene:
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: _named("a-b", "c", "a", "b-c"), "the group is called 'a-b-c'.*rename one of its links"),
-        (lambda: _named("a", "b", "c", "E"), "there is a point 'E' too.*another name"),
+        (lambda: _named("a-b", "c", "a", "b-c"), "has the name 'a-b-c'.*rename one of its links"),
+        (lambda: _named("a", "b", "c", "E"), "there is also a point 'E'.*another name"),
         (lambda: _press(cycle_turns=0), "cycle_turns: is 0"),
         (lambda: _press(loads=(OpposingForce("f", "crank", "A", magnitude=1.0),)), "point 'A' never moves"),
         (lambda: _press(loads=(OpposingTorque("t", "slider", magnitude=1.0),)), "link 'slider' never turns"),
@@ -286,7 +286,7 @@ def test_a_jump_at_a_whole_degree():
         ),
         (
             lambda: Mechanism({"O": Vec(0.0, 0.0)}, {"frame": Link(length=0.1)}, [Crank("frame", "O", "A")]),
-            "the name is taken by the frame itself",
+            "the name is reserved for the frame",
         ),
         (lambda: lj.analyse(rotor(), angles=[]), "angles must be an integer or a list"),
         (lambda: lj.analyse(rotor(), angles=36.0), "angles must be an integer or a list"),

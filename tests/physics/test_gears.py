@@ -251,7 +251,7 @@ CRANK = Crank("crank", "A", "B")
         (lambda: Pinion("wheel", "D", "rack", "R", 0.1, side=2), "side of a pinion must be 1 or -1"),
         (lambda: Gear("wheel", "B", Teeth((20, 20)), "crank", "A", carrier="crank"), "name another carrier"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "D", Teeth((20, 20)), "other", "A")]),
-         "link 'other' is not attached yet; move this group behind the one that brings it in"),
+         "link 'other' is not attached yet; move this group after the one that introduces it"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "B")]),
          "point 'B' is not of the frame"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Gear("wheel", "B", Teeth((20, 20)), "crank", "A")]),
@@ -261,9 +261,9 @@ CRANK = Crank("crank", "A", "B")
         (lambda: Rack("rack", "R", Guide("A", on="crank"), "crank", "B", 0.1), "slides on 'crank', its own gear"),
         (lambda: Gear("wheel", "D", Teeth((20, 20)), "wheel", "A"), "in mesh with itself"),
         (lambda: Mechanism(FIXED, {"crank": BARS["crank"], "other": Link(mass=1.0)}, [
-            CRANK, Rack("other", "A", "D", "crank", "A", 0.05)]), "point name 'A' is used already"),
+            CRANK, Rack("other", "A", "D", "crank", "A", 0.05)]), "point name 'A' is already used"),
         (lambda: Mechanism(FIXED, BARS, [CRANK, Pinion("wheel", "D", "crank", "B", 0.05)]),
-         "'crank' does not slide along 'frame'; name what it slides along: nothing"),
+         "'crank' does not slide along 'frame'; it slides along: nothing"),
         (lambda: lj.Scene(Mechanism(FIXED, {**BARS, "wheel": Link(mass=1.0), "other": Link(mass=1.0)}, [
             CRANK, Gear("wheel", "D", Teeth((20, 20)), "crank", "A"), Rack("other", "R", "D", "wheel", "D", 0.05)])),
          "'wheel' turns -1 times in a cycle, so the rack does not return"),
@@ -302,7 +302,7 @@ def test_drawn_with_gears():
     mechanism = drawn(Drive("crank"))
     assert mechanism.formula() == "I1(crank) → G(wheel) → II1(left, right) → II2(rod, ram) → G(sector)"
     found = structure(mechanism)
-    assert found.mobility == 1 and found.mobility_told() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
+    assert found.mobility == 1 and found.mobility_formula() == "W = 3 n - 2 p - h = 3·7 - 2·9 - 2 = 1"
     assert found.formula(letters=True).startswith("R(crank) → RG(wheel) → RRR(left, right)")
     other = drawn(Drive("wheel", rotation="cw", phase=0.35))
     assert other.formula().startswith("I1(wheel) → G(crank) → II1(left, right)")
@@ -347,11 +347,11 @@ def test_a_rack_that_drives():
         ({"gears": [GearPair("wheel", "crnk", Teeth((30, 30)))]}, "link 'crnk' is not defined; did you mean 'crank'"),
         (
             {"gears": [GearPair("wheel", "ram", Teeth((30, 30)))]},
-            "'wheel' and 'ram' are in gear, but nothing carries",
+            "'wheel' and 'ram' are in mesh, but have no common carrier",
         ),
-        ({"gears": []}, "can still move at .* when the drive is held"),
-        ({"racks": [RackPair("rod", "sector", 0.04)]}, "'rod' is a rack, but no slot's block"),
-        ({"racks": [RackPair("ram", "rod", 0.04)]}, "its wheel 'rod' is not pinned to 'frame'"),
+        ({"gears": []}, "with the drive held, .* can still move at"),
+        ({"racks": [RackPair("rod", "sector", 0.04)]}, "'rod' is a rack, but is not the block of any slot"),
+        ({"racks": [RackPair("ram", "rod", 0.04)]}, "its gear 'rod' is not pinned to 'frame'"),
     ],
 )
 def test_drawn_wrong(change, told):
@@ -407,7 +407,7 @@ def test_a_rack_that_stands_elsewhere_than_sketched():
         return linkage({"A": (0.0, 0.0), "D": (0.3, 0.1)}, links, drive, [Slot("rack", Guide("A"))],
                        {"V": (0.35, 0.0)}, racks=racks)  # fmt: skip
 
-    told = r'is 0\.3 m along its guide at crank angle zero, but drawn at 0\.35 m; write start = "0\.15 m", delete it'
+    told = r'is 0\.3 m along its guide at crank angle zero, but is drawn at 0\.35 m; write start = "0\.15 m", delete it'
     with pytest.raises(StructureError, match=f"rack rack: with this start it {told}"):
         made(0.1)
     assert float(pose(made(0.15), jnp.asarray(0.0)).points["V"].r.x) == pytest.approx(0.35, abs=1e-15)

@@ -75,7 +75,7 @@ def test_phases_and_sketch_that_contradict_each_other():
     """Wheels that come out together stand where their phases say: the one that the sketch has is told, and fits."""
     with pytest.raises(StructureError, match=r"'arm' is at .*, but is drawn at 0 deg; write phase = ") as told:
         epicyclic(Drive("sun"), phase=3.0)
-    found = re.search(r'phase = "(.*) deg" for that of', str(told.value))
+    found = re.search(r'phase = "(.*) deg" for the pair', str(told.value))
     assert found is not None
     gears = [GearPair("planet", "sun", Teeth((20, 40)), 3.0),
              GearPair("planet", "frame", Teeth((20, 80), internal=True), math.radians(float(found[1])))]  # fmt: skip
@@ -104,7 +104,7 @@ def test_a_belt_that_cannot_be_in_a_loop():
 def test_a_wheel_with_one_pin_cannot_drive():
     """Nothing says how it stands."""
     links = {"arm": SUN["arm"], "planet": Link(mass=1.0, pins=("B",))}
-    with pytest.raises(StructureError, match=r"planet.* does not say how it stands; give it another pin"):
+    with pytest.raises(StructureError, match=r"planet.* does not show its direction; give it another pin"):
         linkage({"A": Vec(0.0, 0.0)}, links, Drive("planet", "arm"), (), {"B": (0.1, 0.001)},
                 gears=[GearPair("planet", "frame", Teeth((20, 40)))])  # fmt: skip
 
@@ -120,7 +120,7 @@ def test_the_remedy_is_for_what_was_drawn():
 
     with pytest.raises(StructureError, match=r"'arm' is at .*, but is drawn at 89\.42.* deg") as told:
         made(0.0)
-    found = re.search(r'phase = "(.*) deg" for that of \'sun\' with \'planet\'', str(told.value))
+    found = re.search(r'phase = "(.*) deg" for the pair \'sun\' and \'planet\'', str(told.value))
     assert found is not None
     here = at(made(math.radians(float(found[1]))), jnp.zeros(1))
     assert float(here.links["arm"].angle[0]) == pytest.approx(math.atan2(0.1, 0.001), abs=1e-5)

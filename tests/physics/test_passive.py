@@ -66,7 +66,7 @@ def test_a_third_and_a_fourth_parallel_crank():
         assert mechanism.formula() == f"I1(crank) → II1(coupler, rocker) → {told}"
         found, count = structure(mechanism), len(more)
         assert found.mobility == 1 - count
-        assert found.mobility_told() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"
+        assert found.mobility_formula() == f"W = 3 n - 2 p = 3·{3 + count} - 2·{4 + 2 * count} = {1 - count}"
         here = compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(ANGLES)))(mechanism)
         for name in names:
             np.testing.assert_allclose(here.links[name].u.x, np.cos(1.0 + ANGLES), atol=1e-14)
@@ -186,7 +186,7 @@ def test_nothing_is_shared_in_a_plain_machine():
 
 def test_what_does_not_fit_holds_fast():
     """Another length, and the chain cannot move, as its count says."""
-    told = r"'crankF' is 0.101 m, but as the rest moves its ends are 0.1 m apart; give it dimensions"
+    told = r"'crankF' is 0.101 m long, but the motion of the other links puts its ends 0.1 m apart; give it"
     with pytest.raises(StructureError, match=rf"links.crankF: nothing can move \(W = .* 3·4 - 2·6 = 0\): {told}"):
         parallel({"F": 0.2}, off=1e-3)
 

@@ -263,25 +263,28 @@ def wrong(says: str, fixed=GROUND, links=BARS, drive=None, slots=(), sketch=SKET
 
 def test_what_does_not_hang_together_is_told():
     bar = {"bar": Link(length=0.2, pins=("B", "C"))}
-    wrong(r"coupler, bar hold each other fast: one of the joints B, C is too many \(W = .* = 0\)", links=BARS | bar)
+    wrong(
+        r"coupler, bar form an overconstrained chain: one of the joints B, C is redundant \(W = .* = 0\)",
+        links=BARS | bar,
+    )
     tie = {"tie": Link(length=0.2, pins=("K", "L"))}
     held = {**BARS, "coupler": Link(length=0.3, pins=("B", "C", "K"), points={"K": lj.Vec(0.1, 0.1)}),
             "rocker": Link(length=0.25, pins=("D", "C", "L"), points={"L": lj.Vec(0.1, 0.1)})}  # fmt: skip
-    wrong(r"links: nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\): crank, coupler, rocker, tie hold each "
-          "other fast at A, B, C, K, D, L; leave out tie, or", links=held | tie, sketch={})  # fmt: skip
+    wrong(r"links: nothing can move \(W = 3 n - 2 p = 3·4 - 2·6 = 0\): the joints A, B, C, K, D, L make "
+          "crank, coupler, rocker, tie a rigid chain; delete tie, or", links=held | tie, sketch={})  # fmt: skip
     arm = {"arm": Link(length=0.2, pins=("C", "K"))}
-    wrong("arm can still move at C when the drive is held: 2 degrees .*; nothing else names 'K' of 'arm'; a link "
-          "from pin to pin takes one away", links=BARS | arm)  # fmt: skip
+    wrong("with the drive held, arm can still move at C: 2 degrees .*; pins of one link only: 'K' of 'arm'; add a "
+          "binary link", links=BARS | arm)  # fmt: skip
     far = {"far": Link(length=0.1, pins=("X", "Y"))}
-    wrong(r"links.far: not joined to the frame: far \(pins X, Y\); let it share a pin", links=BARS | far)
+    wrong(r"links.far: not connected to the frame: far \(pins X, Y\); let it share a pin", links=BARS | far)
     wrong("drive: 'crank' and 'rocker' share no joint", drive=Drive("crank", "rocker"))
     wrong("drive: link 'crnk' is not defined; did you mean 'crank'", drive=Drive("crnk"))
     fast = {"one": Link(length=0.2, pins=("A", "B")), "two": Link(length=0.2, pins=("D", "B"))}
-    wrong("nothing can move .*: one, two hold each other fast at .*; leave out two, or", links=fast,
+    wrong("nothing can move .*: the joints .* make one, two a rigid chain; delete two, or", links=fast,
           drive=Drive("one"), sketch={})  # fmt: skip
     wrong("links.crank: has no pins", links=BARS | {"crank": Link(length=0.1)})
-    wrong("links.coupler: nothing says where its pin 'C' is; add it to the sketch", sketch={})
-    wrong("sketch.Q: is no point of a link", sketch={"Q": (0, 0)})
+    wrong("links.coupler: the position of its pin 'C' is unknown; add it to the sketch", sketch={})
+    wrong("sketch.Q: is not a point of any link", sketch={"Q": (0, 0)})
     block = {"block": Link(pins=("C",))}
     wrong("link 'blok' is not defined; did you mean 'block'", links=BARS | block, slots=[Slot("blok", Guide("A"))])
     wrong("guide is on 'frame', but point 'Z' is not", links=BARS | block, slots=[Slot("block", Guide("Z"))])
@@ -290,16 +293,20 @@ def test_what_does_not_hang_together_is_told():
         "rod": Link(length=0.3, pins=("B", "C")),
         "lever": Link(length=0.2, pins=("D", "C")),
     }
-    wrong("cannot do for ever; give it a law", links=ram, slots=[Slot("crank", Guide("A"))])
+    wrong(
+        "moves 'crank' along a guide, but has no motion law; give the drive a law",
+        links=ram,
+        slots=[Slot("crank", Guide("A"))],
+    )
 
 
 @pytest.mark.parametrize("length", [0.0, 0.2])
 @pytest.mark.parametrize(
     ("chains", "told"),
     [
-        ({"a": "BE", "b": "EC", "rocker": "DC"}, "a, b, rocker can still move at B, E, C, D .* 2 degrees"),
+        ({"a": "BE", "b": "EC", "rocker": "DC"}, "a, b, rocker can still move at B, E, C, D: 2 degrees"),
         ({"coupler": "BC", "rocker": "DC", "a": "CE", "b": "EF", "c": "MF"},
-         "a, b, c can still move at C, E, F, M .* 2 degrees"),
+         "a, b, c can still move at C, E, F, M: 2 degrees"),
         ({"a": "BE", "b": "EF", "c": "FC", "rocker": "DC"}, "rocker can still .* 3 degrees"),
     ],
 )  # fmt: skip
@@ -314,9 +321,9 @@ def test_chains_with_too_many_links_are_told_as_such(length, chains, told):
 
 def test_a_drive_that_drives_nothing():
     motor = {"motor": Link(length=0.05, pins=("K", "L"))}
-    loose = r"it moves 'motor' alone, to which nothing is joined but 'frame' .*; nothing else names 'L' of 'motor'; "
+    loose = r"it moves 'motor' alone, which is joined only to 'frame' .*; pins of one link only: 'L' of 'motor'; "
     wrong(
-        loose + "let another link share a pin of it \\(L\\), or drive another",
+        loose + "join another link to one of its pins \\(L\\), or drive another",
         GROUND | {"K": (0.0, -0.1)},
         BARS | motor,
         Drive("motor"),
@@ -328,8 +335,8 @@ def test_a_drive_that_drives_nothing():
     bars = {name: dataclasses.replace(link, pins=()) for name, link in BARS.items()}
     with pytest.raises(
         StructureError,
-        match=r"groups\[1\] \(RRR\): the driver moves 'crank' alone, while coupler, rocker "
-        "hang on the frame and stand still; attach it to a point of 'crank', such as B",
+        match=r"groups\[1\] \(RRR\): the driver moves 'crank' alone; coupler, rocker "
+        "are attached to the frame and do not move; attach it to a point of 'crank', such as B",
     ):
         Mechanism({p: lj.Vec(*at) for p, at in frame.items()}, bars, still)
 
@@ -337,7 +344,7 @@ def test_a_drive_that_drives_nothing():
 def test_three_slides_in_a_row_have_no_class():
     links = {"crank": BARS["crank"], "one": Link(pins=("X",)), "two": Link(pins=("Z",))}
     slots = [Slot("one", Guide("B", 0.3, on="crank")), Slot("two", Guide("X", 0.9, on="one")), Slot("two", Guide("D"))]
-    wrong("slot of two: is in two slots: three slides .* make no Assur group; name a second block", links=links,
+    wrong("slot of two: is in two slots, which .* form no Assur group; use a second block", links=links,
           slots=slots, sketch={"X": (0.3, 0.1), "Z": (0.3, 0.3)})  # fmt: skip
 
 
@@ -494,9 +501,9 @@ def test_ways_to_assemble_a_scissor_lift():
         ({"coupler": Link(length=0.3, pins=("B", "C"), points={"B": lj.Vec(0.1, 0.0)})},
          "'B' is the origin of its axes"),
         ({"coupler": Link(length=0.3, pins=("B", "C"), points={"D": lj.Vec(0.1, 0.0)})},
-         "the point name 'D' is used already, by 'rocker'"),
+         "the point name 'D' is already used by 'rocker'"),
         ({"crank": Link(length=0.1, pins=("A", "S1")), "coupler": Link(length=0.3, pins=("S1", "C"))},
-         "the point name 'S1' is used already"),
+         "the point name 'S1' is already used"),
     ],
 )  # fmt: skip
 def test_names_that_stand_for_two_points(changes, told):

@@ -131,7 +131,7 @@ def test_controls_are_labelled_and_take_keys(page):
     assert slider.get_attribute("aria-valuetext") == "0°"
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.id") == "play"
-    page.get_by_label("Cycle in").select_option("1")
+    page.get_by_label("Playback time").select_option("1")
     page.get_by_label("Names").uncheck()
     assert not page.locator("#names").is_visible()
 
@@ -193,8 +193,8 @@ def test_numbers_on_the_page_are_those_of_the_document(page, case):
 
     motion = case.data["motion"]
     assert_printed(cells("coefficient of speed fluctuation δ")[1], motion["delta"], "")
-    assert_printed(cells("largest speed")[1], motion["max_speed"], "rpm", 30 / math.pi)
-    assert_printed(cells("drive torque, constant")[1], motion["mean_drive_torque"], "N·m")
+    assert_printed(cells("max crank speed")[1], motion["max_speed"], "rpm", 30 / math.pi)
+    assert_printed(cells("mean drive torque")[1], motion["mean_drive_torque"], "N·m")
     assert_printed(cells("shaking moment")[1], case.data["peaks"]["shaking_moment"]["value"], "N·m")
     assert page.locator(".verdict").last.inner_text() == case.data["result"]["message"]
     angles = view(page)["machines"][0]["points"]["G"]["x"]
@@ -209,10 +209,10 @@ def test_units_change_labels_and_numbers(browser, tmp_path):
     speed = page.locator("svg[aria-label^='Speed and angular']")
     assert speed.get_by_text("speed ω  (rad/s)").count() == 1
     assert speed.get_by_text("rpm").count() == 0
-    assert page.locator("svg[aria-label^='Joint forces by'] text", has_text="(MN)").count() == 7
+    assert page.locator("svg[aria-label^='Magnitudes of the joint'] text", has_text="(MN)").count() == 7
     assert page.locator("#stage .scale").text_content() == "0.2 m"
     assert page.locator("#stage .load text").text_content() == "hay 0.03 MN"
-    row = page.locator("tr", has=page.get_by_role("rowheader", name="largest speed", exact=True))
+    row = page.locator("tr", has=page.get_by_role("rowheader", name="max crank speed", exact=True))
     assert_printed(row.locator("td").first.inner_text(), data["motion"]["max_speed"], "rad/s")
     page.close()
 

@@ -64,17 +64,18 @@ def test_results(report):
     motion, rpm = data["motion"], 30 / math.pi
     assert_printed(page.row("coefficient of speed fluctuation δ")[0], motion["delta"], "")
     assert PLAIN.quantity(motion["delta_error"], "", 2) in page.row("coefficient of speed fluctuation δ")[1]
-    for name, key in (("mean", "mean_speed"), ("largest", "max_speed"), ("smallest", "min_speed")):
-        assert_printed(page.row(f"{name} speed")[0], motion[key], "rpm", rpm)
-    for name, key in (("largest", "angle_of_max"), ("smallest", "angle_of_min")):
-        assert_printed(page.row(f"{name} speed")[1].removeprefix("at "), motion[key], "°", 180 / math.pi)
-    assert_printed(page.row("drive torque, constant")[0], motion["mean_drive_torque"], "N·m")
+    for name, key in (("mean", "mean_speed"), ("max", "max_speed"), ("min", "min_speed")):
+        assert_printed(page.row(f"{name} crank speed")[0], motion[key], "rpm", rpm)
+    for name, key in (("max", "angle_of_max"), ("min", "angle_of_min")):
+        assert_printed(page.row(f"{name} crank speed")[1].removeprefix("at "), motion[key], "°", 180 / math.pi)
+    assert_printed(page.row("mean drive torque")[0], motion["mean_drive_torque"], "N·m")
     power = motion["mean_drive_torque"] * scene.cycle / motion["period"]
-    assert_printed(page.row("drive power, mean")[0], power, "W")
+    assert_printed(page.row("mean drive power")[0], power, "W")
     wheel = data["flywheel"]
-    assert_printed(page.row("flywheel, given")[0], wheel["given"], "kg·m²")
+    assert_printed(page.row("flywheel inertia, given")[0], wheel["given"], "kg·m²")
     if wheel["for_target_delta"] is not None:
-        assert_printed(page.row("flywheel, needed")[0], wheel["for_target_delta"], "kg·m²")
+        assert_printed(page.row("flywheel inertia, required")[0], wheel["for_target_delta"], "kg·m²")
+    assert page.row("method")[0].startswith(f"{data['model']['method']}: ")
     assert data["result"]["message"] in page.text
 
 
@@ -137,7 +138,7 @@ def test_what_the_machine_before_cannot_do(tmp_path):
     even = {**data, "flywheel": {**data["flywheel"], "for_target_delta": -0.1}}
     page = read(write_report(even, scene, tmp_path / "report.html", figures=[], before=(stuck, scene)))
     assert "Before: It does not run." in page.text
-    needed = page.row("flywheel, needed", cells=4)
+    needed = page.row("flywheel inertia, required", cells=4)
     assert needed[1] == "none"
     assert "exactly" not in needed[2]
 
@@ -188,7 +189,7 @@ def test_before_and_after(compared):
     before, after, _ = page.row("coefficient of speed fluctuation δ")
     assert_printed(before, 0.5, "")
     assert_printed(after, data["motion"]["delta"], "")
-    before, after, remark = page.row("largest speed")
+    before, after, remark = page.row("max crank speed")
     assert before == "100.000 rad/s"
     assert_printed(after, data["motion"]["max_speed"], "rad/s")
     assert remark.endswith("°")
@@ -209,13 +210,13 @@ def test_units_that_were_chosen(compared):
 def test_optimisation(compared):
     _, page = compared
     assert page.row("objective") == ["minimise peak shaking force"]
-    assert page.row("limits") == ["peak drive torque at most 52 kN·m; smallest margin at least 0.01"]
-    assert page.row("free numbers") == ["links.rod.length (0.95 m … 1.15 m); points.E.turned (20° … 40°)"]
+    assert page.row("constraints") == ["peak drive torque at most 52 kN·m; min margin at least 0.01"]
+    assert page.row("design variables") == ["links.rod.length (0.95 m … 1.15 m); points.E.turned (20° … 40°)"]
     assert page.row("solver") == ["cone: largest magnitudes"]
     assert page.row("before") == ["the machine as it was"]
-    assert page.row("cases, the worst counts") == ["full, empty"]
+    assert page.row("cases, the worst governs") == ["full, empty"]
     assert page.row("peak shaking force, worst case") == ["400.00 kN", "300.00 kN", "−25.0 %", "objective"]
-    assert page.row("regime margin", cells=5) == ["–", "0.20000", "–", ""]
+    assert page.row("steady-state margin", cells=5) == ["–", "0.20000", "–", ""]
     assert page.row("links.rod.length") == ["1.00000 m", "0.950000 m", "0.95 m", "1.15 m", "at lower bound", "1234"]
     assert page.row("points.E.turned") == ["30.0000°", "35.0000°", "20°", "40°", "no effect", ""]
     wanted = [
@@ -225,16 +226,16 @@ def test_optimisation(compared):
         "",
         "",
         "90.000°, 120.000°",
-    ]  # no price where limits clash
+    ]  # no multiplier if constraints conflict
     assert page.row("peak drive torque", cells=7) == wanted
-    assert page.row("smallest margin", cells=7)[4] == "not met"
-    assert page.row("tied to it: links.link4.length", cells=7)[:2] == ["0.500000 m", "0.475000 m"]
+    assert page.row("min margin", cells=7)[4] == "violated"
+    assert page.row("linked: links.link4.length", cells=7)[:2] == ["0.500000 m", "0.475000 m"]
     assert page.row("residual of the optimality conditions (KKT)") == ["3.0·10⁻¹⁰"]
-    assert page.row("evaluations of a cycle") == ["143"]
-    assert page.row("starts") == ["1 of 2 reached the best; 1 met every limit"]
+    assert page.row("cycle evaluations") == ["143"]
+    assert page.row("starts") == ["1 of 2 reached the optimum; 1 feasible"]
     assert page.row("2", cells=5) == ["–", "no", "0.10", "20"]
-    assert page.row("peak drive torque", cells=2) == ["met"]  # where limits clash
-    assert page.row("smallest margin", cells=2) == ["not met"]
+    assert page.row("peak drive torque", cells=2) == ["satisfied"]  # in the list of conflicting constraints
+    assert page.row("min margin", cells=2) == ["violated"]
     assert "Limits clash." in page.text
     assert page.counts["svg"] == 3  # the stage, the history and the trade-off
 
@@ -268,5 +269,5 @@ def test_display_units():
 def test_machines_before_and_after_need_the_same_angles(tmp_path):
     scene, data = analysed("four-bar")
     fewer = {**data, "angles": data["angles"][::2]}
-    with pytest.raises(ValueError, match="before and after have other crank angles"):
+    with pytest.raises(ValueError, match="before and after have different crank angles"):
         write_report(data, scene, tmp_path / "report.html", figures=[], before=(fewer, scene))

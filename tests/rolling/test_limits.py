@@ -25,10 +25,14 @@ from tests.rolling.walk import walk
 @pytest.mark.parametrize(
     ("bodies", "turns", "message"),
     [
-        (2, 1, "bodies: 2 bodies cannot close in 1 turns; take at least 3 bodies"),
-        (4, 2, "bodies: 4 bodies cannot close in 2 turns; take at least 5 bodies, or fewer turns"),
-        (9, 3, "bodies: 9 bodies in 3 turns close after 3 in 1 already; take numbers without a common divisor"),
-        (8, 0, "bodies: 8 bodies in 0 turns; write whole numbers, turns from 1"),
+        (2, 1, "bodies: 2 bodies cannot close in 1 turns; use at least 3 bodies"),
+        (4, 2, "bodies: 4 bodies cannot close in 2 turns; use at least 5 bodies, or fewer turns"),
+        (
+            9,
+            3,
+            "bodies: 9 bodies in 3 turns already close with bodies 3, turns 1; use numbers without a common divisor",
+        ),
+        (8, 0, "bodies: 8 bodies in 0 turns; write positive integers"),
         (True, 1, "bodies: True bodies"),
     ],
 )
@@ -44,8 +48,8 @@ def test_numbers_that_make_no_chain(bodies, turns, message):
     ("design", "message"),
     [
         (Rolling(0.04, 0.044, 8, eccentricity=0.005),
-         "The rings touch or cross: the outer radius 44 mm is not above inner radius and eccentricity together, 45 mm. "
-         "Take a smaller eccentricity, or a larger outer ring (with 89.9399821 mm the chain closes)."),
+         "The rings touch or intersect: the outer radius 44 mm is not larger than inner radius plus eccentricity, "
+         "45 mm. Use a smaller eccentricity or a larger outer radius (89.9399821 mm closes the chain)."),
         (Rolling(-0.04, 0.095, 8), "inner radius -0.04 m, outer radius 0.095 m, eccentricity 0 m: radii must be "),
         (Rolling(0.04, float("nan"), 8), "inner radius 0.04 m, outer radius nan m, eccentricity 0 m: radii must be "),
     ],
@@ -64,7 +68,7 @@ def test_chains_that_do_not_close(outer, e, closing):
     sine = math.sqrt(((outer - 0.04) ** 2 - e**2) / ((outer + 0.04) ** 2 - e**2))
     what = "leaves a gap of" if gap > 0 else "overlaps itself by"
     told = (
-        f"The chain does not close: it {what} {abs(gap):.3f}°; these rings take {math.pi / math.asin(sine):.4f} bodies "
+        f"The chain does not close: it {what} {abs(gap):.3f}°; these rings fit {math.pi / math.asin(sine):.4f} bodies "
         f"in 1 turn, not 8. It closes with an outer radius of {closing}"
     )
     s2 = math.sin(math.pi / 8) ** 2

@@ -123,11 +123,11 @@ def test_a_cycle_is_one_turn_of_the_line_of_centres(held, driven):
 
 
 def test_what_is_held_and_driven_is_checked():
-    with pytest.raises(StructureError, match="driven: 'inner' is held and driven; hold one member"):
+    with pytest.raises(StructureError, match="driven: 'inner' is both held and driven; choose two"):
         machine("inner", "inner")
     with pytest.raises(StructureError, match="held: is 'ring'; write one of inner, outer, carrier"):
         machine("ring", "inner")
-    with pytest.raises(ValueError, match="two of inner, outer, carrier"):
+    with pytest.raises(ValueError, match="exactly two of inner, outer and carrier"):
         rates(machine("inner", "outer").design, inner=1.0)
-    with pytest.raises(ValueError, match="two of inner, outer, carrier"):
+    with pytest.raises(ValueError, match="exactly two of inner, outer and carrier"):
         rates(machine("inner", "outer").design, inner=1.0, outer=jnp.asarray(0.0), carrier=2.0)

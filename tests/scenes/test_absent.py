@@ -181,9 +181,7 @@ def test_a_five_bar_with_two_motors():
         loads_text(FIVE_BAR)
     message = str(caught.value)
     assert "2 degrees of freedom" in message and "linkjax drives one joint only and has no second drive" in message
-    assert (
-        "couple 'left' and 'right' by gears ([[gears]]) or add a link; a link from pin to pin takes one away" in message
-    )
+    assert "couple 'left' and 'right' by gears ([[gears]]), or add a binary link (-1 degree of freedom)" in message
     coupled = FIVE_BAR + '[[gears]]\nlink = "right"\nto = "left"\nteeth = [20, 20]\n'
     assert loads_text(coupled).mechanism.driving_link == "left"
 

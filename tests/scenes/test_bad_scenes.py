@@ -148,8 +148,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a missing slot": (
         edit("elliptic-trammel", '[[slots]]\nblock = "shoe"\nguide = { through = "O", along = "90 deg" }\n', ""),
         "links",
-        "stone, bar, shoe can still move at X, Y, stone.guide when the drive is held: 3 degrees of freedom",
-        "a pin or a slot where none is takes two",
+        "with the drive held, stone, bar, shoe can still move at X, Y, stone.guide: 3 degrees of freedom",
+        "or a pin or slider joint (-2)",
     ),
     "two blocks for one": (
         edit(
@@ -158,20 +158,20 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
             '[[slots]]\nblock = "brace"\nguide = { through = "O" }\n\n[[slots]]\nblock = "roller"',
         ),
         "links",
-        "hold each other fast",
-        "leave out one of these joints",
+        "form an overconstrained chain: one of the joints",
+        "delete one of these joints",
     ),
     "a link too many": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["C", "G"]\nlength = "300 mm"\n\n[flywheel]'),
         "links",
-        "hold each other fast at A, B, C, E, D, G, …",
-        "leave out one of: tie, lever, rocker, or give it",
+        "the joints A, B, C, E, D, G, … make",
+        "delete one of: tie, lever, rocker, or give it",
     ),
     "a link that hangs loose": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["C", "Z"]\nlength = "300 mm"\n\n[flywheel]'),
         "links",
         "tie can still move",
-        "leave them out",
+        "or delete the links that can move",
     ),
     "a link too many in a row": (
         edit(
@@ -184,8 +184,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
             '[sketch]\nK = ["250 mm", "300 mm"]',
         ),
         "links",
-        "can still move at E, K, F, G when the drive is held: 2 degrees of freedom",
-        "a link from pin to pin takes one away",
+        "can still move at E, K, F, G: 2 degrees of freedom",
+        "add a binary link (-1 degree of freedom)",
     ),
     "a motor beside the machine": (
         edit(
@@ -196,19 +196,19 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
             '[drive]\nlink = "motor"\n\n[links.motor]\npins = ["K", "L"]\nlength = "50 mm"',
         ),
         "drive.link",
-        "it moves 'motor' alone, to which nothing is joined but 'frame'",
-        "let another link share a pin of it (L)",
+        "it moves 'motor' alone, which is joined only to 'frame'",
+        "join another link to one of its pins (L)",
     ),
     "a crank beside what stands still": (
         edit("four-bar", 'from = "B"', 'from = "K"', "[fixed]", '[fixed]\nK = ["50 mm", "20 mm"]'),
         "groups[1]",
-        "the driver moves 'crank' alone, while coupler, rocker hang on the frame and stand still",
+        "the driver moves 'crank' alone; coupler, rocker are attached to the frame and do not move",
         "attach it to a point of 'crank', such as B",
     ),
     "a link apart": (
         edit("stephenson-3", "[flywheel]", '[links.tie]\npins = ["Y", "Z"]\nlength = "300 mm"\n\n[flywheel]'),
         "links.tie",
-        "not joined to the frame",
+        "not connected to the frame",
         "share a pin",
     ),
     "a pin twice": (
@@ -221,7 +221,7 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a sketch of nothing": (
         edit("stephenson-3", 'G = ["400 mm", "150 mm"]', 'GG = ["400 mm", "150 mm"]'),
         "sketch.GG",
-        "is no point of a link",
+        "is not a point of any link",
         "'G'",
     ),
     "no sketch": (
@@ -324,8 +324,8 @@ DRAWN = {  # what is wrong with a machine that is drawn: text, key, part of the 
     "a drive against what stands still": (
         edit("elliptic-trammel", 'pins = ["Y"]', 'pins = ["X"]'),
         "drive",
-        "it moves 'bar' alone, to which nothing is joined but 'stone'",
-        "let another link share a pin of it (Y)",
+        "it moves 'bar' alone, which is joined only to 'stone'",
+        "join another link to one of its pins (Y)",
     ),
     "coinciding pins": (
         edit(

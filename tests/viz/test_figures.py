@@ -112,7 +112,7 @@ def test_extremes_of_the_speed_are_marked(name):
     motion = data["motion"]
     figure = viz.speed_figure(data, scene)
     marks = [np.asarray(line.get_xydata())[0] for line in figure.axes[0].get_lines() if line.get_marker() in ("o", "s")]
-    wanted = [(math.degrees(motion[f"angle_of_{w}"]), motion[f"speed_{w}"] * 30 / math.pi) for w in ("max", "min")]
+    wanted = [(math.degrees(motion[f"angle_of_{w}"]), motion[f"{w}_speed"] * 30 / math.pi) for w in ("max", "min")]
     assert np.allclose(marks, wanted, rtol=1e-12)
     texts = [text.get_text() for text in figure.axes[0].texts]
     assert f"δ = {number(motion['delta'])}" in texts
@@ -125,11 +125,11 @@ def test_every_joint_is_shown_once():
 
 def test_one_motion_alone():
     scene, data = analysed("four-bar")
-    assert [case.name for case in cases(data)] == ["true motion", "constant speed"]
+    assert [case.name for case in cases(data)] == ["actual motion", "constant speed"]
     constant = {**data, "model": {**data["model"], "constant_speed": True}}
     assert [case.name for case in cases(constant)] == ["constant speed"]
     true = {key: part for key, part in data.items() if key != "forces_constant_speed"}
-    assert [case.name for case in cases(true)] == ["true motion"]
+    assert [case.name for case in cases(true)] == ["actual motion"]
     for document in (constant, true):
         for picture in ("drive", "shaking", "reactions", "reaction-hodographs"):
             assert curves(PICTURE[picture].draw(document, scene))
