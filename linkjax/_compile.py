@@ -1,10 +1,10 @@
-"""Compiling for one use: less optimised machine code, ready several times sooner, and kept for the next process.
+"""Compiling for one use: less optimised machine code, compiled several times faster, and kept for the next process.
 
-JAX's own compilation cache spares compiling, but a program must be traced again to be found in it, which takes as long.
-Here the finished program itself is kept, under everything it depends on: the package's sources, the versions of JAX,
-the processor, the structure and shapes of the arguments. The files lie in the folder of `keep_in` (the command line's:
-in the user's own home), else in JAX's compilation cache folder; without either nothing is kept. They may be deleted at
-any time.
+JAX's own compilation cache saves compiling, but it needs the program traced again, which takes as long. Here the
+compiled program itself is kept. Its key is everything it depends on: the package's sources, the versions of JAX, the
+processor, and the structure and shapes of the arguments. The files are in the folder of `keep_in` (for the command
+line: in the user's home), otherwise in JAX's compilation cache folder; without either, nothing is kept. They may be
+deleted at any time.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from linkjax._types import Tracer, as_float
 SOONER: dict[str, bool | str] = {"xla_backend_optimization_level": "0", "xla_cpu_use_fusion_emitters": False}
 
 _MADE: weakref.WeakSet[CompiledSoon] = weakref.WeakSet()  # every function compiled here
-_KEPT: list[Path] = []  # the folder they are kept in, if one was named
+_KEPT: list[Path] = []  # their folder, if one was named
 
 
 def keep_in(folder: Path | None) -> None:
@@ -45,8 +45,8 @@ def keep_in(folder: Path | None) -> None:
 class CompiledSoon:
     """A function jitted for one use. Inside other jax transformations it is a plain `jax.jit`.
 
-    `ahead` starts compiling from shapes alone, so that a chain of programs, each of which needs the values of the one
-    before, compiles on all cores.
+    `ahead` starts compiling from shapes alone, so that a chain of programs, each of which needs the values of the
+    previous one, compiles on all cores.
     """
 
     def __init__(self, function: Callable, static: tuple[str, ...]):
@@ -63,20 +63,20 @@ class CompiledSoon:
         key, program = self._program(fixed, leaves, tree)
         try:
             found = program.run.result()(*leaves)
-            if program.kept is not None:  # read from a file: does it run?
+            if program.kept is not None:  # read from a file: check that it runs
                 jax.block_until_ready(found)
                 self.programs[key] = program = program._replace(kept=None)
         except Exception:
-            self.programs.pop(key, None)  # it may have been a matter of the moment
+            self.programs.pop(key, None)  # the error may be temporary
             if program.kept is None:
                 raise
-            _delete(program.kept)  # damaged, or not of this machine after all: make it anew, whether it went or not
+            _delete(program.kept)  # damaged, or made on another machine: compile it again, even if the file remains
             program = self.programs[key] = _made(self.function, fixed, leaves, tree, program.kept)
             found = program.run.result()(*leaves)
         return jax.tree.unflatten(jax.tree.structure(program.result), found)
 
     def ahead(self, *args, **kwargs) -> Any:
-        """Start compiling for arguments of these shapes; the shapes of the result."""
+        """Start compiling for arguments of these shapes; returns the shapes of the result."""
         return self._program(*self._flat(args, kwargs))[1].result
 
     def _flat(self, args, kwargs) -> tuple[dict[str, Any], list, Any]:
@@ -94,7 +94,7 @@ class CompiledSoon:
 
 
 def _here(leaf: Any) -> Any:
-    """A leaf as the program takes it: numbers as arrays, arrays on the first device (those of a population are not)."""
+    """A leaf as the program takes it: numbers as arrays, arrays moved to the first device."""
     if isinstance(leaf, int | float):
         return as_float(leaf)
     if isinstance(leaf, jax.Array) and not isinstance(leaf, Tracer) and leaf.devices() != {jax.devices()[0]}:
@@ -103,7 +103,7 @@ def _here(leaf: Any) -> Any:
 
 
 class Program(NamedTuple):
-    """A program, compiled or on its way to be: its function of flat arguments, the shapes of its result, its file."""
+    """A program, compiled or being compiled: its function of flat arguments, the shapes of its result, its file."""
 
     run: Future[Callable]
     result: Any
@@ -116,14 +116,14 @@ def compiled_soon(function: Callable | None = None, *, static: tuple[str, ...] =
 
 
 def stop() -> None:
-    """Give up what has not begun to compile."""
+    """Cancel compilations that have not started."""
     _pool().shutdown(wait=False, cancel_futures=True)
     _pool.cache_clear()
 
 
 def forget() -> None:
-    """Drop every compiled program of this process, JAX's own too. A program takes some hundred memory maps, of which
-    a process may have 65 530 on Linux; beyond that XLA crashes."""
+    """Drop every compiled program of this process, including JAX's own. A program takes about a hundred memory maps,
+    and Linux allows a process 65 530; beyond that XLA crashes."""
     for function in _MADE:
         function.programs.clear()
     jax.clear_caches()
@@ -131,19 +131,19 @@ def forget() -> None:
 
 
 def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Program:
-    """The program for arguments of these shapes: read if it was kept, else made."""
+    """The program for arguments of these shapes: read if it was kept, otherwise compiled."""
     file = _kept_in(function, fixed, leaves, tree)
     if file is not None and file.exists():
         try:
             content, shapes = pickle.loads(file.read_bytes())
             return Program(_aside(_load, content), shapes, file)
-        except Exception:  # damaged: make it anew
+        except Exception:  # damaged: compile it again
             _delete(file)
     return _made(function, fixed, leaves, tree, file)
 
 
 def _made(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any, file: Path | None) -> Program:
-    """The program, traced here and compiled on another core, to be kept in the file."""
+    """The program, traced here and compiled in another thread, to be kept in the file."""
     signature, structures = inspect.signature(function), []
 
     def flat(*leaves):
@@ -153,8 +153,8 @@ def _made(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any, fi
         return found
 
     if file is not None:
-        # never found in JAX's own cache, neither under other sources nor as another process has just left it there: an
-        # executable that was itself read loses functions when it is written again
+        # a unique name, so that JAX's own cache never has this program: an executable that was read from a cache loses
+        # functions when it is written again
         flat.__name__ = f"linkjax_{uuid.uuid4().hex}"
     traced = jax.jit(flat).trace(*leaves)
     shapes = jax.tree.unflatten(
@@ -164,7 +164,7 @@ def _made(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any, fi
 
 
 def _aside(function: Callable, *args: Any) -> Future:
-    """The result to be of a function that runs on another core."""
+    """The future result of a function that runs in another thread."""
     return _pool().submit(function, *args)
 
 
@@ -175,8 +175,8 @@ def _pool() -> ThreadPoolExecutor:
 
 @functools.cache
 def _linear_algebra() -> None:
-    """Make JAX find the routines of LAPACK, which it does when it lowers the first program that needs them; one that is
-    read jumps to them wherever they are."""
+    """Make JAX load the routines of LAPACK, as it does when it lowers the first program that needs them; a program read
+    from a file needs them loaded."""
     jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
@@ -186,7 +186,7 @@ def _load(content: tuple) -> Callable:
 
 
 def _compile(lowered: Any, file: Path | None, shapes: Any) -> Callable:
-    """Compile, and keep what was compiled."""
+    """Compile, and keep the result."""
     made = compiled_sooner(lowered)
     if file is not None:
         try:
@@ -198,7 +198,7 @@ def _compile(lowered: Any, file: Path | None, shapes: Any) -> Callable:
 
 
 def compiled_sooner(lowered: Any, options: dict[str, bool | str] | None = None) -> Any:
-    """A lowered program compiled for one use, with those of the options that the installed XLA knows."""
+    """A lowered program compiled for one use, with the options that the installed XLA accepts."""
     options = SOONER if options is None else options
     try:
         return lowered.compile(compiler_options=options)
@@ -210,7 +210,7 @@ def compiled_sooner(lowered: Any, options: dict[str, bool | str] | None = None) 
 
 
 def _write(file: Path, content: bytes) -> None:
-    """Write a file whole or not at all; a full or read-only disk is no reason to fail."""
+    """Write a file completely or not at all; a full or read-only disk is not an error."""
     part = file.with_name(f"{file.name}.{os.getpid()}.part")
     try:
         part.write_bytes(content)
@@ -220,14 +220,14 @@ def _write(file: Path, content: bytes) -> None:
 
 
 def _delete(file: Path) -> None:
-    """Delete a file if that is possible; in a folder that several people share it may not be."""
+    """Delete a file if possible; in a shared folder it may not be."""
     with contextlib.suppress(OSError):
         file.unlink()
 
 
 def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Path | None:
-    """The file of a program, None where nothing is kept: that needs a folder, and a program that its name and the
-    package's sources tell apart. What a user's own function, load or group does they do not tell."""
+    """The file of a program, None if it is not kept. A program is kept only if there is a folder and the package's
+    sources determine it, so not if it contains a user-defined function, load or group."""
     if not _ours(function, tree):
         return None
     folder = Path(_KEPT[0] if _KEPT else jax.config.values["jax_compilation_cache_dir"] or "")
@@ -240,7 +240,7 @@ def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
 
 
 def _ours(function: Callable, tree: Any) -> bool:
-    """Whether a function belongs to the package, and all that the tree of its arguments is made of."""
+    """Whether a function, and every type in the tree of its arguments, belongs to the package."""
     plain = inspect.unwrap(function)
     if (
         hasattr(function, "__self__")

@@ -1,7 +1,7 @@
 """Settings of JAX that belong to a whole program: precision, compilation cache, number of CPU devices.
 
-Nothing here happens on import, and the library never calls it. `enable_x64` and `use_cpu_devices` are for programs that
-own their process, the command line among them; the other two are for the command line and the benchmarks.
+Importing this module changes nothing, and the library never calls these functions. `enable_x64` and `use_cpu_devices`
+are for whole programs, such as the command line; the others are for the command line and the benchmarks.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import jax
 
 
 def enable_x64() -> None:
-    """Make float64 the precision of JAX, and so of linkjax, for this program. Call it before anything is computed."""
+    """Make float64 the precision of JAX, and so of linkjax, in this program. Call it before any computation."""
     jax.config.update("jax_enable_x64", True)
 
 
@@ -25,10 +25,10 @@ def cache_home() -> Path:
 
 
 def cache_folder() -> Path | None:
-    """Folder for compiled programs: the one chosen (`JAX_COMPILATION_CACHE_DIR`, or by the program), else
-    `cache_home()`; None when it cannot be written, and then everything works, only slower."""
+    """Folder for compiled programs: the one chosen (`JAX_COMPILATION_CACHE_DIR`, or by the program), otherwise
+    `cache_home()`; None if it is not writable, and then everything works, but slower."""
     chosen = jax.config.values["jax_compilation_cache_dir"]
-    if chosen and "://" in chosen:  # JAX's own, in the cloud; ours are files
+    if chosen and "://" in chosen:  # JAX can use a cloud folder, linkjax needs files
         return None
     folder = Path(chosen) if chosen else cache_home()
     try:
@@ -47,12 +47,12 @@ def use_compilation_cache() -> None:
 
 
 def use_cpu_devices(count: int | None = None) -> int:
-    """Show the CPU to JAX as `count` devices (default: one per core this process may use), and return the count.
+    """Make the CPU `count` devices for JAX (default: one per core this process may use), and return the count.
 
-    Also lets the C library keep memory that was freed: the results of a large population otherwise cost fresh pages
-    from the system every time (measured: a fifth of the time of a kinematic sweep).
-    A count already chosen (`JAX_NUM_CPU_DEVICES`, or by the program) stays. Raises `RuntimeError`, from JAX, when
-    something has been computed already: the number is fixed when the backend starts.
+    Also makes the C library keep freed memory: otherwise the results of a large population need new pages from the
+    system every time (measured: a fifth of the time of a kinematic sweep).
+    A count already chosen (`JAX_NUM_CPU_DEVICES`, or by the program) stays. Raises `RuntimeError`, from JAX, after any
+    computation: the number is fixed when the backend starts.
     """
     _keep_memory()
     chosen = jax.config.values["jax_num_cpu_devices"]

@@ -1,7 +1,8 @@
-"""Numbers as people read them: SI in, out in the units chosen, with prefixes where none was."""
+"""Numbers for people: SI input, shown in the chosen units, or with SI prefixes where no unit was chosen."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,7 +14,7 @@ from linkjax._units import label_of
 NONE = "–"
 NO_BOUND = "∞"
 PLAIN = str.maketrans({"·": " ", "²": "^2", "³": "^3"})
-ROUNDING = 1e-12  # of a sum's parts: what is left of a sum that is zero
+ROUNDING = 1e-12  # relative to a sum's terms: a smaller sum counts as zero
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 AMOUNT = re.compile(rf"(?<![\w.])({NUMBER})(?: to ({NUMBER}))? (m|rad/s|rad|degrees)(?![\w/^²])")
 QUOTED = re.compile(r"""("[^"]*"|(?<!\w)'[^']*')""")
@@ -26,42 +27,41 @@ Units = Mapping[str, tuple[float, str]]  # see `linkjax._units.display_units`
 
 
 class Numbers(NamedTuple):
-    """How numbers are written: SI in, out in the units chosen, with prefixes where none was.
+    """Format numbers: SI input, shown in the chosen units, or with SI prefixes where no unit was chosen.
 
-    Units are written as they are printed ("kN·m") or as measures have them ("kN m").
+    Units are given as printed ("kN·m") or as in measures ("kN m"). `beside` is a magnitude to compare with: a value
+    that is only a rounding error of it is shown as zero.
     """
 
     units: Units = MappingProxyType({})
 
     def quantity(self, value: float, unit: str = "", digits: int = 5, beside: float = 0.0) -> str:
-        """A number to so many significant digits, with its unit; zero where it is the rounding of what stands beside
-        it."""
+        """A number with `digits` significant digits and its unit."""
         return self.alike([value], unit, digits, beside)[0]
 
     def alike(self, values: Iterable[float], unit: str = "", digits: int = 5, beside: float = 0.0) -> list[str]:
-        """Numbers to so many significant digits, all in the unit that suits the largest; zero for those that are the
-        rounding of it, or of what stands beside them."""
+        """Numbers with `digits` significant digits, all in the unit that suits the largest; a rounding error of the
+        largest is shown as zero, too."""
         values = [above(value, beside) for value in values]
         size = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
         factor, label = prefixed(size, unit, self.units)
         return [_number(factor * above(value, size), label, digits) for value in values]
 
     def shown(self, value: SupportsFloat, unit: str = "") -> str:
-        """A number that was put in, with its unit and without idle zeros."""
+        """An input number with its unit, without trailing zeros."""
         if not math.isfinite(float(value)):
             return NONE
         factor, label = prefixed(abs(float(value)), unit, self.units)
         return _joined(short(factor * float(value)), label)
 
     def place(self, at: tuple[SupportsFloat, SupportsFloat], unit: str = "m", beside: float = 0.0) -> str:
-        """Two numbers that belong together, "(0.3, −0.1) m", each zero where it is the rounding of what stands beside
-        it."""
+        """Two coordinates in one unit, "(0.3, −0.1) m"."""
         x, y = (above(float(value), beside) for value in at)
         factor, label = prefixed(max((abs(v) for v in (x, y) if math.isfinite(v)), default=0.0), unit, self.units)
         return _joined(f"({short(factor * x)}, {short(factor * y)})", label)
 
     def turned(self, value: float | None) -> str:
-        """An angle, in degrees unless another unit was chosen."""
+        """An angle (rad), in degrees unless another unit was chosen."""
         if value is None or not math.isfinite(value):
             return NONE
         factor, label = self._angles()
@@ -72,13 +72,13 @@ class Numbers(NamedTuple):
         return self.units.get("rad", (180 / math.pi, "°"))
 
     def speed(self, value: float, digits: int = 6) -> str:
-        """A speed of rotation (rad/s in), in revolutions per minute unless another unit was chosen."""
+        """A speed of rotation (rad/s), in revolutions per minute unless another unit was chosen."""
         factor, label = turning(self.units)
         return _number(factor * float(value), label, digits)
 
     def measured(self, value: float, error: float, unit: str = "", most: int = 10) -> tuple[str, str]:
-        """A value and the bound of its error, the value in one unit to the digits the error leaves it, 3 at least;
-        zero where it is below that."""
+        """A value and its error bound. The value has the digits that the error allows, but at least 3; it is shown as
+        zero if it is below its error."""
         if not (math.isfinite(value) and math.isfinite(error)):
             return _missing(value), ""
         value = value if abs(value) > error else 0.0
@@ -88,7 +88,7 @@ class Numbers(NamedTuple):
         return _joined(number(factor * value, digits), label), f"± {self.quantity(error, unit, 2)}"
 
     def bound(self, value: SupportsFloat | None, unit: str) -> str:
-        """A bound that was put in, unit as measures write it: as short as it is."""
+        """An input bound, with its unit as in measures, without trailing zeros."""
         if value is None or not math.isfinite(float(value)):
             return NONE
         if unit not in ("rad", "rad/s"):
@@ -99,8 +99,8 @@ class Numbers(NamedTuple):
     def told(
         self, values: Sequence[SupportsFloat | None], unit: str, digits: int = 5, beside: float = 0.0
     ) -> list[str]:  # fmt: skip
-        """One quantity several times, unit as measures write it ("N m", "1", "rad"), all in the unit that suits the
-        largest. A dash for None, zero for the rounding of what stands beside it."""
+        """Several values of one quantity, with its unit as in measures ("N m", "1", "rad"), all in the unit that suits
+        the largest; a dash for None."""
         numbers = [math.nan if value is None else float(value) for value in values]
         if unit == "rad":
             factor, label = self._angles()
@@ -111,7 +111,7 @@ class Numbers(NamedTuple):
 
 
 def above(value: float, beside: float) -> float:
-    """A number, or zero where it is only the rounding of what stands beside it."""
+    """A number, or zero where it is only a rounding error of `beside`."""
     return 0.0 if abs(value) < ROUNDING * abs(beside) else value
 
 
@@ -128,7 +128,7 @@ def _missing(value: float) -> str:
 
 
 def _joined(text: str, label: str) -> str:
-    """A number and its unit, which may begin with a power of ten; zero needs none."""
+    """A number and its unit, which may begin with a power of ten, except for zero."""
     if text == "0" and label.startswith("10"):
         label = label.partition(" ")[2]
     between = "" if label in ("°", "") else "·" if label.startswith("10") else " "
@@ -136,7 +136,7 @@ def _joined(text: str, label: str) -> str:
 
 
 def short(value: float) -> str:
-    """A number without idle zeros, six digits at most, a dash for none; zero has no sign."""
+    """A number without trailing zeros, at most six digits; a dash for NaN and infinity; zero has no sign."""
     if not math.isfinite(value):
         return NONE
     mantissa, _, power = f"{value + 0.0:.6g}".partition("e")
@@ -144,10 +144,10 @@ def short(value: float) -> str:
 
 
 def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float, str]:
-    """Factor and label that bring numbers up to `size` (SI) into reading range: (1e-3, "kN") for 2000 N.
+    """Factor and label that make numbers up to `size` (SI) easy to read: (1e-3, "kN") for 2000 N.
 
-    A unit that was chosen in `units` is taken whatever the size. Otherwise metres become millimetres below 10 m; units
-    that take no prefix get a power of ten.
+    A unit that was chosen in `units` is used for any size. Otherwise metres become millimetres below 10 m, and units
+    without prefixes get a power of ten.
     """
     chosen = (units or {}).get(unit.translate(PLAIN))
     if chosen:
@@ -167,12 +167,12 @@ def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float,
 
 
 def superscript(power: int) -> str:
-    """An integer in superior figures."""
+    """An integer as a superscript."""
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number of so many significant digits, without an exponent where it reads well."""
+    """A number with `digits` significant digits, without an exponent unless it would be long."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else str(value)
     places = digits - 1 - math.floor(math.log10(abs(value)))
@@ -180,8 +180,15 @@ def number(value: float, digits: int = 4) -> str:
     return text.replace("-", "−")
 
 
+def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Rows of cells as lines of plain text, every column as wide as its widest cell."""
+    rows = list(rows)
+    widths = [max(map(len, column)) for column in itertools.zip_longest(*rows, fillvalue="")]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
 def turning(units: Units | None = None) -> tuple[float, str]:
-    """Factor and label of speeds of rotation: revolutions per minute, unless another unit was chosen."""
+    """Factor and label of speeds of rotation: revolutions per minute unless another unit was chosen."""
     return (units or {}).get("rad/s", (30 / math.pi, "rpm"))
 
 
@@ -193,7 +200,7 @@ def in_words(name: str) -> str:
 
 
 def retold(message: str, show: Numbers) -> str:
-    """A message with its lengths and angles in other units; what stands in quotes is left as it is."""
+    """A message with its lengths and angles in other units; quoted parts are unchanged."""
     parts = QUOTED.split(message)
     return "".join(part if i % 2 else AMOUNT.sub(lambda found: _amount(found, show), part)
                    for i, part in enumerate(parts))  # fmt: skip
@@ -212,5 +219,5 @@ def _amount(found: re.Match[str], show: Numbers) -> str:
     else:
         factor, label = turning(show.units) if unit == "rad/s" else show.units.get("rad", (180 / math.pi, "°"))
     digits = max(4, *(len(text.partition("e")[0].lstrip("-0.").replace(".", "")) for text in texts))
-    told = " to ".join(short(float(f"{factor * value:.{digits}g}")) for value in values)
-    return f"{told}{'' if label == '°' else ' '}{label}"
+    amount = " to ".join(short(float(f"{factor * value:.{digits}g}")) for value in values)
+    return f"{amount}{'' if label == '°' else ' '}{label}"

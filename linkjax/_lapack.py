@@ -1,8 +1,8 @@
-"""Linear algebra of many small matrices at once, which cannot block.
+"""Linear algebra of many small matrices at once, without deadlock.
 
-The routines of LAPACK in jaxlib hand a batch of 200 000 operations or more to the threads of XLA and wait for it in one
-of these: where as many batches wait as there are threads, all wait for ever (seen on two cores, jaxlib 0.10.2). Here
-a batch is worked through in shares that are smaller than that, whatever is vmapped around.
+The LAPACK routines of jaxlib pass a batch of 200 000 operations or more to XLA's threads and wait for it in one of
+these threads. If as many batches wait as there are threads, all wait for ever (seen on two cores, jaxlib 0.10.2). Here
+a batch is processed in smaller shares, under any vmap.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import jax.numpy as jnp
 from jax.custom_batching import custom_vmap
 from jaxtyping import Array
 
-WORK = 180_000  # operations in a share; jaxlib hands on 200 000
+WORK = 180_000  # operations in a share; jaxlib uses its threads from 200 000 on
 
 
 def _in_shares(function: Callable[..., Any], cost: Callable[..., int]) -> Callable[..., Any]:
-    """A function of a matrix, and more arrays, vmapped in shares; without derivatives."""
+    """A function of a matrix and further arrays, vmapped in shares; without derivatives."""
 
     @custom_vmap
     def many(*arrays: Array):
@@ -73,7 +73,7 @@ _decomposed, _pseudo = (
 def solve(a: Array, b: Array) -> Array:
     """x of a x = b, for a of shape (n, n) and b of shape (n,) or (n, m); differentiable as `jnp.linalg.solve`."""
     factors, pivots = _factored(jax.lax.stop_gradient(a))
-    order = jax.lax.linalg.lu_pivots_to_permutation(pivots, a.shape[0])  # a loop, once for all shares
+    order = jax.lax.linalg.lu_pivots_to_permutation(pivots, a.shape[0])  # a loop, done once for all shares
     x = jax.lax.custom_linear_solve(
         lambda x: a @ x,
         b if b.ndim == 2 else b[:, None],
@@ -94,14 +94,14 @@ def sign_of_determinant(a: Array) -> Array:
 
 
 def mean_of_determinant(a: Array) -> Array:
-    """The determinant's sign times the geometric mean of the pivots, shape (): its root, so that it does not overflow;
-    without derivatives."""
+    """The determinant's sign times the geometric mean of the pivots, shape (): the n-th root cannot overflow. Without
+    derivatives."""
     sign, pivots = _pivots(a)
     return sign * jnp.exp(jnp.mean(jnp.log(jnp.abs(pivots))))
 
 
 def _pivots(a: Array) -> tuple[Array, Array]:
-    """Sign of the determinant, and the pivots, whose product it is but for the sign."""
+    """Sign of the determinant, and the pivots, whose product is its magnitude up to sign."""
     factors, order = _factored(jax.lax.stop_gradient(a))
     swaps, pivots = jnp.sum(order != jnp.arange(order.size, dtype=order.dtype)), jnp.diagonal(factors)
     sign = jnp.prod(jnp.sign(pivots))
@@ -109,7 +109,7 @@ def _pivots(a: Array) -> tuple[Array, Array]:
 
 
 def svd(a: Array) -> tuple[Array, Array, Array]:
-    """Left singular vectors, singular values and right ones as `jnp.linalg.svd` has them; without derivatives."""
+    """Left singular vectors, singular values and right ones as from `jnp.linalg.svd`; without derivatives."""
     return _decomposed(jax.lax.stop_gradient(a))
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 
 def safe_sqrt(x: Array, instead: Array | float = 0.0) -> Array:
-    """Square root of `x` where positive, else `instead` with a zero derivative; of what is no number, that."""
+    """Square root of `x` where positive, else `instead` with a zero derivative; NaN stays NaN."""
     none = x <= 0
     return jnp.where(none, instead, jnp.sqrt(jnp.where(none, 1.0, x)))
 
@@ -20,36 +20,36 @@ def safe_divide(a: Array, b: Array, instead: Array | float = 0.0) -> Array:
 
 
 def wrapped(x: Array, period: Array | float) -> Array:
-    """`x` modulo `period`, in [0, period); arithmetic only, since the library function takes one number at a time."""
+    """`x` modulo `period`, in [0, period). Arithmetic only, since the library function does not vectorise."""
     rest = x - period * jnp.floor(x / period)
     return jnp.where(rest >= period, rest - period, jnp.where(rest < 0, rest + period, rest))
 
 
 def nearest_turn(angle: Array, period: Array | float) -> Array:
-    """`angle` less whole periods, within half a period of zero."""
+    """`angle` minus whole periods, within half a period of zero."""
     return angle - period * jnp.round(angle / period)
 
 
 def highest(values: Array) -> Array:
     """True at the largest value (and at any that equals it to rounding).
 
-    Not `values == max(values)`: XLA may compute the two sides in two places and round them differently.
+    Not `values == max(values)`: XLA may compute the two sides separately and round them differently.
     """
     top = jnp.max(values)
     return values >= top - 50 * jnp.finfo(values.dtype).eps * jnp.abs(top)
 
 
 def largest(values: Array) -> Array:
-    """The largest of some values, whose derivative is that of one that is largest.
+    """The largest of some values, with the derivative of one largest entry.
 
-    Not `jnp.max`: its derivative divides by how many entries equal the largest, and where XLA rounds these differently
-    from those compared before, none does, which makes NaN.
+    Not `jnp.max`: its derivative divides by the number of entries that equal the largest. If XLA rounds these
+    differently from those compared before, that number is zero and the derivative NaN.
     """
     return values.ravel()[jnp.argmax(jax.lax.stop_gradient(values))]
 
 
 def smallest(values: Array) -> Array:
-    """The smallest, in the same way."""
+    """The smallest of some values, with the derivative of one smallest entry."""
     return values.ravel()[jnp.argmin(jax.lax.stop_gradient(values))]
 
 
@@ -67,17 +67,17 @@ def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> A
 
 
 def repeat(times: int, body: Callable, state):
-    """`times` rounds of `body(i, state)`: a loop, so that the body is compiled once; plain code for a single round."""
+    """`times` rounds of `body(i, state)`, in a loop, so that the body is compiled once; no loop for a single round."""
     return body(0, state) if times == 1 else jax.lax.fori_loop(0, times, body, state)
 
 
 @jax.custom_jvp
 def envelope(at: Array, moves: Array) -> Array:
-    """`at + moves`, where a stationary function is to be evaluated: the derivative with respect to `at` is dropped.
+    """`at + moves`, an argument of a stationary function: the derivative with respect to `at` is dropped.
 
-    At an interior extremum the first derivative of the extreme value does not depend on how the extremum moves
-    (envelope theorem), so nothing need be propagated through its search. `moves` is numerically zero and carries
-    the derivative of an extremum that sits on a moving edge.
+    At an interior extremum the first derivative of the extreme value does not depend on the shift of the extremum
+    (envelope theorem), so no derivative need pass through its search. `moves` is numerically zero and carries the
+    derivative of an extremum on a moving edge.
     """
     return at + moves
 
@@ -85,7 +85,7 @@ def envelope(at: Array, moves: Array) -> Array:
 @envelope.defjvp
 def _envelope_jvp(primals, tangents):
     at, moves = primals
-    return at + moves, tangents[1]  # the plain sum: a second differentiation sees how `at` moves, as a Hessian needs
+    return at + moves, tangents[1]  # a plain sum, so that second derivatives include the shift of `at`
 
 
 @jax.custom_jvp
@@ -93,7 +93,7 @@ def once(x: Array) -> Array:
     """`x` unchanged, but computed once.
 
     XLA's CPU fusion repeats cheap arithmetic, and even sines, in every consumer; it never repeats a division. Dividing
-    by a one that the compiler cannot see through costs one division and stops the repetition (measured: factor 5).
+    by a 1 that the compiler cannot simplify costs one division and prevents the repetition (measured: factor 5).
     """
     return x / (1.0 + 0.0 * x)
 
@@ -105,7 +105,7 @@ def _once_jvp(primals, tangents):
 
 @jax.custom_jvp
 def sincos(x: Array) -> tuple[Array, Array]:
-    """Sine and cosine of `x`, |x| below 1e5, to the last digit or two; arithmetic only, so that it vectorises.
+    """Sine and cosine of `x`, |x| below 1e5, to the last digit or two. Arithmetic only, so that it vectorises.
 
     XLA calls the C library for every float64 sine on a CPU, a quarter of the time of a whole kinematic analysis.
     Reduction by multiples of π/2 in three parts and the polynomials of fdlibm (Sun Microsystems, 1993).

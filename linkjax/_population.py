@@ -1,4 +1,4 @@
-"""Many designs at once: in blocks that stay in the processor's cache, spread over all devices."""
+"""Many designs at once: in blocks that fit into the processor's cache, spread over all devices."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def map_designs(function: Callable[[Any], Any], *, block: int = BLOCK) -> Callab
     """Map `function` over the leading axis of every array of its argument, like `jax.vmap`, but fast for thousands.
 
     `function(design)` is any jax function of one design (a pytree: an array of lengths, a mechanism, a scene); the
-    mapped function takes the same tree with a leading axis of designs and returns results with that axis. Designs go
-    in blocks of `block` to all devices that JAX shows (`linkjax.use_cpu_devices()` before anything is computed makes
-    every core one). Any number of designs; compiled once per shape of the tree. Raises ValueError when the leading
-    axes differ, are missing, or `block` is less than one.
+    mapped function takes the same tree with a leading axis of designs and returns results with that axis. Designs are
+    sent in blocks of `block` to all devices of JAX; call `linkjax.use_cpu_devices()` before any computation to make
+    every core a device. Any number of designs; compiled once per shape of the tree. Raises ValueError if the leading
+    axes differ or are missing, or `block` is less than one.
     """
     if block < 1:
         raise ValueError(f"block must be at least 1, but is {block}; 100 suits most scenes")

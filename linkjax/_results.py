@@ -1,4 +1,4 @@
-"""Outcomes of an analysis. A failure is data: a code per crank angle and one for the cycle, each with its remedy."""
+"""Results of an analysis. A failure is data: a code per crank angle and one for the cycle, each with a remedy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 
 class Result(enum.IntEnum):
-    """What became of an analysis; the larger code is the graver and wins when outcomes are merged."""
+    """Result of an analysis; of several codes the largest, which is the most serious, is kept."""
 
     SUCCESS = 0
     TOO_MANY_REVERSALS = 1
@@ -22,25 +22,25 @@ class Result(enum.IntEnum):
 LENGTHS = "Change the lengths named until every margin is positive."
 MESSAGES = {
     Result.SUCCESS: "The machine runs.",
-    Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid has room for; "
-    "the error estimates still hold. Give the load a window that holds fewer reversals.",
-    Result.INTEGRATION_FAILED: "The differential equation could not be integrated: the solver ran out of steps. Take "
-    "the quadrature, or, in Python, a looser tolerance.",
-    Result.NO_PERIODIC_REGIME: "There is no periodic regime at this mean speed: the kinetic energy would run out "
-    "within the cycle. Raise the mean speed, add a flywheel (or other inertia) or lower the loads.",
-    Result.NO_INERTIA: "The reduced inertia vanishes within the cycle, so that the crank speed is not bounded there. "
-    "Give the crank or the flywheel (or what else the drive moves) an inertia.",
+    Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid can represent; "
+    "the error estimates still hold. Give the load a window with fewer reversals.",
+    Result.INTEGRATION_FAILED: "The differential equation could not be integrated: the solver ran out of steps. Use "
+    "the quadrature or, in Python, a larger tolerance.",
+    Result.NO_PERIODIC_REGIME: "No steady-state motion exists at this mean speed: the kinetic energy falls to zero "
+    "within the cycle. Raise the mean speed, add a flywheel (or other inertia) or reduce the loads.",
+    Result.NO_INERTIA: "The reduced inertia is zero within the cycle, so that the crank speed is unbounded there. "
+    "Give the crank, the flywheel or another driven link an inertia.",
     Result.CANNOT_BE_ASSEMBLED: f"The linkage cannot be assembled over the whole cycle. {LENGTHS}",
 }
 
 
 def merge(*codes: Array) -> Array:
-    """The gravest of several codes."""
+    """The most serious of several codes."""
     return jnp.max(jnp.stack([jnp.asarray(code, dtype=int) for code in codes]))
 
 
 class MachineError(ValueError):
-    """The machine cannot do what was asked: it cannot be assembled, or has no actual motion."""
+    """The analysis is impossible: the machine cannot be assembled, or has no actual motion."""
 
     def __init__(self, message: str, result: Result):
         self.result = result

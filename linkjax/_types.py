@@ -17,17 +17,17 @@ ScalarFunction = Callable[[Scalar], Scalar]
 
 
 def known(value: Any) -> np.ndarray | None:
-    """The numbers of an array, None while it is traced or a placeholder: what a check on input may look at."""
+    """The numbers of an array for checks on input; None while it is traced or a placeholder."""
     if isinstance(value, Tracer) or not isinstance(value, jax.Array | np.ndarray):
         return None
     return np.asarray(value)
 
 
 def as_float(value: Any) -> Any:
-    """Return `value` as a floating array of the precision in force (float64 after `linkjax.enable_x64()`).
+    """Return `value` as a floating-point array of the precision in force (float64 after `linkjax.enable_x64()`).
 
-    Tracers, arrays and the placeholders that JAX puts into trees pass through unchanged. Raises `TypeError` for what is
-    no number.
+    Tracers, arrays and the placeholders that JAX puts into trees pass through unchanged. Raises `TypeError` if `value`
+    is not a number.
     """
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.integer):
         return value.astype(float)

@@ -1,9 +1,9 @@
-"""Physical quantities written as text, "300 mm", read into SI numbers.
+"""Physical quantities written as strings, "300 mm", read into SI numbers.
 
-The text is taken apart by a small grammar (a number, then units joined by blanks, `*`, `·` or `/`, with whole powers);
-only names of units ever reach pint, so nothing in a scene file is evaluated. Decimal arithmetic: "570 mm" is exactly
-the float 0.57, and "180 deg" is `math.pi`. Angle is a dimension of its own here, so that "5 Hz" is no speed of rotation
-and "30" no angle.
+A small grammar parses the string: a number, then units joined by spaces, `*`, `·` or `/`, with integer powers. Only
+names of units are passed to pint, so nothing in a scene file is evaluated. Arithmetic is decimal: "570 mm" is exactly
+the float 0.57, and "180 deg" is `math.pi`. Angle is a separate dimension here, so that "5 Hz" is not a speed of
+rotation and "30" is not an angle.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from linkjax._renamed import renamed
 
 
 class Dimension(NamedTuple):
-    """A physical dimension: its SI unit, its name with article, an example and the units that people use."""
+    """A physical dimension: its SI unit, its name with article, an example and common units."""
 
     unit: str
     phrase: str
@@ -92,7 +92,7 @@ TIDY = str.maketrans({"−": "-", "²": "^2", "³": "^3", "⋅": "·", "×": "*"
 
 
 class QuantityError(ValueError):
-    """A value is not the physical quantity that was asked for; `problem` says why, `remedy` what to write."""
+    """A value is not a quantity of the required dimension; `problem` says why, `remedy` what to write."""
 
     def __init__(self, problem: str, remedy: str):
         self.problem, self.remedy = problem, remedy
@@ -100,7 +100,7 @@ class QuantityError(ValueError):
 
 
 def nearest(name: str, known) -> str:
-    """A hint at the name that replaces an old one, at the nearest known name, or at all of them when none is near."""
+    """A hint: the name that replaces an old one, the most similar known name, or all known names."""
     if new := renamed(name, known):
         return f"it is called {new!r} now"
     close = difflib.get_close_matches(name, list(known), n=1)
@@ -108,10 +108,10 @@ def nearest(name: str, known) -> str:
 
 
 def quantity(value: Any, dimension: str) -> float:
-    """`value` in SI units: a text with a unit ("300 mm"), or a plain number that is in SI units already.
+    """`value` in SI units: a string with a unit ("300 mm"), or a plain number, which is in SI units already.
 
-    `dimension` is a key of `DIMENSIONS`. A plain angle other than zero is refused: 30 would be taken for degrees by
-    its writer and for radians by us. Raises `QuantityError` for anything else than a finite quantity of this dimension.
+    `dimension` is a key of `DIMENSIONS`. A plain angle other than zero is refused, since 30 might mean degrees or
+    radians. Raises `QuantityError` for anything but a finite quantity of this dimension.
     """
     wanted = DIMENSIONS[dimension]
     if isinstance(value, str):
@@ -128,12 +128,12 @@ def quantity(value: Any, dimension: str) -> float:
 
 
 def kind_of(value: Any) -> str:
-    """What a TOML value is, in words with an article."""
+    """The type of a TOML value, in words with an article."""
     kinds = {
         bool: "a truth value",
-        int: "a whole number",
+        int: "an integer",
         float: "a number",
-        str: "a text",
+        str: "a string",
         list: "a list",
         dict: "a table",
     }
@@ -171,7 +171,7 @@ def _read(text: str, wanted: Dimension) -> float:
 
 
 def _factor(unit: str, wanted: Dimension) -> decimal.Decimal:
-    """SI value of one `unit`; raises `QuantityError` where it is unknown or of another dimension."""
+    """SI value of one `unit`; raises `QuantityError` if it is unknown or of another dimension."""
     factor, dimension = _resolve(unit, wanted)
     if dimension != _dimensions()[wanted.phrase]:
         named = [phrase for phrase, known in _dimensions().items() if known == dimension and known]
@@ -181,12 +181,12 @@ def _factor(unit: str, wanted: Dimension) -> decimal.Decimal:
 
 
 def _resolve(unit: str, wanted: Dimension) -> tuple[decimal.Decimal, dict[str, int]]:
-    """Product of the units in the text `unit`: its size in SI base units and its dimension."""
+    """Product of the units in the string `unit`: its size in SI base units and its dimension."""
     factor, dimension, at = decimal.Decimal(1), dict[str, int](), 0
     while at < len(unit):
         match = FACTOR.match(unit, at)
         if match is None or (at == 0 and match["join"] not in ("", "/")) or len(unit) > 60:
-            remedy = f"{_example(wanted)}; join units by blanks or *, divide by /, raise by ^"
+            remedy = f"{_example(wanted)}; join units by spaces or *, divide by /, raise by ^"
             raise QuantityError(f"cannot read the unit {unit[:60]!r}", remedy)
         power = int(match["power"] or match["low"] or 1) * (-1 if match["join"] == "/" else 1)
         unit_found = _unit(match["name"])
@@ -233,14 +233,14 @@ def _dimensions() -> dict[str, dict[str, int]]:
 
 
 def display_units(text: str) -> dict[str, tuple[float, str]]:
-    """Units that numbers are to be shown in, "mm, rpm, kN": for each SI unit replaced, a factor and a label.
+    """Units in which numbers are shown, "mm, rpm, kN": for each SI unit replaced, a factor and a label.
 
     A number in the SI unit (written as in `DIMENSIONS`: "N m", "rad/s") times the factor is the number in the unit of
     the label ("kN·m", "rpm"). A length also replaces the metre in kinematic coefficients, "m/rad" and "m/rad^2", in
     velocities and in accelerations. A force and a length give the unit of torque; with pounds that is "lbf in" unless
-    the length is in feet. Those chosen themselves come first. "J" is asked for by its own name; "kN m" is a torque.
+    the length is in feet. Units that are given explicitly take precedence. Energy is "J"; "kN m" is a torque.
 
-    Raises `QuantityError` for what is no unit of a quantity known here.
+    Raises `QuantityError` for a unit that belongs to no quantity known here.
     """
     known = {phrase: d.unit for d in DIMENSIONS.values() if (phrase := d.phrase) and d.unit}
     known |= {phrase: unit for unit, phrase in ALSO.items()}
@@ -255,7 +255,7 @@ def display_units(text: str) -> dict[str, tuple[float, str]]:
             raise QuantityError(error.problem, f"{nearest(name, names)} ({example})") from None
         phrase = next((p for p, base in _dimensions().items() if p in known and base == dimension), None)
         if phrase is None:
-            raise QuantityError(f"{name!r} is a unit of nothing that is shown", example)
+            raise QuantityError(f"{name!r} belongs to no quantity that is shown", example)
         unit = "J" if name.endswith("J") else known[phrase]
         if unit in found:
             raise QuantityError(f"two units of {phrase.partition(' ')[2]}, {found[unit][1]!r} and {name!r}", "keep one")
@@ -279,7 +279,7 @@ def _compounds(chosen: dict[str, str]) -> dict[str, tuple[float, str]]:
 
 
 def unit_of(value: Any) -> str:
-    """The unit in which a speed of rotation is written, e.g. "rpm"; rad/s for a number, nothing for no quantity."""
+    """The unit in which a speed of rotation is written, e.g. "rpm"; "rad/s" for a number, otherwise an empty string."""
     if isinstance(value, str):
         match = NUMBER.fullmatch(value.translate(TIDY).strip())
         return match[2].strip() if match else ""
@@ -287,7 +287,7 @@ def unit_of(value: Any) -> str:
 
 
 def label_of(unit: str) -> str:
-    """A unit as it is printed: "kN·m" for "kN m", "m/s²" for "m/s^2", "°" for "deg", nothing for "1"."""
+    """A unit as it is printed: "kN·m" for "kN m", "m/s²" for "m/s^2", "°" for "deg", empty for "1"."""
     if unit in ("1", "deg"):
         return "" if unit == "1" else "°"
     joined = re.sub(r"\s*[*·\s]\s*", "·", unit.strip().translate(TIDY))

@@ -1,4 +1,4 @@
-"""The plane vector: two separate scalar arrays, so that code reads like the textbook, compiled to plain arithmetic."""
+"""The plane vector: two separate scalar arrays; code reads as in a textbook and compiles to plain arithmetic."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from linkjax._types import as_float
 
 
 class Vec(eqx.Module):
-    """A vector in the plane, components `x` and `y` (same shape, SI units of whatever it measures)."""
+    """A vector in the plane, components `x` and `y` (same shape, SI units)."""
 
     x: Array = eqx.field(converter=as_float)
     y: Array = eqx.field(converter=as_float)
@@ -42,7 +42,7 @@ class Vec(eqx.Module):
         return self.x * other.y - self.y * other.x
 
     def perp(self) -> Vec:
-        """The vector turned by +90 degrees."""
+        """The vector rotated by +90 degrees."""
         return Vec(-self.y, self.x)
 
     def turned(self, unit: Vec) -> Vec:

@@ -1,6 +1,5 @@
 """The command line: its files, output and exit codes."""
 
-import csv
 import io
 import json
 import math
@@ -18,6 +17,7 @@ from linkjax.cli._app import angle_of
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._print import print_summary
 from linkjax.motion import steady_motion
+from tests.helpers import PACKAGE
 
 
 def run(monkeypatch, capsys, *arguments):
@@ -147,13 +147,45 @@ def test_long_work_shows_a_spinner_on_a_terminal(monkeypatch):
 
 
 def test_tables_hold_the_same_numbers(analysed):
+    """NumPy reads every table with the names and numbers of the JSON document."""
     folder = analysed[1]
     data = json.loads((folder / "all.json").read_text())
-    with (folder / "csv" / "points.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 72
-    assert [float(row["angle"]) for row in rows] == data["angles"]
-    assert [float(row["G.ddx"]) for row in rows] == data["points"]["G"]["ddx"]
+    moved = {"": data["forces"], "_constant_speed": data["forces_constant_speed"]}
+    wanted = {
+        "points": {f"{key}_{name}": column for name, at in data["points"].items() for key, column in at.items()},
+        "links": {f"{column}_{name}": link[key] for name, link in data["links"].items()
+                  for key, column in {"angle": "angle", "d": "dangle", "dd": "ddangle"}.items()},
+        "groups": {f"transmission_angle_{name.replace('-', '_')}": group["transmission_angle"]
+                   for name, group in data["groups"].items() if "transmission_angle" in group},
+        "reduced": {"inertia": data["reduced"]["inertia"], "inertia_slope": data["reduced"]["inertia_slope"],
+                    "torque": data["reduced"]["torque"],
+                    **{f"torque_{load}": share for load, share in data["reduced"]["torque_by_load"].items()}},
+        "motion": {key: data["motion"][key] for key in ("speed", "acceleration", "time", "power")},
+        **{f"forces{suffix}": {
+            **{f"{key}_{joint.replace('.', '_')}_{link}{suffix}": side[key] for joint, links in
+               forces["reactions"].items() for link, side in links.items() for key in ("fx", "fy", "moment")},
+            f"drive_torque{suffix}": forces["drive_torque"],
+            **{f"{key}_{whole}{suffix}": forces[whole][key] for whole in ("shaking", "frame", "net_frame")
+               for key in ("fx", "fy", "moment")},
+        } for suffix, forces in moved.items()},
+    }  # fmt: skip
+    assert {path.name for path in (folder / "csv").iterdir()} == {f"{kind}.csv" for kind in wanted}
+    for kind, columns in wanted.items():
+        found = np.genfromtxt(folder / "csv" / f"{kind}.csv", delimiter=",", names=True)
+        assert found.dtype.names is not None
+        assert found.dtype.names == ("crank_angle", *columns)
+        assert found["crank_angle"].tolist() == data["angles"] and len(data["angles"]) == 72
+        for name, column in columns.items():
+            assert found[name].tolist() == column, name
+
+
+def test_two_columns_of_one_name_are_refused(call, tmp_path):
+    four_bar = PACKAGE / "scenes/builtin/four-bar.toml"
+    text = four_bar.read_text(encoding="utf-8").replace('name = "tool"', 'name = "a-b"')
+    (tmp_path / "two.toml").write_text(text.replace('name = "ratchet"', 'name = "a_b"'), encoding="utf-8")
+    code, _, err = call("analyse", tmp_path / "two.toml", "--angles", 36, "--csv", tmp_path / "csv")
+    assert code == 2 and not (tmp_path / "csv").exists()
+    assert "reduced.torque_by_load.a_b" in err and "has the column name 'torque_a_b'" in err and "rename" in err
 
 
 def analyse_to_json(call, tmp_path, *words):

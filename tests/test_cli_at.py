@@ -139,9 +139,7 @@ def test_an_acceleration_that_is_given(call):
         code, out, _ = call(*words, value, "--units", "N m, m")
         assert code == 0
         loaded, free = out.split("at 30° of crank angle, ")[1].split("at 90° of crank angle, ")
-        assert (
-            "nominal speed and given acceleration\ncrank speed 1150.000 rpm, angular acceleration 10 rad/s²" in out
-        )
+        assert "nominal speed and given acceleration\ncrank speed 1150.000 rpm, angular acceleration 10 rad/s²" in out
         assert "drive torque 1125.000 N·m" in loaded and "drive torque 125.0000 N·m" in free
         speed = 1150 * math.pi / 30
         assert row(free.split("\nlink ")[0], "B")[3:5] == ["−1", f"{-0.1 * speed**2:.2f}".replace("-", "−")]

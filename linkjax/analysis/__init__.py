@@ -1,4 +1,4 @@
-"""The whole working cycle, computed and laid out."""
+"""The analysis of a working cycle, its JSON document and its columns."""
 
 from linkjax.analysis._analyse import LIGHTEST as LIGHTEST
 from linkjax.analysis._analyse import analyse as analyse
@@ -17,6 +17,7 @@ from linkjax.analysis._measured import measured as measured
 from linkjax.analysis._missing import massless as massless
 from linkjax.analysis._pick import pick as pick
 from linkjax.analysis._precision import float32_digits as float32_digits
+from linkjax.analysis._table import columns as columns
 from linkjax.analysis._tidy import CONSTANT as CONSTANT
 from linkjax.analysis._tidy import force_scale as force_scale
 from linkjax.analysis._tidy import measure_scales as measure_scales
@@ -24,5 +25,4 @@ from linkjax.analysis._tidy import peak_told as peak_told
 from linkjax.analysis._tidy import power_scale as power_scale
 from linkjax.analysis._tidy import torque_scale as torque_scale
 from linkjax.analysis._tidy import uneven as uneven
-from linkjax.analysis._words import load_size as load_size
 from linkjax.analysis._words import peak_unit as peak_unit

@@ -1,4 +1,4 @@
-"""The whole story of a working cycle, in one call."""
+"""The complete analysis of a working cycle in one call."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ from linkjax.motion import (
 )
 from linkjax.reduction import Reduced, reduced_model
 
-MOTION = 10.0  # times the error of δ: the relative error of a force in the true motion
-FINE = 256  # nodes a turn, to integrate what the inertia of a machine takes that follows a law
-LIGHTEST = 1e-6  # least reduced inertia over its mean: the crank would turn a thousand times faster there
+MOTION = 10.0  # times the error of δ: the relative error of a force in the actual motion
+FINE = 256  # nodes per turn, to integrate the inertia torque of a machine with a motion law
+LIGHTEST = 1e-6  # least reduced inertia divided by its mean; below it the crank would turn a thousand times faster
 
 
 def analyse(
@@ -65,16 +65,17 @@ def analyse(
     method: Literal["quadrature", "diffrax"] = "quadrature",
     throw: bool = True,
 ) -> Cycle:
-    """Analyse a working cycle: kinematics, reduction, true motion, forces, peaks, flywheel, checks.
+    """Analyse a working cycle: kinematics, reduction, actual motion, forces, peaks, flywheel, checks.
 
-    `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad); `nodes` is the number
-    of nodes of the cycle grid per crank turn; with `constant_speed` (as the scene says, if omitted) the crank turns at
-    constant nominal speed and the actual motion is left out; `method` is how the actual motion is found: quadrature of
-    the energy equation, or the equation of motion solved by diffrax.
-    Raises `MachineError` (a ValueError) naming group, angle, shortfall and remedy when the linkage cannot be assembled;
-    with `throw=False`, and under jax transformations, `result` tells instead. Where the actual motion does not exist,
-    without inertia or at too low a speed, all else is there, and `Cycle.missing` says why. By diffrax, derivatives are
-    forward only (`jax.jvp`); `motion.steady_by_diffrax` takes another adjoint.
+    `angles` is a number of uniform crank angles over the cycle or an array of crank angles (rad). `nodes` is the number
+    of nodes of the cycle grid per crank turn. With `constant_speed` (default: that of the scene) the crank turns at
+    constant nominal speed and the actual motion is not computed. `method` gives the actual motion: by quadrature of the
+    energy equation, or by diffrax from the equation of motion; the latter has forward derivatives only (`jax.jvp`), and
+    `motion.steady_by_diffrax` takes another adjoint.
+    Raises `MachineError` (a ValueError) with group, angle, shortfall and remedy if the linkage cannot be assembled;
+    with `throw=False`, and under jax transformations, `result` holds the code instead. If no actual motion exists (no
+    inertia, or too low a speed), everything else is computed and `Cycle.missing` gives the reason. Raises
+    `StructureError` for diffrax if the driver has a motion law, and ValueError for fewer than 8 nodes.
     """
     check_scene(scene)
     if nodes < 8:
@@ -82,13 +83,13 @@ def analyse(
     scene, angles = jax.tree.map(as_float, scene), _angles(scene, angles)
     if scene.speed.dtype == jnp.float32:
         warnings.warn(
-            "linkjax computes in float32: about six digits of δ at best, fewer near dead positions, and checks near "
-            "1e-6; call linkjax.enable_x64() before loading the scene for full precision",
+            "linkjax computes in float32: at most about six digits of δ, fewer near singular positions, and checks "
+            "near 1e-6; call linkjax.enable_x64() before loading the scene for full precision",
             stacklevel=2,
         )
     if scene.mechanism.prescribed and method == "diffrax":
-        problem = "follows a law: its motion is known, and no equation of motion is to be solved"
-        raise StructureError(scene.mechanism.driving_link, problem, "leave diffrax out, or the law")
+        problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
+        raise StructureError(scene.mechanism.driving_link, problem, "use the quadrature, or delete the law")
     if method not in ("quadrature", "diffrax"):
         raise ValueError(f'method must be "quadrature" or "diffrax", but is {method!r}')
     constant_speed = scene.constant_speed if constant_speed is None else constant_speed
@@ -99,7 +100,7 @@ def analyse(
         left = fewest_digits(cycle)
         if left < FEWEST:
             warnings.warn(
-                f"float32 leaves this machine about {max(left, 0.0):.1f} digits, by its margins and checks; call "
+                f"float32 gives this machine about {max(left, 0.0):.1f} digits, by its margins and checks; call "
                 "linkjax.enable_x64() before loading the scene",
                 stacklevel=2,
             )
@@ -110,13 +111,13 @@ analyze = analyse
 
 
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, method: str = "quadrature") -> None:
-    """Start compiling what `analyse` needs for scenes of this topology, beside whatever else is done meanwhile."""
+    """Start compiling what `analyse` needs for scenes of this topology, in other threads."""
     scene = ready(jax.tree.map(as_float, scene))
     _compile_ahead(scene, _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
 
 
 def _angles(scene: Scene, angles: Any) -> Array:
-    """The crank angles asked for: uniform ones by their number, or those of an array."""
+    """The crank angles (rad): uniform ones from their number, or those of an array."""
     if isinstance(angles, int | np.integer) and not isinstance(angles, bool):
         if angles < 1:
             raise ValueError(f"angles must be at least 1, but is {angles}; 360 gives whole degrees")
@@ -124,7 +125,7 @@ def _angles(scene: Scene, angles: Any) -> Array:
     found = jnp.asarray(angles, dtype=float)
     if found.ndim != 1 or found.size == 0:
         raise ValueError(
-            f"angles must be a whole number or a list of crank angles in rad, but has the shape {found.shape}; "
+            f"angles must be an integer or a list of crank angles in rad, but has the shape {found.shape}; "
             "write e.g. angles=360 or angles=jnp.linspace(0, 1, 50)"
         )
     return found
@@ -132,7 +133,7 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, method: str, throw: bool) -> Cycle:
     """The analysis in a few jitted parts: one large program would take several times as long to compile. The actual
-    motion is left out where it is not asked for, or where nothing has a mass."""
+    motion is omitted at constant speed, and if nothing has a mass."""
     given, scene = scene, ready(scene)
     moves = _moves(scene, constant_speed)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
@@ -162,14 +163,14 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
 
 
 def _moves(scene: Scene, constant_speed: bool) -> bool:
-    """Whether the actual motion is to be computed: asked for, or known as that of a law, and not without any mass,
-    unless a flywheel is looked for."""
+    """Whether the actual motion is computed: always with a motion law, otherwise unless the speed is constant, or
+    nothing has a mass and no flywheel is required."""
     lifeless = massless(scene) and scene.target_delta is None
     return scene.mechanism.prescribed or not (constant_speed or lifeless)
 
 
 def _compile_ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) -> None:
-    """Start compiling all parts at once, each from the shapes that the ones before will give it; the longest first."""
+    """Start compiling all parts at once, each from the shapes of the previous results; the longest part first."""
     motion, here = None, None
     if moves:
         motion, here, _ = _motion.ahead(scene, nodes, method)
@@ -183,8 +184,8 @@ def _compile_ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: 
 
 
 class Everywhere(NamedTuple):
-    """Everything at many places; `forces`, `speed` and `acceleration` in the actual motion, if there is one, and at
-    constant speed."""
+    """Results at many places; `forces`, `speed` and `acceleration` in the actual motion (if it exists) and at constant
+    speed."""
 
     pose: Pose
     transmission: dict[str, Array]
@@ -217,7 +218,7 @@ def _motion(scene: Scene, nodes: int, method: str) -> tuple[Steady, Reduced, dic
 
 @compiled_soon
 def _everywhere(regime: Regime, angles: Array) -> tuple[Array, Everywhere]:
-    """Force table at the nodes, and everything at the angles: one evaluation of the mechanism for both."""
+    """Forces at the nodes, and all results at the angles, from one evaluation of the mechanism."""
     scene, grid, motion = regime.scene, regime.grid, regime.steady
     shown = jax.vmap(grid.place)(angles)
     nodes = jax.tree.map(jnp.ravel, grid.node_places())
@@ -249,7 +250,7 @@ def _everywhere(regime: Regime, angles: Array) -> tuple[Array, Everywhere]:
 
 @compiled_soon
 def _peaks(regime: Regime, at_nodes: Array) -> tuple[tuple[Peak, ...], Array]:
-    """Peaks of all forces in the actual motion, if there is one, and at constant speed, and the root mean square of the
+    """Peaks of all forces in the actual motion (if it exists) and at constant speed, and the root mean square of the
     shaking force at constant speed."""
     scene, grid, motion = regime.scene, regime.grid, regime.steady
 
@@ -261,7 +262,7 @@ def _peaks(regime: Regime, at_nodes: Array) -> tuple[tuple[Peak, ...], Array]:
     count, motions = len(names), found.value.size // len(names)
     boundless = jnp.tile(singular(scene.mechanism, names), motions)
     found = found._replace(value=jnp.where(boundless, jnp.inf, found.value))
-    if motion is not None:  # there forces follow the square of the speed and its slope
+    if motion is not None:  # in it, forces depend on the square of the speed and its slope
         inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * found.value, 0.0)
         found = found._replace(error=found.error + inexact)
     weights = grid.half[:, None] * grid.rule.w[None]
@@ -272,7 +273,7 @@ def _peaks(regime: Regime, at_nodes: Array) -> tuple[tuple[Peak, ...], Array]:
 
 @compiled_soon
 def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals], dict[str, Array], dict[str, Array]]:
-    """Least margins, dead centres, strokes, and the transmission angles at those margins, where they are extreme."""
+    """Least margins, dead centres, strokes, and transmission angles at the least margins, where they are extreme."""
     mechanism, turns = scene.mechanism, scene.cycle_turns
     limits = assembly_margins(mechanism, turns)
     at = {group: jnp.stack([least.angle for least in sides.values()]) for group, sides in limits.items()}
@@ -283,7 +284,7 @@ def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals], dict[str, Arra
 
 
 def _each(tree) -> tuple:
-    """The motions apart, which `every_motion` computes along an axis."""
+    """The motions separately; `every_motion` computes them along an axis."""
     count = len(jax.tree.leaves(tree)[0])
     return tuple(jax.tree.map(lambda leaf, i=i: leaf[i], tree) for i in range(count))
 
@@ -300,11 +301,11 @@ def _flywheels(scene: Scene, motion: Steady, here: Reduced) -> Flywheels:
 def _checks(
     regime: Regime, here: Reduced | None, angles: Array, at: Everywhere, limits: Margins
 ) -> tuple[Checks, Array]:
-    """The analysis's own checks, and how it went."""
+    """The checks of the analysis, and its result code."""
     scene, motion = regime.scene, regime.steady
     found = [_residuals(scene, at, i) for i in range(len(at.forces))]
     power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
-    none = {"loops": closed_to(power.dtype)}  # a singular value that is zero is so to rounding only
+    none = {"loops": closed_to(power.dtype)}  # a singular value is zero only to rounding
     every = [m.value - none.get(side, 0.0) for sides in limits.values() for side, m in sides.items()]
     least = jnp.min(jnp.stack([jnp.ones(()), *every]))
     codes = [
@@ -322,9 +323,9 @@ def _checks(
 
 
 def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
-    """Virtual power and force balance in one of the two motions, relative to the largest of what is summed: where
-    everything is balanced the sums themselves are no measure. At a change point, where drive torque and frame forces
-    are those sums, only power is compared, with the reduced machine."""
+    """Virtual power and force balance in one of the two motions, relative to the largest term of the sums, because in a
+    balanced machine the sums themselves are zero. At a change point drive torque and frame forces come from these sums,
+    so only the power is compared there, with the reduced model."""
     forces, speed, acceleration = at.forces[i], at.speed[i], at.acceleration[i]
     forces = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), 0.0, x), forces)  # joints at a change point
     crank = at.pose.links[scene.mechanism.driving_link].w
@@ -357,8 +358,8 @@ def _length(v: Vec) -> Array:
 
 
 def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Array:
-    """Every link's kinetic energy from its own velocities against every load's work, integrated by itself, and the
-    drive's: that of its constant torque, or of the torque that the law of the driver takes."""
+    """Kinetic energy of the links, from their velocities, compared with the work of the loads, each integrated
+    separately, and of the drive: of its constant torque, or of the torque that the motion law requires."""
     speed, grid = at.speed[0], motion.grid
     spin = at.pose.links[scene.mechanism.driving_link].w * speed
     kinetic = 0.5 * scene.mechanism.flywheel.inertia * spin**2
@@ -367,7 +368,7 @@ def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, 
         kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
     torques = [(grid, torque) for torque in here.by_load.values()]
     if scene.mechanism.prescribed:
-        torques += [(grid, -torque) for torque in here.by_load.values()]  # the drive makes up for the loads
+        torques += [(grid, -torque) for torque in here.by_load.values()]  # the drive balances the loads
         grid = make_grid(scene, FINE)
         slope = jax.vmap(lambda phi: reduced_model(scene, phi).slope)(grid.nodes.ravel()).reshape(grid.nodes.shape)
         torques.append((grid, 0.5 * slope * scene.speed**2))

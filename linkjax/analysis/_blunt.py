@@ -1,4 +1,4 @@
-"""What is not told at change points: there forces at the joints have no bound."""
+"""Values that are omitted at change points, where joint forces are unbounded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from linkjax.mechanism import Mechanism
 
 
 def without_joints(mechanism: Mechanism, here: Pose, forces: Forces) -> Forces:
-    """The forces at many angles, with none at the joints at change points: NaN."""
+    """The forces at many angles, with NaN for joint reactions at change points."""
     lost = jax.vmap(functools.partial(at_change_point, mechanism))(here)
     if lost is None:
         return forces
@@ -23,8 +23,8 @@ def without_joints(mechanism: Mechanism, here: Pose, forces: Forces) -> Forces:
 
 
 def singular(mechanism: Mechanism, names: list[str]) -> Array:
-    """Which of these peaks have no bound: reactions at the joints of a group with a change point, and of what carries
-    it."""
+    """Which of these peaks are unbounded: reactions at the joints of a group with a change point, and of the groups
+    that carry it."""
     found = {name: jnp.asarray(False) for name in names}
     for number, group in enumerate(mechanism.groups):
         if isinstance(group, RRR | RRP) and group.path is not None:

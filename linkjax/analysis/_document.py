@@ -1,4 +1,4 @@
-"""The JSON document of an analysis: the contract that reports, plots and other programs read."""
+"""The JSON document of an analysis, which reports, plots and other programs read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import jax
 import numpy as np
 
 from linkjax._results import MESSAGES, Result
-from linkjax.analysis._cycle import Cycle
 from linkjax.forces import Forces, JointForce, indeterminate, other_sides
 from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import peak_names
@@ -17,19 +16,18 @@ from linkjax.motion import Peak
 
 SAME = 1e-6  # rad: dead centres so close are one
 WHY = {
-    "quadrature": "torques depend on position only, so the energy equation is integrated and no differential equation "
-    "is solved",
-    "prescribed": "the driver follows a law, so the motion is known before any force",
-    "constant speed": "asked for: the crank turns at constant nominal speed",
+    "quadrature": "torques depend only on position, so the energy equation is integrated by quadrature",
+    "prescribed": "the driver has a motion law, so the motion is known",
+    "constant speed": "as requested: the crank turns at constant nominal speed",
     "none": "there is no actual motion",
-    "diffrax": "asked for: the equation of motion is solved in the crank angle by diffrax (Dopri8)",
+    "diffrax": "as requested: diffrax (Dopri8) integrates the equation of motion over the crank angle",
 }
 
 
-def document(cycle: Cycle, name: str = "", version: str = "") -> dict[str, Any]:
-    """The analysis as nested dicts of NumPy arrays and floats (SI), laid out as `docs/conventions.md` says. What
-    belongs to an actual motion that does not exist, or is not asked for, is None; so is every result over the whole
-    cycle of a machine that cannot be assembled."""
+def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
+    """A `Cycle` as nested dicts of NumPy arrays and floats (SI), with the keys of `docs/conventions.md`. Values of
+    an actual motion that does not exist, or is not requested, are None. So are the results over the whole cycle of a
+    machine that cannot be assembled."""
     cycle = jax.device_get(cycle)
     scene, code = cycle.scene, Result(int(cycle.result))
     found = {
@@ -90,8 +88,8 @@ def _only_assembled(data: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _model(cycle: Cycle) -> dict[str, Any]:
-    """How the figures were found, and why so."""
+def _model(cycle: Any) -> dict[str, Any]:
+    """The method that gave the results, and the reason."""
     scene = cycle.scene
     method = "prescribed" if scene.mechanism.prescribed else cycle.method
     why = WHY[method]
@@ -106,8 +104,8 @@ def _model(cycle: Cycle) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _motion(cycle: Cycle) -> dict[str, Any]:
-    """The actual motion; of one that does not exist only how far it is from that."""
+def _motion(cycle: Any) -> dict[str, Any]:
+    """The actual motion; if it does not exist, only its margin and the lowest mean speed."""
     motion, missing = cycle.steady, cycle.missing
     series = {"speed": cycle.speed, "acceleration": cycle.acceleration, "time": cycle.time, "power": cycle.power}
     found = {
@@ -126,12 +124,12 @@ def moves(data: dict[str, Any]) -> bool:
 
 
 def check_limit(data: dict[str, Any]) -> float:
-    """The relative residual that a check of a sound analysis stays below, in the precision of the document."""
+    """The largest relative residual of a check in a correct analysis, for the precision of the document."""
     return 1e-10 if data["precision"] == "float64" else 1e-3
 
 
 def plain(value: Any) -> Any:
-    """The document with lists instead of arrays and None for what is no number, ready for `json.dump`."""
+    """The document with lists instead of arrays and None for NaN and infinity, ready for `json.dump`."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -145,15 +143,15 @@ def _maybe(value: Any) -> float | None:
     return None if value is None else float(value)
 
 
-def _points(cycle: Cycle):
-    """Points in the order of the machine: frame, pins and marked points, then mass centres."""
+def _points(cycle: Any):
+    """Points in the order of the mechanism: frame, pins and coupler points, then mass centres."""
     mechanism = cycle.scene.mechanism
     centres = [mechanism.links[link].centre_name for link in mechanism.link_names]
     first = [point for point in mechanism.owners() if point not in centres]
     return [(point, cycle.pose.points[point]) for point in [*first, *centres]]
 
 
-def _groups(cycle: Cycle) -> dict[str, Any]:
+def _groups(cycle: Any) -> dict[str, Any]:
     found = {}
     for name, group in named_groups(cycle.scene.mechanism).items():
         entry: dict[str, Any] = {"kind": group.kind, "formula": group.classified()[0]}
@@ -172,19 +170,19 @@ def _groups(cycle: Cycle) -> dict[str, Any]:
     return found
 
 
-def _dead_centres(cycle: Cycle) -> list[dict[str, Any]]:
+def _dead_centres(cycle: Any) -> list[dict[str, Any]]:
     points = cycle.pose.points
     return [{"point" if name in points else "link": name, "angle": float(angle)}
             for name, found in cycle.dead_centres.items() for angle in _stops(cycle, found)]  # fmt: skip
 
 
-def _stops(cycle: Cycle, found: Reversals) -> np.ndarray:
-    """Crank angles of the true dead centres, in order."""
+def _stops(cycle: Any, found: Reversals) -> np.ndarray:
+    """Crank angles of the actual dead centres, in order."""
     return np.sort(np.mod(np.asarray(found.angle)[np.asarray(found.true)], cycle.scene.cycle))
 
 
-def _strokes(cycle: Cycle) -> dict[str, Any]:
-    """What sliders and links cover, and how much longer one way takes than the other at constant speed."""
+def _strokes(cycle: Any) -> dict[str, Any]:
+    """Strokes of sliders, angles of oscillation of links, and time ratios at constant crank speed."""
     rows = {}
     for name, value in cycle.strokes.items():
         stops = _stops(cycle, cycle.dead_centres[name])
@@ -192,14 +190,14 @@ def _strokes(cycle: Cycle) -> dict[str, Any]:
             continue
         turn = np.sort(np.mod(stops, 2 * math.pi))
         ways = np.diff(turn, append=turn[0] + 2 * math.pi)
-        ways = ways[ways > SAME]  # the same dead centre in every turn counts once
+        ways = ways[ways > SAME]  # a dead centre that repeats in every turn counts once
         ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 else None
         unit = "m" if name in cycle.pose.points else "rad"
         rows[name] = {"value": float(value), "unit": unit, "time_ratio": ratio}
     return rows
 
 
-def _forces(cycle: Cycle, forces: Forces) -> dict[str, Any]:
+def _forces(cycle: Any, forces: Forces) -> dict[str, Any]:
     by = other_sides(cycle.scene)
     return {
         "reactions": {
@@ -217,7 +215,7 @@ def _vector(force: JointForce) -> dict[str, Any]:
     return {"fx": force.fx, "fy": force.fy, "moment": force.moment}
 
 
-def _peaks(cycle: Cycle, peak: Peak | None, suffix: str) -> dict[str, Any]:
+def _peaks(cycle: Any, peak: Peak | None, suffix: str) -> dict[str, Any]:
     if peak is None:
         return {}
     names = peak_names(cycle.scene)

@@ -1,4 +1,4 @@
-"""Forces at an angular acceleration that is given, instead of that of the motion."""
+"""Forces at a given angular acceleration instead of that of the motion."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from linkjax.machine import Scene, ready
 
 
 def at_acceleration(cycle: Cycle, acceleration: float | Array) -> Cycle:
-    """The same cycle with its forces, at its angles, at nominal speed and at this angular acceleration of the crank
-    (rad/s², positive where it turns faster and faster)."""
+    """The same cycle with the forces at nominal speed and at this angular acceleration of the crank (rad/s², positive
+    if the speed increases)."""
     scene = ready(cycle.scene)
     speed = jnp.broadcast_to(scene.speed, cycle.angles.shape)
     slope = jnp.full_like(speed, acceleration)

@@ -1,4 +1,4 @@
-"""The registered measures of a cycle that has been analysed: no second computation."""
+"""The registered measures of an analysed cycle, without a second computation."""
 
 from __future__ import annotations
 

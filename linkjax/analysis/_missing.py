@@ -1,4 +1,4 @@
-"""Why a cycle has no actual motion, and the cycle without any number of a motion that does not exist."""
+"""The reason why a cycle has no actual motion, and the cycle without the values of that motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NONE = (Result.INTEGRATION_FAILED, Result.NO_PERIODIC_REGIME, Result.NO_INERTIA)
 
 
 def massless(scene: Scene) -> bool:
-    """Whether nothing of a machine has a mass or an inertia, as far as its numbers are known."""
+    """Whether all masses and inertias of a machine are known to be zero."""
     links = scene.mechanism.links.values()
     pieces = [piece for link in links for piece in link.counterweights.values()]
     heavy = [(link.mass, link.inertia, link.area) for link in links]
@@ -27,8 +27,8 @@ def massless(scene: Scene) -> bool:
 
 
 def only_what_exists(cycle: Cycle) -> Cycle:
-    """The cycle, with `missing` and None for everything of the actual motion where that does not exist; under jax
-    transformations, which cannot know, the cycle as it is."""
+    """The cycle, with `missing` and None for the values of an actual motion that does not exist; unchanged under jax
+    transformations, where the result is unknown."""
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle))
     if traced or cycle.constant_speed or (code := Result(int(cycle.result))) not in NONE:
         return cycle
@@ -37,7 +37,7 @@ def only_what_exists(cycle: Cycle) -> Cycle:
     if needed is not None and not (bool(jnp.isfinite(needed)) and float(needed) > 0):
         needed, wheels = None, None
     missing = NoMotion(
-        _reason(cycle, code, "" if needed is None else _wheel(cycle, float(needed))),
+        _reason(cycle, code, "" if needed is None else _needed(cycle, float(needed))),
         fails=code is not Result.NO_INERTIA or not massless(cycle.scene),
         steady_state_margin=None if steady is None else steady.steady_state_margin,
         min_mean_speed=None if steady is None or code is not Result.NO_PERIODIC_REGIME else steady.min_mean_speed,
@@ -50,28 +50,29 @@ def only_what_exists(cycle: Cycle) -> Cycle:
     )  # fmt: skip
 
 
-def _wheel(cycle: Cycle, needed: float) -> str:
+def _needed(cycle: Cycle, needed: float) -> str:
     assert cycle.scene.target_delta is not None
     return f" (with a flywheel of {needed:.4g} kg m^2 δ is {float(cycle.scene.target_delta):.4g})"
 
 
-def _reason(cycle: Cycle, code: Result, wheel: str) -> str:
-    """Why there is no actual motion, and what would give one, in one line."""
+def _reason(cycle: Cycle, code: Result, flywheel: str) -> str:
+    """Why there is no actual motion, and a remedy, in one line."""
     shaft, steady = isinstance(cycle.scene.mechanism.groups[0], Crank), cycle.steady
     if code is Result.NO_INERTIA:
         if steady is None or not bool(jnp.any(cycle.reduced.inertia > 0)):
-            why = "no actual motion: nothing has a mass; forces at constant speed are those of statics"
+            why = "no actual motion: nothing has a mass; forces at constant speed are static"
         else:
             degrees = float(jnp.degrees(steady.angle_of_min_inertia))
             why = f"no actual motion: no reduced inertia at {degrees:.2f} degrees of crank angle"
-            why += f", so that the {'crank ' if shaft else ''}speed has no bound there"
-        return f"{why}. Give {'the crank or the flywheel' if shaft else 'what the drive moves'} an inertia{wheel}."
+            why += f", so that the {'crank ' if shaft else ''}speed is unbounded there"
+        return f"{why}. Give {'the crank or the flywheel' if shaft else 'the driven links'} an inertia{flywheel}."
     if code is Result.INTEGRATION_FAILED or steady is None:
         return f"no actual motion: {MESSAGES[Result.INTEGRATION_FAILED]}"
     nominal, lowest = (f"{float(speed):.6g} rad/s" for speed in (cycle.scene.speed, steady.min_mean_speed))
     degrees = float(jnp.degrees(steady.angle_of_min_work))
-    add = "add a flywheel" if shaft else "add inertia to what the drive moves"
+    add = "add a flywheel" if shaft else "add inertia to the driven links"
     return (
-        f"no periodic regime at a mean speed of {nominal}: the kinetic energy runs out at {degrees:.2f} degrees; "
-        f"the lowest mean speed that has one is {lowest}. Raise the mean speed, {add}{wheel} or lower the loads."
+        f"no steady-state motion at a mean speed of {nominal}: the kinetic energy falls to zero at {degrees:.2f} "
+        f"degrees; the lowest mean speed that has one is {lowest}. Raise the mean speed, {add}{flywheel} or reduce the "
+        "loads."
     )

@@ -1,4 +1,4 @@
-"""How many digits a machine keeps in single precision."""
+"""Digits of a machine's results in single precision."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from linkjax.kinematics import pose, scan_angles
 from linkjax.machine import Scene, ready
 from linkjax.motion import steady_motion
 
-FEWEST = 4  # digits, below which single precision is warned of
-SCAN = 90  # crank angles a turn that are compared
+FEWEST = 4  # digits, below which there is a warning
+SCAN = 90  # crank angles per turn that are compared
 
 
 def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
-    """Decimal digits that survive where a scene is computed in float32 instead of float64, by comparison of both.
+    """Correct decimal digits of a scene's results in float32, by comparison with float64.
 
     Of `position`, `coefficients` (first and second), `drive_torque` at constant nominal speed, each relative to its
-    largest magnitude over the cycle, and of `delta`. Computes everything twice, whatever the precision of the program;
-    the scene's numbers are rounded to float32 first, which is part of the loss. Raises `RuntimeError` from JAX where
-    it cannot change its precision; not for use under jax transformations.
+    largest magnitude over the cycle, and of `delta`. Computes everything in both precisions. The scene's numbers are
+    rounded to float32 first, which is part of the error. Raises `RuntimeError` from JAX if the precision cannot be
+    changed; not for use under jax transformations.
     """
     found = []
     for wide in (True, False):
         with jax.enable_x64(wide), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Explicitly requested dtype float64")  # of constants of the first pass
+            warnings.filterwarnings("ignore", "Explicitly requested dtype float64")  # from constants of the first pass
             kind = jnp.float64 if wide else jnp.float32
             given = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), scene)
             found.append([np.asarray(part, dtype=float) for part in _figures(given, nodes)])
@@ -41,7 +41,7 @@ def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
 
 
 def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
-    """What is compared, each of shape (quantities, angles) but for the last."""
+    """The quantities compared, each of shape (quantities, angles) except the last."""
     scene = ready(jax.tree.map(as_float, scene))
     phi = scan_angles(scene.cycle_turns, SCAN)
 
@@ -61,17 +61,17 @@ def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
 
 
 def _digits(exact: np.ndarray, rough: np.ndarray) -> float:
-    """Digits that two results share, relative to the largest magnitude of each row; the fewest of all rows."""
+    """Digits in which two results agree, relative to the largest magnitude of each row; the fewest of all rows."""
     size = np.max(np.abs(exact), axis=1)
-    there = size > 1e-6 * np.max(size)  # what hardly moves has no digits to lose
+    there = size > 1e-6 * np.max(size)  # quantities that hardly change are not compared
     wrong = np.max(np.abs(exact - rough), axis=1)[there] / size[there]
     return float(np.min(-np.log10(np.maximum(wrong, np.finfo(float).eps)), initial=16.0))
 
 
 def fewest_digits(cycle: Cycle) -> float:
-    """Digits that the precision in force leaves of an analysis, roughly: those of kinematic coefficients at the least
-    assembly margin, where rounding grows as its inverse (docs/hard-cases.md), those of δ, which is a difference of
-    speeds, and what the checks of the analysis itself say."""
+    """Approximate number of correct digits of an analysis in the precision in force: the least of those of kinematic
+    coefficients at the least assembly margin, where rounding errors grow as its inverse (docs/hard-cases.md), of δ,
+    which is a difference of speeds, and of the checks of the analysis."""
     rounding = float(jnp.finfo(cycle.angles.dtype).eps)
     worst = float(jnp.maximum(cycle.checks.virtual_power, cycle.checks.force_balance))
     sizes = [float(m.value) for sides in cycle.margins.values() for m in sides.values()]

@@ -1,7 +1,7 @@
-"""What of an analysis is worth a number: zero for what is only rounding, no crank angle for what is constant.
+"""What of an analysis is shown: zero for a value that is only a rounding error, no crank angle for a constant.
 
-A sum that should vanish is printed as what rounding leaves of it, `0.0000106581 nN·m`, unless it is compared to what it
-was summed from. The document keeps all digits; only what people read is made tidy.
+A sum that should be zero would be shown as its rounding error, `0.0000106581 nN·m`, unless it is compared with its
+terms. The document keeps all digits; only printed output is rounded in this way.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from linkjax.analysis._words import peak_unit
 
 Data = dict[str, Any]
 CONSTANT = "_constant_speed"
-ENOUGH = 8  # crank angles from which on a quantity that is the same at all of them is taken for constant
-SUMS = ("N", "N m", "W")  # units of measures that are sums of forces, and may vanish
+ENOUGH = 8  # the least number of crank angles at which a quantity must be the same to count as constant
+SUMS = ("N", "N m", "W")  # units of measures that are sums of forces and may be zero
 
 
 def force_scale(data: Data, suffix: str = "") -> float:
-    """The largest force (N) of a motion: what the smaller ones are summed from."""
+    """The largest force (N) of a motion, which smaller ones are compared with."""
     return _largest(peak["value"] for name, peak in _peaks(data, suffix) if peak_unit(name) == "N")
 
 
 def torque_scale(data: Data, suffix: str = "") -> float:
-    """The largest torque (N m) of a motion, or of what torques are summed from: forces times the extent of the machine,
-    and the kinetic energy per radian."""
+    """The largest torque (N m) of a motion, or of the terms of torques: forces times the extent of the machine, and
+    kinetic energy per radian."""
     places = [np.asarray(point[axis], float) for point in data.get("points", {}).values() for axis in ("x", "y")]
     extent = _largest(np.ptp(np.concatenate(places[axis::2])) for axis in (0, 1)) if places else 0.0
     inertia = _largest(np.ravel(data.get("reduced", {}).get("inertia", ())))
@@ -38,13 +38,13 @@ def torque_scale(data: Data, suffix: str = "") -> float:
 
 
 def power_scale(data: Data) -> float:
-    """The largest power (W) that the torques of the actual motion can make."""
+    """The largest power (W) of the torques in the actual motion."""
     return torque_scale(data) * abs(data["motion"].get("mean_speed") or 0.0)
 
 
 def peak_told(data: Data, key: str) -> tuple[float, float, float]:
-    """The value of a peak, zero where it is below its error or only rounding; its crank angle, NaN where there is none:
-    the quantity is zero, or the same everywhere; and its error, NaN of what is only rounding."""
+    """A peak: its value, zero if it is below its error or only a rounding error; its crank angle, NaN if the quantity
+    is zero or constant; and its error, NaN if the value is only a rounding error."""
     peak, suffix = data["peaks"][key], CONSTANT if key.endswith(CONSTANT) else ""
     name, value, error = key.removesuffix(CONSTANT), float(peak["value"]), float(peak["error"])
     scale = (force_scale if peak_unit(name) == "N" else torque_scale)(data, suffix)
@@ -55,13 +55,13 @@ def peak_told(data: Data, key: str) -> tuple[float, float, float]:
 
 
 def uneven(data: Data) -> bool:
-    """Whether the speed fluctuates by more than the error of δ: otherwise it is largest nowhere."""
+    """Whether the speed fluctuates by more than the error of δ; otherwise it has no largest value."""
     delta, error = (data["motion"][key] for key in ("delta", "delta_error"))
     return delta is not None and not float(delta) <= float(error) < math.inf
 
 
 def measure_scales(optimum: Data) -> dict[str, float]:
-    """Of an optimisation's document the largest force, torque and power among the measures, by unit."""
+    """The largest force, torque and power among the measures of an optimisation's document, by unit."""
     units, both = optimum["units"], (optimum["before"], optimum["after"])
     found = {unit: [m.get(name) for m in both for name in units if units[name] == unit] for unit in SUMS}
     return {unit: _largest(value for value in values if value is not None) for unit, values in found.items()}
@@ -77,9 +77,9 @@ def _largest(values: Iterable[Any]) -> float:
 
 
 def _least(data: Data, name: str, suffix: str) -> float:
-    """The least magnitude of a quantity over the cycle, as far as the document tells; minus infinity where it does not.
+    """The least magnitude of a quantity over the cycle, from the document; minus infinity if it has no values.
 
-    The mean of the drive torque is that of its work, in any motion; it equals the peak of a constant torque only.
+    For the drive torque it is the mean, which equals the peak only if the torque is constant.
     """
     if name == "drive_torque" and data["motion"].get("mean_drive_torque") is None:
         return float(np.min(np.abs(data["forces_constant_speed"]["drive_torque"])))

@@ -13,7 +13,6 @@ from linkjax._display import NONE, Numbers, above, retold
 from linkjax.analysis import (
     CONSTANT,
     check_limit,
-    load_size,
     moves,
     peak_told,
     peak_unit,
@@ -24,7 +23,7 @@ from linkjax.analysis import (
 from linkjax.cli._console import console
 from linkjax.groups import Crank, General, Harmonic
 from linkjax.kinematics import AssemblyModes
-from linkjax.machine import Scene
+from linkjax.machine import Scene, load_size
 from linkjax.mechanism import Mechanism, Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised

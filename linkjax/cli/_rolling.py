@@ -121,9 +121,9 @@ def _write_csv(data: Data, folder: Path) -> None:
     _write(folder / "bodies.csv", columns)
     columns = {"angle": data["angles"], "carrier": path["carrier"]}
     for ring in ("inner", "outer"):
-        columns |= {f"{ring}.{part}": path[ring][part] for part in ("x", "y", "angle")}
+        columns |= {f"{part}_{ring}": path[ring][part] for part in ("x", "y", "angle")}
     for i in range(len(spins)):
-        columns |= {f"{i + 1}.x": path["x"][i], f"{i + 1}.y": path["y"][i], f"{i + 1}.angle": path["body_angles"][i]}
+        columns |= {f"x_{i + 1}": path["x"][i], f"y_{i + 1}": path["y"][i], f"angle_{i + 1}": path["body_angles"][i]}
     _write(folder / "path.csv", columns)
 
 

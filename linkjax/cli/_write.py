@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import linkjax
-from linkjax.analysis import moves
+from linkjax.analysis import columns
 from linkjax.cli._console import console, elapsed
 from linkjax.machine import Scene
+from linkjax.mechanism import StructureError
+from linkjax.scenes import SceneError
 
 
 def write_out(
@@ -29,21 +30,15 @@ def write_out(
 
 
 def write_csv(data: dict[str, Any], folder: Path) -> None:
-    """One table per kind, crank angle (rad) in the first column, keys of the JSON document as headings."""
+    """One table per kind, with the columns of `Cycle.table`. Raises `SceneError` where two columns have the same
+    name."""
+    try:
+        kinds = columns(data)
+    except StructureError as error:
+        raise SceneError(data["scene"], error.element, None, error.problem, error.remedy) from error
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("points", "links", "groups", "reduced", "motion", "forces", "forces_constant_speed"):
-        if data[name] is None or (name == "motion" and not moves(data)):
-            continue
-        columns = {"angle": data["angles"]} | dict(_columns(data[name], len(data["angles"])))
+    for name, table in kinds.items():
         with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
-            writer.writerow(columns)
-            writer.writerows(zip(*(map(repr, map(float, column)) for column in columns.values()), strict=True))
-
-
-def _columns(tree: dict[str, Any], length: int, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in tree.items():
-        if isinstance(value, dict):
-            yield from _columns(value, length, f"{prefix}{key}.")
-        elif getattr(value, "shape", ()) == (length,):
-            yield prefix + key, value
+            writer.writerow(table)
+            writer.writerows(zip(*(map(repr, map(float, column)) for column in table.values()), strict=True))

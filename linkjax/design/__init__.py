@@ -2,7 +2,6 @@
 
 from linkjax.design._cone import descend as descend
 from linkjax.design._document import document as document
-from linkjax.design._document import outcome as outcome
 from linkjax.design._multistart import multistart as multistart
 from linkjax.design._names import DesignError as DesignError
 from linkjax.design._names import changed as changed
@@ -24,4 +23,5 @@ from linkjax.design._terms import Term as Term
 from linkjax.design._terms import as_term as as_term
 from linkjax.design._terms import at_least as at_least
 from linkjax.design._terms import at_most as at_most
+from linkjax.design._text import outcome as outcome
 from linkjax.design._texts import limit as limit

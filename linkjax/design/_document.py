@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from linkjax.analysis import Cycle, measured
 from linkjax.design._names import number
 from linkjax.design._optimise import Optimum
 from linkjax.design._problem import Case
+from linkjax.design._text import outcome
 from linkjax.measures import MEASURES
 
 WHY = {
@@ -29,19 +29,6 @@ MESSAGES = {
     "infeasible": "No start reached a design that satisfies every constraint; this one violates them least. Relax one "
     "of the conflicting constraints, add design variables, or try more starts.",
 }
-CERTIFIED = 1e-6
-
-
-def outcome(found: Optimum) -> str:
-    """The outcome: a key of `MESSAGES`."""
-    if found.interrupted:
-        return "interrupted"
-    unsound = {kind.label for kind in found.problem.kinds if kind.role == "sound"} & set(found.violated)
-    if not unsound and (found.objective is None or not math.isfinite(found.objective)):
-        return "no value"
-    if not found.feasible:
-        return "infeasible"
-    return "optimal" if found.kkt_residual <= CERTIFIED else "uncertified"
 
 
 def document(

@@ -19,6 +19,7 @@ from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
 from linkjax.design._starts import Progress, Run, Start, Traded, feasible, known, objective, trade, violated
 from linkjax.design._terms import Asked, Limit, Term
+from linkjax.design._text import optimum_text
 from linkjax.design._texts import Range, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene, check_scene
 from linkjax.measures import MEASURES, NODES
@@ -75,6 +76,9 @@ class Optimum:
     interrupted: bool = False
     trade_off: tuple[Traded, ...] = ()
     traded: str = ""
+
+    def __str__(self) -> str:
+        return optimum_text(self)
 
     @property
     def variables(self) -> dict[str, tuple[float, float]]:

@@ -3,3 +3,4 @@
 from linkjax.machine._scene import Scene as Scene
 from linkjax.machine._scene import check_scene as check_scene
 from linkjax.machine._scene import ready as ready
+from linkjax.machine._text import load_size as load_size

@@ -17,6 +17,7 @@ from linkjax._vec import Vec
 from linkjax.groups import Crank
 from linkjax.kinematics import prepared
 from linkjax.loads import AbstractLoad, Window
+from linkjax.machine._text import scene_text
 from linkjax.machine._turns import check_turns
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -111,6 +112,9 @@ class Scene(eqx.Module):
     def _never_moves(self, load: AbstractLoad) -> bool:
         translating = {link for group in self.mechanism.groups for link in group.translating()}
         return load.point in self.mechanism.fixed if load.point else load.link in translating
+
+    def __str__(self) -> str:
+        return scene_text(self)
 
     @property
     def cycle(self) -> float:

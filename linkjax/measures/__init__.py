@@ -1,4 +1,4 @@
-"""Numbers a designer asks for: functions of a scene with a unit."""
+"""Measures of a machine: functions of a scene, each with a unit."""
 
 from linkjax.measures._forces import every_motion as every_motion
 from linkjax.measures._forces import peak_names as peak_names

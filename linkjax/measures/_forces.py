@@ -1,4 +1,4 @@
-"""Force quantities at a place of the cycle grid, stacked so that all their peaks are found by one search."""
+"""Force quantities at a place of the cycle grid, stacked so that one search finds all their peaks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from linkjax.reduction import mass_sums
 
 
 def shaking(regime: Regime, place: Place) -> Float[Array, "1 2"]:
-    """Shaking force (N): what inertia does to the frame."""
+    """Shaking force (N): the inertia force on the frame."""
     here = pose(regime.scene.mechanism, place.phi)
     first, second = mass_sums(here)
     speed, acceleration = regime.crank(place)
@@ -36,8 +36,8 @@ def reactions(regime: Regime, place: Place) -> Float[Array, "joints 2"]:
 
 
 def every_motion(regime: Regime, place: Place) -> tuple[Forces, Float[Array, " motions"], Float[Array, " motions"]]:
-    """Forces in the actual motion, unless the regime is one of constant speed, and at constant nominal speed (leading
-    axis), with crank speed and acceleration."""
+    """Forces, crank speed and acceleration in the actual motion (unless the regime is of constant speed) and at
+    constant nominal speed, along a leading axis."""
     speed, acceleration = regime.crank(place)
     pairs = [(regime.scene.speed * jnp.ones_like(speed), jnp.zeros_like(acceleration))]
     if regime.steady is not None:
@@ -65,13 +65,13 @@ def peak_names(scene: Scene) -> list[str]:
 
 
 def _net(scene: Scene) -> bool:
-    """Whether the foundation feels something else than the frame."""
+    """Whether the force on the foundation differs from that on the frame."""
     return any(load.reacts_on == "frame" for load in scene.loads)
 
 
 def reaction_names(scene: Scene) -> list[tuple[str, str]]:
-    """One (joint, link) for every joint: the link that joins, the other side being equal and opposite; where several
-    join one pin, also the link that carries it, which takes their sum."""
+    """One (joint, link) for every joint, since the reaction on the other link is equal and opposite. Where several
+    links join one pin, also the link that carries the pin, which bears their sum."""
     joints = [joint for group in scene.mechanism.groups for joint in group.joints()]
     names = [(joint.name, joint.link) for joint in joints]
     owners = scene.mechanism.owners()

@@ -1,6 +1,6 @@
-"""Every number a designer asks for, as a function of the scene with a unit. The name states the regime.
+"""The measures: functions of the scene, each with a unit. The name says whether it is at constant speed.
 
-`MEASURES` is what the tests sweep and the optimiser uses; a new measure is a function of `Parts` with the decorator.
+`MEASURES` holds all of them, for the optimiser and the tests. A new measure is a decorated function of `Parts`.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ from linkjax.motion import (
 )
 from linkjax.reduction import Reduced, governing, reduced_model
 
-SLOW = 0.1  # of the fastest: the least rate at which a flywheel counts as calming a pair of speeds
+SLOW = 0.1  # of the largest rate: the least rate of δ per inertia that is used
 
 
 @dataclasses.dataclass(frozen=True)
 class Measure:
-    """A number of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable; nodes per crank turn.
+    """A measure of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable; nodes per crank turn.
 
-    A peak also has `rows`, all that may be the largest: where two peaks tie, the number alone has no gradient.
+    A peak also has `rows`, all values that may be the largest: where two peaks are equal, the peak has no gradient.
     """
 
     name: str
     unit: str
     meaning: str
     function: Callable[[Parts], Array]
-    rows: Callable[[Parts], Rows] | None = None  # everything that may be the largest, or the smallest
+    rows: Callable[[Parts], Rows] | None = None  # all values that may be the largest, or the smallest
     smallest: bool = False
 
     def __call__(self, scene: Scene, nodes: int = NODES) -> Array:
@@ -62,7 +62,7 @@ Peaked = tuple[Regime, Components, Array | None]
 
 
 def _registered(function: Callable, unit: str, value, rows=None, smallest: bool = False) -> Measure:
-    """The measure that a decorated function stands for."""
+    """The measure made from a decorated function."""
     made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), value, rows, smallest)
     MEASURES[made.name] = made
     return made
@@ -71,31 +71,31 @@ def _registered(function: Callable, unit: str, value, rows=None, smallest: bool 
 def measure(
     unit: str, rows: Callable[[Parts], Rows] | None = None, smallest: bool = False
 ) -> Callable[[Callable[[Parts], Array]], Measure]:
-    """Make a measure of a function of `Parts`, with its unit and, if it is an extreme, everything that may be it, and
-    register it under the function's name."""
+    """Make a measure of a function of `Parts` and register it under the function's name; `rows` are, for an extreme,
+    all values that may be it."""
     return lambda function: _registered(function, unit, function, rows, smallest)
 
 
 def peak(unit: str) -> Callable[[Callable[[Parts], Peaked]], Measure]:
-    """Make a measure of what has a peak: the regime, its components, and their values at the nodes if known."""
+    """Make a measure of a peak; the function returns the regime, the components, and their node values if known."""
     return lambda function: _registered(
         function, unit, lambda of: largest(peaks(*function(of)).value), lambda of: rows(*function(of))
     )
 
 
 def smallest(unit: str) -> Callable[[Callable[[Parts], Rows]], Measure]:
-    """Make a measure of which the smallest of several numbers counts."""
+    """Make a measure of the smallest of several numbers."""
     return lambda function: _registered(function, unit, lambda of: least_of(function(of).size()), function, True)
 
 
 def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
-    """Several measures of one scene by name, at little more than the cost of one: they share grid and node values."""
+    """Several measures of one scene by name. They share grid and node values, so they cost little more than one."""
     parts = Parts(scene, nodes)
     return {one.name: one.function(parts) for one in measures}
 
 
 def _extreme_speeds(of: Parts) -> tuple[Rows, Rows]:
-    """Crank speeds of the true motion that may be the largest, and those that may be the smallest."""
+    """Crank speeds of the actual motion that may be the largest, and those that may be the smallest."""
     above = 2 * jax.lax.stop_gradient(of.steady.max_speed)
 
     def speeds(regime: Regime, place: Place) -> Array:
@@ -120,24 +120,24 @@ def _swings(of: Parts) -> Rows:
 
 @measure("1", _swings)
 def delta(of: Parts) -> Array:
-    """Coefficient of speed fluctuation of the true motion, (ω_max - ω_min) / mean speed."""
+    """Coefficient of speed fluctuation of the actual motion, (ω_max - ω_min) / mean speed."""
     return of.steady.delta
 
 
 @measure("rad/s", lambda of: _extreme_speeds(of)[0])
 def max_crank_speed(of: Parts) -> Array:
-    """Largest crank speed of the true motion."""
+    """Largest crank speed of the actual motion."""
     return of.steady.max_speed
 
 
 @measure("rad/s", lambda of: _extreme_speeds(of)[1], smallest=True)
 def min_crank_speed(of: Parts) -> Array:
-    """Smallest crank speed of the true motion."""
+    """Smallest crank speed of the actual motion."""
     return of.steady.min_speed
 
 
 def _least_energies(of: Parts) -> Rows:
-    """Regime margins by every kinetic energy that may be the smallest."""
+    """Steady-state margins, for every kinetic energy that may be the smallest."""
     steady, place = of.steady, jax.tree.map(jnp.ravel, of.grid.node_places())
     inertia = jnp.maximum(of.reduced.inertia, steady.inertia_floor)
     per_joule = 1 / (0.5 * _mean(of, inertia) * of.scene.speed**2)
@@ -154,17 +154,17 @@ def _least_energies(of: Parts) -> Rows:
 
 @measure("1", _least_energies, smallest=True)
 def steady_state_margin(of: Parts) -> Array:
-    """Least kinetic energy of the true motion over ½ J̄ ω², less the least that counts as running."""
+    """Least kinetic energy of the actual motion divided by ½ J̄ ω², minus 1e-6; negative: no steady-state motion."""
     return of.steady.steady_state_margin
 
 
 def _mean(of: Parts, at_nodes: Array) -> Array:
-    """Mean over the cycle of what is known at the nodes, shape (panels, n)."""
+    """Mean over the cycle of values at the nodes, shape (panels, n)."""
     return jnp.sum(of.grid.half[:, None] * of.grid.rule.w[None] * at_nodes) / of.scene.cycle
 
 
 def _light_places(of: Parts) -> Rows:
-    """Reduced inertias over their mean that may be the smallest."""
+    """Reduced inertias, divided by their mean, that may be the smallest."""
     inertia, mean = of.reduced.inertia, _mean(of, jnp.maximum(of.reduced.inertia, of.steady.inertia_floor))
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
 
@@ -180,7 +180,7 @@ def _light_places(of: Parts) -> Rows:
 
 @measure("1", _light_places, smallest=True)
 def min_inertia_ratio(of: Parts) -> Array:
-    """Least reduced inertia over its mean: near zero the crank all but stops mattering there, and its speed runs up."""
+    """Least reduced inertia divided by its mean; near zero the crank speed has a sharp peak there."""
     return of.steady.min_inertia_ratio
 
 
@@ -191,8 +191,8 @@ def mean_drive_torque(of: Parts) -> Array:
 
 
 def _flywheels(of: Parts) -> Rows:
-    """The flywheel by every pair of a largest and a smallest speed that may swing most: to first order about the one
-    found, so that those tied there are exact."""
+    """The flywheel inertia for every pair of a largest and a smallest speed, to first order about the inertia found, so
+    that pairs with equal fluctuation there are exact."""
     needed, here = flywheel_for_target_delta.function(of), (of.scene, of.grid, of.reduced)
     if of.scene.mechanism.prescribed:
         return Rows(needed[None, None], jnp.full(1, jnp.nan), signed=True)
@@ -203,7 +203,7 @@ def _flywheels(of: Parts) -> Rows:
 
 
 def _swings_with(inertia: Array, scene: Scene, grid: Grid, here: Reduced) -> Rows:
-    """`_swings` with another flywheel: the same grid, for neither positions nor loads depend on it."""
+    """`_swings` with another flywheel, on the same grid: positions and loads do not depend on the flywheel."""
     made = Parts(with_flywheel(scene, inertia), 0)
     made.grid, made.reduced = grid, here._replace(inertia=here.inertia - scene.mechanism.flywheel.inertia + inertia)
     made.steady = steady_on(made.scene, grid, made.reduced)
@@ -216,13 +216,13 @@ def _target(scene: Scene) -> Array:
 
 @measure("kg m^2", _flywheels)
 def flywheel_for_target_delta(of: Parts) -> Array:
-    """Flywheel inertia that gives the scene's target δ (0.05 where it names none)."""
+    """Flywheel inertia that gives the scene's target δ (0.05 if it has none)."""
     return flywheel_on(of.scene, _target(of.scene), of.grid, of.reduced)
 
 
 @smallest("1")
 def min_margin(of: Parts) -> Rows:
-    """Smallest signed assembly margin of all groups over the continuous cycle; negative: it cannot be assembled."""
+    """Smallest signed assembly margin of all groups over the continuous cycle; negative: cannot be assembled."""
     limits = assembly_margins(of.scene.mechanism, of.scene.cycle_turns)
     found = [least for sides in limits.values() for least in sides.values()]
     found = found or [Least(jnp.ones(()), jnp.zeros(()))]
@@ -230,19 +230,19 @@ def min_margin(of: Parts) -> Rows:
 
 
 def no_transmission_angle(mechanism: Mechanism) -> bool:
-    """Whether nothing but general groups, which have none, transmits the motion."""
+    """Whether all groups are of higher class (`General`), which have no transmission angle."""
     driver, *groups = (isinstance(group, General) for group in mechanism.groups)
     return all(groups) and (driver or len(groups) > 0)
 
 
 @smallest("rad")
 def min_transmission_angle(of: Parts) -> Rows:
-    """Smallest of all transmission angles over the cycle, an obtuse one counted by what it lacks to 180 degrees: a
-    right angle transmits best, and zero is a dead position. General groups have none; `StructureError` where no other
-    group is there."""
+    """Smallest of all transmission angles over the cycle, where an obtuse angle counts as its supplement: 90 degrees is
+    best, and zero is a singular position. Groups of higher class have none; raises `StructureError` if there are no
+    other groups."""
     if no_transmission_angle(of.scene.mechanism):
-        problem = "this machine has none: all its groups are general ones"
-        raise StructureError("min_transmission_angle", problem, "leave it out")
+        problem = "does not exist for this machine: all its groups are of higher class"
+        raise StructureError("min_transmission_angle", problem, "delete it")
 
     def off_square(regime: Regime, place: Place) -> Array:
         angles = transmission_angles(regime.scene.mechanism, place.phi)
@@ -260,9 +260,9 @@ def peak_shaking_force_constant_speed(of: Parts) -> Peaked:
 
 
 def _all_shaking(of: Parts) -> Rows:
-    """The shaking forces of the whole cycle as one vector, whose length is their root mean square. They are smooth
-    however the panels are laid, and the root of one without width, between loads that switch together, has no slope:
-    so at angles that stay."""
+    """The shaking forces of the whole cycle as one vector, whose length is their root mean square. They are smooth on
+    any grid, and the square root of a panel of zero width, between loads that switch together, has no derivative. So
+    the crank angles are kept fixed."""
     still = Parts(of.scene, of.nodes)
     still.grid = grid = jax.lax.stop_gradient(of.grid)
     share = grid.half[:, None] * grid.rule.w[None] / of.scene.cycle
@@ -277,7 +277,7 @@ def rms_shaking_force_constant_speed(of: Parts) -> Array:
 
 @peak("N")
 def peak_shaking_force(of: Parts) -> Peaked:
-    """Largest shaking force in the true motion."""
+    """Largest shaking force in the actual motion."""
     return of.true_motion, _forces.shaking, of.shaking(of.true_motion)
 
 
@@ -295,5 +295,5 @@ def peak_reaction_constant_speed(of: Parts) -> Peaked:
 
 @peak("N")
 def peak_reaction(of: Parts) -> Peaked:
-    """Largest joint or guide force in the true motion."""
+    """Largest joint or guide force in the actual motion."""
     return of.true_motion, _forces.reactions, None

@@ -1,4 +1,4 @@
-"""What the measures of one scene share: grid, node values, steady motion, each computed when first asked for."""
+"""Results that the measures of one scene share: grid, node values, steady motion, each computed on first use."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from linkjax.machine import Scene, ready
 from linkjax.motion import Grid, Regime, Steady, asked_for, make_grid, node_poses, node_values, steady_on
 from linkjax.reduction import Reduced, mass_sums
 
-NODES = 96  # nodes on the cycle grid unless asked otherwise
+NODES = 96  # default number of nodes per crank turn on the cycle grid
 
 
 class Parts:
-    """A scene on a cycle grid of about `nodes` nodes a crank turn; attributes are computed on first use and kept."""
+    """A scene on a cycle grid of about `nodes` nodes per crank turn; attributes are computed on first use and kept."""
 
     def __init__(self, scene: Scene, nodes: int = NODES):
         self.scene, self.nodes = ready(scene), nodes
@@ -39,18 +39,18 @@ class Parts:
 
     @functools.cached_property
     def steady(self) -> Steady:
-        """The steady periodic motion."""
+        """The steady-state motion."""
         asked_for(self.scene)
         return steady_on(self.scene, self.grid, self.reduced)
 
     @functools.cached_property
     def constant_speed(self) -> Regime:
-        """The regime of constant nominal speed."""
+        """Constant nominal speed."""
         return Regime(self.scene, self.grid)
 
     @functools.cached_property
     def true_motion(self) -> Regime:
-        """The regime of the true steady motion."""
+        """The actual steady-state motion."""
         return Regime(self.scene, self.grid, self.steady)
 
     def shaking(self, regime: Regime) -> Float[Array, "1 2 panels n"]:

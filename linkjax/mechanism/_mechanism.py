@@ -13,6 +13,7 @@ from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, Crank, without_path
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._structure import Structure, structure_of
+from linkjax.mechanism._text import structure_text
 
 
 class StructureError(ValueError):
@@ -46,6 +47,9 @@ class Mechanism(eqx.Module):
         named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
         self.links, self.link_names = dict(sorted(named.items())), tuple(named)
         check_structure(self)
+
+    def __str__(self) -> str:
+        return structure_text(structure(self))
 
     @property
     def driver(self) -> AbstractGroup:

@@ -1,4 +1,4 @@
-"""Motion of the crank over the cycle: quadrature for the steady regime, diffrax for anything."""
+"""Motion of the crank over the cycle: the steady state by quadrature, any motion by diffrax."""
 
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle

@@ -1,11 +1,11 @@
-"""The general road: the equation of motion J φ'' + ½ J' φ'² = Q + T solved by diffrax, in angle or in time.
+"""The general method: diffrax integrates the equation of motion J φ'' + ½ J' φ'² = Q + T over angle or time.
 
-In angle the square of the speed obeys a linear equation, d(ω²)/dφ = (2 (Q + T) - J' ω²) / J, and loads switch at known
-places: every panel of the cycle grid is mapped to an interval of length one, so derivatives hold across a switch too.
-In time nothing is assumed. Both start from any state. Slower than quadrature (milliseconds a cycle), but it needs no
-periodicity, and it is the independent check of the quadrature road. Speeds are in units of the scene's speed inside, so
-that tolerances mean the same for every machine.
-diffrax is imported where it is used: it takes as long to load as jax itself.
+Over angle, the square of the speed obeys a linear equation, d(ω²)/dφ = (2 (Q + T) - J' ω²) / J, and loads switch at
+known angles. Every panel of the cycle grid is mapped to an interval of length one, so derivatives are also right across
+a switch. Integration over time makes no assumption. Both start from any state. This method is slower than quadrature
+(milliseconds per cycle), but it needs no periodicity, and it checks the quadrature independently. Internally, speeds
+are relative to the scene's speed, so that a tolerance means the same for every machine.
+diffrax is imported where it is used, because it takes as long to load as jax itself.
 Source: Kidger, On Neural Differential Equations, 2021 (diffrax); equation of motion as in `linkjax.reduction`.
 """
 
@@ -27,17 +27,17 @@ from linkjax.motion._grid import Grid, make_grid
 from linkjax.motion._steady import Steady, conclude, node_values, steady_on
 from linkjax.reduction import governing, reduced_model
 
-MOST_CYCLES = 8  # steps end at the switches of this many cycles from the start; beyond, step control alone finds them
+MOST_CYCLES = 8  # steps end at the switches of this many cycles after the start; later ones are left to step control
 MOST_STEPS = 16**4
 SHOTS = 6  # Newton steps for the starting energy
-REST = 1e-6  # times the scene's speed: derivatives of a motion that starts slower are those of this start
+REST = 1e-6  # times the scene's speed: a motion that starts slower has the derivatives of this start
 
 
 class Run(NamedTuple):
-    """A motion from a given state: crank angle (rad), speed (rad/s) and time (s) at the points asked for.
+    """A motion from a given state: crank angle (rad), speed (rad/s) and time (s) at the requested points.
 
-    `stalled` tells whether the speed came to zero on the way, `stall_angle` (rad) and `stall_time` (s) where and when
-    (infinite when it did not); from there on the values are infinite, as they are where the solver ran out of steps.
+    `stalled` is true if the speed fell to zero, at `stall_angle` (rad) and `stall_time` (s), which are otherwise
+    infinite. Values after a stall are infinite, and so are values after the solver ran out of steps.
     """
 
     angle: Float[Array, " points"]
@@ -49,10 +49,10 @@ class Run(NamedTuple):
 
 
 def _free(scene: Scene) -> Scene:
-    """The scene. Raises `StructureError` where its driver follows a law: no equation of motion is to be solved."""
+    """The scene. Raises `StructureError` if its driver has a motion law: there is no equation of motion to solve."""
     if scene.mechanism.prescribed:
-        problem = "follows a law: its motion is known, and no equation of motion is to be solved"
-        raise StructureError(scene.mechanism.driving_link, problem, "leave diffrax out, or the law")
+        problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
+        raise StructureError(scene.mechanism.driving_link, problem, "use the quadrature, or delete the law")
     return scene
 
 
@@ -69,8 +69,8 @@ def run_in_angle(
     """Motion over increasing crank `angles` (rad), starting at the first with `start_speed` (rad/s, positive).
 
     `drive_torque` (N m) is constant. `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed
-    reverse mode; `diffrax.ForwardMode()` for `jvp`. A start from rest counts as a stall: take `run_in_time`. Raises
-    `StructureError` where the driver follows a law.
+    reverse mode; `diffrax.ForwardMode()` is for `jvp`. A start from rest counts as a stall: use `run_in_time`. Raises
+    `StructureError` if the driver has a motion law.
     """
     scene = _free(ready(scene))
     grid = make_grid(scene, 8)
@@ -87,7 +87,7 @@ def run_in_angle(
 
 
 class Stall(NamedTuple):
-    """Whether the speed came to zero, where along the panels, and when (times the scene's speed)."""
+    """Whether the speed fell to zero, where along the panels, and when (times the scene's speed)."""
 
     happened: Bool[Array, ""]
     along: Array
@@ -95,12 +95,13 @@ class Stall(NamedTuple):
 
 
 def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolerance, solver=None, adjoint=None):
-    """States at places `along` the panels (panel k of the first cycle is from k to k + 1), and whether it stalled
-    (where the speed is a thousandth of the smaller of start and nominal speed; from there on at an even rate).
+    """States at positions `along` the panels (panel k of the first cycle is from k to k + 1), and whether the motion
+    stalled. Integration ends at a thousandth of the smaller of start and nominal speed; from there the square of the
+    speed is extrapolated linearly to zero.
 
-    With Ω the scene's speed and the energy J Ω² of the first place as unit, a state is: ω² / Ω², Ω t, the derivative of
-    Ω t by the energy at the start, and the work of the loads. diffrax sees places that do not move; that they move with
-    the design is put in as the state's own rate.
+    With Ω the scene's speed and the energy J Ω² at the first position as unit, a state holds ω² / Ω², Ω t, the
+    derivative of Ω t with respect to the energy at the start, and the work of the loads. diffrax integrates to fixed
+    positions; their shift with the design is added afterwards, with the rate of the state.
     """
     import diffrax
 
@@ -136,7 +137,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     )  # fmt: skip
     assert solution.ys is not None
     assert solution.ts is not None
-    end = jnp.sum(jnp.isfinite(solution.ts)) - 1  # where the state at the end was put, behind what was asked for
+    end = jnp.sum(jnp.isfinite(solution.ts)) - 1  # the index of the final state, after the requested ones
     found, last = solution.ys[:-1], jax.lax.stop_gradient((solution.ts[end], solution.ys[end]))
     running = _running(jnp.where(jnp.arange(along.size) < end, found[:, 0] - least, 0.0))
     states = jax.lax.stop_gradient(jnp.where(running, found, 1.0))
@@ -144,7 +145,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     shift = jax.lax.stop_gradient(rates) * moved[:, None]
     place, low = last[0], last[1][0]
     fall = -rate(place, last[1], None)[0]
-    # since the speed was down to the least, the clock went on at that speed; in truth the square falls evenly to zero
+    # below the least speed the time was integrated with that speed; actually the square of the speed falls linearly
     late = 2 * jnp.sqrt(least) - safe_divide(least - low, jnp.sqrt(least))
     time = last[1][1] + at(place)[0] * safe_divide(late, fall)
     stall = Stall(solution.result == diffrax.RESULTS.event_occurred, place + safe_divide(low, fall), time)
@@ -152,7 +153,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
 
 
 def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
-    """Before a stall: the last step may reach beyond it, and after it there is nothing."""
+    """Which points lie before a stall: the last step may reach past it, and no motion follows it."""
     return jax.lax.cummin(jnp.where((speed > 0) & jnp.isfinite(speed), 1, 0).at[0].set(1))[:, None] == 1
 
 
@@ -167,11 +168,11 @@ def run_in_time(
     solver: Any = None,
     adjoint: Any = None,
 ) -> Run:
-    """Motion over increasing `times` (s) from `start_angle` (rad) and `start_speed` (rad/s, or rest) at the first.
+    """Motion over increasing `times` (s) from `start_angle` (rad) and `start_speed` (rad/s, may be zero) at the first.
 
-    `drive_torque` (N m) is constant; `solver` and `adjoint` as in `run_in_angle`. Where a load switches at an angle,
-    the time of the switch moves with the design, which no step in time can see: first derivatives are those of a run
-    in angle through the same states.
+    `drive_torque` (N m) is constant; `solver` and `adjoint` are as in `run_in_angle`. Where a load switches at an
+    angle, the time of the switch depends on the design, and steps in time cannot represent this. So first derivatives
+    are those of a run in angle through the same states. Raises `StructureError` if the driver has a motion law.
     """
     scene = _free(scene)
     found = _in_time(*jax.lax.stop_gradient((scene, times, start_angle, start_speed, drive_torque)), tolerance, solver)
@@ -203,7 +204,7 @@ def _in_time(scene: Scene, times, start_angle, start_speed, drive_torque, tolera
 
 
 def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, tolerance, solver, adjoint) -> Run:
-    """The same motion with the derivatives of a run in angle: where φ(t) is late by dt, it is short of ω dt."""
+    """The same motion with the derivatives of a run in angle: a delay dt of φ(t) changes it by -ω dt."""
     there = jnp.isfinite(found.angle)
     further = MOST_CYCLES * scene.cycle / times.size * jnp.arange(times.size, dtype=float)
     beyond = jnp.max(jnp.where(there, found.angle, -jnp.inf)) + further
@@ -240,15 +241,14 @@ def _controller(tolerance: Scalar | float, jumps: Array | None):
 def steady_by_diffrax(
     scene: Scene, nodes: int = 96, *, tolerance: Scalar | float = 1e-11, solver: Any = None, adjoint: Any = None
 ) -> Steady:
-    """The steady periodic regime by the general road: one cycle, integrated from the start that gives the wanted mean.
+    """The steady-state motion by diffrax: one cycle, integrated from the starting speed that gives the wanted mean.
 
-    The drive torque closes the energy of the cycle; Newton steps find the starting energy. Same result as `steady_motion`
-    within the tolerance, and where there is no regime the same altogether. `delta_error` is that of the quadrature and
-    the difference between the two, infinite where the integration failed; evaluations are not counted. The tolerance is
-    held above thirty roundings of the precision in force. A driver that follows a law is refused by a `StructureError`.
-    `solver` (default `Dopri8`) and `adjoint` are
-    diffrax's; the latter decides the direction of differentiation: `ForwardMode()` (default) for `jvp`,
-    `RecursiveCheckpointAdjoint()` for `grad`.
+    The drive torque balances the energy of the cycle; Newton steps find the starting energy. The result equals that of
+    `steady_motion` within the tolerance, and exactly where no steady motion exists. `delta_error` is the error of the
+    quadrature plus the difference between the two methods, and infinite if the integration failed. Evaluations are not
+    counted. The tolerance is at least thirty times the rounding unit of the precision in force. Raises `StructureError`
+    if the driver has a motion law. `solver` (default `Dopri8`) and `adjoint` are diffrax's; the adjoint sets the
+    direction of differentiation: `ForwardMode()` (default) for `jvp`, `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 
@@ -268,7 +268,7 @@ def steady_by_diffrax(
         speed = safe_sqrt(2 * energy / inertia, 1e-6 * pace)
         return _in_angle(scene, grid, along, speed, drive, tolerance, solver, adjoint)[0]
 
-    drive = -cycle(1e3 * unit, 0.0)[-1, 3] * unit / scene.cycle  # too fast to stall: only the work is wanted
+    drive = -cycle(1e3 * unit, 0.0)[-1, 3] * unit / scene.cycle  # too fast to stall: only the work is used
 
     def newton(energy):
         end = cycle(energy, drive)[-1]
@@ -280,7 +280,7 @@ def steady_by_diffrax(
     squared, clock = (states[1:-1, i].reshape(grid.nodes.shape) for i in (0, 1))
     work = _fitted(grid, 0.5 * here.inertia * squared * pace**2 - energy)
     found = conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock / pace))
-    # what the integration missed only another road can tell; where there is no regime there is nothing to integrate
+    # only another method shows the error of the integration; without a steady motion there is nothing to integrate
     other = steady_on(scene, grid, here)
     error = other.delta_error + jax.lax.stop_gradient(jnp.abs(found.delta - other.delta))
     found = dataclasses.replace(found, delta_error=error, evaluations=None)

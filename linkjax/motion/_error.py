@@ -1,8 +1,9 @@
-"""How wrong δ can be: from what the interpolants miss at the panels' edges, and how fast their series decay.
+"""Error bound of δ, from the interpolation errors at the panels' edges and the decay of their Legendre series.
 
-A function interpolated at the n Gauss nodes of a panel is wrong by P_n(x) h(x), and at an edge P_n is ±1: one more
-evaluation there shows h. Integrals are wrong by the part of h of degree n, which is smaller by the decay of the series
-to the power n (about ρ^n (2j + 1) for a pole); the work inside a panel is wrong by h times the integral of P_n.
+A function interpolated at the n Gauss nodes of a panel has the error P_n(x) h(x), and P_n is ±1 at an edge, so one more
+evaluation there gives h. Integrals have the error of the part of h of degree n, which is smaller by the decay of the
+series to the power n (about ρ^n (2j + 1) for a pole). The work inside a panel has the error h times the integral of
+P_n.
 Source: Trefethen, Approximation Theory and Approximation Practice, SIAM 2013, ch. 11 and 19; the safety factors were
 checked on random designs, see `tests/physics/test_delta_error.py`.
 """
@@ -24,15 +25,15 @@ from linkjax.motion._extremum import doubt, pieces
 from linkjax.motion._flow import End, Flow
 from linkjax.reduction import Reduced, governing, reduce_pose
 
-FLOOR, ROUNDINGS = 2e-11, 60.0  # the least error stated: an absolute one, and roundings of the largest speed
+FLOOR, ROUNDINGS = 2e-11, 60.0  # the least error stated: an absolute one, and rounding units of the largest speed
 
 
 def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
-    """Bound of the absolute error of δ; evaluates the mechanism at the edges of the panels."""
+    """Bound of the absolute error of δ. It evaluates the mechanism at the edges of the panels."""
     grid, scene, n = flow.grid, flow.scene, flow.grid.n
     spectrum = jnp.asarray(grid.rule.spectrum.T)
     slowness = 1 / flow.speed(energy + flow.at_nodes, flow.inertia)
-    weight = slowness / flow.running(energy + flow.at_nodes)  # what the period loses per energy, doubled
+    weight = slowness / flow.running(energy + flow.at_nodes)  # twice the decrease of the period per unit of energy
     torque_series, slow_series, weight_series = flow.here.torque @ spectrum, slowness @ spectrum, weight @ spectrum
 
     inertia, after, before = _at_edges(flow)
@@ -51,7 +52,7 @@ def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
     degree = jnp.arange(n, dtype=torque.dtype)[None]
     share = jnp.sum(jnp.abs(weight_series[:, ::-1]) * (2 * degree + 1) * torque_decay[:, None] ** degree, axis=1)
     uneven = jnp.sum(grid.half**2 * torque * share) / ((2 * n - 1) * (n + 1))
-    shift = (late + uneven) / gain  # of the energy constant: it moves both extremes
+    shift = (late + uneven) / gain  # error of the energy constant, which shifts both extremes
 
     high, low = (1 / (e.inertia * flow.speed(e.height * e.inertia, e.inertia)) for e in extremes)
     total = 2 * shift * (jnp.abs(high - low) + 0.02 * (high + low))
@@ -60,7 +61,7 @@ def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
         speed = flow.speed(end.height * end.inertia, end.inertia)
         wave = math.sqrt(8 / (math.pi * (n + 0.5))) * jnp.maximum(1 - x * x, 1 / n**2) ** 0.25 / (2 * n + 1)
         inside = 5 * grid.half[panel] * torque[panel] * wave
-        # (E₀ + W) / J may go on rising across an edge, or be higher between two nodes elsewhere
+        # (E₀ + W) / J may still rise past an edge, or be higher between two nodes elsewhere
         low_end = Reduced(end.inertia, end.slope, before[panel], {})
         high_end = Reduced(end.inertia, end.slope, jnp.roll(after, -1)[panel], {})
         down = -jnp.roll(grid.half, 1)[panel] * flow.rise(low_end, end.height)
@@ -97,7 +98,7 @@ def _missed(series: Float[Array, "panels terms"], low: Array, high: Array) -> Ar
 
 
 def _decay(series: Float[Array, "panels terms"], pairs: tuple[int, ...], most: float) -> Array:
-    """Decay of each panel's series from one degree to the next: the last pair of terms against pairs before."""
+    """Decay of each panel's series per degree: the last pair of terms relative to earlier pairs."""
     size, count = jnp.abs(series), series.shape[1]
     last, rates = jnp.max(size[:, -2:], axis=1), []
     for back in (min(2 * pair, count - 2) for pair in pairs):

@@ -1,7 +1,8 @@
 """Extremes of a function over the continuous cycle.
 
-A function known with its slope at the nodes is a cubic between neighbours (`pieces`); one known by value only is
-searched on a fine grid (`search`) and followed on its interpolant (`climb`). Both are sharpened on the function itself.
+A function known with its slope at the nodes is taken as a cubic between neighbours (`pieces`). One known only by value
+is searched on a fine grid (`search`), and its extreme refined on the interpolant (`climb`). Both results are then
+refined on the function itself.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from linkjax.motion._panels import Rule
 
 
 def phi_at(grid: Grid, panel: Array, x: Array) -> Array:
-    """Crank angle (rad) at the place `x` of a panel."""
+    """Crank angle (rad) at the coordinate `x` of a panel."""
     return grid.middle[panel] + grid.half[panel] * x
 
 
 class Pieces(NamedTuple):
     """Cubic pieces of a function between the nodes and ends of every panel: the highest and lowest value of each piece,
-    where its extreme lies (place `x` in the panel), and the size of its bend there (second derivative by x)."""
+    the coordinate `x` of its extreme, and the magnitude of the second derivative with respect to x there (`bend`)."""
 
     high: Float[Array, "panels pieces"]
     low: Float[Array, "panels pieces"]
@@ -35,7 +36,7 @@ class Pieces(NamedTuple):
 
 
 def pieces(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Pieces:
-    """Cubic pieces of a function, from values and slopes by x at the low end, the nodes and the high end of panels."""
+    """Cubic pieces of a function, from values and slopes (with respect to x) at the low end, nodes and high end."""
     count = rule.points.size - 1
     low, width = (np.tile(part, value.shape[0]) for part in (rule.points[:-1], np.diff(rule.points)))
     low, width = jnp.asarray(low), jnp.asarray(width)
@@ -56,7 +57,7 @@ def pieces(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array,
 
 
 def best_piece(found: Pieces, height: Array) -> tuple[Array, Array, Array]:
-    """Panel, place and bend of the highest piece; by masked maxima, which vectorise where an argmax does not."""
+    """Panel, coordinate and bend of the highest piece; by masked maxima, which vectorise, unlike an argmax."""
     best = highest(height)
     number = jnp.broadcast_to(jnp.arange(height.shape[0], dtype=jnp.int32)[:, None], height.shape)
     panel = jnp.max(jnp.where(best, number, 0))
@@ -66,12 +67,12 @@ def best_piece(found: Pieces, height: Array) -> tuple[Array, Array, Array]:
 
 
 def newton(x: Array, tilt: Array, bend: Array) -> Array:
-    """Newton's step up a hill, inside the panel."""
+    """Newton's step towards a maximum, inside the panel."""
     return jnp.clip(safe_divide(tilt, bend), jnp.maximum(-1.0 - x, -0.5), jnp.minimum(1.0 - x, 0.5))
 
 
 def doubt(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, "panels points"]) -> Array:
-    """How wrong each cubic piece may be: what the cubic over twice its width misses at the point left out, shrunk."""
+    """Error estimate of each cubic piece: the error of a cubic over twice its width at the omitted point, reduced."""
     points = rule.points[None]
     wide = points[:, 2:] - points[:, :-2]
     width, s = jnp.asarray(wide), jnp.asarray((points[:, 1:-1] - points[:, :-2]) / wide)
@@ -82,8 +83,8 @@ def doubt(rule: Rule, value: Float[Array, "panels points"], slope: Float[Array, 
 
 
 class Summit(NamedTuple):
-    """The highest point of a search grid: panel, place by the parabola through it, distance of its neighbours, and its
-    bend (second derivative by x, negative)."""
+    """The highest point of a search grid: panel, coordinate of the vertex of the parabola through it and its
+    neighbours, distance of these, and second derivative with respect to x (negative)."""
 
     panel: Int[Array, ""]
     x: Array
@@ -92,7 +93,7 @@ class Summit(NamedTuple):
 
 
 def search(fine: Array, height: Float[Array, "panels fine"], tops: Float[Array, " panels"] | None = None) -> Summit:
-    """The summit of a function given on the search grid of every panel; `tops` may leave panels out (-inf)."""
+    """The summit of a function given on the search grid of every panel; `tops` is -inf for panels to exclude."""
     height = jax.lax.stop_gradient(height)
     best = highest(jnp.max(height, axis=1) if tops is None else tops)
     panel = jnp.max(jnp.where(best, jnp.arange(best.size), 0))
@@ -101,13 +102,13 @@ def search(fine: Array, height: Float[Array, "panels fine"], tops: Float[Array, 
 
 
 def highest_in(fine: Array, height: Float[Array, " fine"], panel: Int[Array, ""]) -> Summit:
-    """The summit within one panel, where it may lie at an end."""
+    """The summit within one panel; it may be at an end."""
     height = jax.lax.stop_gradient(height)
     return _summit(fine, height, panel, jnp.argmax(height))
 
 
 def _summit(fine: Array, height: Array, panel: Array, i: Array) -> Summit:
-    """By the parabola through the highest point and its neighbours."""
+    """The vertex of the parabola through the highest point and its neighbours."""
     points = height.shape[0]
     j = jnp.clip(i, 1, points - 2)
     x, y = fine[j + jnp.arange(-1, 2)], height[j + jnp.arange(-1, 2)]
@@ -121,8 +122,9 @@ def _summit(fine: Array, height: Array, panel: Array, i: Array) -> Summit:
 
 
 def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:
-    """The place near a summit where the slope vanishes, or the end of the panel: secant steps, each one evaluation of
-    the slope and none longer than the reach. Not differentiated: an extreme value does not depend on its place.
+    """The coordinate near a summit where the slope vanishes, or the end of the panel. Each secant step evaluates the
+    slope once and is at most `reach` long. Not differentiated: to first order an extreme value does not depend on its
+    position.
     """
     x, bend, rise, before = summit.x, summit.bend, None, summit.x
     for _ in range(steps):
@@ -136,26 +138,27 @@ def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:
-    """The place found, with the derivative of a moving edge it sits on and none of the search (envelope theorem).
+    """The place found. Its derivative is that of the panel's edge if it is at an edge, and excludes the search
+    (envelope theorem).
 
-    Inside a panel the angle stays where it is when the panel's edges move with the design, and so `x` moves.
+    Inside a panel the angle is fixed while the panel's edges move with the design, so `x` changes.
     """
     inside = jax.lax.stop_gradient(jnp.abs(x) < 1)
     end = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
     edge, angle = phi_at(grid, panel, end), phi_at(grid, panel, x)
-    drift = safe_divide(jax.lax.stop_gradient(angle) - grid.middle[panel], grid.half[panel])  # none without width
+    drift = safe_divide(jax.lax.stop_gradient(angle) - grid.middle[panel], grid.half[panel])  # zero for no width
     phi = envelope(jnp.where(inside, angle, edge), jnp.where(inside, 0.0, edge - jax.lax.stop_gradient(edge)))
     moves = jnp.where(inside, drift - jax.lax.stop_gradient(drift), 0.0)
     return Place(panel, envelope(jnp.where(inside, x, end), moves), phi)
 
 
 def _right_panel(fine, height, panel, i):
-    """An extremum found on an edge lies inside the neighbour when the function still rises (or fell) there."""
+    """An extremum found on an edge belongs to the neighbouring panel if the function still rises (or fell) there."""
     panels, points = height.shape
     after, before = (panel + 1) % panels, (panel - 1) % panels
     jump = 1e-4 * (jnp.max(height) - jnp.min(jnp.where(jnp.isfinite(height), height, jnp.inf)))
     other = jnp.where(i == 0, height[before, -1], height[after, 0])
-    joined = jnp.isfinite(other) & (height[panel, i] - other <= jump)  # else a true corner
+    joined = jnp.isfinite(other) & (height[panel, i] - other <= jump)  # else a real corner
     forward = (i == points - 1) & joined & (_end_slope(fine[:3], height[after, :3]) > 0)
     backward = (i == 0) & joined & (_end_slope(fine[-1:-4:-1], height[before, -1:-4:-1]) < 0)
     panel = jnp.where(forward, after, jnp.where(backward, before, panel))
@@ -163,7 +166,7 @@ def _right_panel(fine, height, panel, i):
 
 
 def _end_slope(x, y):
-    """Slope at the first of three points, of the parabola through them."""
+    """Slope at the first of three points of the parabola through them."""
     near = (y[1] - y[0]) / (x[1] - x[0])
     far = (y[2] - y[1]) / (x[2] - x[1])
     return near + (x[0] - x[1]) * (far - near) / (x[2] - x[0])

@@ -1,7 +1,7 @@
-"""Node values of one cycle, and what follows from them once the energy constant E₀ is chosen.
+"""Node values of one cycle, and the motion that follows from them for an energy constant E₀.
 
-½ J ω² = E₀ + W(φ). The work W is the integral of the interpolated torque; (E₀ + W) / J is known with its slope at every
-node, and its extremes are found between them, then sharpened by evaluating the mechanism there.
+½ J ω² = E₀ + W(φ). The work W is the integral of the interpolated torque. (E₀ + W) / J is known with its slope at every
+node; its extremes are found between the nodes, then refined by evaluating the mechanism there.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
 from linkjax.reduction import Reduced, governing, reduced_model
 
-LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a regime that counts as running (ω_min / ω_m about 1e-3)
-NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as none
-ENOUGH = 1e-9  # relative: a Newton step as small as this leaves its square
+LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a steady motion (ω_min / ω_m about 1e-3)
+NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as zero
+ENOUGH = 1e-9  # relative: after a Newton step as small as this the error is its square
 
 
 class Primitive(eqx.Module):
@@ -59,9 +59,9 @@ def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
 
 
 class End(NamedTuple):
-    """An extreme of the speed: its place, (E₀ + W) / J at the extreme itself, reduced inertia at the place, slope of
-    (E₀ + W) / J and of J there (by x and by the angle), how much of (E₀ + W) / J the search may have missed, and the
-    angle of the next best summit, which has been looked at too."""
+    """An extreme of the speed: its place, (E₀ + W) / J at the extreme itself, reduced inertia at the place, slopes
+    there (of (E₀ + W) / J with respect to x, of J with respect to the angle), the error of (E₀ + W) / J from the
+    search, and the angle of the next best summit, which was evaluated too."""
 
     place: Place
     height: Array
@@ -99,7 +99,7 @@ class Flow(eqx.Module):
         self.scale = 0.5 * scene.speed**2 * jnp.sum(self.weights * self.inertia) / scene.cycle
 
     def running(self, energy: Array) -> Array:
-        """Kinetic energy kept positive: unchanged above `LEAST`, a smooth positive tail below."""
+        """Kinetic energy, kept positive: unchanged above `LEAST`, continued by a smooth positive function below."""
         floor = LEAST * self.scale
         low = energy <= floor
         return jnp.where(low, floor / (2 - jnp.where(low, energy, floor) / floor), energy)
@@ -113,11 +113,11 @@ class Flow(eqx.Module):
         return jnp.sum(self.weights / self.speed(energy + self.at_nodes, self.inertia))
 
     def energy_for_time_mean(self) -> Array:
-        """E₀ for which the time mean of the speed is the wanted one: Newton's method between bounds."""
+        """E₀ that gives the wanted time mean of the speed, by Newton's method between bounds."""
         wanted = self.scene.cycle / self.scene.speed
-        room = 0.5 * self.scene.speed**2 * self.inertia - self.at_nodes  # the energy with the wanted speed at each node
+        room = 0.5 * self.scene.speed**2 * self.inertia - self.at_nodes  # E₀ with the wanted speed at each node
         low, high = smallest(room), largest(room)
-        lowest = LEAST * self.scale - smallest(self.at_nodes)  # below, the kinetic energy runs out somewhere
+        lowest = LEAST * self.scale - smallest(self.at_nodes)  # below, the kinetic energy falls to zero somewhere
         guess = jnp.sum(self.weights * room / self.inertia) / jnp.sum(self.weights / self.inertia)
 
         def solve(_, start):
@@ -130,7 +130,7 @@ class Flow(eqx.Module):
                 period, slope = jnp.sum(slowness), -0.5 * jnp.sum(slowness * steep / running)
                 late = period / wanted
                 low, high = jnp.where(late > 1, energy, low), jnp.where(late < 1, energy, high)
-                # nearly linear in the energy: 1 / period² of a machine that runs, period² of one that does not
+                # nearly linear in the energy: 1 / period² if the kinetic energy stays positive, else period²
                 move = -0.5 * period * jnp.where(energy > lowest, late**2 - 1, 1 - late**-2) / slope
                 inside = (energy + move >= low) & (energy + move <= high)
                 move = jnp.where(inside, move, 0.5 * (low + high) - energy)
@@ -142,8 +142,8 @@ class Flow(eqx.Module):
         return root(lambda energy: self.period(energy) / wanted - 1, jax.lax.stop_gradient(guess), solve)
 
     def energy_for_midrange(self, energy: Array, ends: tuple[End, End]) -> Array:
-        """E₀ for which the mean of the largest and smallest speed is the wanted one, the extremes staying where they
-        were at another `energy`."""
+        """E₀ that gives the wanted mean of the largest and smallest speed, with the extremes at the places that they
+        had at another `energy`."""
         (a, j), (b, k) = ((end.height * end.inertia - energy, end.inertia) for end in ends)
 
         def excess(energy):
@@ -161,7 +161,7 @@ class Flow(eqx.Module):
         return root(excess, jax.lax.stop_gradient(self.scale - 0.5 * (a + b)), solve)
 
     def profile(self, energy: Array) -> tuple[Array, Array]:
-        """(E₀ + W) / J and its slope by x at the low end, the nodes and the high end of every panel."""
+        """(E₀ + W) / J and its slope with respect to x at the low end, the nodes and the high end of every panel."""
         half, values = self.grid.half[:, None], self.inertia
         slopes = half * self.here.slope
         inertia, slope = self._inertia_at_ends()
@@ -176,7 +176,7 @@ class Flow(eqx.Module):
         return height, slope
 
     def _inertia_at_ends(self) -> tuple[Array, Array]:
-        """Reduced inertia and its slope by x at the two ends of every panel."""
+        """Reduced inertia and its slope with respect to x at the two ends of every panel."""
         r, slopes = self.grid.rule, self.grid.half[:, None] * self.here.slope
         inertia, slope = (
             self.inertia @ jnp.asarray(m.T) + slopes @ jnp.asarray(k.T) for m, k in (r.hermite_ends, r.hermite_slopes)
@@ -195,7 +195,7 @@ class Flow(eqx.Module):
             return phi, governing(self.scene, reduced_model(self.scene, phi, self.grid.middle[panel]))
 
         phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
-        first = jnp.argmin(jax.lax.stop_gradient(self.inertia))  # a peak too sharp to be seen between nodes is at one
+        first = jnp.argmin(jax.lax.stop_gradient(self.inertia))  # a minimum too sharp to show between nodes is at one
         phi = jnp.where(self.inertia.ravel()[first] < here.inertia, self.grid.nodes.ravel()[first], phi)
         least = jnp.minimum(here.inertia, smallest(self.inertia)) * self.scene.speed**2 / (2 * self.scale)
         return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
@@ -207,13 +207,13 @@ class Flow(eqx.Module):
         return jnp.stack([edges[:-1], edges[1:]], axis=1), torque
 
     def extremes(self, energy: Array) -> tuple[End, End]:
-        """Largest and smallest speed over the continuous cycle: where (E₀ + W) / J is stationary."""
+        """Largest and smallest speed over the continuous cycle, where (E₀ + W) / J is stationary."""
         found = jax.lax.stop_gradient(pieces(self.grid.rule, *self.profile(energy)))
         signs = jnp.asarray([1.0, 1.0, -1.0, -1.0], dtype=found.x.dtype)
         spots = [spot for height in (found.high, -found.low) for spot in _two_best(found, height)]
         panel, x, bend = (jnp.stack(part) for part in zip(*spots, strict=True))
         ends = jax.vmap(self._end, (0, 0, 0, 0, None))(signs, panel, x, bend, energy)
-        tops = jax.lax.stop_gradient(signs * ends.height)  # which is the higher only the mechanism itself can tell
+        tops = jax.lax.stop_gradient(signs * ends.height)  # compared on the mechanism itself
 
         def best(i):
             second = tops[i + 1] > tops[i]
@@ -225,8 +225,9 @@ class Flow(eqx.Module):
     def _end(self, sign: Array, panel: Array, x: Array, bend: Array, energy: Array) -> End:
         """One extreme, from a first guess and its bend: Newton's method on the mechanism itself, twice.
 
-        The second step is taken by the parabola only. It carries the derivatives: none for the first, since an extreme
-        does not depend on its place (envelope theorem), and the right one for the second.
+        The second step uses the parabola alone, and derivatives pass through it. The first derivative is unaffected by
+        the step, since an extreme value does not depend on its position to first order (envelope theorem); the second
+        derivative is correct.
         """
         fixed = jax.lax.stop_gradient(self)
         tilt = fixed._at(panel, x, jax.lax.stop_gradient(energy))[-1]
@@ -243,7 +244,7 @@ class Flow(eqx.Module):
         )
 
     def _at(self, panel: Array, x: Array, energy: Array) -> tuple[Place, Array, Reduced, Array]:
-        """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J by x."""
+        """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J with respect to x."""
         place = Place(panel, x, phi_at(self.grid, panel, x))
         here = governing(self.scene, reduced_model(self.scene, place.phi, self.grid.middle[panel]))
         here = here._replace(inertia=jnp.maximum(here.inertia, self.floor))
@@ -251,12 +252,12 @@ class Flow(eqx.Module):
         return place, height, here, self.grid.half[panel] * self.rise(here, height)
 
     def rise(self, here: Reduced, height: Array) -> Array:
-        """Derivative of `height` = (E₀ + W) / J by the crank angle."""
+        """Derivative of `height` = (E₀ + W) / J with respect to the crank angle."""
         return (here.torque + self.drive - height * here.slope) / here.inertia
 
 
 def inertia_floor(mean: Array) -> Array:
-    """The least reduced inertia (kg m²) that is divided by; any where there is none at all."""
+    """The least reduced inertia (kg m²) used as a divisor; 1 for a machine without inertia."""
     return jax.lax.stop_gradient(jnp.where(mean > 0, NO_INERTIA * mean, 1.0))
 
 
@@ -266,7 +267,7 @@ def _between(ends: Array, nodes: Array) -> Array:
 
 
 def _two_best(found: Pieces, height: Array) -> list[tuple[Array, Array, Array]]:
-    """The two highest summits: panel, place and bend of each (twice the same where there is only one)."""
+    """The two highest summits: panel, coordinate and bend of each (the same one twice if there is only one)."""
     flat, number = height.ravel(), jnp.arange(height.size)
     first = jnp.max(jnp.where(highest(flat), number, 0))
     apart = jnp.abs(number - first)

@@ -22,9 +22,9 @@ def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
 
 
 def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
-    """Flywheel inertia (kg m²) for which δ of the true motion is exactly `delta`, all else unchanged; `nodes` a crank
-    turn. Negative when the machine is steadier than asked for without any flywheel; zero where its driver follows a
-    law."""
+    """Flywheel inertia (kg m²) that makes δ of the actual motion exactly `delta`, all else unchanged; `nodes` is the
+    number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
+    motion law."""
     scene = ready(scene)
     grid = make_grid(scene, nodes)
     return flywheel_on(scene, jnp.asarray(delta, dtype=scene.speed.dtype), grid, node_values(scene, grid))
@@ -33,11 +33,11 @@ def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
 def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array:
     """The same from the node values; see `flywheel_for`.
 
-    Root of δ(J) in 1/δ, which is nearly linear in J; differentiated implicitly. The work over the cycle does not
-    depend on the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the least
-    reduced inertia) when the machine is steadier than asked for without any flywheel.
+    Root of 1/δ(J), which is nearly linear in J, differentiated implicitly. The work over the cycle does not depend on
+    the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the least reduced inertia) if δ
+    is smaller even without a flywheel.
     """
-    if scene.mechanism.prescribed:  # steady by itself
+    if scene.mechanism.prescribed:  # δ is zero
         return jnp.zeros_like(scene.speed)
     bare = here.inertia - scene.mechanism.flywheel.inertia
     least = -0.5 * smallest(bare)
@@ -45,7 +45,7 @@ def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array
     def excess(inertia):
         at = with_flywheel(scene, inertia)
         got = steady_on(at, grid, here._replace(inertia=bare + inertia)).delta
-        return delta / jnp.maximum(got, 1e-9 * delta) - 1  # steady by itself: as steady as makes no difference
+        return delta / jnp.maximum(got, 1e-9 * delta) - 1  # a δ near zero counts as 1e-9 of the target
 
     def solve(function, start):
         def step(state):
@@ -64,7 +64,7 @@ def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array
 
 
 def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:
-    """Flywheel inertia (kg m²) by the textbook's ΔA / (δ ω²), reduced inertia ignored: for comparison only.
+    """Flywheel inertia (kg m²) by the textbook formula ΔA / (δ ω²), which ignores the reduced inertia; for comparison.
 
     ΔA is the largest excess work, max W - min W. Source: e.g. Norton, Design of Machinery, eq. 11.20.
     """

@@ -1,7 +1,7 @@
-"""The cycle grid: panels that end wherever a load switches, a motion reverses or a dyad comes close to a dead position.
+"""The cycle grid: panels end where a load switches, a motion reverses or a dyad is close to a singular position.
 
-Breakpoints come from one coarse scan of the cycle, each reversal sharpened by two more evaluations. Slots without a
-breakpoint are used to halve the hardest panels, so nothing is wasted and every shape is static.
+Breakpoints come from one coarse scan of the cycle; each reversal is refined by two more evaluations. The number of
+edges is static: edges that are not needed for a breakpoint halve the most difficult panels.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from linkjax.machine import Scene, ready
 from linkjax.motion._panels import Rule, rule
 
 SCAN = 32  # scan points per crank turn
-REVERSALS = 4  # reversals looked for per opposing load and crank turn
-POLISH = 2  # evaluations that sharpen each of them
-SAME = 1e-7  # rad: breakpoints nearer than this are one; a kink so misplaced costs (1e-7)^2
-KINK = 1e-6  # rad: a reversal with a singularity nearer than this is a true kink, smooth on either side
+REVERSALS = 4  # the most reversals per opposing load and crank turn
+POLISH = 2  # evaluations that refine each of them
+SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
+KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on either side
 REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
 
 
 class Grid(eqx.Module):
     """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each.
 
-    `overflow` when there are more reversals than slots; `doubt` is the work (J) that misplaced reversals may cost.
-    `switches` are the numbers of the panels that begin where the loads' windows begin and end, in the order of the
-    loads; where several are at one angle, each has a panel of its own, without width.
+    `overflow` is true if there are more reversals than the grid has edges for. `doubt` bounds the error of the work (J)
+    due to the position error of reversals. `switches` are the numbers of the panels that begin where a load's window
+    begins or ends, in the order of the loads; several at one angle have panels of zero width between them.
     """
 
     edges: Float[Array, " edges"]
@@ -70,9 +70,9 @@ class Grid(eqx.Module):
         return self.middle[:, None] + self.half[:, None] * self.rule.x[None]
 
     def in_order(self, scene: Scene) -> Scene:
-        """The scene with windows told by the numbers of panels, spread evenly over the cycle; `orders` is the side. It
-        has each load on in its own panels without width, so that an integral has the slope of every single switch.
-        Only the reduced torque may be asked for there: that side is no crank angle to take a direction of motion from.
+        """The scene with windows given by panel numbers, mapped evenly onto the cycle; `orders` is the side. In panels
+        of zero width this decides which loads act, so that an integral has the derivative of each switch by itself. Use
+        it only for the reduced torque: that side is not a crank angle, and gives no direction of motion.
         """
         ends = iter(self.switches.astype(float) * (scene.cycle / self.half.size))
         loads = tuple(
@@ -82,14 +82,14 @@ class Grid(eqx.Module):
         return dataclasses.replace(scene, loads=loads)
 
     def orders(self, scene: Scene) -> Float[Array, " panels"]:
-        """The middle of every panel (rad), were all of one width."""
+        """The middle of every panel (rad) if all panels had equal widths."""
         return (jnp.arange(self.half.size, dtype=float) + 0.5) * (scene.cycle / self.half.size)
 
     def place(self, phi: Array) -> Place:
-        """Where a crank angle lies; on an edge, in the panel that begins there (the limit from increasing φ)."""
+        """The place of a crank angle; an edge belongs to the panel that begins there (the limit from increasing φ)."""
         start, cycle = self.edges[0], self.edges[-1] - self.edges[0]
         phi = start + wrapped(phi - start, cycle)
-        nearly = phi + 8 * jnp.finfo(phi.dtype).eps * cycle  # an edge that rounding has moved is still an edge
+        nearly = phi + 8 * jnp.finfo(phi.dtype).eps * cycle  # an edge stays an edge despite rounding
         panel = jnp.clip(jnp.searchsorted(self.edges, nearly, side="right") - 1, 0, self.edges.size - 2)
         panel = panel.astype(jnp.int32)
         return Place(panel, jnp.clip(safe_divide(phi - self.middle[panel], self.half[panel]), -1.0, 1.0), phi)
@@ -101,7 +101,7 @@ class Grid(eqx.Module):
 
 
 class Place(NamedTuple):
-    """A position on the grid: panel number, place `x` in [-1, 1] within it, and the crank angle (rad)."""
+    """A position on the grid: panel number, coordinate `x` in [-1, 1] within the panel, and crank angle (rad)."""
 
     panel: Int[Array, ""]
     x: Array
@@ -109,14 +109,14 @@ class Place(NamedTuple):
 
 
 class Candidates(NamedTuple):
-    """Breakpoints with the distance of their singularity from the real axis (0: a kink; inf: none here)."""
+    """Breakpoints with the distance of their singularity from the real axis (0: a kink; inf: no breakpoint)."""
 
     angle: Array
     distance: Array
 
 
 def make_grid(scene: Scene, nodes: int) -> Grid:
-    """Lay the grid for a scene with about `nodes` nodes a crank turn (at least 4 per panel)."""
+    """The grid of a scene, with about `nodes` nodes per crank turn (at least 4 per panel)."""
     scene = ready(scene)
     windows = [end for load in scene.loads if load.window is not None for end in (load.window.on, load.window.off)]
     windows = [wrapped(end, scene.cycle) for end in windows]
@@ -143,7 +143,7 @@ def make_grid(scene: Scene, nodes: int) -> Grid:
 
 
 def _breaks(scene: Scene) -> list[float]:
-    """Crank angles where the law of the driver has a kink, over the whole cycle."""
+    """Crank angles where the motion law of the driver has a kink, over the whole cycle."""
     law = scene.mechanism.driver.follows()
     if law is None:
         return []
@@ -159,12 +159,12 @@ def _scan_at(scene, opposing, phi):
 
 
 def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array, Array]:
-    """Where the motion that a load opposes reverses while the load is on; whether there are too many; and the work (J)
-    that the misplaced kinks may cost: the load has the wrong sign between the true and the found place."""
+    """Reversals of the motion that a load opposes while the load acts; whether there are too many; and the error of the
+    work (J) due to their position error: between the true and the computed angle the load has the wrong sign."""
 
     def motion(phi):
         here = load.opposed(pose(scene.mechanism, phi))
-        assert here is not None  # only loads that oppose a motion come here
+        assert here is not None  # only called for opposing loads
         return here
 
     def on(angle):
@@ -177,7 +177,7 @@ def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -
 
 
 def _closest(margins: list[Margin], scan: Array) -> Candidates:
-    """A group's closest approach to a dead position: its margin vanishes a distance √(2m/m'') off the real axis."""
+    """A group's closest approach to a singular position: its margin is zero at √(2m/m'') off the real axis."""
     step = scan[1] - scan[0]
     best = Candidates(jnp.zeros(()), jnp.asarray(jnp.inf))
     for margin in margins:
@@ -205,7 +205,7 @@ def _collect(scene: Scene, candidates: list[Candidates]) -> Candidates:
 
 
 def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) -> Array:
-    """Sorted edges; slots left over halve the panel that is widest for its distance to a singularity."""
+    """Sorted edges; each spare edge halves the panel that is widest relative to its distance from a singularity."""
     cycle = scene.cycle
     kept = list(windows)
     for k in range(kinks.angle.shape[0]):
@@ -224,7 +224,7 @@ def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) ->
 
 
 def _sorted(values: Array) -> Array:
-    """A few values in order, by counting: a sort is slow on a CPU."""
+    """A few values in order, by counting, because a sort is slow on a CPU."""
     number = jnp.arange(values.size)
     before = (values[None] < values[:, None]) | ((values[None] == values[:, None]) & (number[None] < number[:, None]))
     place = jnp.sum(before, axis=1)
@@ -232,7 +232,7 @@ def _sorted(values: Array) -> Array:
 
 
 def _switches(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
-    """The number of the edge that every end of a window has become: those at one angle follow each other."""
+    """The edge number of every window end; ends at one angle get consecutive edges."""
     if not ends:
         return jnp.zeros((0,), jnp.int32)
     found, number = jnp.stack(ends), jnp.arange(len(ends))
@@ -242,12 +242,13 @@ def _switches(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
 
 
 def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
-    """Use one free slot (an empty panel at the end) to halve the panel that is widest for its distance to trouble."""
+    """Use one spare edge (an empty panel at the end) to halve the panel that is widest relative to its distance from a
+    singularity."""
     fixed = jax.lax.stop_gradient(edges)
     low, high = fixed[:-1], fixed[1:]
     width = high - low
     kinks = jax.lax.stop_gradient(kinks)
-    near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # beside a kink proper all is smooth
+    near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # on either side of a kink the function is smooth
     off = nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
     away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
     squared = jnp.minimum(jnp.min(away * away + (near * near)[None], axis=1, initial=1.0), 1.0)

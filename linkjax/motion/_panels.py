@@ -14,25 +14,25 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
-UNROLLED = 40  # Legendre polynomials computed in plain code
+UNROLLED = 40  # the most Legendre polynomials computed without a loop
 
 
 class Rule(NamedTuple):
-    """Constant matrices of an n-node rule on [-1, 1]; values at the nodes go in."""
+    """Constant matrices of an n-node rule on [-1, 1]; most are applied to values at the nodes."""
 
     x: np.ndarray  # nodes
     w: np.ndarray  # weights
     spectrum: np.ndarray  # Legendre coefficients of the interpolant
     primitive: np.ndarray  # Legendre coefficients (degree n) of the integral from -1
     fine: np.ndarray  # points of the search grid, both ends included
-    to_fine: np.ndarray  # interpolant at the search grid
+    to_fine: np.ndarray  # interpolant on the search grid
     at_nodes: np.ndarray  # a series of degree n at the nodes
     points: np.ndarray  # low end, nodes, high end
     at_points: np.ndarray  # a series of degree n there
     slope_at_points: np.ndarray  # its derivative there
     ends: np.ndarray  # interpolant at the two ends
-    hermite_ends: tuple[np.ndarray, np.ndarray]  # Hermite interpolant at the two ends, from values and slopes by x
-    hermite_slopes: tuple[np.ndarray, np.ndarray]  # its slope by x there
+    hermite_ends: tuple[np.ndarray, np.ndarray]  # Hermite interpolant at the two ends, from values and slopes
+    hermite_slopes: tuple[np.ndarray, np.ndarray]  # its slope there
 
 
 @functools.lru_cache(maxsize=32)
@@ -74,7 +74,7 @@ def legendre_sum(coefficients: Float[Array, "*rows k"], x: Float[Array, ""]) -> 
 
 
 def legendre_basis(count: int, x: Float[Array, ""]) -> Float[Array, " k"]:
-    """The first `count` Legendre polynomials at `x`; many in a loop, for the time to compile."""
+    """The first `count` Legendre polynomials at `x`; many are computed in a loop, which compiles sooner."""
     if count > UNROLLED:
         k = jnp.arange(1, count - 1, dtype=x.dtype)
 

@@ -1,4 +1,4 @@
-"""A regime: how the crank moves over the cycle, at constant speed or in the true steady motion."""
+"""A regime: how the crank moves over the cycle, at constant speed or in the actual steady-state motion."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from linkjax.motion._panels import legendre_sum
 from linkjax.motion._steady import Steady
 
 FOLLOW = 3  # steps on the interpolants
-RIVALS = 2  # panels whose summits are compared on the quantity itself
-NEAR = 2e-4  # half width, in half panels, of the parabola that sharpens a peak on the quantity itself; in single
-COARSE = 9.0  # precision so many times the square root of its rounding
-ROUNDINGS = 4000.0  # of a peak: the least error stated
-FAR = 3e-2  # the most it may move
+RIVALS = 2  # panels whose summits are compared on the function itself
+NEAR = 2e-4  # half width, in half panels, of the parabola that refines a peak on the function itself; in single
+COARSE = 9.0  # precision this many times the square root of the rounding unit
+ROUNDINGS = 4000.0  # rounding units of a peak: the least error stated
+FAR = 3e-2  # the most that the parabola may move a peak
 
 
 class Regime(eqx.Module):
-    """A scene with its cycle grid and, for the true motion, its steady regime (`None`: constant nominal speed)."""
+    """A scene with its cycle grid and, for the actual motion, its steady state (`None`: constant nominal speed)."""
 
     scene: Scene
     grid: Grid
@@ -41,12 +41,12 @@ class Regime(eqx.Module):
         return self.steady.at(self.scene, place)
 
     def side(self, place: Place) -> Array:
-        """An angle inside the panel: the side from which limits at jumps are taken."""
+        """An angle inside the panel: limits at jumps are taken from this side."""
         return self.grid.middle[place.panel]
 
 
 class Peak(NamedTuple):
-    """Largest magnitude over the continuous cycle, its crank angle (rad), and a bound of its error (motion given)."""
+    """Largest magnitude over the continuous cycle, its crank angle (rad), and an error bound (for the given motion)."""
 
     value: Array
     angle: Array
@@ -63,9 +63,9 @@ def peaks(
 ) -> Peak:
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
-    `components(regime, place)` gives the vectors at one place. Suprema over both one-sided limits at every jump. The
-    highest summits of the interpolants are compared on the quantities themselves, and the best is sharpened by a
-    parabola through them. Values known at the nodes may be handed in.
+    `components(regime, place)` gives the vectors at one place. At a jump both one-sided limits count. The highest
+    summits of the interpolants are compared on the functions themselves, and the best one is refined by a parabola.
+    Values that are known at the nodes may be passed as `at_nodes`.
     """
     grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
     at_nodes = _node_values(fixed, components) if at_nodes is None else jax.lax.stop_gradient(at_nodes)
@@ -97,12 +97,12 @@ def peaks(
         return safe_sqrt(jnp.sum(vector * vector)), place.phi
 
     top, phi = jax.vmap(value)(number, panel, x)
-    # what the interpolants may hide away from the summit found: another, as much higher as their last terms are large
+    # the interpolants may hide another summit, higher by as much as their last terms
     hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(series[..., -2:]), axis=-1) ** 2, axis=1))
     places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(grid.rule.fine)[None]
     away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], regime.scene.cycle))
     near = away < (3 / grid.n) * (grid.half[None, :] + grid.half[panel][:, None])[..., None]
-    near &= (jnp.abs(x) < 1)[:, None, None]  # at the end of a panel it may go on in the next
+    near &= (jnp.abs(x) < 1)[:, None, None]  # a summit at the end of a panel may continue in the next one
     rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[..., None]), axis=(1, 2)) - top
     doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + ROUNDINGS * jnp.finfo(top.dtype).eps * top
     return Peak(top, wrapped(phi, regime.scene.cycle), jax.lax.stop_gradient(doubt))
@@ -111,12 +111,12 @@ def peaks(
 def _interpolated(grid: Grid, at_nodes: Array) -> tuple[Array, Array]:
     """Squared lengths on the search grid of every panel, and the series of the parts."""
     fine = at_nodes @ jnp.asarray(grid.rule.to_fine.T)
-    heights = functools.reduce(jnp.add, [fine[:, i] * fine[:, i] for i in range(fine.shape[1])])  # faster than a sum
+    heights = functools.reduce(jnp.add, [fine[:, i] * fine[:, i] for i in range(fine.shape[1])])  # faster than jnp.sum
     return heights, at_nodes @ jnp.asarray(grid.rule.spectrum.T)
 
 
 def _follow(rows: Array, summit: Summit) -> Array:
-    """From a summit of the search grid to that of the interpolant, whose series are `rows`."""
+    """Refine a summit of the search grid on the interpolant, whose series are `rows`."""
 
     def slope(x):
         value, rate = jax.jvp(lambda x: legendre_sum(rows, x), (x,), (jnp.ones_like(x),))
@@ -126,7 +126,7 @@ def _follow(rows: Array, summit: Summit) -> Array:
 
 
 def _sharpened(squared: Callable[[Array], Array], followed: Array) -> tuple[Array, Array]:
-    """The place of a summit by the parabola through the quantity itself, and by how much that raises its square."""
+    """The coordinate of a summit by a parabola through the function itself, and the increase of the square by it."""
     near = max(NEAR, COARSE * math.sqrt(jnp.finfo(followed.dtype).eps))
     centre = jnp.clip(followed, -1.0 + near, 1.0 - near)
     y = jax.vmap(squared)(centre + near * jnp.asarray([-1.0, 0.0, 1.0]))
@@ -138,20 +138,20 @@ def _sharpened(squared: Callable[[Array], Array], followed: Array) -> tuple[Arra
 
 
 class Rows(eqx.Module):
-    """Vectors of which the longest is a peak (rows of one part and a sign: of which the largest is), with the crank
-    angle (rad) of each. What an optimiser that treats peaks exactly has to keep below a bound."""
+    """Vectors, the longest of which is a peak, with the crank angle (rad) of each; for `signed` rows of one part the
+    largest value is the peak. An optimiser that treats peaks exactly keeps all rows below a bound."""
 
     vectors: Float[Array, "rows parts"]
     angle: Float[Array, " rows"]
     signed: bool = eqx.field(static=True, default=False)
 
     def size(self) -> Float[Array, " rows"]:
-        """What counts of every row: its length, or its signed value."""
+        """The size of every row: its length, or its signed value."""
         return self.vectors[:, 0] if self.signed else safe_sqrt(jnp.sum(self.vectors**2, axis=1))
 
 
 def rows(regime: Regime, components: Components, at_nodes: Array | None = None) -> Rows:
-    """Vectors over the continuous cycle, differentiable: at every node, and those of `summits`."""
+    """Vectors over the continuous cycle, differentiable: those at every node, and those of `summits`."""
     if at_nodes is None:
         at_nodes = _node_values(regime, components)
     tops, parts = summits(regime, components, at_nodes), at_nodes.shape[1]
@@ -162,15 +162,15 @@ def rows(regime: Regime, components: Components, at_nodes: Array | None = None) 
 
 
 class Summits(NamedTuple):
-    """Vectors at the ends and summits of every panel, four a panel, and their crank angles (rad)."""
+    """Vectors at the ends and summits of every panel, four per panel, and their crank angles (rad)."""
 
     vectors: Float[Array, "quantities places parts"]
     angle: Float[Array, "quantities places"]
 
 
 def summits(regime: Regime, components: Components, at_nodes: Float[Array, "quantities parts panels n"]) -> Summits:
-    """Vectors at both ends of every panel (both limits at every jump), and at the two highest summits of every panel,
-    each found as `peaks` does and sharpened to rounding; differentiable, but not by the values at the nodes."""
+    """Vectors at both ends of every panel (both limits at every jump) and at the two highest summits of every panel.
+    Each summit is found as in `peaks` and refined to rounding. Differentiable, but not with respect to `at_nodes`."""
     grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
     quantities, parts, panels, n = at_nodes.shape
     heights, series = _interpolated(grid, jax.lax.stop_gradient(at_nodes))
@@ -186,7 +186,7 @@ def summits(regime: Regime, components: Components, at_nodes: Float[Array, "quan
         falls = jnp.concatenate([height[:-1] >= height[1:], jnp.ones(1, bool)])
         other = jnp.where(rises & falls & (jnp.abs(fine - first) > 2.5 / n), height, 0.0)
         both = jnp.stack([first, _follow(coefficients, highest_in(fine, other, panel))])
-        # twice, to rounding: an optimiser sees it
+        # twice, to rounding: an optimiser is sensitive to the error
         return jax.vmap(lambda x: _sharpened(squared, _sharpened(squared, x)[0])[0])(both)
 
     def at(which, panel, x):

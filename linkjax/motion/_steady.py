@@ -1,7 +1,8 @@
-"""Steady periodic motion for a constant balancing drive torque, by quadrature of the energy equation.
+"""Steady-state motion for a constant balancing drive torque, by quadrature of the energy equation.
 
-With torques that depend on position only, ½ J ω² = E₀ + W(φ), W = ∫ (Q + T) dφ: no differential equation is left. W is
-smooth between breakpoints and is interpolated; J is computed exactly wherever a speed is asked for.
+With torques that depend only on position, ½ J ω² = E₀ + W(φ) with W = ∫ (Q + T) dφ, so there is no differential
+equation to solve. W is smooth between breakpoints and is interpolated; J is computed exactly wherever a speed is
+needed.
 Source: energy equation of a machine, Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 16.
 """
 
@@ -30,7 +31,7 @@ _WATCHED: contextvars.ContextVar[list[Scene] | None] = contextvars.ContextVar("w
 
 @contextlib.contextmanager
 def watched() -> Iterator[list[Scene]]:
-    """The scenes whose true motion is asked for meanwhile; inside `jax.jit` while it is traced."""
+    """The scenes whose actual motion is requested inside the context; under `jax.jit`, while it is traced."""
     seen: list[Scene] = []
     token = _WATCHED.set(seen)
     try:
@@ -40,19 +41,20 @@ def watched() -> Iterator[list[Scene]]:
 
 
 def asked_for(scene: Scene) -> None:
-    """Tell who watches that the true motion of this scene is asked for."""
+    """Record for `watched` that the actual motion of this scene is requested."""
     seen = _WATCHED.get()
     if seen is not None:
         seen.append(scene)
 
 
 class Steady(eqx.Module):
-    """Steady periodic regime. Speeds in rad/s, angles in rad, torque in N m, energies in J, period in s.
+    """Steady-state motion. Speeds in rad/s, angles in rad, torque in N m, energies in J, period in s.
 
-    `delta_error` bounds the absolute error of `delta`; `steady_state_margin` is the least kinetic energy over ½ J̄ ω_m² less
-    the least that counts as running: negative means that there is no periodic regime at this mean speed, and
-    `min_mean_speed` is the lowest that has one. `min_inertia_ratio` is the least reduced inertia over its mean: where it
-    vanishes the speed has no bound, and values are those of a machine with `inertia_floor` (kg m²) there.
+    `delta_error` bounds the absolute error of `delta`, the coefficient of speed fluctuation. `steady_state_margin` is
+    the least kinetic energy divided by ½ J̄ ω_m², minus the least value of a steady motion (1e-6): if it is negative,
+    no steady-state motion exists at this mean speed, and `min_mean_speed` is the lowest mean speed that has one.
+    `min_inertia_ratio` is the least reduced inertia divided by its mean. Where the reduced inertia is zero the speed is
+    unbounded, and the values are those of a machine with `inertia_floor` (kg m²) there.
     """
 
     work: Primitive
@@ -92,9 +94,9 @@ class Steady(eqx.Module):
 
 
 def steady_motion(scene: Scene, nodes: int = 96) -> Steady:
-    """Steady periodic motion of a scene, with about `nodes` nodes a crank turn on the cycle grid.
+    """Steady-state motion of a scene, with about `nodes` nodes per crank turn on the cycle grid.
 
-    Never raises: where there is no regime, `steady_state_margin` is negative and every value finite.
+    Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
     """
     asked_for(scene)
     scene = ready(scene)
@@ -108,7 +110,7 @@ def node_poses(scene: Scene, grid: Grid) -> Pose:
 
 
 def node_values(scene: Scene, grid: Grid, poses: Pose | None = None) -> Reduced:
-    """Reduced inertia, slope and torque at every node, shape (panels, n); `poses` from `node_poses` where known."""
+    """Reduced inertia, slope and torque at every node, shape (panels, n); `poses` from `node_poses` if known."""
     sides = jnp.broadcast_to(grid.orders(scene)[:, None], grid.nodes.shape).ravel()
     scene = grid.in_order(scene)
 
@@ -122,7 +124,7 @@ def node_values(scene: Scene, grid: Grid, poses: Pose | None = None) -> Reduced:
 
 @jax.jit  # traced once, however often a flywheel search calls it
 def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
-    """Steady periodic motion from the node values; see `steady_motion`."""
+    """Steady-state motion from the node values; see `steady_motion`."""
     drive = -jnp.sum(grid.half[:, None] * grid.rule.w[None] * here.torque) / scene.cycle
     flow = Flow(scene, grid, here, primitive(grid, here.torque + drive), drive)
     energy = flow.energy_for_time_mean()
@@ -131,15 +133,15 @@ def steady_on(scene: Scene, grid: Grid, here: Reduced) -> Steady:
     if not scene.mechanism.prescribed:
         return found
     shares = sum(here.by_load.values(), jnp.zeros_like(here.torque))
-    mean = -jnp.sum(flow.weights * shares) / scene.cycle  # inertia takes and gives back the same over a cycle
+    mean = -jnp.sum(flow.weights * shares) / scene.cycle  # inertia does no net work over a cycle
     return eqx.tree_at(lambda s: (s.mean_drive_torque, s.delta_error), found, (mean, jnp.zeros_like(mean)))
 
 
 def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
-    """Everything that follows from the work over the cycle and the energy constant for the wanted time mean."""
+    """The motion that follows from the work over the cycle and the energy constant for the wanted time mean."""
     scene, grid = flow.scene, flow.grid
     ends, rounds = flow.extremes(energy), 1
-    if scene.mean == "midrange":  # the extremes depend on the energy and it on them: quadratic convergence
+    if scene.mean == "midrange":  # energy and extremes depend on each other: quadratic convergence
         for _ in range(2):
             energy, rounds = flow.energy_for_midrange(energy, ends), rounds + 1
             ends = flow.extremes(energy)
@@ -152,7 +154,7 @@ def conclude(flow: Flow, energy: Array, clock: Primitive) -> Steady:
     period = flow.period(energy)
     mean = scene.cycle / period if scene.mean == "time" else 0.5 * (fastest + slowest)
     (least, angle), (light, lightest) = flow.work.extreme(-1), flow.min_inertia_ratio()
-    bare = LEAST * flow.scale - least  # the energy with which the crank only just gets round
+    bare = LEAST * flow.scale - least  # the energy with which the crank only just rotates fully
     lowest = scene.cycle / flow.period(bare)
     if scene.mean == "midrange":
         high, low = (flow.speed(e.height * e.inertia, e.inertia) for e in flow.extremes(bare))

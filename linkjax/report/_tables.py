@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, turning
-from linkjax.analysis import check_limit, load_size, moves, peak_told, peak_unit, power_scale, torque_scale, uneven
-from linkjax.machine import Scene
+from linkjax.analysis import check_limit, moves, peak_told, peak_unit, power_scale, torque_scale, uneven
+from linkjax.machine import Scene, load_size
 from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]

@@ -163,8 +163,8 @@ def test_jansens_leg_without_a_motion_is_told_with_all_else(command, tmp_path):
     code, out = command("analyse", str(FIELD / "c15-jansen.toml"), "--angles", "36", "--json", str(file))
     data = json.loads(file.read_text(encoding="utf-8"))
     assert code == 1
-    assert "no periodic regime" in out
-    assert "no periodic regime" in data["result"]["message"]
+    assert "no steady-state motion" in out
+    assert "no steady-state motion" in data["result"]["message"]
     assert not any(data["motion"][key] for key in ("delta", "speed", "time"))
     foot = data["points"]["F"]
     assert (foot["x"][0], foot["y"][0]) == pytest.approx((-43.1601e-3, -91.7569e-3), abs=1e-7)

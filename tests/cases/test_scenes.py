@@ -101,7 +101,7 @@ def test_a_crank_goes_as_far_as_its_loops_close(name):
 def test_a_parallelogram_that_nothing_holds_is_not_run_through_its_change_point():
     """Two cranks and a coupler alone may move in two ways from the stretched position: this is reported with the angle,
     and with the key for a continuous parallelogram."""
-    told = r'change point at 90\.00 degrees of crank angle \(stretched\).* Write branch = "continue" at the top'
+    told = r'change point at 90\.00 degrees of crank angle \(stretched\).* Set branch = "continue" at the top'
     with pytest.raises(lj.MachineError, match=told):
         lj.analyse(machine("pyslvs-parallel"))
     text = (SCENES / "pyslvs-parallel.toml").read_text(encoding="utf-8")

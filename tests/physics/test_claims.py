@@ -288,8 +288,8 @@ def test_a_jump_at_a_whole_degree():
             lambda: Mechanism({"O": Vec(0.0, 0.0)}, {"frame": Link(length=0.1)}, [Crank("frame", "O", "A")]),
             "the name is reserved for the frame",
         ),
-        (lambda: lj.analyse(rotor(), angles=[]), "angles must be a whole number or a list"),
-        (lambda: lj.analyse(rotor(), angles=36.0), "angles must be a whole number or a list"),
+        (lambda: lj.analyse(rotor(), angles=[]), "angles must be an integer or a list"),
+        (lambda: lj.analyse(rotor(), angles=36.0), "angles must be an integer or a list"),
     ],
 )
 def test_what_cannot_be_is_refused(wrong, says):

@@ -117,11 +117,9 @@ def test_an_analysis_over_counted_turns():
 def test_what_does_not_come_back_is_told():
     """After one turn the gear has made one and a half."""
     wheel = Gear("wheel", "E", Teeth((20, 30)), "second", "D")
-    with pytest.raises(
-        lj.MachineError, match="'wheel' is not after the cycle where it began: it goes on for more turns"
-    ):
+    with pytest.raises(lj.MachineError, match="'wheel' does not return to its initial position within cycle_turns"):
         lj.analyse(drag_link(wheel, wheel=Link(mass=1.0, inertia=0.01)), angles=36)
-    with pytest.raises(lj.MachineError, match="'rack' is not after the cycle where it began"):
+    with pytest.raises(lj.MachineError, match="'rack' does not return to its initial position"):
         lj.analyse(drag_link(Rack("rack", "R", "E", "second", "D", 0.05), rack=Link(mass=1.0)), angles=36)
 
 
@@ -235,9 +233,7 @@ def test_a_belt_that_cannot_be():
     gap = margins(prepared(scene.mechanism), jnp.asarray(0.0))["wheel"]["apart"]
     assert float(gap.value) == pytest.approx(1 - 0.3 / 0.32, rel=1e-14)
     scene = lj.design.changed(scene, {"fixed.D.x": 0.29})
-    with pytest.raises(
-        lj.MachineError, match="'wheel' has wheels whose axes are too near to each other for their belt"
-    ):
+    with pytest.raises(lj.MachineError, match="'wheel' has pulleys that are too close to each other for their belt"):
         lj.analyse(scene, angles=12)
 
 

@@ -157,7 +157,7 @@ def test_nothing_to_set_in_motion(mechanism, where, degrees):
         assert min(abs(math.remainder(float(found[1]) - d, 360.0)) for d in degrees) < 0.01
     mean = jnp.mean(cycle.forces_constant_speed.drive_torque)  # against the brake; masses absorb and return energy
     assert float(mean) == pytest.approx(3.0, rel=1e-9)
-    with pytest.raises(lj.MachineError, match=r"Read forces_constant_speed\.reactions"):
+    with pytest.raises(lj.MachineError, match=r"Use forces_constant_speed\.reactions"):
         _ = cycle.reactions
     finite_gradient(scene)
 

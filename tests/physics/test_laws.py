@@ -78,7 +78,7 @@ def test_the_analysis(name):
     np.testing.assert_allclose(cycle.forces.drive_torque, power, rtol=0, atol=1e-14 * size)
     assert float(cycle.work["drive"]) == pytest.approx(-sum(float(v) for k, v in cycle.work.items() if k != "drive"))
     data = document(cycle)
-    assert data["model"]["method"] == "prescribed" and "follows a law" in data["model"]["why"]
+    assert data["model"]["method"] == "prescribed" and "has a motion law" in data["model"]["why"]
     assert {("point" if "point" in at else "link", next(iter(at.values()))) for at in data["dead_centres"]} >= {
         ("point", "B") if name == "hydraulic" else ("link", "crank")
     }

@@ -205,7 +205,7 @@ def test_a_misfit_is_told():
         here = margins(prepared(scene(0.25 + off).mechanism), jnp.asarray(1.0))["tie"]["fits"]
         assert float(here.value) == pytest.approx(value, abs=1e-8)
     with pytest.raises(
-        lj.MachineError, match=r"group 'tie' does not fit: at .* degrees it is off by 0.00398 of its length"
+        lj.MachineError, match=r"group 'tie' does not fit: at .* degrees its error is 0.00398 of its length"
     ):
         lj.analyse(scene(0.251), angles=12)
     with pytest.raises(ValueError, match="both ends of a redundant link are attached to the point 'D'"):

@@ -117,7 +117,10 @@ def test_analyse(call, tmp_path):
     assert [float(row["radius"]) for row in rows] == found["bodies"]["radius"]
     with (tmp_path / "path.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 360 and float(rows[90]["3.x"]) == found["path"]["x"][2][90]
+    for name in ("bodies.csv", "path.csv"):
+        heading = (tmp_path / name).read_text(encoding="utf-8").splitlines()[0]
+        assert np.genfromtxt(tmp_path / name, delimiter=",", names=True).dtype.names == tuple(heading.split(","))
+    assert len(rows) == 360 and float(rows[90]["x_3"]) == found["path"]["x"][2][90]
 
 
 def test_units_and_changes(call):

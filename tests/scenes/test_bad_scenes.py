@@ -398,14 +398,14 @@ IMPOSSIBLE = {  # well-formed, but impossible for a machine: scene, changes, par
     "a rod too short": ("hay-press", {"links.rod.length": "1 mm"}, "cannot be assembled"),
     "a rod as short as the crank": ("hay-press", {"links.rod.length": "300 mm"}, "has a change point"),
     "a pivot out of reach": ("hay-press", {"fixed.F[0]": "20 m"}, "cannot be assembled"),
-    "a load beyond all energy": ("hay-press", {"loads.hay.force": "1e9 kN"}, "no periodic regime"),
-    "a huge load": ("hay-press", {"loads.hay.force": 9e19}, "no periodic regime"),
-    "a crank that creeps": ("hay-press", {"speed": "1e-9 rpm"}, "no periodic regime"),
+    "a load beyond all energy": ("hay-press", {"loads.hay.force": "1e9 kN"}, "no steady-state motion"),
+    "a huge load": ("hay-press", {"loads.hay.force": 9e19}, "no steady-state motion"),
+    "a crank that creeps": ("hay-press", {"speed": "1e-9 rpm"}, "no steady-state motion"),
     "a heavy rod": ("hay-press", {"links.rod.inertia": 9e19}, "no reduced inertia"),
     "a rocker in the clouds": ("hay-press", {"links.rocker.length": 9e19}, "cannot be assembled"),
     "a crank longer than all": ("hay-press", {"links.crank.length": 9e19}, "cannot be assembled"),
 }
-NO_MOTION = ("no periodic regime", "no reduced inertia", "nothing has a mass")
+NO_MOTION = ("no steady-state motion", "no reduced inertia", "nothing has a mass")
 SLOW = {
     "a four-bar that does not close": ("four-bar", {"links.rocker.length": "10 mm"}, "cannot be assembled"),
     "no inertia at all": (
@@ -493,7 +493,7 @@ COMMANDS = {  # content of the file, exit code, part of the message
         "clos",
     ),
     "too short": (edit("hay-press", "1020 mm", "200 mm"), 1, "cannot be assembled"),
-    "no regime": (edit("hay-press", "30 kN", "300000 kN"), 1, "no periodic regime"),
+    "no regime": (edit("hay-press", "30 kN", "300000 kN"), 1, "no steady-state motion"),
     "too large": (edit("hay-press", "1020 mm", "1e300 m"), 2, "too large for any machine"),
 }
 

@@ -71,7 +71,7 @@ def test_the_hay_press_asks_for_what_the_readme_says():
     [
         ("minimize = 'delta'", "optimise.minimize = .delta.: not a known key; did you mean 'minimise'"),
         ("minimise = 3", "optimise.minimise = 3: .* where a string is needed"),
-        ("free = { speed = 3 }", "optimise.free.speed = 3: a whole number where a range is needed"),
+        ("free = { speed = 3 }", "optimise.free.speed = 3: an integer where a range is needed"),
         ("free = { speed = [1, 2, 3] }", "a list where a range is needed"),
         ("free = { speed = { rage = '± 8 %' } }", "unknown key 'rage'"),
         ("free = { speed = { range = '± 8 %', linked = 'x' } }", "`linked` is not a list of names"),

@@ -1,0 +1,104 @@
+"""A cycle in plain text: what `print(cycle)` shows. Numbers have their units; a dash means: does not exist."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from linkjax._display import NONE, Numbers, above, aligned
+from linkjax._results import Result
+from linkjax.analysis._document import document, moves
+from linkjax.analysis._tidy import CONSTANT, peak_told, power_scale, torque_scale, uneven
+from linkjax.analysis._words import peak_unit
+
+SHOW = Numbers()
+Data = dict[str, Any]
+Rows = list[tuple[str, ...]]
+
+
+def cycle_text(cycle: Any) -> str:
+    """Motion, flywheel, peaks, margins and strokes of a cycle; one line where its numbers are those of several
+    designs, traced, or placeholders."""
+    title = cycle.scene.title or "Scene"
+    try:
+        if np.ndim(cycle.result):
+            raise TypeError("several designs")
+        data = document(cycle)
+        tables = [_head(data, cycle.scene)]
+        if data["result"]["code"] != Result.CANNOT_BE_ASSEMBLED:
+            tables += [_peaks(data), _strokes(data)]
+        tables.append(_groups(data))
+        blocks = ["\n".join(aligned(rows)) for rows in tables if rows]
+    except (AttributeError, TypeError, ValueError):  # what float() raises for these
+        return f"{title}: a working cycle (traced numbers, or several designs)"
+    return "\n\n".join([f"{title}: {data['result']['message']}\n{blocks[0]}", *blocks[1:]])
+
+
+def _head(data: Data, scene: Any) -> Rows:
+    """The structure, the actual motion if there is one, and the flywheel."""
+    flywheel, count = data["flywheel"], len(data["angles"])
+    turns = f"{scene.cycle_turns} turn{'s' * (scene.cycle_turns > 1)} of the crank"
+    rows = [("structure", scene.mechanism.formula()), ("cycle", f"{turns}, {count} crank angle{'s' * (count > 1)}")]
+    if moves(data):
+        rows += _motion(data)
+    else:
+        rows.append(("crank speed", f"{SHOW.speed(float(scene.speed))}, constant"))
+        rows += [("δ", NONE), ("drive torque", f"{NONE} (constant torque of the actual motion)")]
+    rows.append(("flywheel", SHOW.shown(flywheel["given"], "kg·m²")))
+    if flywheel["for_target_delta"] is not None:
+        need = flywheel["for_target_delta"]
+        rows.append((f"flywheel for δ = {flywheel['target_delta']:g}",
+                     SHOW.quantity(need, "kg·m²", 6) if need > 0 else "0 kg·m²"))  # fmt: skip
+    return rows
+
+
+def _motion(data: Data) -> Rows:
+    run, model = data["motion"], data["model"]
+    fastest, slowest = (f" at {SHOW.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
+    torque = SHOW.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))
+    return [
+        ("mean speed", f"{SHOW.speed(run['mean_speed'])} ({model['mean']} mean)"),
+        ("largest speed", f"{SHOW.speed(run['max_speed'])}{fastest}"),
+        ("smallest speed", f"{SHOW.speed(run['min_speed'])}{slowest}"),
+        ("δ", " ".join(SHOW.measured(run["delta"], run["delta_error"]))),
+        ("drive torque", f"{torque}, {'mean' if model['method'] == 'prescribed' else 'constant'}"),
+        ("mean power", SHOW.quantity(run["mean_power"], "W", 6, power_scale(data))),
+    ]
+
+
+def _peaks(data: Data) -> Rows:
+    """Peaks by name in the actual motion and at constant speed, each with its crank angle."""
+    rows = [("peak", "actual motion", "at", "constant speed", "at")]
+    for name in dict.fromkeys(key.removesuffix(CONSTANT) for key in data["peaks"]):
+        cells = [name]
+        for key in (name, f"{name}{CONSTANT}"):
+            value, angle, _ = peak_told(data, key) if key in data["peaks"] else (float("nan"),) * 3
+            cells += [SHOW.quantity(value, peak_unit(name), 6), SHOW.turned(angle)]
+        rows.append(tuple(cells))
+    return rows
+
+
+def _strokes(data: Data) -> Rows:
+    """What sliders and links cover, and where they stop."""
+    stops: dict[str, list[str]] = {}
+    for entry in data["dead_centres"]:
+        stops.setdefault(entry.get("point") or entry["link"], []).append(SHOW.turned(entry["angle"]))
+    rows = [("of", "stroke", "time ratio", "dead centres at")]
+    for name, places in stops.items():
+        covered = data["strokes"].get(name)
+        value, ratio = (None, None) if covered is None else (covered["value"], covered["time_ratio"])
+        stroke = SHOW.told([value], "m" if covered is None else covered["unit"], 6)[0]
+        rows.append((name, stroke, NONE if ratio is None else f"{ratio:.4f}", ", ".join(places)))
+    return rows if stops else []
+
+
+def _groups(data: Data) -> Rows:
+    """Least assembly margins, and transmission angles."""
+    rows = [("group", "kind", "least margin", "at", "transmission angle")]
+    for name, group in data["groups"].items():
+        span = [SHOW.turned(angle) for angle in group.get("transmission_span", ())]
+        if "margin" in group:
+            margin, at = f"{above(group['margin'], 1.0):.4g}".replace("-", "−"), SHOW.turned(group["margin_angle"])
+            rows.append((name, group["formula"], margin, at, " to ".join(span) or NONE))
+    return rows if len(rows) > 1 else []
