@@ -82,7 +82,7 @@ def _run(patch) -> tuple[int, str]:
     patch.setattr(console, "width", 160)
     with contextlib.redirect_stderr(out), pytest.raises(SystemExit) as stopped:
         cli.main()
-    return stopped.value.code or 0, out.getvalue()
+    return int(stopped.value.code or 0), out.getvalue()
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def optimum_text(found: Any) -> str:
 
 def _variables(found: Any) -> Rows:
     problem, values = found.problem, found.variables
-    rows = [("variable", "before", "after", "lower", "upper", "")]
+    rows: Rows = [("variable", "before", "after", "lower", "upper", "")]
     for i, (name, (old, new)) in enumerate(values.items()):
         at = problem.numbers[i]
         bounds = SHOW.bound(problem.lower[i], at.unit), SHOW.bound(problem.upper[i], at.unit)
@@ -64,7 +64,7 @@ def _limits(found: Any) -> Rows:
     kinds = {kind.label: kind for kind in problem.kinds if kind.role != "objective"}
     first = {kind.label: block.value if block.exists else None
              for kind, block in zip(problem.kinds, problem.first, strict=True)}  # fmt: skip
-    rows = [("constraint", "before", "after", "bound", "")]
+    rows: Rows = [("constraint", "before", "after", "bound", "")]
     for label, limit in found.limits.items():
         kind = kinds[label]
         note = "violated" if label in found.violated else "active" if limit.multiplier > 0 else ""

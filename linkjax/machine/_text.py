@@ -84,7 +84,7 @@ def load_size(show: Numbers, load: AbstractLoad) -> str:
 def drive_text(mechanism: Mechanism, show: Numbers) -> str:
     """What drives, and how it moves: its rotation, or its motion law."""
     driver, law = mechanism.driver, mechanism.driver.follows()
-    drive = getattr(driver, "drive", None) or driver
+    drive: Any = getattr(driver, "drive", None) or driver
     slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
     on = getattr(drive, "on", "frame")
     who = mechanism.driving_link if on == "frame" else f"{mechanism.driving_link} on {on}"
@@ -93,7 +93,8 @@ def drive_text(mechanism: Mechanism, show: Numbers) -> str:
         return f"{who} rotates {ROTATION[drive.rotation]}, phase {show.turned(phase)}"
     if not isinstance(law, Harmonic | Spline):
         return f"{who} follows the motion law {type(law).__name__}"
-    values = [float(value) for value in (law.values if isinstance(law, Spline) else (law.start, law.stop))]
+    places: Any = law.values if isinstance(law, Spline) else (law.start, law.stop)
+    values = [float(value) for value in places]
     low, high = (show.shown(v, "m") if slides else show.turned(phase + v) for v in (min(values), max(values)))
     how = "harmonic" if isinstance(law, Harmonic) else f"spline through {len(law.values)} positions"
     return f"{who} {'moves' if slides else 'oscillates'} between {low} and {high} ({how})"

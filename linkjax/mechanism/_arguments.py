@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from linkjax.groups import Belt, Drive, GearPair, RackPair, Slot, Teeth
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._mechanism import StructureError
 
+Of = TypeVar("Of")
 LONGEST = 60  # characters of a value in a message
 TABLES = {
     "fixed": '{"A": (0.0, 0.0)}',
@@ -59,9 +60,9 @@ def check_arguments(tables: Mapping[str, Any], lists: Mapping[str, Any], drive: 
         raise StructureError("flywheel", f"must be a Flywheel, but is {shown(flywheel)}", "write e.g. Flywheel(0.6)")
 
 
-def listed(elements: Iterable[Any] | Any) -> Any:
+def listed(elements: Iterable[Of]) -> tuple[Of, ...]:
     """The elements as a tuple; anything that cannot be iterated over is returned unchanged."""
-    return tuple(elements) if isinstance(elements, Iterable) else elements
+    return tuple(elements) if isinstance(elements, Iterable) else cast(Any, elements)
 
 
 def shown(value: object) -> str:

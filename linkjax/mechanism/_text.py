@@ -14,7 +14,7 @@ def structure_text(found: Structure) -> str:
     rows = [("links", "class", "pairs", "external pairs", "internal pairs")]
     for part in found.parts:
         rows.append((", ".join(part.links), part.kind, part.letters, _pairs(part.outer), _pairs(part.inner)))
-    return "\n".join([f"structure  {found.formula()}", f"mobility   {found.mobility_told()}", "", *aligned(rows)])
+    return "\n".join([f"structure  {found.formula()}", f"mobility   {found.mobility_formula()}", "", *aligned(rows)])
 
 
 def _pairs(pairs: Iterable[Pair]) -> str:
