@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from linkjax._renamed import renamed
 from linkjax.design._names import DesignError, Number, amount, near, number, numbers
 from linkjax.design._problem import Case, Variable
 from linkjax.design._terms import INITIAL, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
@@ -96,6 +97,8 @@ def settled_limit(scene: Scene, given: Limit | str) -> Limit:
         remedy = 'write at_most(function, bound), or "delta <= 0.15"'
         raise DesignError("limits", f"{given!r} is not a constraint", remedy)
     asked = limit(given) if isinstance(given, str) else given
+    if isinstance(asked.bound, str) and (new := renamed(asked.bound, [INITIAL])):
+        raise DesignError(asked.name, f"has the bound {asked.bound!r}", f"it is called {new!r} now")
     term = settled_term(scene, asked.term)
     bound = INITIAL if asked.bound == INITIAL else amount(asked.bound, term.unit, asked.name)
     return dataclasses.replace(asked, term=term, bound=bound)

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from linkjax._renamed import renamed
 from linkjax.design import Case, DesignError, number, numbers, settled
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES
@@ -64,12 +63,9 @@ def _checks(scene: Scene, asked: Optimise) -> Iterator[Check]:
 
 
 def _fault(source: str, table: Any, path: Path, error: DesignError) -> SceneError:
-    """The `SceneError` of a `DesignError`; the remedy for an old name is the new one."""
+    """The `SceneError` of a `DesignError`."""
     problem, remedy, value = error.problem, error.remedy.partition(" (in Python")[0], lookup(table, path)
     element = error.element.rpartition(": ")[2]  # "minimise: delta" is the argument of `optimise` and its name
-    bound = re.split("<=|>=|≤|≥", value)[-1].strip() if isinstance(value, str) else ""
-    if new := renamed(bound, ["initial"]):
-        remedy = f"it is called {new!r} now"
     if isinstance(value, dict) and element in value:
         path = (*path, element)
     if problem[:1].islower() and element not in (*path, value):

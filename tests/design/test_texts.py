@@ -84,6 +84,7 @@ def test_cases_with_units():
         (lambda: settled_limit(PRESS, "detla <= 0.15"), "detla: is neither a measure nor.* mean 'delta'"),
         (lambda: settled_limit(PRESS, "delta <= 3 kg"), "delta: '3 kg': a mass where a plain number"),
         (lambda: settled_limit(PRESS, at_most(lambda s: s.speed, "3 kg", unit="kg m")), "is not a number in kg m"),
+        (lambda: settled_limit(PRESS, "delta <= today"), "it is called 'initial' now"),
         (lambda: settled_case(PRESS, Case("idle", {"loads.hey.force": 0.0})), "did you mean 'loads.hay.force'"),
         (lambda: lj.optimise(PRESS, {"speed": (1.0, 2.0)}, "detla"), "did you mean 'delta'"),
         (lambda: lj.optimise(PRESS, {"speed": (1.0, 2.0)}, "delta", solver="cones"), "did you mean 'cone'"),
