@@ -8,7 +8,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import DesignError, at_least, at_most
-from linkjax.design import Term, changed
+from linkjax.design import Term, as_rows, changed
 from linkjax.design._texts import settled_limit
 from tests.design.test_optimise import rotor
 
@@ -43,6 +43,17 @@ def test_a_vector_is_refused(function, shape):
     assert refused(rotor(), FREE, maximise=function).startswith(expected)
     for sense in (at_most, at_least):
         assert refused(rotor(), FREE, "speed", limits=[sense(function, 3.0)]).startswith(expected)
+
+
+def test_rows_are_asked_for_by_name():
+    """Largest or smallest entry of an array, or length of its rows; anything else is refused."""
+    small = lj.optimise(rotor(), {"speed": (1.0, 1.5)}, as_rows(both))
+    assert small.objective == pytest.approx(2.0)
+    large = lj.optimise(rotor(), {"speed": (1.0, 1.5)}, maximise=as_rows(both, smallest=True))
+    assert large.objective == pytest.approx(1.5)
+    expected = "lambda: returns an array of shape (), not of shape (rows,) or (rows, parts)"
+    assert refused(rotor(), FREE, as_rows(lambda scene: scene.speed)).startswith(expected)
+    assert "AttributeError" in refused(rotor(), FREE, as_rows(misspelt))
 
 
 def branching(scene):
