@@ -182,7 +182,9 @@ def test_a_counterweight_that_is_missing():
     assert "[links.crank.counterweights.W1]" in said
     line = '"links.crank.counterweights.W1" = { mass = 0, at = "-100 mm" }'
     assert f"{line} in [optimise.changes]" in said
-    changes = {"optimise.changes": {"links.crank.counterweights.W1": {"mass": 0, "at": "-100 mm"}}}
+    weights = {f"links.{link}.counterweights.{piece}": {"mass": 0, "at": "-100 mm"}
+               for link, piece in (("crank", "W1"), ("rocker", "W5"))}  # fmt: skip
+    changes = {"optimise.changes": weights}
     assert name in lj.design.numbers(lj.load_problem("hay-press", changes)[0])
     other = "links.crank.counterweights.W.mass"
     has = rotor()
@@ -217,4 +219,4 @@ def test_an_error_names_its_argument(change, says):
 def test_a_measure_that_a_machine_does_not_have():
     """All groups of an elliptic trammel are of higher class."""
     said = refused(lj.load("elliptic-trammel"), {"speed": (1.0, 2.0)}, "min_transmission_angle")
-    assert said.startswith("min_transmission_angle: this machine has none")
+    assert said.startswith("min_transmission_angle: does not exist for this machine")
