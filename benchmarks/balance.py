@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import linkjax as lj
-from linkjax.design import Limit, Problem, Variable, as_term, at_most
+from linkjax.design import Limit, Problem, Variable, as_rows, as_term, at_most
 from linkjax.measures import min_margin, peak_shaking_force_constant_speed
 from linkjax.reduction import mass_sums
 
@@ -55,7 +55,7 @@ def product(link: str) -> Limit:
         at = scene.mechanism.links[link].counterweights[f"W{link}"].at
         return jnp.stack([at.x, at.y])[None]
 
-    return at_most(size, REACH[link], unit="kg m", name=f"product of {link}")
+    return at_most(as_rows(size, "kg m", f"product of {link}"), REACH[link])
 
 
 def problem(number: int) -> Problem:
@@ -68,8 +68,8 @@ def problem(number: int) -> Problem:
     limits = [product(link) for link in REACH]
     if number == 2:
         free += [Variable(f"links.{link}.length", *ends) for link, ends in LENGTHS.items()]
-        limits.append(at_most(cosine, 0.99, name="transmission"))
-    return Problem(press(), free, as_term(shaking, "N"), limits)
+        limits.append(at_most(as_rows(cosine, name="transmission"), 0.99))
+    return Problem(press(), free, as_rows(shaking, "N"), limits)
 
 
 def starts(posed: Problem, admissible) -> list[np.ndarray]:

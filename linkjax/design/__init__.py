@@ -20,6 +20,7 @@ from linkjax.design._scipy import trust as trust
 from linkjax.design._starts import Progress as Progress
 from linkjax.design._terms import Limit as Limit
 from linkjax.design._terms import Term as Term
+from linkjax.design._terms import as_rows as as_rows
 from linkjax.design._terms import as_term as as_term
 from linkjax.design._terms import at_least as at_least
 from linkjax.design._terms import at_most as at_most

@@ -94,7 +94,7 @@ def _check_counterweight(scene: Scene, name: str) -> None:
     others = f" (it has {', '.join(map(repr, link.counterweights))})" if link.counterweights else ""
     raise DesignError(
         name, f"link {found[1]!r} has no counterweight {found[2]!r}{others}",
-        f'add it, if need be with zero mass: in Python Link(..., counterweights={{"{found[2]}": Counterweight(0.0, '
+        f'add it: in Python Link(..., counterweights={{"{found[2]}": Counterweight(0.0, '
         f'Vec(-0.1, 0.0))}}); in the scene file "links.{found[1]}.counterweights.{found[2]}" = {{ mass = 0, '
         f'at = "-100 mm" }} in [optimise.changes], or a table [links.{found[1]}.counterweights.{found[2]}]',
     )  # fmt: skip

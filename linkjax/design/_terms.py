@@ -10,6 +10,8 @@ from typing import Any, Literal
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._numerics import largest
+from linkjax._numerics import smallest as least
 from linkjax._units import QuantityError, in_si
 from linkjax.design._names import DesignError, number
 from linkjax.machine import Scene
@@ -20,6 +22,7 @@ Sense = Literal["at most", "at least"]
 INITIAL = "initial"
 UNSETTLED = "?"  # the unit of a scene parameter until the scene is known
 TRACEABLE = "use jax.numpy instead of numpy or math, and jnp.where instead of `if`"
+SCENE = "a Scene with traced numbers"
 LONGEST = 160  # characters of another message in ours
 
 
@@ -53,7 +56,7 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
     scene, which returns one number in SI.
 
     Raises `DesignError` for anything else. A function that fails or does not return one number raises `DesignError`
-    when it is traced. For equal peaks of a user-defined quantity make a `Term` with `rows`.
+    when it is traced. For a function that returns an array see `as_rows`.
     """
     if isinstance(asked, Term):
         return asked
@@ -67,7 +70,29 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
         problem = f"{type(asked).__name__} is neither a measure, nor a name, nor a function"
         raise DesignError(repr(asked)[:LONGEST], problem, 'write e.g. "delta", or a function of the scene')
     name = name or _name(asked)
-    return Term(name, unit, lambda of: checked(name, "a Scene with traced numbers", asked, of.scene))
+    return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene))
+
+
+def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "", smallest: bool = False) -> Term:
+    """The term of a user-defined function that returns an array: its largest entry, shape (rows,), or the length of its
+    longest row, shape (rows, parts). The solvers treat every row separately, so equal peaks are exact.
+
+    With `smallest` the smallest entry or length counts, for `maximise` and `at_least`. Errors as in `as_term`.
+    """
+    name = name or _name(function)
+
+    def rows(of: Parts) -> Rows:
+        at = jnp.asarray(guarded(name, SCENE, function, of.scene))
+        if at.ndim not in (1, 2):
+            problem = f"returns an array of shape {at.shape}, not of shape (rows,) or (rows, parts)"
+            raise DesignError(name, problem, "return an array of one or two axes")
+        vectors = at if at.ndim == 2 else at[:, None]
+        return Rows(vectors, jnp.full(vectors.shape[0], jnp.nan), signed=at.ndim == 1)
+
+    def value(of: Parts) -> Array:
+        return least(rows(of).size()) if smallest else largest(rows(of).size())
+
+    return Term(name, unit, value, rows, smallest)
 
 
 def _name(function: Any) -> str:
@@ -85,6 +110,7 @@ def checked(name: str, given: str, function: Callable[[Any], Any], argument: Any
         raise DesignError(name, problem, "return one number, e.g. scene.mechanism.flywheel.inertia") from error
     if at.ndim:
         remedy = "return one number, e.g. jnp.max(...), or jnp.min(...) for a lower bound"
+        remedy += "; linkjax.design.as_rows(function) treats every entry separately"
         raise DesignError(name, f"returns an array of shape {at.shape}, not one number", remedy)
     if not jnp.issubdtype(at.dtype, jnp.floating) and not jnp.issubdtype(at.dtype, jnp.integer):
         problem = f"returns a value of type {at.dtype}, not a real number"

@@ -10,7 +10,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import DesignError, at_least, at_most
-from linkjax.design import Term, changed
+from linkjax.design import Term, as_rows, changed
 from linkjax.design._texts import settled_limit
 from tests.design.test_optimise import rotor
 
@@ -45,6 +45,17 @@ def test_a_vector_is_refused(function, shape):
     assert refused(rotor(), FREE, maximise=function).startswith(expected)
     for sense in (at_most, at_least):
         assert refused(rotor(), FREE, "speed", limits=[sense(function, 3.0)]).startswith(expected)
+
+
+def test_rows_are_asked_for_by_name():
+    """Largest or smallest entry of an array, or length of its rows; anything else is refused."""
+    small = lj.optimise(rotor(), {"speed": (1.0, 1.5)}, as_rows(both))
+    assert small.objective == pytest.approx(2.0)
+    large = lj.optimise(rotor(), {"speed": (1.0, 1.5)}, maximise=as_rows(both, smallest=True))
+    assert large.objective == pytest.approx(1.5)
+    expected = "lambda: returns an array of shape (), not of shape (rows,) or (rows, parts)"
+    assert refused(rotor(), FREE, as_rows(lambda scene: scene.speed)).startswith(expected)
+    assert "AttributeError" in refused(rotor(), FREE, as_rows(misspelt))
 
 
 def branching(scene):
@@ -173,7 +184,9 @@ def test_a_counterweight_that_is_missing():
     assert "[links.crank.counterweights.W1]" in said
     line = '"links.crank.counterweights.W1" = { mass = 0, at = "-100 mm" }'
     assert f"{line} in [optimise.changes]" in said
-    changes = {"optimise.changes": {"links.crank.counterweights.W1": {"mass": 0, "at": "-100 mm"}}}
+    weights = {f"links.{link}.counterweights.{piece}": {"mass": 0, "at": "-100 mm"}
+               for link, piece in (("crank", "W1"), ("rocker", "W5"))}  # fmt: skip
+    changes = {"optimise.changes": weights}
     assert name in lj.design.numbers(lj.load_problem("hay-press", changes)[0])
     other = "links.crank.counterweights.W.mass"
     has = rotor()
@@ -208,4 +221,4 @@ def test_an_error_names_its_argument(change, says):
 def test_a_measure_that_a_machine_does_not_have():
     """All groups of an elliptic trammel are of higher class."""
     said = refused(lj.load("elliptic-trammel"), {"speed": (1.0, 2.0)}, "min_transmission_angle")
-    assert said.startswith("min_transmission_angle: this machine has none")
+    assert said.startswith("min_transmission_angle: does not exist for this machine")

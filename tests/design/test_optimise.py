@@ -10,6 +10,7 @@ import pytest
 import linkjax as lj
 from linkjax import Case, Counterweight, DesignError, Variable, Vec, at_least, at_most
 from linkjax._compile import compiled_soon
+from linkjax.design import as_rows
 from linkjax.design._needs import rows_for
 from linkjax.measures import (
     delta,
@@ -135,15 +136,13 @@ def test_today_and_own_functions():
     """A constraint relative to the initial value; a user-defined function with several rows is bounded row by row."""
     scene = rotor()
 
-    def rows(parts):
-        at = parts.scene.mechanism.links["crank"].counterweights["W"].at
-        return lj.motion.Rows(jnp.stack([at.x, at.y, -at.x - at.y])[:, None], jnp.full(3, jnp.nan), signed=True)
-
-    places = lj.design.Term("places", "m", lambda parts: jnp.max(rows(parts).vectors), rows)
+    def places(scene):
+        at = scene.mechanism.links["crank"].counterweights["W"].at
+        return jnp.stack([at.x, at.y, -at.x - at.y])
 
     free = {f"{AT}.along": (-0.1, 0.1), f"{AT}.across": (-0.1, 0.1)}
     today = at_most(peak_shaking_force_constant_speed, "initial")
-    found = lj.optimise(scene, free, places, limits=[today])
+    found = lj.optimise(scene, free, as_rows(places), limits=[today])
     # the largest of x, y and -x - y has its minimum, zero, only where all vanish
     assert found.objective == pytest.approx(0.0, abs=1e-7)
     bound = found.limits["peak_shaking_force_constant_speed"].bound
