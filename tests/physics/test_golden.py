@@ -192,7 +192,7 @@ def test_the_mean_drive_torque_in_closed_form(regime):
     on, off = np.radians([90.0, 335.0])
     before, after = (oracle.assemble(machine("hay-press").mechanism, phi)[1]["rocker"] for phi in (on, off))
     swing = abs(np.angle(after / before))
-    assert float(regime[0].drive_torque) == pytest.approx(30e3 * 0.2 * swing / (2 * math.pi), rel=1e-9)
+    assert float(regime[0].mean_drive_torque) == pytest.approx(30e3 * 0.2 * swing / (2 * math.pi), rel=1e-9)
 
 
 def test_g10_stroke_of_the_rocker():

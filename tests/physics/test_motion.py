@@ -83,7 +83,7 @@ def test_quadrature_and_diffrax_agree(name):
     scene = machine(name)
     nodes = 192 if name in ("geared", "rolling") else 96  # its gears turn faster than the crank
     one, two = regime(name), compiled_soon(lambda scene: steady_by_diffrax(scene, nodes))(scene)
-    for field in ("delta", "max_speed", "min_speed", "drive_torque", "mean_speed", "period", "energy"):
+    for field in ("delta", "max_speed", "min_speed", "mean_drive_torque", "mean_speed", "period", "energy"):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), rel=1e-9), field
     for field in ("angle_of_max", "angle_of_min"):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), abs=1e-6), field
@@ -256,7 +256,7 @@ def test_textbook_flywheel():
     scene = machine("hay-press")
     got = float(compiled_soon(textbook_flywheel)(regime("hay-press"), jnp.asarray(0.15)))
     assert got == pytest.approx(5.75, abs=0.005)
-    drive = float(regime("hay-press").drive_torque)
+    drive = float(regime("hay-press").mean_drive_torque)
     turns = [a for a, _ in panels("hay-press")]  # extremes of the excess work are zeros or jumps of the excess torque
     for low, high in panels("hay-press"):
         scan = np.linspace(low + 1e-12, high - 1e-12, 200)

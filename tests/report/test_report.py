@@ -245,7 +245,7 @@ def test_optimisation(compared):
     [
         ("mm, furlong", "unknown unit 'furlong'"),
         ("mm, cm", "two units of length"),
-        ("N^2", "nothing that is shown"),
+        ("N^2", "belongs to no quantity that is shown"),
         ("3 mm", "cannot read the unit"),
     ],
 )
