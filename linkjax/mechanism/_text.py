@@ -11,7 +11,7 @@ from linkjax.mechanism._structure import Structure
 
 def structure_text(found: Structure) -> str:
     """Structural formula, mobility, and a table of the groups with the pairs by which they are attached."""
-    rows = [("links", "class", "pairs", "external pairs", "internal pairs")]
+    rows = [("links", "class", "pairs", "outer pairs", "inner pairs")]
     for part in found.parts:
         rows.append((", ".join(part.links), part.kind, part.letters, _pairs(part.outer), _pairs(part.inner)))
     return "\n".join([f"structure  {found.formula()}", f"mobility   {found.mobility_formula()}", "", *aligned(rows)])

@@ -115,6 +115,20 @@ def test_an_integer_is_a_number():
     assert lj.optimise(rotor(), FREE, cast(Any, lambda scene: 2)).objective == 2.0
 
 
+def test_wrong_types_are_named():
+    """A string in place of a list, and names in place of ranges or measures."""
+    assert refused(PRESS, FREE, "delta", limits="delta <= 0.1") == (
+        "limits: is a string; write a list, e.g. ['delta <= 0.1']"
+    )
+    for names in (["flywheel.inertia"], "flywheel.inertia"):
+        assert refused(PRESS, cast(Any, names), "delta").startswith("free: flywheel.inertia: has no range; write a")
+    for names in (["min_margin"], "min_margin"):
+        with pytest.raises(TypeError, match=r"'min_margin' is not a measure; .*\[linkjax.measures.min_margin\]"):
+            lj.measures.evaluate(PRESS, cast(Any, names))
+    said = refused(PRESS, {"links.crank.counterweight.mass": "0 to 3 kg"}, "delta")
+    assert "did you mean 'links.crank.counterweights.NAME.mass'?" in said
+
+
 @pytest.mark.parametrize(
     ("name", "near"),
     [
@@ -131,7 +145,7 @@ def test_unknown_names(name, near):
     assert said.startswith(f"limits: {name}: is neither a measure nor a scene parameter; ")
     assert all(each in said for each in near), said
     assert said.endswith(
-        "(in Python a user-defined function is given itself: at_most(function, bound), minimise=function)"
+        "(in Python pass the function object, not its name: at_most(function, bound), minimise=function)"
     )
 
 
