@@ -2,15 +2,15 @@
 
 Run: python -m benchmarks.cost [--compiled] [--write] [SCENE ...]      (default: every scene)
 
-Programs, at 64 nodes: `cycle`, the program of `benchmarks.throughput` (kinematics, reduction, steady motion, δ, peak
-shaking force); `gradient`, of δ and of the peaks of shaking force and joint reactions, with respect to all numbers of
-the scene; `analysis`, everything that `linkjax.analyse` computes, at 36 angles. For rolling bodies `gradient` is that
-of the closure error with respect to the design. XLA counts the operations of a program before compilation (`lowered`,
-seconds per scene), with --compiled also after compilation for one use (half a minute per scene). XLA counts the body of
-a loop once, so `loops` gives the iterations: those of every loop, after those of the enclosing loops, and the number of
-such loops; `?` where the number depends on the data. These are the steps along the path of a group of higher class;
-`steps` counts them while the path is prepared (times the iterations within). --write renews `benchmarks/cost.json`,
-which the tests compare with.
+Programs, at 64 nodes: `cycle`, the program of `benchmarks.throughput` (kinematics, reduction, steady-state motion, δ,
+peak shaking force); `gradient`, of δ and of the peaks of shaking force and joint reactions, with respect to all scene
+parameters; `analysis`, everything that `linkjax.analyse` computes, at 36 angles. For rolling bodies
+`gradient` is that of the closure error with respect to the design. XLA counts the operations of a program before
+compilation (`lowered`, seconds per scene), with --compiled also after compilation for one use (half a minute per
+scene). XLA counts the body of a loop once, so `loops` gives the iterations: those of every loop, after those of the
+enclosing loops, and the number of such loops; `?` where the number depends on the data. These are the steps along the
+path of a group of higher class; `steps` counts them while the path is prepared (times the iterations within). --write
+renews `benchmarks/cost.json`, which the tests compare with.
 """
 
 from __future__ import annotations

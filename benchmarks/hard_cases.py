@@ -28,7 +28,7 @@ PARTS = ("position", "coefficients", "reactions", "gradients")
 COLOURS = dict(zip(PARTS, ("#0072B2", "#009E73", "#E69F00", "#D55E00"), strict=True))
 
 
-def dead_positions() -> Figure:
+def singular_positions() -> Figure:
     """Error of each part over the distance, with the effect of half a rounding error in every number."""
     figure = Figure(figsize=(9.0, 5.6), layout="constrained")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
@@ -54,7 +54,7 @@ def dead_positions() -> Figure:
 
 
 def change_points() -> Figure:
-    """A slider through its dead centres, and errors over the distance to a change point."""
+    """A slider-crank through its change points, and errors over the distance to a change point."""
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     phi = jnp.linspace(0.0, 2 * math.pi, 361)
@@ -160,7 +160,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "change-points": change_points,
     "scales": scales,
     "degenerate": degenerate,
-    "dead-positions": dead_positions,
+    "singular-positions": singular_positions,
     "float32": single_precision,
 }
 

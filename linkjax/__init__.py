@@ -165,9 +165,9 @@ def __getattr__(name: str) -> Any:
 
 def _hint(name: str) -> str:
     """What to write for a name that does not exist."""
-    from linkjax._units import nearest
+    from linkjax._units import similar
 
-    return nearest(name, (*__all__, *_SUBPACKAGES))
+    return similar(name, [known for known in __dir__() if not known.startswith("_")]) or "see dir(linkjax)"
 
 
 def __dir__() -> list[str]:

@@ -101,10 +101,15 @@ class QuantityError(ValueError):
 
 def nearest(name: str, known) -> str:
     """A hint: the name that replaces an old one, the most similar known name, or all known names."""
+    return similar(name, known) or f"known here: {', '.join(sorted(known)) or 'none'}"
+
+
+def similar(name: str, known) -> str:
+    """A hint: the name that replaces an old one, or the most similar known name; empty if there is none."""
     if new := renamed(name, known):
         return f"it is called {new!r} now"
     close = difflib.get_close_matches(name, list(known), n=1)
-    return f"did you mean {close[0]!r}?" if close else f"known here: {', '.join(sorted(known)) or 'none'}"
+    return f"did you mean {close[0]!r}?" if close else ""
 
 
 def quantity(value: Any, dimension: str) -> float:

@@ -197,6 +197,8 @@ def test_only_the_command_line_prints():
 def test_doors_hold_imports_and_constants_only():
     def plain(node: ast.stmt) -> bool:
         names = [t.id for t in node.targets if isinstance(t, ast.Name)] if isinstance(node, ast.Assign) else []
+        if ast.unparse(node) == "__getattr__ = old_names(__name__)":  # messages about names that were renamed
+            return True
         text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
         return isinstance(node, ast.ImportFrom) or text or (bool(names) and all(n.isupper() for n in names))
 

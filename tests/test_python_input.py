@@ -23,6 +23,12 @@ for wrong in (
     lambda: Scene("four-bar"),
     lambda: lj.analyse(mechanism),
     lambda: lj.optimise(mechanism, {}, "delta"),
+    lambda: lj.crank_ranges(Scene(mechanism)),
+    lambda: lj.margins(Scene(mechanism), 0.0),
+    lambda: lj.pose(Scene(mechanism), 0.0),
+    lambda: lj.dead_centres(Scene(mechanism)),
+    lambda: lj.kinematics.min_margin(Scene(mechanism)),
+    lambda: lj.pose("four-bar", 0.0),
 ):
     try:
         wrong()
@@ -45,6 +51,12 @@ ValueError: rotation of a crank must be "ccw" (counter-clockwise) or "cw", but i
 StructureError: mechanism: is str; write a Mechanism, e.g. from lj.library
 TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)
 TypeError: a Scene is needed, not Mechanism; write Scene(mechanism, loads, speed=...)
+TypeError: a Mechanism is needed, not Scene; write scene.mechanism
+TypeError: a Mechanism is needed, not Scene; write scene.mechanism
+TypeError: a Mechanism is needed, not Scene; write scene.mechanism
+TypeError: a Mechanism is needed, not Scene; write scene.mechanism
+TypeError: a Mechanism is needed, not Scene; write scene.mechanism
+TypeError: a Mechanism is needed, not str; write a Mechanism, e.g. from lj.library
 """
 
 

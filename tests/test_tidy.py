@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 import linkjax as lj
-from linkjax.analysis import document, measure_scales, peak_told
+from linkjax.analysis import document, measure_scales, peak_shown
 from linkjax.report import _tables
 from linkjax.report._cells import Cells
 from linkjax.scenes import loads_text
@@ -32,7 +32,7 @@ def synthetic(force: float, error: float, least: float, torque: float = 0.0, mea
 
 def told(key: str, *numbers: float) -> tuple[float, bool]:
     """The reported value of a peak, and whether it has an angle."""
-    value, angle, _ = peak_told(synthetic(*numbers), key)
+    value, angle, _ = peak_shown(synthetic(*numbers), key)
     return value, math.isfinite(angle)
 
 

@@ -1,5 +1,6 @@
 """What people read is written in the field's words, and old names are gone."""
 
+import importlib
 import re
 
 import pytest
@@ -32,7 +33,21 @@ OLD = [
     "largest_radius",
     "smallest_radius",
     "least_clearance",
+    "build_task",
+    "dead_positions",
+    "lost_at_start",
+    "peak_told",
 ]
+OLD_IN = {  # one old name of every subpackage that has them
+    "analysis": "peak_told",
+    "design": "many",
+    "groups": "Slide",
+    "kinematics": "crank_limits",
+    "measures": "regime_margin",
+    "motion": "steady",
+    "reduction": "reduce",
+    "scenes": "load_task",
+}
 MAY_NAME_THEM = {  # the table, and tests of it; two that sort the letters R and P of joints
     *("linkjax/_renamed.py", "tests/test_words.py", "tests/words.py", "tests/design/test_misuse.py"),
     *("tests/physics/test_structure.py", "tests/physics/test_scales.py"),
@@ -46,7 +61,11 @@ def test_words_of_the_field(folder):
     assert not places, "\n" + "\n".join(places)
 
 
-@pytest.mark.parametrize("line", ["the crank comes round", "is told to", "two wheels in gear", "leave it out"])
+@pytest.mark.parametrize(
+    "line",
+    ["the crank comes round", "is told to", "two wheels in gear", "leave it out", "a group that brings the point in",
+     "behind the one before", "its dead points", "an idler"],
+)  # fmt: skip
 def test_the_list_finds_words(line):
     assert PATTERN.search(line)
     assert not PATTERN.search(f"`{line.replace(' ', '_')}` is a name")
@@ -69,3 +88,34 @@ def test_old_names_are_gone():
 def test_old_names_say_the_new_one(old):
     with pytest.raises(AttributeError, match=f"it is called '{RENAMED[old]}' now"):
         getattr(lj, old)
+
+
+@pytest.mark.parametrize(("subpackage", "old"), OLD_IN.items())
+def test_old_names_of_subpackages_say_the_new_one(subpackage, old):
+    with pytest.raises(AttributeError, match=f"'linkjax.{subpackage}' has no .* it is called '{RENAMED[old]}' now"):
+        getattr(importlib.import_module(f"linkjax.{subpackage}"), old)
+    with pytest.raises(AttributeError, match=f"^module 'linkjax.{subpackage}' has no attribute 'nonsense'$"):
+        _ = getattr(lj, subpackage).nonsense
+
+
+def test_every_subpackage_with_old_names_is_tested():
+    """A name that replaces another, in a subpackage that defines it, can be asked for by the old name."""
+    doors = {file.parent.name for file in (ROOT / "linkjax").glob("*/__init__.py") if "old_names" in file.read_text()}
+    assert doors == set(OLD_IN)
+
+
+def test_all_old_names_lead_somewhere():
+    for subpackage, old in [("design", "Met"), ("groups", "RR"), ("kinematics", "assemblies"), ("scenes", "build_task"),
+                            ("measures", "largest_speed"), ("kinematics", "smallest_margin")]:  # fmt: skip
+        with pytest.raises(AttributeError, match=f"it is called '{RENAMED[old]}' now"):
+            getattr(getattr(lj, subpackage), old)
+
+
+def test_an_unknown_name_lists_no_names():
+    with pytest.raises(AttributeError, match=r"^module 'linkjax' has no attribute 'xyzzy'; see dir\(linkjax\)$"):
+        _ = lj.xyzzy
+    with pytest.raises(AttributeError, match="did you mean 'slider_crank'"):
+        _ = lj.slider_crnk
+    for name in ("version__", "config"):  # similar to private names only
+        with pytest.raises(AttributeError, match=r"see dir\(linkjax\)$"):
+            getattr(lj, name)

@@ -1,5 +1,6 @@
 """The analysis of a working cycle, its JSON document and its columns."""
 
+from linkjax._renamed import old_names as old_names
 from linkjax.analysis._analyse import LIGHTEST as LIGHTEST
 from linkjax.analysis._analyse import analyse as analyse
 from linkjax.analysis._analyse import analyze as analyze
@@ -21,8 +22,10 @@ from linkjax.analysis._table import columns as columns
 from linkjax.analysis._tidy import CONSTANT as CONSTANT
 from linkjax.analysis._tidy import force_scale as force_scale
 from linkjax.analysis._tidy import measure_scales as measure_scales
-from linkjax.analysis._tidy import peak_told as peak_told
+from linkjax.analysis._tidy import peak_shown as peak_shown
 from linkjax.analysis._tidy import power_scale as power_scale
 from linkjax.analysis._tidy import torque_scale as torque_scale
 from linkjax.analysis._tidy import uneven as uneven
 from linkjax.analysis._words import peak_unit as peak_unit
+
+__getattr__ = old_names(__name__)

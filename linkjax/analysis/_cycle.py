@@ -29,7 +29,7 @@ from linkjax.groups import (
     followed,
     slow,
 )
-from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, lost_at_start, named_groups, shortfall
+from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, named_groups, not_assembled_at_start, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
@@ -70,7 +70,7 @@ class Flywheels(eqx.Module):
 class NoMotion(eqx.Module):
     """Why a cycle has no actual motion: the `reason` with a remedy, in one line, and whether it `fails` (a machine
     without any mass does not fail: it has kinematics and statics). `steady_state_margin` is that of the cycle;
-    `min_mean_speed` (rad/s) is the lowest mean speed with a steady motion, if the speed is too low."""
+    `min_mean_speed` (rad/s) is the lowest mean speed with a steady-state motion, if the speed is too low."""
 
     reason: str = eqx.field(static=True)
     fails: bool = eqx.field(static=True)
@@ -172,7 +172,7 @@ def explain_start(scene: Scene) -> None:
             continue
         if not float(group.path.gap[0]) > slow(group.path.gap.dtype):
             continue
-        lost = lost_at_start(scene.mechanism)
+        lost = not_assembled_at_start(scene.mechanism)
         if lost is not None and lost[0] != name:
             return  # it is attached to a group that does not close; the analysis reports where that one closes
         title = f"Scene {scene.title!r}: " if scene.title else ""

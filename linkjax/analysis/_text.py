@@ -9,7 +9,7 @@ import numpy as np
 from linkjax._display import NONE, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
-from linkjax.analysis._tidy import CONSTANT, peak_told, power_scale, torque_scale, uneven
+from linkjax.analysis._tidy import CONSTANT, peak_shown, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_unit
 
 SHOW = Numbers()
@@ -74,7 +74,7 @@ def _peaks(data: Data) -> Rows:
     for name in dict.fromkeys(key.removesuffix(CONSTANT) for key in data["peaks"]):
         cells = [name]
         for key in (name, f"{name}{CONSTANT}"):
-            value, angle, _ = peak_told(data, key) if key in data["peaks"] else (float("nan"),) * 3
+            value, angle, _ = peak_shown(data, key) if key in data["peaks"] else (float("nan"),) * 3
             cells += [SHOW.quantity(value, peak_unit(name), 6), SHOW.turned(angle)]
         rows.append(tuple(cells))
     return rows

@@ -42,7 +42,7 @@ def power_scale(data: Data) -> float:
     return torque_scale(data) * abs(data["motion"].get("mean_speed") or 0.0)
 
 
-def peak_told(data: Data, key: str) -> tuple[float, float, float]:
+def peak_shown(data: Data, key: str) -> tuple[float, float, float]:
     """A peak: its value, zero if it is below its error or only a rounding error; its crank angle, NaN if the quantity
     is zero or constant; and its error, NaN if the value is only a rounding error."""
     peak, suffix = data["peaks"][key], CONSTANT if key.endswith(CONSTANT) else ""

@@ -13,7 +13,7 @@ from linkjax.analysis import (
     CONSTANT,
     check_limit,
     moves,
-    peak_told,
+    peak_shown,
     peak_unit,
     power_scale,
     torque_scale,
@@ -183,7 +183,7 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     motions = ["actual motion", "at"] if moves(data) else []
     table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
     for name in dict.fromkeys(name.removesuffix(CONSTANT) for name in data["peaks"]):
-        both = [peak_told(data, key) for key in (name, f"{name}{CONSTANT}") if key in data["peaks"]]
+        both = [peak_shown(data, key) for key in (name, f"{name}{CONSTANT}") if key in data["peaks"]]
         values = [show.quantity(value, peak_unit(name), 6) for value, _, _ in both]
         angles = [show.turned(angle) for _, angle, _ in both]
         shown = name if name.startswith("reaction.") else name.replace("_", " ")

@@ -1,5 +1,6 @@
 """Optimisation of a machine: design variables by name, an objective, constraints, exact peaks."""
 
+from linkjax._renamed import old_names as old_names
 from linkjax.design._cone import descend as descend
 from linkjax.design._document import document as document
 from linkjax.design._multistart import multistart as multistart
@@ -7,6 +8,7 @@ from linkjax.design._names import DesignError as DesignError
 from linkjax.design._names import changed as changed
 from linkjax.design._names import number as number
 from linkjax.design._names import numbers as numbers
+from linkjax.design._optimise import ConstraintResult as ConstraintResult
 from linkjax.design._optimise import Optimum as Optimum
 from linkjax.design._optimise import optimise as optimise
 from linkjax.design._optimise import optimize as optimize
@@ -26,3 +28,5 @@ from linkjax.design._terms import at_least as at_least
 from linkjax.design._terms import at_most as at_most
 from linkjax.design._text import outcome as outcome
 from linkjax.design._texts import limit as limit
+
+__getattr__ = old_names(__name__)

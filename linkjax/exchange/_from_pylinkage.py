@@ -234,7 +234,7 @@ class _Reader:
                 remedy = (
                     "put it on a link, or delete it; pylinkage's to_mechanism omits the links of cams, point trackers, "
                 )
-                remedy += "linear actuators, arc cranks and double slides"
+                remedy += "linear actuators, arc cranks and double sliders"
                 raise StructureError(joint, "is on no link", remedy)
         for body, held in self.on.items():
             if body != GROUND and len(held) > 1 and not self.apart(*held[:2]):

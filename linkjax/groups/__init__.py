@@ -1,5 +1,6 @@
 """Structural groups: the driver and the Assur groups, one file each."""
 
+from linkjax._renamed import old_names as old_names
 from linkjax.groups._base import BEYOND as BEYOND
 from linkjax.groups._base import AbstractGroup as AbstractGroup
 from linkjax.groups._base import Coupling as Coupling
@@ -65,3 +66,5 @@ KINDS = {
     group.kind: group
     for group in (Crank, LinearDriver, RRR, RRP, RPR, PRP, RPP, Gear, Rack, Pinion, RedundantLink, RedundantSlider)
 }
+
+__getattr__ = old_names(__name__)

@@ -179,7 +179,7 @@ class AbstractGroup(eqx.Module):
         is used."""
 
     @abc.abstractmethod
-    def dead_positions(self) -> tuple[str, ...]:
+    def singular_positions(self) -> tuple[str, ...]:
         """Names of its margins."""
 
     @abc.abstractmethod

@@ -24,7 +24,7 @@ class AbstractDriver(AbstractGroup):
     def driving(self):
         return self.link_names()[0]
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ()
 
     def margins(self, links, states, points, phi):

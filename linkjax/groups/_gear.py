@@ -112,7 +112,7 @@ class Gear(AbstractWheel):
         angle, w, e = (b + ratio * (a - b) for a, b in zip(there, on, strict=True))
         return self.placed(self.end, links, points, angle + self.phase, w, e)
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("turns", "apart")
 
     def margins(self, links, states, points, phi):

@@ -304,7 +304,7 @@ class General(AbstractChain):
             rows += [rate.x, rate.y, size * getattr(states[link], of_link)]
         return jnp.stack(rows)
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("loops", "apart") if self._geared_pairs() else ("loops",)
 
     def margins(self, links, states, points, phi):
@@ -325,7 +325,7 @@ class General(AbstractChain):
         value = jnp.where(value < met(value.dtype), value - met(value.dtype), value)
         value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
         found = {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
-        if "apart" in self.dead_positions():
+        if "apart" in self.singular_positions():
             spans = [(gear.mesh, points[gear.centre].r - points[gear.pivot].r) for gear in self._geared_pairs()]
             least = smallest(jnp.stack([mesh.apart(span).value for mesh, span in spans]))
             least = jnp.where(lost, jnp.maximum(least, value), least)  # unknown where the group does not close

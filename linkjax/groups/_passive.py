@@ -1,7 +1,7 @@
 """Redundant links (passive constraints): they only repeat constraints, and can move because their dimensions fit.
 
 Examples are a third parallel crank and a second guide beside the first. The forces that they share with other links are
-statically indeterminate: they depend on clearances. Here redundant links carry none of them.
+statically indeterminate: they depend on the fit of the redundant links. Here redundant links carry none of them.
 Source: passive constraints, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 2.
 """
 
@@ -77,7 +77,7 @@ class RedundantLink(AbstractGroup):
         e = s.cross(dds) / square - 2 * s.dot(ds) * w / square
         return {self.link: LinkState(s / safe_sqrt(square, 1.0), w, e)}, {}
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("fits",)
 
     def margins(self, links, states, points, phi):
@@ -139,7 +139,7 @@ class RedundantSlider(AbstractGroup):
     def solve(self, links, states, points, phi):
         return {self.block: self.guide.line(states, points).state}, {}
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("fits",)
 
     def margins(self, links, states, points, phi):

@@ -67,7 +67,7 @@ class PRP(AbstractGroup):
         a, b = self.blocks
         return {a: one.state, b: two.state}, {self.meet: crossing(one, two)}
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("parallel",)
 
     def margins(self, links, states, points, phi):

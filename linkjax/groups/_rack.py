@@ -101,7 +101,7 @@ class Rack(AbstractGroup):
         line = self.guide.line(states, points)
         return {self.link: line.state}, {self.end: line.point(self.start + rolled[0], rolled[1], rolled[2])}
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("turns",)
 
     def margins(self, links, states, points, phi):
@@ -204,7 +204,7 @@ class Pinion(AbstractWheel):
         on, w, e = counted(self.carrier, 0, states, self.path, phi, self.cycle_turns)
         return self.placed(self.end, links, points, on + self.phase + s, w + d, e + dd)
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ()
 
     def margins(self, links, states, points, phi):

@@ -63,7 +63,7 @@ class RPP(AbstractGroup):
         slot = Line(points[self.from_], unit(self.slot).turned(path.t), -self.offset, path.state)
         return {self.link: path.state, self.block: slot.state}, {self.end: crossing(path, slot)}
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("parallel",)
 
     def margins(self, links, states, points, phi):

@@ -72,7 +72,7 @@ class RPR(AbstractGroup):
         end = PointState(a.r + arm, a.dr + arm.perp() * w, a.ddr + arm.perp() * e - arm * (w * w))
         return {self.link: state, self.block: state}, {self.end: end}
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("pivot",)
 
     def margins(self, links, states, points, phi):

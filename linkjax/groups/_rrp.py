@@ -101,7 +101,7 @@ class RRP(AbstractGroup):
         h = self._reach(links[self.link].length, q) * self.side * sense
         return jnp.stack([h, jnp.zeros_like(h)])
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("left", "right")
 
     def margins(self, links, states, points, phi):

@@ -107,7 +107,7 @@ class RRR(AbstractGroup):
         p = self._crossing(links, points, self.side * sense)[0]
         return jnp.stack([p.x, p.y])
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("stretched", "folded")
 
     def margins(self, links, states, points, phi):

@@ -1,5 +1,6 @@
 """Pose, kinematic coefficients, margins and dead centres of a mechanism."""
 
+from linkjax._renamed import old_names as old_names
 from linkjax.kinematics._assembly_modes import AssemblyModes as AssemblyModes
 from linkjax.kinematics._assembly_modes import assembly_modes as assembly_modes
 from linkjax.kinematics._cycle import Least as Least
@@ -19,6 +20,8 @@ from linkjax.kinematics._pose import prepared as prepared
 from linkjax.kinematics._pose import transmission_angles as transmission_angles
 from linkjax.kinematics._ranges import CrankRange as CrankRange
 from linkjax.kinematics._ranges import crank_ranges as crank_ranges
-from linkjax.kinematics._shortfall import lost_at_start as lost_at_start
+from linkjax.kinematics._shortfall import not_assembled_at_start as not_assembled_at_start
 from linkjax.kinematics._shortfall import open_at_start as open_at_start
 from linkjax.kinematics._shortfall import shortfall as shortfall
+
+__getattr__ = old_names(__name__)

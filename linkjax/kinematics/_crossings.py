@@ -32,7 +32,7 @@ def crossings(mechanism: Mechanism, scan: np.ndarray, circle: bool) -> list[tupl
     if circle:  # exactly equal: an end may be right there
         value[-1], slope[-1] = value[0], slope[0]
     found, known = _changes(mechanism, scan, value, slope), 0
-    for _ in range(sum(bool(group.dead_positions()) for group in mechanism.groups) - 1):
+    for _ in range(sum(bool(group.singular_positions()) for group in mechanism.groups) - 1):
         if len(found) == known:
             break
         # a group attached to one that fails there may fail slightly before, and its margin is unknown beyond

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import largest, nearest_turn, repeat, safe_divide, safe_sqrt, smallest, wrapped
 from linkjax.groups import BEYOND, Crank, Margin, Track
-from linkjax.kinematics._pose import margins, named_groups, pose, prepared
+from linkjax.kinematics._pose import check_mechanism, margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
 DEAD_CENTRES = 8  # slots per link and crank turn
@@ -134,6 +134,7 @@ def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Revers
     8 `cycle_turns` slots each; `Reversals.true` selects the used ones. If the mechanism cannot be assembled over the
     whole cycle, the values are finite but meaningless. Differentiable with respect to the design.
     """
+    check_mechanism(mechanism)
     ends = _stopping_ends(mechanism)
     if not ends:
         return {}
@@ -232,7 +233,8 @@ def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, di
     Returns {group: {side: `Least`}}. Margins are dimensionless; a negative one is the shortfall of a group that cannot
     be assembled. Values and gradients are always finite, and the gradient points towards designs that can be assembled.
     """
-    names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.dead_positions()]
+    check_mechanism(mechanism)
+    names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.singular_positions()]
     if not names:
         return {}
     mechanism = prepared(mechanism, cycle_turns)
@@ -271,7 +273,7 @@ def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, di
 def stacked(mechanism: Mechanism, phi: Array) -> Margin:
     """All margins at one crank angle, leaves of shape (margins,)."""
     at, groups = margins(mechanism, phi), named_groups(mechanism)
-    every = [at[name][side] for name, group in groups.items() for side in group.dead_positions()]
+    every = [at[name][side] for name, group in groups.items() for side in group.singular_positions()]
     return Margin(*(jnp.stack(part) for part in zip(*every, strict=True)))
 
 

@@ -36,7 +36,7 @@ def folded(mechanism: Mechanism, number: int, inside: float, end: float, far: fl
 @eqx.filter_jit
 def _fold(mechanism: Mechanism, number: int, inside: Array, end: Array) -> tuple[Array, Array, Array]:
     """The crank angle after `STEPS` steps, the closure error relative to the size of the group, and how far links have
-    moved, without the rotation of idler gears (relative to the size, or rad)."""
+    moved, without the rotation of free gears (relative to the size, or rad)."""
     group = mechanism.groups[number]
     assert isinstance(group, General) and group.path is not None
     links = mechanism.held_by(group)

@@ -206,7 +206,7 @@ def _follow(
     dtype, smallest, shut = last.z.dtype, (to - phi) / SMALLEST, closed_to(last.z.dtype)
     assert last.size is not None
     measure = jnp.ones_like(last.z).at[:, :2].set(last.size)
-    if last.z.shape[1] == 3:  # idler gears may turn at any speed: their position is unique
+    if last.z.shape[1] == 3:  # free gears may turn at any speed: their position is unique
         measure = measure.at[group.loose(), 2].set(jnp.inf)
 
     def step(going: _Going) -> _Going:

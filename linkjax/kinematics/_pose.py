@@ -107,6 +107,14 @@ def _in_own_axes(link: LinkState, axis: Vec) -> LinkState:
     return link._replace(u=link.u.turned(Vec(axis.x, -axis.y)), angle=angle)
 
 
+def check_mechanism(given: Any) -> None:
+    """Raise `TypeError` for anything but a mechanism, such as a scene, with the remedy."""
+    if not isinstance(given, Mechanism):
+        whole = isinstance(getattr(given, "mechanism", None), Mechanism)
+        remedy = "scene.mechanism" if whole else "a Mechanism, e.g. from lj.library"
+        raise TypeError(f"a Mechanism is needed, not {type(given).__name__}; write {remedy}")
+
+
 def prepared(mechanism: Mechanism, cycle_turns: int | None = None) -> Mechanism:
     """The mechanism with reference paths over `cycle_turns` turns of the crank; unchanged if it needs none or has them.
 
@@ -118,6 +126,7 @@ def prepared(mechanism: Mechanism, cycle_turns: int | None = None) -> Mechanism:
     Newton's method. It belongs to the dimensions from which it was computed. A mechanism built by its constructor or
     `dataclasses.replace` has no path; one whose leaves are replaced keeps the old path.
     """
+    check_mechanism(mechanism)
     groups: list[Any] = [mechanism.groups[number] for number in followed(mechanism.groups)]
     law = mechanism.driver.follows()
     cycle_turns = max(cycle_turns or 1, 1 if law is None else round(law.period() / (2 * math.pi)))

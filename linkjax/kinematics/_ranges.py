@@ -13,7 +13,7 @@ from linkjax.groups import Crank, General, Track, closed_to
 from linkjax.kinematics._crossings import crossings, margins_at, sound
 from linkjax.kinematics._cycle import scan_angles
 from linkjax.kinematics._fold import folded
-from linkjax.kinematics._pose import named_groups, prepared
+from linkjax.kinematics._pose import check_mechanism, named_groups, prepared
 from linkjax.mechanism import Mechanism
 
 SCAN = 360  # crank angles per turn at which the margins are first evaluated
@@ -68,6 +68,7 @@ def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange
     Source: Grashof's rule says which cranks rotate fully, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
     ch. 2.
     """
+    check_mechanism(mechanism)
     crank, law, begin = mechanism.groups[0], mechanism.driver.follows(), 0.0
     if isinstance(crank, Crank) and law is not None:
         begin = law.begins()  # the angle of the sketch
@@ -75,7 +76,7 @@ def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange
     elif law is not None:
         cycle_turns = max(cycle_turns, round(law.period() / (2 * math.pi)))
     mechanism, whole = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:])), 2 * math.pi * cycle_turns
-    if not any(group.dead_positions() for group in mechanism.groups):
+    if not any(group.singular_positions() for group in mechanism.groups):
         return (CrankRange(0.0, whole, "", ""),)
     ready = prepared(mechanism, cycle_turns)  # again: a new mechanism has no paths
     if (
@@ -97,7 +98,7 @@ def _repeats(mechanism: Mechanism, cycle_turns: int) -> bool:
     singular position may leave no digits. A group of higher class that is not assembled there does not count."""
     at = np.arange(SEEN) * (2 * math.pi / SEEN)
     first, after = np.split(margins_at(mechanism, np.append(at, at + 2 * math.pi * cycle_turns))[0], 2)
-    general = [isinstance(group, General) for group in mechanism.groups for _ in group.dead_positions()]
+    general = [isinstance(group, General) for group in mechanism.groups for _ in group.singular_positions()]
     seen = np.all(first[:, general] > 0, axis=1) | np.all(after[:, general] > 0, axis=1)
     same = np.all(abs(after - first) < closed_to(first.dtype), axis=1)
     return bool(np.sum(seen & same) >= np.sum(seen & ~same))
@@ -218,7 +219,7 @@ def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes
     """The ranges in which the mechanism can be assembled, between angles at which the margins of these numbers change
     sign."""
     names = _margin_names(mechanism)
-    owners = [number for number, group in enumerate(mechanism.groups) for _ in group.dead_positions()]
+    owners = [number for number, group in enumerate(mechanism.groups) for _ in group.singular_positions()]
     ranges, first = [], 0
     for last in range(len(closes)):
         first = first if closes[last] else last + 1
@@ -237,7 +238,7 @@ def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes
 def _margin_names(mechanism: Mechanism) -> list[str]:
     """The names of the margins, in their order."""
     groups = named_groups(mechanism).items()
-    return [f"{name}, {side}" for name, group in groups for side in group.dead_positions()]
+    return [f"{name}, {side}" for name, group in groups for side in group.singular_positions()]
 
 
 def _in_order(ranges: Sequence[CrankRange]) -> tuple[CrankRange, ...]:

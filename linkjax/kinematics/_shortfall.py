@@ -37,7 +37,7 @@ def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -
     return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
 
 
-def lost_at_start(mechanism: Mechanism) -> tuple[str, str] | None:
+def not_assembled_at_start(mechanism: Mechanism) -> tuple[str, str] | None:
     """The first group that cannot be assembled at crank angle zero, and the side of its least margin; None if none."""
     for name, sides in margins(prepared(mechanism), jnp.zeros(())).items():
         side = min(sides, key=lambda side, sides=sides: float(sides[side].value), default=None)
@@ -49,7 +49,7 @@ def lost_at_start(mechanism: Mechanism) -> tuple[str, str] | None:
 def open_at_start(mechanism: Mechanism) -> str:
     """Which group cannot be assembled at crank angle zero, and why; "" if all can. Not for use under JAX
     transformations."""
-    lost = lost_at_start(mechanism)
+    lost = not_assembled_at_start(mechanism)
     if lost is None:
         return ""
     name, side = lost

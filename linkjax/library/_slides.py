@@ -40,7 +40,7 @@ def slider_crank(
 def scotch_yoke(
     crank: ArrayLike, *, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0
 ) -> Mechanism:  # fmt: skip
-    """A Scotch yoke: the pin B of the `crank` (m) moves a block `die` in the vertical slot of a `yoke`, which moves
+    """A Scotch yoke: the pin B of the `crank` (m) moves a slider `die` in the vertical slot of a `yoke`, which moves
     along x as a pure cosine: its point E is at (crank cos φ, 0).
 
     A, the origin, is the pivot of the crank. `rotation`, `links` and `flywheel` are as for `slider_crank`.
@@ -56,7 +56,7 @@ def quick_return(
     crank: ArrayLike, distance: ArrayLike, lever: ArrayLike, rod: ArrayLike, height: ArrayLike, *,
     side: int = -1, rotation: Rotation = "ccw", links: Links = None, flywheel: ArrayLike = 0.0,
 ) -> Mechanism:  # fmt: skip
-    """A quick-return drive: the pin B of the `crank` O–B moves a block `die` in a slotted `lever` P–E, whose end moves
+    """A quick-return drive: the pin B of the `crank` O–B moves a slider `die` in a slotted `lever` P–E, whose end moves
     a `ram` through a `rod` E–R.
 
     O is the origin, P lies `distance` (m) below it. The path of R runs along x, `height` (m) above O, through the

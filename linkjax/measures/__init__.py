@@ -1,5 +1,6 @@
 """Measures of a machine: functions of a scene, each with a unit."""
 
+from linkjax._renamed import old_names as old_names
 from linkjax.measures._forces import every_motion as every_motion
 from linkjax.measures._forces import peak_names as peak_names
 from linkjax.measures._forces import reaction_names as reaction_names
@@ -27,3 +28,5 @@ from linkjax.measures._measures import rms_shaking_force_constant_speed as rms_s
 from linkjax.measures._measures import steady_state_margin as steady_state_margin
 from linkjax.measures._parts import NODES as NODES
 from linkjax.measures._parts import Parts as Parts
+
+__getattr__ = old_names(__name__)

@@ -1,4 +1,4 @@
-"""Results that the measures of one scene share: grid, node values, steady motion, each computed on first use."""
+"""Results that the measures of one scene share: grid, node values, steady-state motion, each computed on first use."""
 
 from __future__ import annotations
 

@@ -160,8 +160,8 @@ class Drawing:
             if name not in (FRAME, *self.links):
                 raise StructureError("drive", f"link {name!r} is not defined", nearest(name, self.links))
         if drive.link == drive.on or drive.link == FRAME:
-            problem, remedy = f"moves {drive.link!r} against {drive.on!r}", "name a link, and what it moves against"
-            raise StructureError("drive", problem, remedy)
+            problem = f"moves {drive.link!r} relative to {drive.on!r}"
+            raise StructureError("drive", problem, "name a link, and what it moves relative to")
         at = [pair for pair in found if set(pair.ends) == ends and pair.letter != "G"]
         at += [Pair("R", point, drive.link, drive.on) for point, joined in self.pins().items() if ends <= set(joined)]
         if not at:
@@ -184,7 +184,7 @@ class Drawing:
         return float(np.abs(spots[:, None] - spots).max()) if len(spots) else 0.0
 
     def place_drive(self, drive: Drive) -> None:
-        """Find the places of the points of a link that is driven against the frame."""
+        """Find the places of the points of a link that is driven relative to the frame."""
         link, guide = self.links[drive.link], self.guide(drive.link)
         if drive.on != FRAME:
             return

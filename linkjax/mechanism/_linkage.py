@@ -80,11 +80,10 @@ def linkage(
     _check_freedom(drawing, drive, found, driven)
     parts = blocks(list(drawing.links), found, driven)
     if drive.link not in parts[0] or drive.on not in (FRAME, *parts[0]):  # the first part does not need the drive
-        problem = (
-            f"moves {drive.link!r} against {drive.on!r}, but {', '.join(parts[0])} cannot move relative to the frame"
-        )
+        stuck = ", ".join(parts[0])
+        problem = f"moves {drive.link!r} relative to {drive.on!r}, but {stuck} cannot move relative to the frame"
         raise StructureError(
-            "drive", problem, "delete these links, put their pins under `fixed`, and drive against the frame"
+            "drive", problem, "delete these links, put their pins under `fixed`, and drive relative to the frame"
         )
     check_guides(drawing)
     drawing.measure_drawn()

@@ -110,7 +110,7 @@ def check_fixed(drawing, sketch: Mapping[str, complex]) -> None:
 
 
 def _angle(drawing, drive: Drive) -> float | None:
-    """The drawn angle between a link and the link or frame that it is driven against; None where it is not sketched."""
+    """The drawn angle of a link to the link or frame relative to which it is driven; None where it is not sketched."""
     link, on = drawing.drawn_axis(drive.link), drawing.drawn_axis(drive.on)
     return None if link is None or on is None else cmath.phase(link / on)
 

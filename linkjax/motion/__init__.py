@@ -1,5 +1,6 @@
 """Motion of the crank over the cycle: the steady state by quadrature, any motion by diffrax."""
 
+from linkjax._renamed import old_names as old_names
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
 from linkjax.motion._diffrax import run_in_time as run_in_time
@@ -28,3 +29,5 @@ from linkjax.motion._steady import node_values as node_values
 from linkjax.motion._steady import steady_motion as steady_motion
 from linkjax.motion._steady import steady_on as steady_on
 from linkjax.motion._steady import watched as watched
+
+__getattr__ = old_names(__name__)

@@ -244,11 +244,12 @@ def steady_by_diffrax(
     """The steady-state motion by diffrax: one cycle, integrated from the starting speed that gives the wanted mean.
 
     The drive torque balances the energy of the cycle; Newton steps find the starting energy. The result equals that of
-    `steady_motion` within the tolerance, and exactly where no steady motion exists. `delta_error` is the error of the
-    quadrature plus the difference between the two methods, and infinite if the integration failed. Evaluations are not
-    counted. The tolerance is at least thirty times the rounding unit of the precision in force. Raises `StructureError`
-    if the driver has a motion law. `solver` (default `Dopri8`) and `adjoint` are diffrax's; the adjoint sets the
-    direction of differentiation: `ForwardMode()` (default) for `jvp`, `RecursiveCheckpointAdjoint()` for `grad`.
+    `steady_motion` within the tolerance, and exactly where no steady-state motion exists. `delta_error` is the error of
+    the quadrature plus the difference between the two methods, and infinite if the integration failed. Evaluations are
+    not counted. The tolerance is at least thirty times the rounding unit of the precision in force. Raises
+    `StructureError` if the driver has a motion law. `solver` (default `Dopri8`) and `adjoint` are diffrax's; the
+    adjoint sets the direction of differentiation: `ForwardMode()` (default) for `jvp`,
+    `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 
@@ -280,7 +281,7 @@ def steady_by_diffrax(
     squared, clock = (states[1:-1, i].reshape(grid.nodes.shape) for i in (0, 1))
     work = _fitted(grid, 0.5 * here.inertia * squared * pace**2 - energy)
     found = conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock / pace))
-    # only another method shows the error of the integration; without a steady motion there is nothing to integrate
+    # only another method shows the error of the integration; without steady-state motion there is nothing to integrate
     other = steady_on(scene, grid, here)
     error = other.delta_error + jax.lax.stop_gradient(jnp.abs(found.delta - other.delta))
     found = dataclasses.replace(found, delta_error=error, evaluations=None)

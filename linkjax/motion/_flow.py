@@ -21,7 +21,7 @@ from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import legendre_sum
 from linkjax.reduction import Reduced, governing, reduced_model
 
-LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a steady motion (ω_min / ω_m about 1e-3)
+LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a steady-state motion (ω_min / ω_m about 1e-3)
 NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as zero
 ENOUGH = 1e-9  # relative: after a Newton step as small as this the error is its square
 

@@ -86,7 +86,7 @@ class Grid(eqx.Module):
         return (jnp.arange(self.half.size, dtype=float) + 0.5) * (scene.cycle / self.half.size)
 
     def place(self, phi: Array) -> Place:
-        """The place of a crank angle; an edge belongs to the panel that begins there (the limit from increasing φ)."""
+        """The place of a crank angle; an edge belongs to the panel that begins there (the right-hand limit)."""
         start, cycle = self.edges[0], self.edges[-1] - self.edges[0]
         phi = start + wrapped(phi - start, cycle)
         nearly = phi + 8 * jnp.finfo(phi.dtype).eps * cycle  # an edge stays an edge despite rounding

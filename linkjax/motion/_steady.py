@@ -51,10 +51,10 @@ class Steady(eqx.Module):
     """Steady-state motion. Speeds in rad/s, angles in rad, torque in N m, energies in J, period in s.
 
     `delta_error` bounds the absolute error of `delta`, the coefficient of speed fluctuation. `steady_state_margin` is
-    the least kinetic energy divided by ½ J̄ ω_m², minus the least value of a steady motion (1e-6): if it is negative,
-    no steady-state motion exists at this mean speed, and `min_mean_speed` is the lowest mean speed that has one.
-    `min_inertia_ratio` is the least reduced inertia divided by its mean. Where the reduced inertia is zero the speed is
-    unbounded, and the values are those of a machine with `inertia_floor` (kg m²) there.
+    the least kinetic energy divided by ½ J̄ ω_m², minus the least value of a steady-state motion (1e-6): if it is
+    negative, no steady-state motion exists at this mean speed, and `min_mean_speed` is the lowest mean speed that has
+    one. `min_inertia_ratio` is the least reduced inertia divided by its mean. Where the reduced inertia is zero the
+    speed is unbounded, and the values are those of a machine with `inertia_floor` (kg m²) there.
     """
 
     work: Primitive

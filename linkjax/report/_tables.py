@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, turning
-from linkjax.analysis import check_limit, moves, peak_told, peak_unit, power_scale, torque_scale, uneven
+from linkjax.analysis import check_limit, moves, peak_shown, peak_unit, power_scale, torque_scale, uneven
 from linkjax.machine import PERMANENT, Scene, load_size
 from linkjax.report._cells import Cell, Cells, table, words
 
@@ -109,7 +109,7 @@ def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     for motion, suffix in (("actual motion", ""), ("constant speed", CONSTANT)):
         rows = []
         for name in (n for n in names if n + suffix in found):
-            old = peak_told(before, name + suffix)[0] if name + suffix in before.get("peaks", {}) else None
+            old = peak_shown(before, name + suffix)[0] if name + suffix in before.get("peaks", {}) else None
             rows.append([words(peak_name(name)), show.amount(old, peak_unit(name)), *_peak(show, data, name + suffix)])
         text += table([f"peak, {motion}", "before", "after", "error", "at"], rows) if rows else ""
     return text
@@ -119,7 +119,7 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     """Value, error and crank angle of a peak."""
     if key not in data["peaks"]:
         return [Cell(NONE, True)] * 3
-    value, angle, error = peak_told(data, key)
+    value, angle, error = peak_shown(data, key)
     unit = peak_unit(key.removesuffix(CONSTANT))
     told, bound = show.measured(value, 0.0 if math.isnan(error) else error, unit, most=6)
     return [Cell(told, True), Cell(NONE if math.isnan(error) else bound, True), show.angle(angle)]

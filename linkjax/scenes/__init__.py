@@ -1,9 +1,10 @@
 """Scene files: TOML with units on values, read into scenes and rolling bodies; the built-in machines."""
 
+from linkjax._renamed import old_names as old_names
 from linkjax._units import QuantityError as QuantityError
 from linkjax._units import quantity as quantity
 from linkjax.scenes._build import build as build
-from linkjax.scenes._build import build_task as build_task
+from linkjax.scenes._build import build_problem as build_problem
 from linkjax.scenes._build import json_schema as json_schema
 from linkjax.scenes._build import load as load
 from linkjax.scenes._build import load_problem as load_problem
@@ -25,3 +26,5 @@ from linkjax.scenes._document import setting as setting
 from linkjax.scenes._errors import SceneError as SceneError
 from linkjax.scenes._joints import sketched_keys as sketched_keys
 from linkjax.scenes._write import text_of as text_of
+
+__getattr__ = old_names(__name__)

@@ -42,10 +42,10 @@ def load_problem(
     Keys of `[optimise]` in `changes` are changed first, then the keys under `[optimise.changes]`, then the others in
     `changes`. Raises `SceneError` as `load` does, also for names in `[optimise]` that the scene does not have.
     """
-    return build_task(load_document(name_or_path), changes)
+    return build_problem(load_document(name_or_path), changes)
 
 
-def build_task(document: Document, changes: Mapping[str, Any] | None = None) -> tuple[Scene, dict[str, Any]]:
+def build_problem(document: Document, changes: Mapping[str, Any] | None = None) -> tuple[Scene, dict[str, Any]]:
     """The scene of a raw document with its changes for the optimisation, and the arguments of `optimise`; see
     `load_problem`."""
     _linkage(document)

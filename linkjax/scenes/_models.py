@@ -158,7 +158,9 @@ class SceneFile(Table):
         Discriminator(_vector),
     ] = Field(0.0, description="acceleration of gravity, downwards, or [gx, gy]", examples=["9.81 m/s^2"])
     speed: Speed = Field(description="mean speed of the crank", examples=["700 rpm"])
-    mean: Literal["time", "midrange"] = Field("time", description="the mean that `speed` gives", examples=["midrange"])
+    mean: Literal["time", "midrange"] = Field(
+        "time", description="which mean of the crank speed `speed` is", examples=["midrange"]
+    )
     cycle_turns: Turns = Field(1, description="crank turns per cycle", examples=[2])
     constant_speed: StrictBool = Field(
         False,

@@ -226,7 +226,7 @@ def test_a_truss_on_the_frame():
     on_top = truss | {"crank": Link(pins=("H", "B"), length=0.1)}
     with pytest.raises(
         StructureError,
-        match=r"drive: moves 'crank' against 'two', but one, two cannot move relative to the frame; delete these links",
+        match=r"drive: moves 'crank' relative to 'two', but one, two cannot move relative to the frame; delete these",
     ):
         linkage(fixed, on_top, Drive("crank", "two"), sketch={"H": (0.5, 0.1)})
 
@@ -263,8 +263,8 @@ def test_a_cylinder_named_the_other_way_round():
         ({"links": {"rod": Link(pins=("B",), mass_properties="section", area=1.0, density=1.0)}},
          r"links\.rod: mass_properties 'section' needs a length, but this block has none"),
         ({"fixed": {"A": (0, 0, 0), "P": (0.4, 0)}}, r"fixed\.A: must be x and y, but is \(0, 0, 0\)"),
-        ({"drive": Drive("boom", "boom")}, "drive: moves 'boom' against 'boom'; name a link, and what it moves"),
-        ({"drive": Drive("frame", "boom")}, "drive: moves 'frame' against 'boom'; name a link, and what it moves"),
+        ({"drive": Drive("boom", "boom")}, "drive: moves 'boom' relative to 'boom'; name a link, and what it moves"),
+        ({"drive": Drive("frame", "boom")}, "drive: moves 'frame' relative to 'boom'; name a link, and what it moves"),
     ],
 )  # fmt: skip
 def test_what_no_drawing_can_hold(given, told):

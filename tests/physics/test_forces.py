@@ -198,7 +198,7 @@ def reversal(name: str) -> tuple[float, float]:
     [("hay-press", "window"), ("four-bar", "window"), ("hay-press-slider", "reversal"), ("clockwise", "reversal")],
 )
 def test_limits_at_a_jump(name, kind):
-    """At a jump: the limit from increasing φ; from the other side on request."""
+    """At a jump: the right-hand limit; the left-hand limit on request."""
     scene, w = machine(name), float(machine(name).speed)
     if kind == "window":
         load = next(load for load in scene.loads if load.window is not None)

@@ -68,7 +68,7 @@ CASES = {  # arguments: the beginning of the message
         "slot of die: is parallel to the guide of 'yoke', so the position of 'yoke' is undetermined; change `along`",
     '{**PAIR, "slots": [Slot("one", Guide("A")), Slot("two", Guide("D", 1.0))]}':
         "links: one, two form no group: the two slots of a PRP must be on two links, but both are on 'frame'; ",
-    "TRAMMEL": "drive: moves 'bar' against 'stone', but bar, shoe cannot move relative to the frame; delete these ",
+    "TRAMMEL": "drive: moves 'bar' relative to 'stone', but bar, shoe cannot move relative to the frame; delete these ",
 }  # fmt: skip
 
 

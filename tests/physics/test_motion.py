@@ -1,6 +1,6 @@
 # pyright: reportAttributeAccessIssue=false, reportArgumentType=false, reportCallIssue=false, reportIndexIssue=false
 # pyright: reportReturnType=false, reportOptionalMemberAccess=false
-"""The steady motion against differential equations, energy, its own definition; and the count of evaluations."""
+"""The steady-state motion against differential equations, energy, its own definition; and the count of evaluations."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class SlottedLever(AbstractGroup):
         end = PointState(at.r + arm, at.dr + turned * state.w, at.ddr + turned * state.e - arm * (state.w * state.w))
         return {self.block: state, self.lever: state}, {self.end: end}
 
-    def dead_positions(self):
+    def singular_positions(self):
         return ("pivot",)
 
     def margins(self, links, states, points, phi):

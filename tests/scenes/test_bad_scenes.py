@@ -18,8 +18,8 @@ from linkjax.analysis import document, measured, plain
 from linkjax.scenes import (
     Document,
     SceneError,
+    build_problem,
     build_rolling,
-    build_task,
     load,
     loads_text,
     read_document,
@@ -64,7 +64,7 @@ def refused(name: str, count: int, seed: int) -> int:
         what, bad = broken(text, rng) if by_text else mutation(table, rng)
         try:
             document = read_document(bad, "bad.toml") if isinstance(bad, str) else Document("bad.toml", bad)
-            made = build_rolling(document) if document.rolling else build_task(document)[0]
+            made = build_rolling(document) if document.rolling else build_problem(document)[0]
         except SceneError as error:
             check_message(error, f"{name}: {what}", bad)
             found += 1
@@ -467,7 +467,7 @@ def test_what_is_not_refused_is_analysed(name):
     while analysed < 5:
         what, bad = mutation(table, rng)
         try:
-            scene = build_task(Document("bad.toml", bad))[0]
+            scene = build_problem(Document("bad.toml", bad))[0]
         except SceneError:
             continue  # the message: `test_many_mutations`
         analysed += 1

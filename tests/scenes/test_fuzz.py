@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from linkjax.scenes import SceneError, build_rolling, build_task, loads_text, read_document, sketched_keys
+from linkjax.scenes import SceneError, build_problem, build_rolling, loads_text, read_document, sketched_keys
 from linkjax.scenes._located import REPORT
 from tests.scenes.fuzz import mutant
 
@@ -19,7 +19,7 @@ def read(text: str) -> None:
         return
     loads_text(text, FILE)
     if "optimise" in document.table:
-        build_task(document)
+        build_problem(document)
     sketched_keys(document.table)
 
 

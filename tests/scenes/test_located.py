@@ -10,7 +10,7 @@ from linkjax._renamed import KINDS, RENAMED
 from linkjax.groups import RRR
 from linkjax.measures import MEASURES
 from linkjax.mechanism import StructureError
-from linkjax.scenes import SceneError, build_task, load, load_rolling, loads_text, read_document
+from linkjax.scenes import SceneError, build_problem, load, load_rolling, loads_text, read_document
 from linkjax.scenes import _build as reader
 from linkjax.scenes import _build_rolling as rolling_reader
 from linkjax.scenes._located import REPORT, located, part
@@ -33,7 +33,7 @@ def refused(text: str) -> SceneError:
     """The error of a text, in one line that names the file."""
     with pytest.raises(SceneError) as caught:
         document = read_document(text, "bad.toml")
-        build_task(document) if "optimise" in document.table else loads_text(text, "bad.toml")
+        build_problem(document) if "optimise" in document.table else loads_text(text, "bad.toml")
     message = str(caught.value)
     assert message.startswith("bad.toml: ") and len(message) < 500 and len(message.splitlines()) == 1
     return caught.value
@@ -54,7 +54,7 @@ def test_whatever_is_raised_below_names_the_file(error, path):
 @pytest.mark.parametrize(
     ("text", "key", "value"),
     [
-        ("the group of rod: the drive moves 'rod' against 'arm'; name links of the group", "drive.on", "arm"),
+        ("the group of rod: the drive moves 'rod' relative to 'arm'; name links of the group", "drive.on", "arm"),
         ("the group of arm, bar: its joints take 5; a point may be missing", "groups[1].links", ["arm", "bar"]),
         ("the slot of 'bar' is bad; mend it", "groups[1].links", ["arm", "bar"]),
         ("length of a link must not be negative; write zero or more", "", None),
@@ -87,7 +87,7 @@ def test_an_error_in_a_group_names_the_group(monkeypatch):
 
 
 @pytest.mark.parametrize(("module", "name", "read"), [
-    (reader, "Scene", lambda: load("hay-press")), (reader, "check_asked", lambda: build_task(read_document(PRESS))),
+    (reader, "Scene", lambda: load("hay-press")), (reader, "check_asked", lambda: build_problem(read_document(PRESS))),
     (rolling_reader, "RollingMachine", lambda: load_rolling("rolling-eccentric")),
 ])  # fmt: skip
 def test_no_reader_lets_an_error_through(module, name, read, monkeypatch):

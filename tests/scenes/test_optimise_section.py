@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import linkjax as lj
-from linkjax.scenes import SceneError, build, build_task, load_document, override, read_document
+from linkjax.scenes import SceneError, build, build_problem, load_document, override, read_document
 
 HEAD = """
 speed = "100 rpm"
@@ -40,7 +40,7 @@ changes = { speed = "50 rpm" }
 
 def test_everything_is_read():
     document = read_document(HEAD + WHOLE)
-    scene, asked = build_task(document)
+    scene, asked = build_problem(document)
     assert float(scene.mechanism.links["crank"].counterweights["W"].mass) == 1.0
     assert not build(document).mechanism.links["crank"].counterweights  # an analysis ignores it
     assert asked["minimise"] == "peak_shaking_force_constant_speed"
@@ -52,7 +52,7 @@ def test_everything_is_read():
 
 
 def test_without_the_section_nothing_is_asked():
-    _, asked = build_task(read_document(HEAD))
+    _, asked = build_problem(read_document(HEAD))
     assert (asked["minimise"], asked["free"], asked["limits"], asked["starts"]) == (None, {}, [], 1)
     assert asked["cases"] == [lj.Case()]
 
@@ -89,7 +89,7 @@ def test_the_hay_press_asks_for_what_the_readme_says():
 )
 def test_what_is_wrong_is_named(section, says):
     with pytest.raises(SceneError, match=says):
-        build_task(read_document(f"{HEAD}\n[optimise]\n{section}\n".replace("'", '"'), "file.toml"))
+        build_problem(read_document(f"{HEAD}\n[optimise]\n{section}\n".replace("'", '"'), "file.toml"))
 
 
 def test_a_counterweight_may_be_added_by_hand():
