@@ -19,7 +19,7 @@ NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 AMOUNT = re.compile(rf"(?<![\w.])({NUMBER})(?: to ({NUMBER}))? (m|rad/s|rad|degrees)(?![\w/^²])")
 QUOTED = re.compile(r"""("[^"]*"|(?<!\w)'[^']*')""")
 IN_WORDS = {
-    "delta": "speed fluctuation δ",
+    "delta": "coefficient of speed fluctuation δ",
     "steady_state_margin": "steady-state margin",
     "flywheel_for_target_delta": "flywheel inertia for target δ",
 }

@@ -101,7 +101,7 @@ def mean_of_determinant(a: Array) -> Array:
 
 
 def _pivots(a: Array) -> tuple[Array, Array]:
-    """Sign of the determinant, and the pivots, whose product is its magnitude up to sign."""
+    """Sign of the determinant, and the pivots, whose product is the determinant up to its sign."""
     factors, order = _factored(jax.lax.stop_gradient(a))
     swaps, pivots = jnp.sum(order != jnp.arange(order.size, dtype=order.dtype)), jnp.diagonal(factors)
     sign = jnp.prod(jnp.sign(pivots))

@@ -19,7 +19,7 @@ class Result(enum.IntEnum):
     CANNOT_BE_ASSEMBLED = 5
 
 
-LENGTHS = "Change the lengths named until every margin is positive."
+LENGTHS = "Change lengths of its links until every margin is positive."
 MESSAGES = {
     Result.SUCCESS: "The machine runs.",
     Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid can represent; "

@@ -150,10 +150,14 @@ def test_options_take_the_place_of_the_section(call, scene, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("four-bar",), "four-bar: objective: none is given; give either minimise or maximise"),
+        (
+            ("four-bar",),
+            "four-bar: objective: none is given; write --minimise NAME or --maximise NAME, or `minimise` or ",
+        ),
         (("hay-press", "--maximise", "delta", "--minimise", "speed"), "two are given"),
         (("hay-press", "--minimise", ""), "neither a measure nor a scene parameter"),
-        (("four-bar", "--minimise", "delta"), "free: there is no design variable"),
+        (("hay-press", "--minimise", "detla"), "did you mean 'delta'?\n"),
+        (("four-bar", "--minimise", "delta"), "no design variable; name one, e.g. --free flywheel.inertia="),
         (("hay-press", "--limit", "delta"), "is not a constraint"),
         (("hay-press", "--free", "speed"), "--free: 'speed': is not NAME=RANGE"),
         (("hay-press", "--free", "speed=300 to 200 rpm"), "speed: its bounds are"),

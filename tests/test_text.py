@@ -14,6 +14,7 @@ from linkjax._display import aligned, number
 from linkjax.analysis import document
 
 DEGREES = 180 / math.pi
+DELTA = "coefficient of speed fluctuation δ"
 SHORT = "(traced numbers, or several designs)"
 
 
@@ -70,7 +71,7 @@ def test_drives_and_loads_are_described():
     rows = cells(str(lj.load("hay-press")))
     assert rows["drive"] == ["crank rotates counter-clockwise, phase 0.000°"]
     assert rows["hay"] == ["30 kN against the motion", "rocker S5", "90° to 335°"]
-    assert rows["flywheel"] == ["0 kg·m², wanted δ 0.15"]
+    assert rows["flywheel"] == ["0 kg·m², target δ 0.15"]
     mechanism = lj.load("hay-press").mechanism
     for law, text in (
         (lj.Harmonic(0.1, 0.4), f"crank oscillates between {0.1 * DEGREES:.3f}° and {0.4 * DEGREES:.3f}° (harmonic)"),
@@ -84,6 +85,14 @@ def test_drives_and_loads_are_described():
         assert cells(str(lj.Scene(alone, speed=3.0)))["drive"] == [text]
     heavy = lj.load("hay-press", {"links.crank.counterweights.W": {"mass": "3 kg", "at": "-100 mm"}})
     assert cells(str(heavy))["W"] == ["crank", "3 kg", "(−100, 0) mm", "0 kg·m²"]
+
+
+def test_rolling_bodies_print_a_table():
+    machine = lj.load_rolling("rolling-eccentric")
+    rows, lines = cells(str(machine)), str(machine).splitlines()
+    assert lines[0] == machine.title and len(lines) == 7
+    assert rows["inner"] == ["40.0000000 mm"] and rows["drive"] == ["inner ring at 300 rpm, outer ring held"]
+    assert str(several(machine)).endswith(SHORT)
 
 
 def test_a_mechanism_prints_its_structure():
@@ -131,10 +140,10 @@ def test_a_cycle_prints_its_motion_and_peaks(cycle):
     data, text = document(cycle), str(cycle)
     rows, run = cells(text), data["motion"]
     assert text.startswith("Compressor: The machine runs.\n") and len(text.splitlines()) <= 40
-    assert rows["mean speed"] == ["960.000 rpm (time mean)"]
-    assert math.isclose(float(rows["δ"][0].partition(" ± ")[0]), run["delta"], abs_tol=2 * run["delta_error"])
-    assert rows["δ"][0].partition(" ± ")[2]
-    assert rows["drive torque"] == [f"{number(run['mean_drive_torque'], 6)} N·m, constant"]
+    assert rows["mean crank speed"] == ["960.000 rpm (time mean)"]
+    assert math.isclose(float(rows[DELTA][0].partition(" ± ")[0]), run["delta"], abs_tol=2 * run["delta_error"])
+    assert rows[DELTA][0].partition(" ± ")[2]
+    assert rows["mean drive torque"] == [f"{number(run['mean_drive_torque'], 6)} N·m, constant over the cycle"]
     assert rows["flywheel"] == ["0.35 kg·m²"]
     assert rows["flywheel for δ = 0.02"] == [f"{number(data['flywheel']['for_target_delta'], 6)} kg·m²"]
     names = [name for name in data["peaks"] if not name.endswith("_constant_speed")]
@@ -155,7 +164,7 @@ def test_a_cycle_without_actual_motion_prints_why(still):
     text = str(still)
     rows = cells(text)
     assert still.missing.reason in text.splitlines()[0]
-    assert rows["δ"] == ["–"] and rows["drive torque"][0].startswith("–") and "mean power" not in rows
+    assert rows[DELTA] == ["–"] and rows["mean drive torque"][0].startswith("–") and "mean power" not in rows
     assert rows["crank speed"] == [f"{number(300 / math.pi, 6)} rpm, constant"]
     assert rows["drive_torque"][:2] == ["–", "–"]
 

@@ -14,7 +14,21 @@ from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.analysis._table import table_of
 from linkjax.analysis._text import cycle_text
 from linkjax.forces import Forces
-from linkjax.groups import FITS, RRP, RRR, Course, Crank, Gear, General, Pinion, Rack, Track, followed, slow
+from linkjax.groups import (
+    FITS,
+    RRP,
+    RRR,
+    Course,
+    Crank,
+    Gear,
+    General,
+    Pinion,
+    Rack,
+    RedundantSlider,
+    Track,
+    followed,
+    slow,
+)
 from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, named_groups, not_assembled_at_start, shortfall
 from linkjax.machine import Scene, ready
 from linkjax.motion import Peak, Steady
@@ -203,7 +217,10 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
             "radii, or the distance"
         ), ""
     if side == "fits":
-        return f"does not fit: at {degrees:.2f} degrees its error is {(short + 1) * FITS:.3g} of its length", ""
+        what, off = f"does not fit: at {degrees:.2f} degrees", f"{(short + 1) * FITS:.3g}"
+        if isinstance(named_groups(cycle.scene.mechanism)[group], RedundantSlider):
+            return f"{what} the distance of its pin from the guide is {off} of the longest link", ""
+        return f"{what} its error is {off} of its length", ""
     if trouble == "too fast":
         what = "has gears driven by a link that turns too fast to count its revolutions"
         return what, "Make that link turn more evenly, or less often per turn of the crank."
@@ -214,9 +231,7 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
         return f"passes to another assembly mode near {place}: it has a change point or a singular position there", ""
     if short > (NEARLY if side == "loops" else CHANGE_POINT) or trouble == "ends":
         what = f"cannot be assembled at {place}: {shortfall(cycle.scene.mechanism, group, side, at.angle)}"
-        where = _where_it_can(cycle)
-        names_none = isinstance(named_groups(cycle.scene.mechanism)[group], General)
-        return what, (where or "Change lengths of its links.") if names_none else where + LENGTHS
+        return what, _where_it_can(cycle)
     remedy = ""
     if isinstance(named_groups(cycle.scene.mechanism)[group], RRR | RRP):
         drawn = any(link.pins for link in cycle.scene.mechanism.links.values())
@@ -227,17 +242,18 @@ def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, 
 
 
 def _where_it_can(cycle: Cycle) -> str:
-    """The ranges of crank angle in which it can be assembled, and an oscillation inside the first; empty for a crank
-    that rotates fully. The oscillation begins, if possible, where the mechanism is drawn and phases and sides hold."""
+    """The remedy: other lengths. Unless the crank rotates fully, also the ranges of crank angle in which it can be
+    assembled, and an oscillation inside the first, which begins, if possible, where the mechanism is drawn and phases
+    and sides hold."""
     mechanism = cycle.scene.mechanism
     crank = mechanism.groups[0]
     if not isinstance(crank, Crank):
-        return ""
+        return LENGTHS
     ranges = crank_ranges(mechanism, cycle.scene.cycle_turns)
     if not ranges:
-        return "It can be assembled at no crank angle. "
+        return f"It can be assembled at no crank angle. {LENGTHS}"
     if not ranges[0].at_start and not ranges[0].at_stop:
-        return ""
+        return LENGTHS
     between = " and ".join(f"{math.degrees(r.start):.4f} to {math.degrees(r.stop):.4f} degrees" for r in ranges)
     low, high = ranges[0].start, ranges[0].stop
     inset = INSIDE * (high - low)
@@ -255,9 +271,10 @@ def _where_it_can(cycle: Cycle) -> str:
     )
     key = "drive.law" if any(link.pins for link in mechanism.links.values()) else "groups[0].law"
     has = "its motion law exceeds that range" if crank.law is not None else "its crank cannot rotate fully"
+    inside = "this range" if len(ranges) == 1 else "the first range"
     return (
-        f"It can be assembled from {between} of crank angle, and {has}: prescribe an oscillation within this range, "
-        f"e.g. {key} = {{ {law} }}{drawn}, or change lengths. "
+        f"It can be assembled from {between} of crank angle, and {has}: prescribe an oscillation within {inside}, "
+        f"e.g. {key} = {{ {law} }}{drawn}, or change lengths of its links until every margin is positive."
     )
 
 

@@ -13,6 +13,7 @@ from linkjax.analysis._tidy import CONSTANT, peak_shown, power_scale, torque_sca
 from linkjax.analysis._words import peak_unit
 
 SHOW = Numbers()
+DELTA = "coefficient of speed fluctuation δ"
 Data = dict[str, Any]
 Rows = list[tuple[str, ...]]
 
@@ -44,7 +45,7 @@ def _head(data: Data, scene: Any) -> Rows:
         rows += _motion(data)
     else:
         rows.append(("crank speed", f"{SHOW.speed(float(scene.speed))}, constant"))
-        rows += [("δ", NONE), ("drive torque", f"{NONE} (constant torque of the actual motion)")]
+        rows += [(DELTA, NONE), ("mean drive torque", f"{NONE} (constant torque of the actual motion)")]
     rows.append(("flywheel", SHOW.shown(flywheel["given"], "kg·m²")))
     if flywheel["for_target_delta"] is not None:
         need = flywheel["for_target_delta"]
@@ -58,11 +59,11 @@ def _motion(data: Data) -> Rows:
     fastest, slowest = (f" at {SHOW.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     torque = SHOW.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))
     return [
-        ("mean speed", f"{SHOW.speed(run['mean_speed'])} ({model['mean']} mean)"),
-        ("largest speed", f"{SHOW.speed(run['max_speed'])}{fastest}"),
-        ("smallest speed", f"{SHOW.speed(run['min_speed'])}{slowest}"),
-        ("δ", " ".join(SHOW.measured(run["delta"], run["delta_error"]))),
-        ("drive torque", f"{torque}, {'mean' if model['method'] == 'prescribed' else 'constant'}"),
+        ("mean crank speed", f"{SHOW.speed(run['mean_speed'])} ({model['mean']} mean)"),
+        ("max crank speed", f"{SHOW.speed(run['max_speed'])}{fastest}"),
+        ("min crank speed", f"{SHOW.speed(run['min_speed'])}{slowest}"),
+        (DELTA, " ".join(SHOW.measured(run["delta"], run["delta_error"]))),
+        ("mean drive torque", torque if model["method"] == "prescribed" else f"{torque}, constant over the cycle"),
         ("mean power", SHOW.quantity(run["mean_power"], "W", 6, power_scale(data))),
     ]
 
@@ -84,7 +85,7 @@ def _strokes(data: Data) -> Rows:
     stops: dict[str, list[str]] = {}
     for entry in data["dead_centres"]:
         stops.setdefault(entry.get("point") or entry["link"], []).append(SHOW.turned(entry["angle"]))
-    rows = [("of", "stroke", "time ratio", "dead centres at")]
+    rows = [("of", "stroke", "time ratio", "dead centres or limit positions at")]
     for name, places in stops.items():
         covered = data["strokes"].get(name)
         value, ratio = (None, None) if covered is None else (covered["value"], covered["time_ratio"])
@@ -94,8 +95,8 @@ def _strokes(data: Data) -> Rows:
 
 
 def _groups(data: Data) -> Rows:
-    """Least assembly margins, and transmission angles."""
-    rows = [("group", "kind", "least margin", "at", "transmission angle")]
+    """Minimum assembly margins, and transmission angles."""
+    rows = [("group", "class", "min margin", "at", "transmission angle")]
     for name, group in data["groups"].items():
         span = [SHOW.turned(angle) for angle in group.get("transmission_span", ())]
         if "margin" in group:

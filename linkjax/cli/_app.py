@@ -37,12 +37,12 @@ from linkjax.cli._options import (
 )
 from linkjax.cli._print import print_assemblies, print_scene, print_structure, print_summary
 from linkjax.cli._print_at import print_at
-from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling, structure_of
+from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling
 from linkjax.cli._said import messages_in, units_for
 from linkjax.cli._write import write_csv, write_out
 from linkjax.kinematics import assembly_modes, open_at_start
 from linkjax.mechanism import structure
-from linkjax.rolling import RollingMachine
+from linkjax.rolling import RollingMachine, structure_of
 from linkjax.scenes import (
     SceneError,
     build,
@@ -116,6 +116,8 @@ def new(
     kind: KindOf = Kind.linkage,
 ) -> None:
     """Write a new scene file with comments."""
+    if not Path(name).name.removesuffix(".toml").strip():
+        raise SceneError("NAME", "", name, "is not the name of a file", "write a name, e.g. press")
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     if path.exists():
         raise SceneError(str(path), "", None, "already exists", "choose another name or delete the file")

@@ -72,6 +72,8 @@ def import_command(
     Lengths are in metres. Masses are missing, since pylinkage has none. Names that are not allowed in a scene file are
     changed and listed.
     """
+    if file.suffix == ".toml" and file.exists():
+        raise SceneError(str(file), "", None, "is a scene file, not pylinkage's JSON", "give the JSON file")
     path = out or file.with_suffix(".toml")
     if path.exists():
         raise SceneError(str(path), "", None, "already exists", "choose another name with --out, or delete the file")

@@ -105,6 +105,7 @@ def optimise_command(
     asked |= {key: value for key, value in given.items() if value is not None}
     with _named(scene):
         _change(asked, limits, free)
+        _check_given(asked)
         asked = settled(machine, **asked)
     changed = text_of(machine) != text_of(load(scene, changes_of(scene, set_)))
     if changed:
@@ -162,6 +163,16 @@ def _change(asked: dict[str, Any], limits: list[str] | None, free: list[str] | N
         asked["free"] = {**asked["free"], name: new_range}
         if given == "no":
             del asked["free"][name]
+
+
+def _check_given(asked: dict[str, Any]) -> None:
+    """Raise `DesignError` without objective or design variables, with the option that gives them."""
+    if asked.get("minimise") is None and asked.get("maximise") is None:
+        remedy = "write --minimise NAME or --maximise NAME, or `minimise` or `maximise` in [optimise]"
+        raise DesignError("objective", "none is given", remedy)
+    if not asked["free"]:
+        remedy = 'name one, e.g. --free flywheel.inertia="0 to 40 kg m^2", or in [optimise.free]'
+        raise DesignError("free", "there is no design variable", remedy)
 
 
 class _Progress:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from typing import Any
 
@@ -23,7 +22,7 @@ from linkjax.analysis import (
 from linkjax.cli._console import console
 from linkjax.groups import Crank, General, Harmonic
 from linkjax.kinematics import AssemblyModes
-from linkjax.machine import Scene, load_size
+from linkjax.machine import PERMANENT, Scene, load_size, speed_text
 from linkjax.mechanism import Mechanism, Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
@@ -38,7 +37,7 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
     target = "" if machine.target_delta is None else f", target δ {float(machine.target_delta):g}"
     frame = ", ".join(f"{name} {show.place((at.x, at.y))}" for name, at in mechanism.fixed.items())
     for key, value in {
-        "speed": f"{show.bound(machine.speed, 'rad/s')}, {machine.mean} mean",
+        "speed": speed_text(machine, show),
         "gravity": show.place((machine.gravity.x, machine.gravity.y), "m/s²"),
         "flywheel": f"{show.shown(mechanism.flywheel.inertia, 'kg·m²')}{target}",
         "frame": frame,
@@ -67,7 +66,7 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
             where = f"{show.shown(weight.mass, 'kg')} on {name} at {show.place((weight.at.x, weight.at.y))}"
             console.print(f"weight     {piece}: {where}, {kind}", highlight=False)
     for load in machine.loads:
-        window = "all the time"
+        window = PERMANENT
         if load.window is not None:
             window = f"from {show.bound(load.window.on, 'rad')} to {show.bound(load.window.off, 'rad')}"
         where = f"{load.link} {load.point}".strip()
@@ -150,11 +149,11 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     fastest, slowest = (f" at {show.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     table = Table(box=None, show_header=False, pad_edge=False)
     rows = [("crank speed", f"{show.speed(float(machine.speed))}, constant")] if not moves(data) else [
-        ("speed fluctuation δ", f"{_digits(run['delta'], run['delta_error'])}  ± {run['delta_error']:.1e}"),
-        ("mean speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
-        ("largest speed", f"{show.speed(run['max_speed'])}{fastest}"),
-        ("smallest speed", f"{show.speed(run['min_speed'])}{slowest}"),
-        ("constant drive torque", show.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))),
+        ("coefficient of speed fluctuation δ", " ".join(show.measured(run["delta"], run["delta_error"]))),
+        ("mean crank speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
+        ("max crank speed", f"{show.speed(run['max_speed'])}{fastest}"),
+        ("min crank speed", f"{show.speed(run['min_speed'])}{slowest}"),
+        ("mean drive torque", show.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))),
         ("mean power", show.quantity(run["mean_power"], "W", 6, power_scale(data))),
     ]  # fmt: skip
     rows.append(("flywheel given", show.shown(wheel["given"], "kg·m²")))
@@ -180,14 +179,6 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
         console.print(f"WARNING: {of}{message}", style="bold", markup=False, highlight=False)
 
 
-def _digits(value: float, error: float) -> str:
-    """A value with its certain digits, ten at most, and one more; zero if it is below its error."""
-    if value <= error < math.inf:
-        return "0"
-    known = math.log10(value / error) if value > 0 and 0 < error < math.inf else 9.0
-    return f"{value:.{min(max(math.ceil(known) + 1, 2), 10)}g}"
-
-
 def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     motions = ["actual motion", "at"] if moves(data) else []
     table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
@@ -205,7 +196,7 @@ def _print_limits(data: dict[str, Any], show: Numbers) -> None:
     console.print()
     for name, group in data["groups"].items():
         if group.get("margin", 1.0) < 1:  # toothed gears have a constant margin of one
-            worst = f"margin {above(group['margin'], 1.0):.4g} at {show.turned(group['margin_angle'])}"
+            worst = f"min margin {above(group['margin'], 1.0):.4g} at {show.turned(group['margin_angle'])}"
             ends = [show.turned(angle) for angle in group.get("transmission_span", ())]
             span = f", transmission angle {ends[0]} … {ends[1]}" if ends else ""
             console.print(f"{group['formula']:5s} {name}: {worst}{span}", highlight=False)

@@ -23,7 +23,7 @@ def comment(data: Data) -> str:
     """The comment at the top of the optimised scene."""
     goal = data["objective"]
     old, new = (NONE if goal[key] is None else f"{goal[key]:.6g}" for key in ("before", "after"))
-    change = f"{old} -> {new} {goal['unit']}"
+    change = f"{old} -> {new}{_unit(goal['unit'])}"
     return f"{data['scene']}, optimised by linkjax {data['linkjax_version']}\n{goal['name']}: {change}"
 
 
@@ -69,9 +69,17 @@ def _print_limits(data: Data, show: Numbers) -> None:
 def _price(limit: Data, unit: str, show: Numbers) -> str:
     if not limit["active"]:
         return ""
-    own = "" if limit["unit"] == "1" else f" per {limit['unit']}"
     angles, peaks = _angles(limit["peak_angles"], show), "equal peaks" if len(limit["peak_angles"]) > 1 else "peak"
-    return f"{limit['multiplier']:.5g} {unit}{own}" + (f" ({peaks} at {angles})" if angles else "")
+    return _per(limit["multiplier"], unit, limit["unit"]) + (f" ({peaks} at {angles})" if angles else "")
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
+
+
+def _per(multiplier: float, unit: str, own: str) -> str:
+    """A multiplier in the unit of the objective per unit of a bound."""
+    return f"{multiplier:.5g}{_unit(unit)}" + ("" if own == "1" else f" per {own}")
 
 
 def _print_variables(data: Data, show: Numbers) -> None:
@@ -80,7 +88,7 @@ def _print_variables(data: Data, show: Numbers) -> None:
     for name, v in data["variables"].items():
         parts = show.told([v["before"], v["after"]], v["unit"], 6)
         parts += [show.bound(v[key], v["unit"]) for key in ("lower", "upper")]
-        price = f"{v['active']}: {v['bound_multiplier']:.5g} {unit} per {v['unit']}" if v["active"] else ""
+        price = f"{v['active']}: {_per(v['bound_multiplier'], unit, v['unit'])}" if v["active"] else ""
         table.add_row(name, *parts, price or ("no effect on the optimum" if v["no_effect"] else ""))
         for tie, values in v["linked"].items():
             table.add_row(f"  linked: {tie}", *show.told([values["before"], values["after"]], values["unit"], 6))

@@ -17,33 +17,16 @@ from linkjax._results import MachineError
 from linkjax.analysis import plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import write_text
-from linkjax.rolling import RollingMachine, check, document, tidy
+from linkjax.rolling import MEMBER_NAMES, RollingMachine, check, document, rolling_rows, structure_of, tidy
 from linkjax.scenes import SceneError
 
 Data = dict[str, Any]
-NAMES = {"inner": "inner ring", "outer": "outer ring", "carrier": "line of centres"}
-
-
-def structure_of(machine: RollingMachine) -> str:
-    """The structure in words, in place of a structural formula."""
-    design = machine.design
-    turns = f" in {design.turns} turns" if design.turns > 1 else ""
-    return f"{design.bodies} rolling bodies between two rings{turns}"
 
 
 def show_rolling(machine: RollingMachine, name: str, show: Numbers) -> None:
     """Print rings, bodies and drive."""
-    design = machine.design
     console.print(Text(machine.title or name, style="bold"))
-    rows = {
-        "structure": structure_of(machine),
-        "inner": show.quantity(float(design.inner_radius), "m", 9),
-        "outer": show.quantity(float(design.outer_radius), "m", 9),
-        "offset": f"{show.quantity(float(design.eccentricity), 'm', 9)} between the centres of the rings",
-        "start": f"{show.bound(design.start, 'rad')} from the line of centres to the first body",
-        "drive": f"{NAMES[machine.driven]} at {show.bound(machine.speed, 'rad/s')}, {NAMES[machine.held]} held",
-    }
-    for key, value in rows.items():
+    for key, value in rolling_rows(machine, show):
         console.print(f"{key:10s} {value}", highlight=False, markup=False)
 
 
@@ -94,7 +77,7 @@ def _print(data: Data, machine: RollingMachine, show: Numbers) -> None:
         ("number of bodies that fills these rings", show.quantity(limits["fitting_bodies"], "", 9)),
         ("gap between last and first body", show.quantity(data["chain"]["closing_clearance"], "m", 2)),
         ("smallest clearance of other bodies", NONE if apart is None else show.quantity(apart, "m", 6)),
-        *((f"speed of the {NAMES[key]}", show.speed(motion[key])) for key in NAMES),
+        *((f"speed of the {MEMBER_NAMES[key]}", show.speed(motion[key])) for key in MEMBER_NAMES),
         ("sliding speed between neighbours", show.quantity(motion["rubbing"], "m/s", 6)),
     ]
     table = Table(box=None, show_header=False, pad_edge=False)

@@ -14,7 +14,7 @@ from linkjax.design._text import outcome
 from linkjax.measures import MEASURES
 
 WHY = {
-    "cone": "peaks are vectors over the continuous cycle, linearised, with exact lengths: second-order cones",
+    "cone": "sequential second-order cone programming; exact peaks",
     "slsqp": "requested: SciPy's SLSQP on every row of every peak, with exact derivatives",
     "trust-constr": "requested: SciPy's trust-constr on every row of every peak, with exact derivatives",
     "multistart": "requested: a batch of starts by optax, the best ones finished by the cone solver",

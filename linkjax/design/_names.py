@@ -35,6 +35,7 @@ UNITS = {
 }  # fmt: skip
 DIMENSION_OF = {dimension.unit or "1": name for name, dimension in DIMENSIONS.items()}
 COUNTERWEIGHT = re.compile(r"links\.(.+)\.counterweights\.([^.]+)(?:\..*)?")
+NAMELESS = re.compile(r"links\.(.+)\.counterweight\.(mass|at\.along|at\.across|inertia|thickness|density)")
 SUGGESTED = 5  # near names in a message
 LEAST = {
     "inertia": 0.0,
@@ -80,9 +81,20 @@ def number(scene: Scene, name: str) -> Number:
     if name not in known:
         _check_counterweight(scene, name)
         inner = [other for other in known if other.startswith(f"{name}.")]
-        hint = f"it has: {', '.join(inner)}" if inner else near(name, known)
+        hint = f"it has: {', '.join(inner)}" if inner else _counterweight(scene, name) or near(name, known)
         raise DesignError(name, "is not a scene parameter", hint or "linkjax.design.numbers(scene) holds all names")
     return known[name]
+
+
+def _counterweight(scene: Scene, name: str) -> str:
+    """The hint for a parameter of a counterweight without the name of the counterweight; an empty string if it is not
+    one."""
+    found = NAMELESS.fullmatch(name)
+    link = found and scene.mechanism.links.get(found[1])
+    if not found or link is None:
+        return ""
+    keys = [f"links.{found[1]}.counterweights.{each}.{found[2]}" for each in link.counterweights or ("NAME",)]
+    return f"did you mean {' or '.join(map(repr, keys[:SUGGESTED]))}?"
 
 
 def _check_counterweight(scene: Scene, name: str) -> None:

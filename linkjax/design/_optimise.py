@@ -20,7 +20,7 @@ from linkjax.design._scipy import slsqp, trust
 from linkjax.design._starts import Progress, Run, Start, Traded, feasible, known, objective, trade, violated
 from linkjax.design._terms import Asked, Limit, Term
 from linkjax.design._text import optimum_text
-from linkjax.design._texts import Range, settled_case, settled_free, settled_limit, settled_term
+from linkjax.design._texts import FUNCTION, Range, UnknownName, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene, check_scene
 from linkjax.measures import MEASURES, NODES
 
@@ -131,7 +131,10 @@ def optimise(
     `linkjax.design.descend`.
     """
     check_scene(scene)
-    asked = settled(scene, free, minimise, maximise, limits, cases, solver, trade_off)
+    try:
+        asked = settled(scene, free, minimise, maximise, limits, cases, solver, trade_off)
+    except UnknownName as error:
+        raise DesignError(error.element, error.problem, f"{error.remedy} ({FUNCTION})") from error
     return solve(scene, **asked, starts=starts, seed=seed, nodes=nodes, callback=callback)
 
 
@@ -184,6 +187,8 @@ def settled(
         raise DesignError("objective", problem, "give either minimise or maximise")
     if solver not in SOLVERS:
         raise DesignError("solver", f"{solver!r} is not a solver", nearest(str(solver), SOLVERS))
+    if isinstance(limits, str):
+        raise DesignError("limits", "is a string", f"write a list, e.g. [{limits!r}]")
     with _in_argument("limits"):
         found = _told_apart(scene, [settled_limit(scene, one) for one in limits])
     names = [case.name for case in cases]
@@ -212,7 +217,7 @@ def _in_argument(name: str) -> Iterator[None]:
         yield
     except DesignError as error:
         element = error.element if error.element == name else f"{name}: {error.element}"
-        raise DesignError(element, error.problem, error.remedy) from error
+        raise type(error)(element, error.problem, error.remedy) from error
 
 
 def _check_cases(variables: Sequence[Variable], cases: Sequence[Case]) -> None:

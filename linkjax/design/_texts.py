@@ -19,8 +19,12 @@ Range = Any  # two bounds, or a string
 AROUND = re.compile(r"(?:±|\+/?-|within)\s*(.+)", re.IGNORECASE)
 FROM_TO = re.compile(r"(.+?)\s*(?:\.\.\.?|…|\bto\b)\s*(.+)")
 RELATION = re.compile(r"(.+?)\s*(<=|>=|≤|≥)\s*(.+)")
-FUNCTION = "in Python a user-defined function is given itself: at_most(function, bound), minimise=function"
+FUNCTION = "in Python pass the function object, not its name: at_most(function, bound), minimise=function"
 SENSES = {"<=": at_most, "≤": at_most, ">=": at_least, "≥": at_least}
+
+
+class UnknownName(DesignError):
+    """A name that is neither a measure nor a scene parameter; in Python it may be that of a function."""
 
 
 def variable(scene: Scene, name: str, given: Range, linked: tuple[str, ...] = ()) -> Variable:
@@ -87,7 +91,7 @@ def settled_term(scene: Scene, asked: Asked) -> Term:
         problem = "is neither a measure nor a scene parameter"
         hint = near(term.name, [*MEASURES, *known])
         hint = hint or "linkjax.measures.MEASURES and linkjax.design.numbers(scene) hold the names"
-        raise DesignError(term.name, problem, f"{hint} ({FUNCTION})")
+        raise UnknownName(term.name, problem, hint)
     return dataclasses.replace(term, unit=known[term.name].unit)
 
 
@@ -136,4 +140,7 @@ def settled_free(scene: Scene, free: Mapping[str, Range] | Any) -> list[Variable
         for name, each in full.items():
             _check_range(name, each)
         return [variable(scene, name, each["range"], tuple(each.get("linked", ()))) for name, each in full.items()]
+    if isinstance(free, str) or any(isinstance(v, str) for v in free):
+        name = free if isinstance(free, str) else next(v for v in free if isinstance(v, str))
+        raise DesignError(name, "has no range", f'write a mapping from names to ranges, e.g. {{"{name}": "± 8 %"}}')
     return [variable(scene, v.name, (v.lower, v.upper), v.linked) for v in free]

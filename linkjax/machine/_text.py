@@ -10,6 +10,7 @@ from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, To
 from linkjax.mechanism import Mechanism
 
 SHOW = Numbers()
+PERMANENT = "permanent"  # a load without a window
 ROTATION = {"ccw": "counter-clockwise", "cw": "clockwise"}
 
 
@@ -25,13 +26,11 @@ def scene_text(scene: Any) -> str:
 
 def _lines(scene: Any) -> list[str]:
     mechanism = scene.mechanism
-    constant = scene.constant_speed or mechanism.prescribed
-    speed = f"{SHOW.bound(scene.speed, 'rad/s')} ({'constant' if constant else f'{scene.mean} mean'})"
-    target = "" if scene.target_delta is None else f", wanted δ {float(scene.target_delta):g}"
+    target = "" if scene.target_delta is None else f", target δ {float(scene.target_delta):g}"
     fixed = ", ".join(f"{name} {SHOW.place((at.x, at.y))}" for name, at in mechanism.fixed.items())
     head = [
         ("drive", drive_text(mechanism, SHOW)),
-        ("speed", speed),
+        ("speed", speed_text(scene, SHOW)),
         ("cycle", f"{scene.cycle_turns} turn{'s' * (scene.cycle_turns > 1)} of the crank"),
         ("structure", mechanism.formula()),
         ("fixed points", fixed or NONE),
@@ -64,7 +63,7 @@ def _links(mechanism: Mechanism) -> list[tuple[str, ...]]:
 
 def _load(load: AbstractLoad) -> tuple[str, ...]:
     window = load.window
-    when = "whole cycle" if window is None else f"{SHOW.bound(window.on, 'rad')} to {SHOW.bound(window.off, 'rad')}"
+    when = PERMANENT if window is None else f"{SHOW.bound(window.on, 'rad')} to {SHOW.bound(window.off, 'rad')}"
     return load.name, load_size(SHOW, load), f"{load.link} {load.point}".strip(), when
 
 
@@ -79,6 +78,12 @@ def load_size(show: Numbers, load: AbstractLoad) -> str:
     if isinstance(load, OpposingTorque):
         return f"{show.shown(load.magnitude, 'N·m')} against the rotation"
     return NONE
+
+
+def speed_text(scene: Any, show: Numbers) -> str:
+    """The nominal crank speed, and whether it is constant, or which mean it is."""
+    constant = scene.constant_speed or scene.mechanism.prescribed
+    return f"{show.bound(scene.speed, 'rad/s')}, {'constant' if constant else f'{scene.mean} mean'}"
 
 
 def drive_text(mechanism: Mechanism, show: Numbers) -> str:

@@ -26,9 +26,9 @@ def check_turns(mechanism: Mechanism, cycle_turns: int) -> None:
     for link, count in turns.items():
         if abs(count - round(count)) > WHOLE:
             whole = [k for k in range(1, MOST + 1) if all(_near(k * each / cycle_turns) for each in turns.values())]
-            taken = f"{cycle_turns} turn{'s' * (cycle_turns > 1)}"
-            problem = f"in {taken} of the crank, {link!r} turns {count:.6g} times, so the motion is not periodic"
-            remedy = f"write {whole[0]}" if whole else "choose a ratio of smaller integers"
+            within = f"within cycle_turns = {cycle_turns} (it turns {count:.6g} times)"
+            problem = f"{link!r} does not return to its initial position {within}"
+            remedy = f"write cycle_turns = {whole[0]}" if whole else "choose a ratio of smaller integers"
             raise StructureError("cycle_turns", problem, remedy)
 
 

@@ -90,8 +90,13 @@ def smallest(unit: str) -> Callable[[Callable[[Parts], Rows]], Measure]:
 
 def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
     """Several measures of one scene by name. They share grid and node values, so they cost little more than one."""
+    asked = [measures] if isinstance(measures, str | Measure) else list(measures)
+    for one in asked:
+        if not isinstance(one, Measure):
+            example = f"linkjax.measures.{one}" if one in MEASURES else "linkjax.measures.delta"
+            raise TypeError(f"evaluate: {one!r} is not a measure; write the measures, e.g. [{example}]")
     parts = Parts(scene, nodes)
-    return {one.name: one.function(parts) for one in measures}
+    return {one.name: one.function(parts) for one in asked}
 
 
 def _extreme_speeds(of: Parts) -> tuple[Rows, Rows]:

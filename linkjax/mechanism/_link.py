@@ -178,6 +178,6 @@ class Body(eqx.Module):
 
 
 class Flywheel(eqx.Module):
-    """Rotating inertia on the crank shaft (kg m²), its centre on the axis."""
+    """Rotating inertia on the crankshaft (kg m²), its centre on the axis."""
 
     inertia: Array = eqx.field(converter=as_float, default=0.0)

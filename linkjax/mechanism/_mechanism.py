@@ -125,7 +125,7 @@ def check_structure(mechanism: Mechanism) -> None:
         )
     flywheel = number_of(mechanism.flywheel.inertia)
     if not isinstance(mechanism.groups[0], Crank) and flywheel is not None and np.any(flywheel != 0):
-        raise StructureError("flywheel", "needs a crank as the driver: it is on the crank shaft", "delete it")
+        raise StructureError("flywheel", "needs a crank as the driver: it is on the crankshaft", "delete it")
     known, placed = set(mechanism.fixed), set()
     everywhere = _all_points(mechanism)
     for number, group in enumerate(mechanism.groups):

@@ -7,23 +7,28 @@ import dataclasses
 import math
 from collections.abc import Mapping
 
+import jax
 from jaxtyping import Array
 
 from linkjax.groups import FRAME, Drive, Harmonic, Pair
 from linkjax.mechanism._mechanism import StructureError
 
 SAME = 1e-9  # rad, or of the drawing's size: a law with a smaller stroke moves nothing
-DIGITS = 10  # of a number in the remedy of a message
+DIGITS = {True: 10, False: 6}  # of a number in a message, in double and in single precision
 
 
 def degrees(angle: float) -> str:
     """An angle (rad) as a string for messages; not wrapped, since full revolutions matter where gears are coupled."""
-    return f"{math.degrees(angle) + 0.0:.{DIGITS}g} deg"
+    return f"{_digits(math.degrees(angle))} deg"
 
 
 def metres(length: float) -> str:
     """A length (m) as a string for messages."""
-    return f"{length + 0.0:.{DIGITS}g} m"
+    return f"{_digits(length)} m"
+
+
+def _digits(value: float) -> str:
+    return f"{value + 0.0:.{DIGITS[bool(jax.config.jax_enable_x64)]}g}"  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def number(value: Array | None) -> float:

@@ -1,4 +1,4 @@
-"""The flywheel that gives a wanted coefficient of speed fluctuation."""
+"""The flywheel that gives a target coefficient of speed fluctuation."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
 def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array:
     """The same from the node values; see `flywheel_for`.
 
-    Root of 1/δ(J), which is nearly linear in J, differentiated implicitly. The work over the cycle does not depend on
-    the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the least reduced inertia) if δ
-    is smaller even without a flywheel.
+    Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. The work over the
+    cycle does not depend on the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the
+    least reduced inertia) if δ is smaller even without a flywheel.
     """
     if scene.mechanism.prescribed:  # δ is zero
         return jnp.zeros_like(scene.speed)

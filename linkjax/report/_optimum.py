@@ -25,7 +25,7 @@ def asked(show: Cells, optimum: Data) -> str:
     if optimum.get("before_is"):
         rows.append(["before", optimum["before_is"]])
     if optimum["cases"]:
-        rows.append(["cases, the worst governs", ", ".join(optimum["cases"])])
+        rows.append(["cases (the objective is the worst)", ", ".join(optimum["cases"])])
     rows.append(["solver", f"{solver['name']}: {solver['why']}"])
     return table(["problem", ""], [[words(name), words(text)] for name, text in rows])
 

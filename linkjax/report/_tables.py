@@ -9,7 +9,7 @@ import numpy as np
 
 from linkjax._display import NONE, turning
 from linkjax.analysis import check_limit, moves, peak_shown, peak_unit, power_scale, torque_scale, uneven
-from linkjax.machine import Scene, load_size
+from linkjax.machine import PERMANENT, Scene, load_size
 from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
@@ -54,7 +54,7 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
     found["flywheel inertia, given"] = show.amount(wheel.get("given"), "kg·m²").text
     if wheel.get("for_target_delta") is not None:
         need = float(wheel["for_target_delta"])
-        found["flywheel inertia, required"] = show.quantity(need, "kg·m²") if need > 0 else "none"
+        found["flywheel inertia for target δ"] = show.quantity(need, "kg·m²") if need > 0 else "none"
     if wheel.get("textbook") is not None:
         found["flywheel inertia by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
     if motion.get("steady_state_margin") is not None:
@@ -68,20 +68,21 @@ def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
     """Remarks on the results, by name."""
     motion, runs = data["motion"], moves(data)
     error = show.measured(float(motion["delta"]), float(motion["delta_error"]))[1] if runs else ""
-    mean = "mean over time" if scene.mean == "time" else "mean of max and min"
+    mean = "time mean" if scene.mean == "time" else "mean of max and min"
     wanted = data.get("flywheel", {}).get("target_delta", scene.target_delta)
     steady = (motion.get("steady_state_margin") or 0.0) > 0
     need = data.get("flywheel", {}).get("for_target_delta") or 0.0
-    exactly = "exactly" if need > 0 else "not required: δ is smaller without it"
+    exact = f"δ = {float(wanted):g}" if wanted is not None else ""
+    exact = f"exact value for {exact}" if need > 0 else f"not required for {exact}: δ is smaller without it"
     return {
         "coefficient of speed fluctuation δ": f"{error}, based on the {mean}",
         "mean crank speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s" if runs else "",
         "max crank speed": f"at {show.turned(motion['angle_of_max'])}" if runs and uneven(data) else "",
         "min crank speed": f"at {show.turned(motion['angle_of_min'])}" if runs and uneven(data) else "",
-        "mean drive torque": "constant over the cycle",
+        "mean drive torque": "" if data.get("model", {}).get("method") == "prescribed" else "constant over the cycle",
         "mean drive power": "over the cycle",
         "flywheel inertia, given": "on the crankshaft",
-        "flywheel inertia, required": "" if wanted is None else f"for δ = {float(wanted):g}, {exactly}",
+        "flywheel inertia for target δ": "" if wanted is None else exact,
         "flywheel inertia by ΔA/(δω²)": "textbook formula, for comparison",
         "steady-state margin": f"{'positive: ' if steady else 'no '}steady-state motion at this mean speed",
         "min mean speed": "with steady-state motion",
@@ -178,11 +179,11 @@ def groups(show: Cells, data: Data) -> str:
         turned = group.get("transmission_span")
         span = NONE if turned is None else f"{show.turned(turned[0])} … {show.turned(turned[1])}"
         rows.append([words(name), words(group.get("formula", group["kind"])), words(margins or NONE), words(span)])
-    return table(["group", "kind", "min assembly margin over the cycle", "transmission angle"], rows)
+    return table(["group", "class", "min margin over the cycle", "transmission angle"], rows)
 
 
 def dead_centres(show: Cells, data: Data) -> str:
-    """Limit positions of points and links: crank angles, and the stroke or angle between them."""
+    """Dead centres of points and limit positions of links: crank angles, and the stroke or angle between them."""
     found: dict[str, list[str]] = {}
     for entry in data.get("dead_centres", []):
         name = f"point {entry['point']}" if "point" in entry else f"link {entry['link']}"
@@ -195,8 +196,8 @@ def dead_centres(show: Cells, data: Data) -> str:
             ratio = NONE if covered["time_ratio"] is None else f"{covered['time_ratio']:.4f}"
             ends = [*show.several([covered["value"]], covered["unit"], 6), Cell(ratio, True)]
         rows.append([words(name), words(",  ".join(angles)), *ends])
-    head = ["limit positions of", "at crank angle", "stroke or angle", "time ratio"]
-    return table(head, rows) if rows else "<p>No point or link has a limit position.</p>"
+    head = ["dead centres or limit positions of", "at crank angle", "stroke or angle", "time ratio"]
+    return table(head, rows) if rows else "<p>No point has a dead centre, and no link has a limit position.</p>"
 
 
 def loads(show: Cells, scene: Scene) -> str:
@@ -205,14 +206,14 @@ def loads(show: Cells, scene: Scene) -> str:
     for load in scene.loads:
         size = load_size(show, load)
         window = load.window
-        acts = "always"
+        acts = PERMANENT
         if window is not None:
             acts = f"{show.turned(float(window.on))} … {show.turned(float(window.off))}"
         where = f"{load.link}, at {load.point}" if load.point else load.link
         rows.append([words(load.name), words(where), words(size), words(acts), words(load.reacts_on or NONE)])
     pull = scene.gravity
     size = f"({show.shown(pull.x, 'm/s²')}, {show.shown(pull.y, 'm/s²')})"
-    rows.append([words("gravity"), words("every link"), words(size), words("always"), words(NONE)])
+    rows.append([words("gravity"), words("every link"), words(size), words(PERMANENT), words(NONE)])
     return table(["load", "acts on", "value", "active", "reaction on"], rows)
 
 

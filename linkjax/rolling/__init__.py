@@ -26,3 +26,6 @@ from linkjax.rolling._machine import RollingMachine as RollingMachine
 from linkjax.rolling._machine import check as check
 from linkjax.rolling._rates import Rates as Rates
 from linkjax.rolling._rates import rates as rates
+from linkjax.rolling._text import MEMBER_NAMES as MEMBER_NAMES
+from linkjax.rolling._text import rolling_rows as rolling_rows
+from linkjax.rolling._text import structure_of as structure_of

@@ -20,6 +20,7 @@ from linkjax.rolling._chain import Chain, chain, closure_gap, moved
 from linkjax.rolling._closing import Margins, closing_eccentricity, closing_outer_radius, fitting_bodies, margins
 from linkjax.rolling._design import Rolling
 from linkjax.rolling._rates import Rates, rates
+from linkjax.rolling._text import rolling_text
 
 MEMBERS = ("inner", "outer", "carrier")
 CLOSED = 1e-5  # rad: largest gap between last and first body of a closed chain
@@ -45,6 +46,9 @@ class RollingMachine(eqx.Module):
                 raise StructureError(key, f"is {getattr(self, key)!r}", f"write one of {', '.join(MEMBERS)}")
         if self.held == self.driven:
             raise StructureError("driven", f"{self.held!r} is both held and driven", "choose two different members")
+
+    def __str__(self) -> str:
+        return rolling_text(self)
 
     @property
     def cycle(self) -> Scalar:

@@ -64,11 +64,11 @@ def _checks(scene: Scene, asked: Optimise) -> Iterator[Check]:
 
 def _fault(source: str, table: Any, path: Path, error: DesignError) -> SceneError:
     """The `SceneError` of a `DesignError`."""
-    problem, remedy, value = error.problem, error.remedy.partition(" (in Python")[0], lookup(table, path)
+    problem, remedy, value = error.problem, error.remedy, lookup(table, path)
     element = error.element.rpartition(": ")[2]  # "minimise: delta" is the argument of `optimise` and its name
     if isinstance(value, dict) and element in value:
         path = (*path, element)
-    if problem[:1].islower() and element not in (*path, value):
+    if problem[:1].islower() and element not in (*path, value, repr(value)):
         problem = f"{element!r} {problem}"
     return fault(source, table, path, problem, remedy)
 

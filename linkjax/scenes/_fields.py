@@ -39,9 +39,8 @@ class Quantity:
             raise wrong(error.problem, error.remedy) from error
         wanted = DIMENSIONS[self.dimension]
         if result < 0 and self.sign != "any":
-            raise wrong(
-                "must not be negative", self.hint or f"write {wanted.phrase} of zero or more, e.g. {wanted.example}"
-            )
+            least = "above zero" if self.sign == "positive" else "of zero or more"
+            raise wrong("must not be negative", self.hint or f"write {wanted.phrase} {least}, e.g. {wanted.example}")
         if result == 0 and self.sign == "positive":
             raise wrong("must be greater than zero", f"write {wanted.phrase} above zero, e.g. {wanted.example}")
         if result != 0 and not SMALLEST < abs(result) < LARGEST:

@@ -114,9 +114,9 @@ class Link(Table):
 
 
 class Flywheel(Table):
-    """The flywheel on the crank shaft."""
+    """The flywheel on the crankshaft."""
 
-    inertia: Inertia = Field(default=0.0, description="moment of inertia about the crank shaft", examples=["40 kg m^2"])
+    inertia: Inertia = Field(default=0.0, description="moment of inertia about the crankshaft", examples=["40 kg m^2"])
 
 
 class Load(Table):
@@ -168,12 +168,12 @@ class SceneFile(Table):
         examples=[True],
     )
     rotation: Literal["ccw", "cw"] = Field("ccw", description="sense of the crank", examples=["cw"])
-    target_delta: Ratio | None = Field(None, description="required coefficient of speed fluctuation", examples=[0.02])
+    target_delta: Ratio | None = Field(None, description="target coefficient of speed fluctuation δ", examples=[0.02])
     fixed: dict[Name, Annotated[tuple[Length, Length], Pair]] = Field(
         description="points of the frame, [x, y]", examples=[{"F": ["570 mm", "580 mm"]}]
     )
     links: dict[Name, Link] = Field(description="the links by name")
-    flywheel: Flywheel = Field(Flywheel(), description="the flywheel on the crank shaft")
+    flywheel: Flywheel = Field(Flywheel(), description="the flywheel on the crankshaft")
     groups: list[Group] = Field([], description="crank and structural groups in their order of attachment")
     branch: Branch = BRANCH
     drive: Drive | None = Field(None, description="the drive, in a scene without groups")

@@ -100,7 +100,7 @@ def speed_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
     """Crank speed with its mean, maximum, minimum and δ; angular acceleration of the crank."""
     phi, motion = degrees(data, scene), data["motion"]
     turn, per = turning(units)
-    name = "mean over time" if scene.mean == "time" else "mean of max and min"
+    name = "time mean" if scene.mean == "time" else "mean of max and min"
     mean = {"color": GREEN, "linewidth": 1.1, "linestyle": (0, (5, 2))}
     keys = [key("actual motion", color=BLUE, linewidth=1.7), key(name, **mean)]
     keys += [*before_keys(before), *window_keys(scene)]

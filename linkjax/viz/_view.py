@@ -147,7 +147,7 @@ def _names(data: Data, look: Skeleton) -> list[dict[str, Any]]:
 
 
 def _load(data: Data, scene: Scene, load: Any, units: Units | None) -> dict[str, Any] | None:
-    """A load: its point, its window (None: always active), and its direction: fixed, against the motion, or a sense of
+    """A load: its point, its window (None: permanent), and its direction: fixed, against the motion, or a sense of
     rotation. The sense of an opposing torque is given at every angle."""
     on_off = None if load.window is None else [float(load.window.on), float(load.window.off)]
     entry: dict[str, Any] = {"window": on_off, "against": False, "along": None, "turn": None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Any, cast
 
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ import pytest
 import linkjax as lj
 from linkjax import DesignError, at_least, at_most
 from linkjax.design import Term, as_rows, changed
-from linkjax.design._texts import settled_limit
+from linkjax.design._texts import settled_free, settled_limit
 from tests.design.test_optimise import rotor
 
 FREE = {"speed": (1.0, 2.0)}
@@ -115,6 +116,21 @@ def test_an_integer_is_a_number():
     assert lj.optimise(rotor(), FREE, cast(Any, lambda scene: 2)).objective == 2.0
 
 
+def test_wrong_types_are_named():
+    """A string in place of a list, and names in place of ranges or measures."""
+    assert refused(PRESS, FREE, "delta", limits="delta <= 0.1") == (
+        "limits: is a string; write a list, e.g. ['delta <= 0.1']"
+    )
+    for names in (["flywheel.inertia"], "flywheel.inertia"):
+        with pytest.raises(DesignError, match=r"^flywheel.inertia: has no range; write a mapping from names to ranges"):
+            settled_free(PRESS, names)
+    for names in (["min_margin"], "min_margin"):
+        with pytest.raises(TypeError, match=r"'min_margin' is not a measure; .*\[linkjax.measures.min_margin\]"):
+            inspect.unwrap(lj.measures.evaluate)(PRESS, names)  # without the type checks of the tests
+    said = refused(PRESS, {"links.crank.counterweight.mass": "0 to 3 kg"}, "delta")
+    assert "did you mean 'links.crank.counterweights.NAME.mass'?" in said
+
+
 @pytest.mark.parametrize(
     ("name", "near"),
     [
@@ -131,7 +147,7 @@ def test_unknown_names(name, near):
     assert said.startswith(f"limits: {name}: is neither a measure nor a scene parameter; ")
     assert all(each in said for each in near), said
     assert said.endswith(
-        "(in Python a user-defined function is given itself: at_most(function, bound), minimise=function)"
+        "(in Python pass the function object, not its name: at_most(function, bound), minimise=function)"
     )
 
 

@@ -157,3 +157,6 @@ def test_the_command_names_the_file(call, tmp_path):
     code, _, err = call("import", path)
     assert code == 2 and err.startswith(f"{path}: links.coupler.points.S1.along = ") and "<text>" not in err
     assert list(tmp_path.iterdir()) == [path]
+    scene = path.rename(tmp_path / "scene.toml")
+    code, _, err = call("import", scene)
+    assert code == 2 and err.startswith(f"{scene}: is a scene file, not pylinkage's JSON; ")

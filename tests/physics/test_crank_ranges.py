@@ -60,11 +60,15 @@ def test_a_crank_longer_than_its_rod():
     """|r sin φ - e| = l: ranges about both dead centres."""
     links = {"crank": body(0.3), "rod": body(0.2), "ram": Link(mass=1.0)}
     groups = [Crank("crank", "A", "B"), RRP("rod", "ram", "B", "D", Guide("A", offset=0.05))]
-    found = crank_ranges(Mechanism({"A": Vec(0.0, 0.0)}, links, groups))
+    machine = Mechanism({"A": Vec(0.0, 0.0)}, links, groups)
+    found = crank_ranges(machine)
     up, down = math.asin(0.25 / 0.3), math.asin(0.15 / 0.3)
     exact = [(-down, up), (math.pi - up, math.pi + down)]
     np.testing.assert_allclose([(r.start, r.stop) for r in found], exact, atol=1e-12)
     assert {found[0].at_stop, found[1].at_start} == {"rod-ram, left"}
+    with pytest.raises(lj.MachineError, match="prescribe an oscillation within the first range, ") as told:
+        lj.analyse(lj.Scene(machine, speed=3.0), angles=8, nodes=32)
+    assert str(told.value).count("hange lengths") == 1 and "named" not in str(told.value)
 
 
 @pytest.mark.slow

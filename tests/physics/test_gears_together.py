@@ -302,7 +302,7 @@ def test_where_wheels_in_a_loop_begin():
 def test_a_cycle_of_a_sun():
     """The number of turns of the sun after which the machine returns to its initial position."""
     machine = epicyclic(Drive("sun", phase=0.15))
-    with pytest.raises(StructureError, match=r"'arm' turns 0.333333 times, so the motion is not periodic; write 3"):
+    with pytest.raises(StructureError, match=r"'arm' .* \(it turns 0.333333 times\); write cycle_turns = 3"):
         lj.Scene(machine, speed=5.0)
     lj.Scene(machine, speed=5.0, cycle_turns=3)
 

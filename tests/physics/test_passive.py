@@ -208,20 +208,28 @@ def test_a_misfit_is_told():
         lj.MachineError, match=r"group 'tie' does not fit: at .* degrees its error is 0.00398 of its length"
     ):
         lj.analyse(scene(0.251), angles=12)
+    with pytest.raises(
+        lj.MachineError, match=r"the distance of its pin from the guide is 0.0025 of the longest link\. "
+    ):
+        lj.analyse(guided(0.051), angles=12)
     with pytest.raises(ValueError, match="both ends of a redundant link are attached to the point 'D'"):
         RedundantLink("tie", "D", "D")
 
 
-def test_written_and_read_back():
-    """Drawn ones by their links and joints, others by their groups."""
-    plain = Mechanism(
+def guided(height: float) -> lj.Scene:
+    """A slider-crank whose slider has a second guide at y = 0.05 m, at this distance from its first."""
+    return lj.Scene(Mechanism(
         {"A": Vec(0.0, 0.0), "H": Vec(0.0, 0.05)},
         {"crank": Link(length=0.1, mass=1.0), "rod": Link(length=0.4, mass=2.0),
-         "ram": Link(mass=3.0, points={"K": Vec(0.1, 0.05)}), "shoe": Link(mass=0.2)},
-        [Crank("crank", "A", "B"), lj.RRP("rod", "ram", "B", "U", Guide("A")), 
+         "ram": Link(mass=3.0, points={"K": Vec(0.1, height)}), "shoe": Link(mass=0.2)},
+        [Crank("crank", "A", "B"), lj.RRP("rod", "ram", "B", "U", Guide("A")),
          RedundantSlider("shoe", "K", Guide("H"))],
-    )  # fmt: skip
-    for mechanism in (parallel({"F": 0.2}), press(), plain):
+    ), (), speed=5.0)  # fmt: skip
+
+
+def test_written_and_read_back():
+    """Drawn ones by their links and joints, others by their groups."""
+    for mechanism in (parallel({"F": 0.2}), press(), guided(0.05).mechanism):
         scene = lj.Scene(mechanism, (), speed=5.0)
         again = loads_text(text_of(scene))
         assert jax.tree.structure(scene) == jax.tree.structure(again)

@@ -74,7 +74,7 @@ def test_results(report):
     wheel = data["flywheel"]
     assert_printed(page.row("flywheel inertia, given")[0], wheel["given"], "kg·m²")
     if wheel["for_target_delta"] is not None:
-        assert_printed(page.row("flywheel inertia, required")[0], wheel["for_target_delta"], "kg·m²")
+        assert_printed(page.row("flywheel inertia for target δ")[0], wheel["for_target_delta"], "kg·m²")
     assert page.row("method")[0].startswith(f"{data['model']['method']}: ")
     assert data["result"]["message"] in page.text
 
@@ -138,9 +138,9 @@ def test_what_the_machine_before_cannot_do(tmp_path):
     even = {**data, "flywheel": {**data["flywheel"], "for_target_delta": -0.1}}
     page = read(write_report(even, scene, tmp_path / "report.html", figures=[], before=(stuck, scene)))
     assert "Before: It does not run." in page.text
-    needed = page.row("flywheel inertia, required", cells=4)
+    needed = page.row("flywheel inertia for target δ", cells=4)
     assert needed[1] == "none"
-    assert "exactly" not in needed[2]
+    assert "exact value" not in needed[2]
 
 
 def test_names_are_escaped(tmp_path):
@@ -214,7 +214,7 @@ def test_optimisation(compared):
     assert page.row("design variables") == ["links.rod.length (0.95 m … 1.15 m); points.E.turned (20° … 40°)"]
     assert page.row("solver") == ["cone: largest magnitudes"]
     assert page.row("before") == ["the machine as it was"]
-    assert page.row("cases, the worst governs") == ["full, empty"]
+    assert page.row("cases (the objective is the worst)") == ["full, empty"]
     assert page.row("peak shaking force, worst case") == ["400.00 kN", "300.00 kN", "−25.0 %", "objective"]
     assert page.row("steady-state margin", cells=5) == ["–", "0.20000", "–", ""]
     assert page.row("links.rod.length") == ["1.00000 m", "0.950000 m", "0.95 m", "1.15 m", "at lower bound", "1234"]

@@ -39,7 +39,7 @@ MOTOR = SHAFT.replace(
     '[drive]\nlink = "shaft"\n',
     '[drive]\nlink = "shaft"\ntorque = { at = ["1200 rpm", "1120 rpm"], values = ["0 N m", "176 N m"] }\n',
 )
-YOKE = """title = "Spring on a scotch yoke: preload 24.91 N, 2084 N/m, crank 20 mm (13strings/ME204)"
+YOKE = """title = "Spring on a Scotch yoke: preload 24.91 N, 2084 N/m, crank 20 mm (13strings/ME204)"
 speed = "60 rpm"
 [fixed]
 O = [0, 0]

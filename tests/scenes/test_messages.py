@@ -55,6 +55,8 @@ CASES = {  # file, key, part of the value as shown, part of the problem, part of
     "negative inertia": (edit('"0.65 kg', '"-0.65 kg'), "links.crank.inertia", "-0.65", "negative", "zero or more"),
     "negative distance": (edit('"450 mm"', "-1"), "links.rod.points.E.at", "-1", "negative", "turn it by 180 deg"),
     "negative speed": (edit('"700', '"-700'), "speed", '"-700 rpm"', "must not be negative", 'rotation = "cw"'),
+    "negative target": (edit("target_delta = 0.15", "target_delta = -0.02"), "target_delta", "-0.02", "negative",
+        "write a plain number above zero, e.g. 0.15"),
     "speed zero": (edit('"700 rpm"', "0"), "speed", "0", "must be greater than zero", '"700 rpm"'),
     "gravity upwards": (edit('"9.8', '"-9.8'), "gravity", '"-9.8 m/s^2"', "must not be negative", "[gx, gy]"),
     "not a number": (edit('"5 kg"', "nan"), "links.crank.mass", "nan", "not a finite number", '"5 kg"'),
