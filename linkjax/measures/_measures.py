@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -90,7 +91,7 @@ def smallest(unit: str) -> Callable[[Callable[[Parts], Rows]], Measure]:
 
 def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
     """Several measures of one scene by name. They share grid and node values, so they cost little more than one."""
-    asked = [measures] if isinstance(measures, str | Measure) else list(measures)
+    asked: list[Any] = [measures] if isinstance(measures, str) else list(measures)
     for one in asked:
         if not isinstance(one, Measure):
             example = f"linkjax.measures.{one}" if one in MEASURES else "linkjax.measures.delta"
