@@ -80,3 +80,26 @@ def same(scene: lj.Scene) -> None:
     for one, two in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
         assert np.array_equal(one, two)
     assert jax.tree.structure(scene) == jax.tree.structure(again)
+
+
+PUMP = """\
+[[groups]]
+kind = "crank"
+link = "crank"
+pivot = "O"
+end = "A"
+[[groups]]
+kind = "RRP"
+link = "rod"
+from = "A"
+end = "B"
+block = "piston"
+guide = { through = "O" }
+[[loads]]
+name = "pressure"
+link = "piston"
+point = "B"
+force = "2 kN"
+opposing = true
+window = ["0 deg", "180 deg"]
+"""  # a slider-crank that presses against a load, without fixed points and links

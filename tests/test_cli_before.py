@@ -13,8 +13,10 @@ import pytest
 from linkjax import cli
 from linkjax._display import NONE, in_words
 from linkjax.cli._console import console
+from tests.helpers import PUMP
 
-LIGHT = """
+LIGHT = (
+    """
 title = "Pump without flywheel"
 speed = "100 rpm"
 fixed = { O = [0, 0] }
@@ -25,30 +27,14 @@ inertia = "0.001 kg m^2"
 length = "0.4 m"
 [links.piston]
 mass = "0.1 kg"
-[[groups]]
-kind = "crank"
-link = "crank"
-pivot = "O"
-end = "A"
-[[groups]]
-kind = "RRP"
-link = "rod"
-from = "A"
-end = "B"
-block = "piston"
-guide = { through = "O" }
-[[loads]]
-name = "pressure"
-link = "piston"
-point = "B"
-force = "2 kN"
-opposing = true
-window = ["0 deg", "180 deg"]
-[optimise]
+"""
+    + PUMP
+    + """[optimise]
 minimise = "delta"
 free = { "flywheel.inertia" = "0 to 20 kg m^2" }
 limits = ["max_crank_speed <= 1000 rpm", "min_transmission_angle >= 5 deg"]
 """
+)
 SHORT = LIGHT.replace('length = "0.4 m"', 'length = "0.09 m"').replace(
     'free = {', 'free = { "links.rod.length" = "80 to 500 mm", '
 )  # fmt: skip

@@ -39,7 +39,7 @@ def print_optimum(data: Data, show: Numbers, seconds: float) -> None:
     _print_measures(data, show)
     _print_trade_off(data, show)
     starts = len(data["starts"])
-    reached = f"{data['starts_at_optimum']} of {starts} starts reached it, " if starts > 1 else ""
+    reached = f"{data['starts_at_optimum']} of {starts} starts reached the optimum, " if starts > 1 else ""
     angles = _angles(goal["peak_angles"], show)
     console.print(f"\n{reached}{data['evaluations']} evaluations, KKT residual {data['kkt_residual']:.1e}, "
                   f"{seconds:.1f} s", highlight=False)  # fmt: skip
