@@ -70,7 +70,8 @@ def main(out: Path = HERE) -> None:
     for point in best.trade_off:
         print(f"with {best.traded} <= {point.bound:<18g}{'':12s}{point.objective:12.5g} N")
     print(
-        f"\n{best.starts_at_optimum} of {len(best.starts)} starts reached the optimum, KKT residual {best.kkt_residual:.0e}"
+        f"\n{best.starts_at_optimum} of {len(best.starts)} starts reached the optimum, "
+        f"KKT residual {best.kkt_residual:.0e}"
     )
     out.mkdir(parents=True, exist_ok=True)
     draw(before, after, out / "shaking_force.png")
