@@ -2,9 +2,9 @@
 
 JAX's own compilation cache saves compiling, but it needs the program traced again, which takes as long. Here the
 compiled program itself is kept. Its key is everything it depends on: the package's sources, the versions of JAX, the
-processor, and the structure and shapes of the arguments. The files are in the folder of `keep_in` (for the command
-line: in the user's home), otherwise in JAX's compilation cache folder; without either, nothing is kept. They may be
-deleted at any time.
+processor, and the structure and shapes of the arguments. The files are in the folder of `keep_in`, otherwise in JAX's
+compilation cache folder, otherwise in the user's cache folder, so that a script compiles once, like the command line.
+`LINKJAX_CACHE=off` in the environment, or `keep_in(None)`, keeps nothing. The files may be deleted at any time.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import jax
 from jax.experimental import serialize_executable
 
+from linkjax._config import cache_folder
 from linkjax._types import Tracer, as_float
 
 # A single analysis runs for milliseconds and compiles for seconds: no LLVM optimisation, no MLIR fusion emitters
@@ -34,12 +35,21 @@ from linkjax._types import Tracer, as_float
 SOONER: dict[str, bool | str] = {"xla_backend_optimization_level": "0", "xla_cpu_use_fusion_emitters": False}
 
 _MADE: weakref.WeakSet[CompiledSoon] = weakref.WeakSet()  # every function compiled here
-_KEPT: list[Path] = []  # their folder, if one was named
+_KEPT: list[Path | None] = []  # their folder, if one was named
+# settings of JAX that a program depends on
+LOWERED_BY = ("jax_enable_x64", "jax_default_matmul_precision", "jax_debug_nans", "jax_debug_infs", "jax_enable_checks")
 
 
 def keep_in(folder: Path | None) -> None:
-    """Keep compiled programs in this folder, which must exist."""
-    _KEPT[:] = [folder] if folder else []
+    """Keep compiled programs in this folder, which must exist; none with None."""
+    _KEPT[:] = [folder]
+
+
+def _folder() -> Path | None:
+    """The folder of kept programs, None where none are kept."""
+    if _KEPT:
+        return _KEPT[0]
+    return None if os.environ.get("LINKJAX_CACHE", "").lower() == "off" else cache_folder()
 
 
 class CompiledSoon:
@@ -228,14 +238,13 @@ def _delete(file: Path) -> None:
 def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Path | None:
     """The file of a program, None if it is not kept. A program is kept only if there is a folder and the package's
     sources determine it, so not if it contains a user-defined function, load or group."""
-    if not _ours(function, tree):
-        return None
-    folder = Path(_KEPT[0] if _KEPT else jax.config.values["jax_compilation_cache_dir"] or "")
-    if folder == Path() or not folder.is_dir():
+    folder = _folder() if _ours(function, tree) else None
+    if folder is None or not folder.is_dir():
         return None
     arguments = [(leaf.shape, str(leaf.dtype)) for leaf in leaves]
     name = f"{function.__module__}.{function.__qualname__}"
-    everything = repr((name, fixed, str(tree), arguments, jax.device_count(), SOONER, _machine()))
+    settings = [jax.config.values.get(name) for name in LOWERED_BY]
+    everything = repr((name, fixed, str(tree), arguments, jax.device_count(), SOONER, settings, _machine()))
     return folder / f"linkjax-{hashlib.sha256(everything.encode()).hexdigest()[:32]}"
 
 

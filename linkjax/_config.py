@@ -1,7 +1,7 @@
 """Settings of JAX that belong to a whole program: precision, compilation cache, number of CPU devices.
 
-Importing this module changes nothing, and the library never calls these functions. `enable_x64` and `use_cpu_devices`
-are for whole programs, such as the command line; the others are for the command line and the benchmarks.
+Importing this module changes nothing, and the library calls none of these functions but `cache_folder`. `enable_x64`
+and `use_cpu_devices` are for whole programs, such as the command line, `use_compilation_cache` is for the benchmarks.
 """
 
 from __future__ import annotations

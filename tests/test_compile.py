@@ -1,6 +1,7 @@
 """Programs compiled for one use: stored on disk, found again, compiled again when damaged."""
 
 import dataclasses
+import functools
 import gc
 import pickle
 import subprocess
@@ -53,6 +54,29 @@ def test_kept_and_found_again(folder, ours):
     assert float(make(traced)(tree, 3)["sum"]) == 28.0
     assert traced == [2, 3]
     assert len(list(folder.glob("linkjax-*"))) == 2
+
+
+def test_scripts_keep_programs_in_the_users_cache_folder(folder, tmp_path, ours, request, monkeypatch):
+    """As the command line does; a switch, or None as the folder, keeps nothing. Settings of JAX belong to a program."""
+    tree = {"a": jnp.asarray(3.0), "b": jnp.asarray(1.0)}
+    request.addfinalizer(functools.partial(jax.config.update, "jax_debug_infs", False))
+    jax.config.update("jax_compilation_cache_dir", None)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+    def files(power: int) -> int:
+        assert float(make([])(tree, power=power)["sum"]) == 3.0**power + 1
+        return len(list((tmp_path / "linkjax").glob("linkjax-*")))
+
+    assert files(2) == files(2) == 1
+    with monkeypatch.context() as patch:
+        patch.setenv("LINKJAX_CACHE", "off")
+        assert files(3) == 1
+        patch.delenv("LINKJAX_CACHE")
+        _compile.keep_in(None)
+        assert files(4) == 1
+        patch.setattr(_compile, "_KEPT", [])
+        jax.config.update("jax_debug_infs", True)
+        assert files(2) == 2
 
 
 def test_damaged_files_are_replaced(folder, ours):

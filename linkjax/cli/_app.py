@@ -13,8 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from linkjax import __version__
-from linkjax._compile import keep_in
-from linkjax._config import cache_folder, enable_x64
+from linkjax._config import enable_x64
 from linkjax._display import retold
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
@@ -94,7 +93,6 @@ def _options(
 ) -> None:
     """Analysis and optimisation of planar machines over the complete working cycle."""
     enable_x64()
-    keep_in(cache_folder())
 
 
 @app.command()
