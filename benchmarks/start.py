@@ -39,9 +39,9 @@ def first(scene: str) -> dict[str, float]:
     traced: list[int] = []
     lower = jax.stages.Traced.lower
 
-    def counted(program: Any, *given: Any, **named: Any) -> Any:
-        traced.append(equations(program.jaxpr))
-        return lower(program, *given, **named)
+    def counted(self: Any, *given: Any, **named: Any) -> Any:
+        traced.append(equations(self.jaxpr))
+        return lower(self, *given, **named)
 
     jax.stages.Traced.lower = counted
     import linkjax as lj
