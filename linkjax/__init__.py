@@ -165,8 +165,7 @@ def __getattr__(name: str) -> Any:
 
 def _hint(name: str) -> str:
     """What to write for a name that does not exist."""
-    from linkjax._units import similar
-
+    similar = import_module("linkjax._units").similar
     return similar(name, [known for known in __dir__() if not known.startswith("_")]) or "see dir(linkjax)"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -70,10 +71,10 @@ def _given(name: str, link: Link, sides: Sides) -> dict[frozenset[str], float]:
     return found
 
 
-def _number(value: object) -> float:
+def _number(value: Any) -> float:
     """A single number; NaN for anything else."""
     try:
-        return float(value) if np.ndim(value) == 0 else math.nan  # type: ignore[arg-type]
+        return float(value) if np.ndim(value) == 0 else math.nan
     except (TypeError, ValueError):
         return math.nan
 

@@ -28,7 +28,7 @@ def metres(length: float) -> str:
 
 
 def _digits(value: float) -> str:
-    return f"{value + 0.0:.{DIGITS[bool(jax.config.jax_enable_x64)]}g}"  # pyright: ignore[reportAttributeAccessIssue]
+    return f"{value + 0.0:.{DIGITS[bool(jax.config.values['jax_enable_x64'])]}g}"
 
 
 def number(value: Array | None) -> float:
