@@ -35,7 +35,7 @@ def _range(value: Any) -> Any:
 def _amount(value: Any) -> Any:
     if not _amount_like(value):
         raise wrong(f"{kind_of(value)} where a quantity is needed", 'write e.g. "15 kg m^2"')
-    return value
+    return value if isinstance(value, str) else float(value)
 
 
 def _amount_like(value: Any) -> bool:
