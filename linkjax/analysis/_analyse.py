@@ -11,48 +11,46 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._batches import PLACES
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, wrapped
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
 from linkjax._vec import Vec
-from linkjax.analysis._blunt import singular, without_joints
+from linkjax.analysis._blunt import continued, singular, without_joints
 from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain, explain_start
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.forces import Forces, driven_by_joint
 from linkjax.groups import closed_to
-from linkjax.kinematics import (
-    Pose,
-    Reversals,
-    assembly_margins,
-    dead_centres,
-    margins,
-    pose,
-    strokes,
-    transmission_angles,
-)
+from linkjax.kinematics import SCAN, Pose, Reversals, find_dead_centres, find_margins, find_strokes, scan_angles
 from linkjax.machine import Scene, check_scene, ready
-from linkjax.measures import every_motion, peak_names, table
+from linkjax.measures import forces_table, peak_names, reaction_names
 from linkjax.mechanism import StructureError
 from linkjax.motion import (
+    At,
+    AtNodes,
     Grid,
     Peak,
+    Place,
     Regime,
     Steady,
+    at_nodes,
+    by_node,
     flywheel_on,
-    make_grid,
-    node_values,
+    grid_of,
     peaks,
     primitive,
     steady_by_diffrax,
     steady_on,
     textbook_flywheel,
 )
-from linkjax.reduction import Reduced, reduced_model
+from linkjax.reduction import Reduced
+from linkjax.sampling import Ahead, Sampler
 
 MOTION = 10.0  # times the error of δ: the relative error of a force in the actual motion
 FINE = 256  # nodes per turn, to integrate the inertia torque of a machine with a motion law
+ENOUGH = 192  # crank angles that make a batch
 LIGHTEST = 1e-6  # least reduced inertia divided by its mean; below it the crank would turn a thousand times faster
 
 
@@ -113,7 +111,8 @@ analyze = analyse
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, method: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, in other threads."""
     scene = ready(jax.tree.map(as_float, scene))
-    _compile_ahead(scene, _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
+    angles = _angles(scene, angles)
+    _staged(Ahead(scene, _size(angles)), angles, nodes, method, _moves(scene, scene.constant_speed))
 
 
 def _angles(scene: Scene, angles: Any) -> Array:
@@ -132,34 +131,31 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, method: str, throw: bool) -> Cycle:
-    """The analysis in a few jitted parts: one large program would take several times as long to compile. The actual
-    motion is omitted at constant speed, and if nothing has a mass."""
+    """The analysis in stages. The actual motion is omitted at constant speed, and if nothing has a mass."""
     given, scene = scene, ready(scene)
     moves = _moves(scene, constant_speed)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
         if throw:
             explain_start(scene)
-        _compile_ahead(scene, angles, nodes, method, moves)
-    motion, here, work, wheels = None, None, None, None
-    if moves:
-        motion, here, work = _motion(scene, nodes, method)
-        wheels = _flywheels(scene, motion, here)
-    regime = Regime(scene, _grid(scene, nodes) if motion is None else motion.grid, motion)
-    at_nodes, at = _everywhere(regime, angles)
-    tops, rms = _peaks(regime, at_nodes)
-    limits, dead, covered, spans = _limits(scene)
-    checks, code = _checks(regime, here, angles, at, limits)
-    still = not constant_speed and motion is None
+        _staged(Ahead(scene, _size(angles)), angles, nodes, method, moves)
+    found = _staged(Sampler(scene, _size(angles)), angles, nodes, method, moves)
+    shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
     return Cycle(
-        scene=given, angles=angles, pose=at.pose, transmission=at.transmission, transmission_ends=spans, margins=limits,
-        dead_centres=dead, strokes=covered, reduced=at.reduced, steady=motion,
-        speed=at.speed[0] if moves else None, acceleration=at.acceleration[0] if moves else None, time=at.time,
-        forces=None if still else at.forces[-1 if constant_speed else 0], forces_constant_speed=at.forces[-1],
-        peaks=tops[0] if moves else None, peaks_constant_speed=tops[-1], rms_shaking_force_constant_speed=rms,
-        flywheel=wheels, work=work, checks=checks, assembled=at.assembled,
-        result=merge(code, jnp.where(still, Result.NO_INERTIA, 0)), constant_speed=constant_speed, method=method,
-        nodes=regime.grid.size,
+        scene=given, angles=angles, pose=shown.pose, transmission=shown.transmission, transmission_ends=found.spans,
+        margins=found.limits, dead_centres=found.dead, strokes=found.covered, reduced=shown.reduced, steady=motion,
+        speed=shown.speed[0] if moves else None, acceleration=shown.acceleration[0] if moves else None,
+        time=shown.time, forces=None if still else shown.forces[-1 if constant_speed else 0],
+        forces_constant_speed=shown.forces[-1], peaks=found.peaks[0] if moves else None,
+        peaks_constant_speed=found.peaks[-1], rms_shaking_force_constant_speed=found.rms, flywheel=found.wheels,
+        work=found.work, checks=found.checks, assembled=shown.assembled,
+        result=merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), constant_speed=constant_speed, method=method,
+        nodes=found.grid.size,
     )  # fmt: skip
+
+
+def _size(angles: Array) -> int:
+    """Places of a batch: as many as crank angles, so that these results are not padded."""
+    return angles.size if ENOUGH <= angles.size <= 2 * PLACES else PLACES
 
 
 def _moves(scene: Scene, constant_speed: bool) -> bool:
@@ -169,23 +165,52 @@ def _moves(scene: Scene, constant_speed: bool) -> bool:
     return scene.mechanism.prescribed or not (constant_speed or lifeless)
 
 
-def _compile_ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) -> None:
-    """Start compiling all parts at once, each from the shapes of the previous results; the longest part first."""
-    motion, here = None, None
+class Stages(NamedTuple):
+    """The results of all stages of an analysis; those of an actual motion are None without one."""
+
+    grid: Grid
+    motion: Steady | None
+    work: dict[str, Array] | None
+    wheels: Flywheels | None
+    limits: Margins
+    dead: dict[str, Reversals]
+    covered: dict[str, Array]
+    spans: dict[str, Array]
+    shown: Shown
+    peaks: tuple[Peak, ...]
+    rms: Array
+    checks: Checks
+    code: Array
+
+
+def _staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool) -> Stages:
+    """All stages, each a program of its own; the machine is evaluated in batches."""
+    scene, turns = machine.scene, machine.scene.cycle_turns
+    scanned = machine.sample(scan_angles(turns, SCAN), gaps=True)
+    grid = grid_of(machine, nodes, scanned, SCAN)
+    at = at_nodes(machine, grid)
+    motion, wheels = None, None
     if moves:
-        motion, here, _ = _motion.ahead(scene, nodes, method)
-    regime = Regime(scene, _grid.ahead(scene, nodes) if motion is None else motion.grid, motion)
-    at_nodes, at = _everywhere.ahead(regime, angles)
-    _peaks.ahead(regime, at_nodes)
-    if motion is not None:
-        _flywheels.ahead(scene, motion, here)
-    limits, *_ = _limits.ahead(scene)
-    _checks.ahead(regime, here, angles, at, limits)
+        motion = machine.run(_by_diffrax, scene, nodes=nodes) if method == "diffrax" else steady_on(machine, grid, at)
+        target = scene.target_delta
+        wheels = None if target is None else flywheel_on(machine, target, grid, at)
+    regime = Regime(machine, grid, motion)
+    shown = _shown(regime, angles)
+    tops, rms = _peaks(regime, at)
+    limits = find_margins(machine, turns, scanned.margins, SCAN)
+    spans = _spans(machine, limits)
+    dead = find_dead_centres(machine, turns, scanned.pose)
+    covered = find_strokes(machine, dead, turns, scanned.pose)
+    here = None if motion is None else at.here
+    closing = _law_torque(machine) if moves and scene.mechanism.prescribed else None
+    checks, code = machine.run(_checks, scene, grid, motion, here, closing, angles, shown, limits)
+    work, wheels = machine.run(_totals, scene, motion, here, wheels) if moves else (None, None)
+    return Stages(grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code)
 
 
-class Everywhere(NamedTuple):
-    """Results at many places; `forces`, `speed` and `acceleration` in the actual motion (if it exists) and at constant
-    speed."""
+class Shown(NamedTuple):
+    """Results at the crank angles asked for; `forces`, `speed` and `acceleration` in the actual motion (if it exists)
+    and at constant speed."""
 
     pose: Pose
     transmission: dict[str, Array]
@@ -198,118 +223,160 @@ class Everywhere(NamedTuple):
 
 
 @compiled_soon(static=("nodes",))
-def _grid(scene: Scene, nodes: int) -> Grid:
-    return make_grid(scene, nodes)
+def _by_diffrax(scene: Scene, nodes: int) -> Steady:
+    return steady_by_diffrax(scene, nodes)
 
 
-@compiled_soon(static=("nodes", "method"))
-def _motion(scene: Scene, nodes: int, method: str) -> tuple[Steady, Reduced, dict[str, Array]]:
-    if method == "diffrax":
-        motion = steady_by_diffrax(scene, nodes)
-        here = node_values(scene, motion.grid)
-    else:
-        grid = make_grid(scene, nodes)
-        here = node_values(scene, grid)
-        motion = steady_on(scene, grid, here)
-    weights = motion.grid.half[:, None] * motion.grid.rule.w[None]
+@compiled_soon
+def _totals(
+    scene: Scene, motion: Steady, here: Reduced, wheel: Array | None
+) -> tuple[dict[str, Array], Flywheels]:
+    """Work of the drive, of weight and of each load per cycle (J), and the flywheels."""
+    grid, given, target = motion.grid, scene.mechanism.flywheel.inertia, scene.target_delta
+    weights = grid.half[:, None] * grid.rule.w[None]
     work = {name: jnp.sum(weights * share) for name, share in here.by_load.items()}
-    return motion, here, {"drive": motion.mean_drive_torque * scene.cycle, **work}
+    textbook = None if target is None else textbook_flywheel(motion, target)
+    return {"drive": motion.mean_drive_torque * grid.length, **work}, Flywheels(given, wheel, textbook)
+
+
+def _shown(regime: Regime, angles: Array) -> Shown:
+    """All results at the crank angles."""
+    machine, grid = regime.machine, regime.grid
+    at = regime.at(machine.run(_place, grid, angles))
+    forces, cranks = regime.every_forces(at), regime.every_crank(at)
+    reduced, assembled, time = machine.run(
+        _at_angles, grid, regime.steady, at.place, at.sample.dynamics, at.sample.margins
+    )
+    if continued(machine.mechanism):
+        forces = tuple(machine.run(_without_joints, machine.scene, at.sample.pose, each) for each in forces)
+    speed, acceleration = (tuple(part) for part in zip(*cranks, strict=True))
+    pose, transmission = at.sample.pose, at.sample.transmission
+    return machine.cut(Shown(pose, transmission, reduced, forces, speed, acceleration, time, assembled), angles)
 
 
 @compiled_soon
-def _everywhere(regime: Regime, angles: Array) -> tuple[Array, Everywhere]:
-    """Forces at the nodes, and all results at the angles, from one evaluation of the mechanism."""
-    scene, grid, motion = regime.scene, regime.grid, regime.steady
-    shown = jax.vmap(grid.place)(angles)
-    nodes = jax.tree.map(jnp.ravel, grid.node_places())
-    places = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), nodes, shown)
+def _place(grid: Grid, angles: Array) -> Place:
+    return jax.vmap(grid.place)(angles)
 
-    def at(place):
-        forces, speed, acceleration = every_motion(regime, place)
-        least = [m.value for sides in margins(scene.mechanism, place.phi).values() for m in sides.values()]
-        return Everywhere(
-            pose(scene.mechanism, place.phi), transmission_angles(scene.mechanism, place.phi),
-            reduced_model(scene, place.phi, regime.side(place)), _each(forces), _each(speed), _each(acceleration),
-            None if motion is None else motion.clock.at(place),
-            jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0),
-        )  # fmt: skip
 
-    every = jax.vmap(at)(places)
-    count = grid.size
-    both = [table(scene, jax.tree.map(lambda leaf: leaf[:count], forces)) for forces in every.forces]
-    at_angles = jax.tree.map(lambda leaf: leaf[count:], every)
-    told = tuple(without_joints(scene.mechanism, at_angles.pose, forces) for forces in at_angles.forces)
-    at_angles = at_angles._replace(forces=told)
+@compiled_soon
+def _without_joints(scene: Scene, here: Pose, forces: Forces) -> Forces:
+    return without_joints(scene.mechanism, here, forces)
+
+
+@compiled_soon
+def _at_angles(
+    grid: Grid, motion: Steady | None, place: Place, dynamics: tuple, margins: Any
+) -> tuple[Reduced, Array, Array | None]:
+    """The reduced model at the angles shown, whether the mechanism can be assembled there, and the time (s)."""
+    least = [margin.value for sides in margins.values() for margin in sides.values()]
+    assembled = jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0, axis=0)
     time = None
-    if motion is not None and at_angles.time is not None:
-        time = wrapped(at_angles.time - motion.clock.at(grid.place(jnp.zeros(()))), motion.period)
-    at_nodes = jnp.moveaxis(jnp.concatenate(both, axis=1), 0, -1)
-    at_nodes = at_nodes.reshape((*at_nodes.shape[:2], *grid.nodes.shape))
-    return at_nodes, at_angles._replace(time=time)
+    if motion is not None:
+        begin = motion.clock.at(grid.place(jnp.zeros(())))
+        time = wrapped(motion.clock.at(place) - begin, motion.period)
+    return grid.loaded(dynamics, place.panel), assembled, time
 
 
-@compiled_soon
-def _peaks(regime: Regime, at_nodes: Array) -> tuple[tuple[Peak, ...], Array]:
+def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Array]:
     """Peaks of all forces in the actual motion (if it exists) and at constant speed, and the root mean square of the
     shaking force at constant speed."""
-    scene, grid, motion = regime.scene, regime.grid, regime.steady
+    machine, scene, motions = regime.machine, regime.scene, 1 if regime.steady is None else 2
+    names, net = tuple(reaction_names(scene)), any(load.reacts_on == "frame" for load in scene.loads)
 
-    def rows(regime, place):
-        forces, _, _ = every_motion(regime, place)
-        return table(scene, forces).reshape((-1, 2))
+    def vectors(regime, at):
+        return machine.run(_tables, regime.every_forces(at), net=net, names=names)
 
-    found, names = peaks(regime, rows, at_nodes), peak_names(scene)
-    count, motions = len(names), found.value.size // len(names)
+    at_nodes, rms = machine.run(
+        _by_quantity, regime.grid, vectors(regime, At(machine.padded(at.place), at.sample)), motions=motions
+    )
+    found = peaks(regime, vectors, at_nodes)
+    return machine.run(_told, scene, regime.steady, found, motions=motions), rms
+
+
+@compiled_soon(static=("net", "names"))
+def _tables(forces: tuple[Forces, ...], net: bool, names: tuple[tuple[str, str], ...]) -> Array:
+    """The vectors of all quantities, motion by motion; shape (places, quantities, 2)."""
+    return jnp.concatenate([forces_table(each, net, names) for each in forces], axis=1)
+
+
+@compiled_soon(static=("motions",))
+def _by_quantity(grid: Grid, found: Array, motions: int) -> tuple[Array, Array]:
+    at_nodes = by_node(grid, found)
+    shaking = at_nodes[(motions - 1) * at_nodes.shape[0] // motions]  # the first quantity of the last motion
+    weights = grid.half[:, None] * grid.rule.w[None]
+    return at_nodes, jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / grid.length)
+
+
+@compiled_soon(static=("motions",))
+def _told(scene: Scene, motion: Steady | None, found: Peak, motions: int) -> tuple[Peak, ...]:
+    """The peaks by motion: infinite where a group passes through a singular position, in the actual motion with the
+    error of the motion."""
+    names = peak_names(scene)
+    count = len(names)
     boundless = jnp.tile(singular(scene.mechanism, names), motions)
     found = found._replace(value=jnp.where(boundless, jnp.inf, found.value))
     if motion is not None:  # in it, forces depend on the square of the speed and its slope
         inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * found.value, 0.0)
         found = found._replace(error=found.error + inexact)
-    weights = grid.half[:, None] * grid.rule.w[None]
-    shaking = at_nodes[count * (motions - 1) + names.index("shaking_force")]
-    rms = jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / scene.cycle)
-    return tuple(Peak(*(part[i * count : (i + 1) * count] for part in found)) for i in range(motions)), rms
+    return tuple(Peak(*(part[i * count : (i + 1) * count] for part in found)) for i in range(motions))
+
+
+def _spans(machine: Sampler, limits: Margins) -> dict[str, Array]:
+    """Transmission angles at the least margins, where they are extreme."""
+    if not limits:
+        return {}
+    least = [side.angle for sides in limits.values() for side in sides.values()]
+    angles = machine.sample(machine.run(_stacked, least), gaps=True).transmission
+    counts = tuple((group, len(sides)) for group, sides in limits.items())
+    return machine.run(_by_group, angles, counts=counts)
 
 
 @compiled_soon
-def _limits(scene: Scene) -> tuple[Margins, dict[str, Reversals], dict[str, Array], dict[str, Array]]:
-    """Least margins, dead centres, strokes, and transmission angles at the least margins, where they are extreme."""
-    mechanism, turns = scene.mechanism, scene.cycle_turns
-    limits = assembly_margins(mechanism, turns)
-    at = {group: jnp.stack([least.angle for least in sides.values()]) for group, sides in limits.items()}
-    turned = {group: jax.vmap(lambda phi: transmission_angles(mechanism, phi))(phi) for group, phi in at.items()}
-    spans = {group: angles[group] for group, angles in turned.items() if group in angles}
-    dead = dead_centres(mechanism, turns)
-    return limits, dead, strokes(mechanism, dead, turns), spans
+def _stacked(angles: list[Array]) -> Array:
+    return jnp.stack(angles)
 
 
-def _each(tree) -> tuple:
-    """The motions separately; `every_motion` computes them along an axis."""
-    count = len(jax.tree.leaves(tree)[0])
-    return tuple(jax.tree.map(lambda leaf, i=i: leaf[i], tree) for i in range(count))
+@compiled_soon(static=("counts",))
+def _by_group(angles: dict[str, Array], counts: tuple[tuple[str, int], ...]) -> dict[str, Array]:
+    found, first = {}, 0
+    for group, count in counts:
+        found |= {group: angles[group][first : first + count]} if group in angles else {}
+        first += count
+    return found
+
+
+def _law_torque(machine: Sampler) -> tuple[Grid, Array]:
+    """The inertia torque of a machine with a motion law at the nodes of a fine grid."""
+    grid = grid_of(machine, FINE)
+    at = at_nodes(machine, grid, edges=False)
+    return grid, machine.run(_slope_torque, machine.scene, grid, at.sample.slope)
 
 
 @compiled_soon
-def _flywheels(scene: Scene, motion: Steady, here: Reduced) -> Flywheels:
-    given, target = scene.mechanism.flywheel.inertia, scene.target_delta
-    if target is None:
-        return Flywheels(given, None, None)
-    return Flywheels(given, flywheel_on(scene, target, motion.grid, here), textbook_flywheel(motion, target))
+def _slope_torque(scene: Scene, grid: Grid, slope: Array) -> Array:
+    return 0.5 * slope[: grid.size].reshape(grid.nodes.shape) * scene.speed**2
 
 
 @compiled_soon
 def _checks(
-    regime: Regime, here: Reduced | None, angles: Array, at: Everywhere, limits: Margins
+    scene: Scene,
+    grid: Grid,
+    motion: Steady | None,
+    here: Reduced | None,
+    closing: tuple[Grid, Array] | None,
+    angles: Array,
+    at: Shown,
+    limits: Margins,
 ) -> tuple[Checks, Array]:
     """The checks of the analysis, and its result code."""
-    scene, motion = regime.scene, regime.steady
     found = [_residuals(scene, at, i) for i in range(len(at.forces))]
     power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
     none = {"loops": closed_to(power.dtype)}  # a singular value is zero only to rounding
     every = [m.value - none.get(side, 0.0) for sides in limits.values() for side, m in sides.items()]
     least = jnp.min(jnp.stack([jnp.ones(()), *every]))
     codes = [
-        jnp.where(regime.grid.overflow, Result.TOO_MANY_REVERSALS, 0),
+        jnp.where(grid.overflow, Result.TOO_MANY_REVERSALS, 0),
         jnp.where(least > 0, 0, Result.CANNOT_BE_ASSEMBLED),
     ]
     if motion is None or here is None:
@@ -319,10 +386,10 @@ def _checks(
         jnp.where(motion.steady_state_margin > 0, 0, Result.NO_PERIODIC_REGIME),
         jnp.where(motion.min_inertia_ratio > LIGHTEST, 0, Result.NO_INERTIA),
     ]
-    return Checks(power, _energy_closure(scene, motion, here, angles, at), balance), merge(*codes)
+    return Checks(power, _energy_closure(scene, motion, here, closing, angles, at), balance), merge(*codes)
 
 
-def _residuals(scene: Scene, at: Everywhere, i: int) -> tuple[Array, Array]:
+def _residuals(scene: Scene, at: Shown, i: int) -> tuple[Array, Array]:
     """Virtual power and force balance in one of the two motions, relative to the largest term of the sums, because in a
     balanced machine the sums themselves are zero. At a change point drive torque and frame forces come from these sums,
     so only the power is compared there, with the reduced model."""
@@ -357,7 +424,9 @@ def _length(v: Vec) -> Array:
     return jnp.sqrt(v.squared())
 
 
-def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, at: Everywhere) -> Array:
+def _energy_closure(
+    scene: Scene, motion: Steady, here: Reduced, closing: tuple[Grid, Array] | None, angles: Array, at: Shown
+) -> Array:
     """Kinetic energy of the links, from their velocities, compared with the work of the loads, each integrated
     separately, and of the drive: of its constant torque, or of the torque that the motion law requires."""
     speed, grid = at.speed[0], motion.grid
@@ -367,16 +436,14 @@ def _energy_closure(scene: Scene, motion: Steady, here: Reduced, angles: Array, 
         v, w = at.pose.points[place].dr * speed, at.pose.links[name].w * speed
         kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
     torques = [(grid, torque) for torque in here.by_load.values()]
-    if scene.mechanism.prescribed:
+    if closing is not None:
         torques += [(grid, -torque) for torque in here.by_load.values()]  # the drive balances the loads
-        grid = make_grid(scene, FINE)
-        slope = jax.vmap(lambda phi: reduced_model(scene, phi).slope)(grid.nodes.ravel()).reshape(grid.nodes.shape)
-        torques.append((grid, 0.5 * slope * scene.speed**2))
+        torques.append(closing)
     else:
         torques.append((grid, jnp.broadcast_to(motion.mean_drive_torque, grid.nodes.shape)))
     work = jnp.zeros_like(speed)
     for grid, torque in torques:
         series = primitive(grid, torque)
-        work = work + jax.vmap(lambda phi, grid=grid, series=series: series.at(grid.place(phi)))(angles)
+        work = work + series.at(jax.vmap(grid.place)(angles))
     closure = jnp.max(jnp.abs((kinetic - kinetic[0]) - (work - work[0])))
     return safe_divide(closure, jnp.max(kinetic))

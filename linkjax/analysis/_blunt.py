@@ -14,6 +14,11 @@ from linkjax.kinematics import Pose
 from linkjax.mechanism import Mechanism
 
 
+def continued(mechanism: Mechanism) -> bool:
+    """Whether a group continues through change points."""
+    return any(isinstance(group, RRR | RRP) and group.branch == "continue" for group in mechanism.groups)
+
+
 def without_joints(mechanism: Mechanism, here: Pose, forces: Forces) -> Forces:
     """The forces at many angles, with NaN for joint reactions at change points."""
     lost = jax.vmap(functools.partial(at_change_point, mechanism))(here)

@@ -5,5 +5,6 @@ from linkjax.forces._kinetostatics import Forces as Forces
 from linkjax.forces._kinetostatics import JointForce as JointForce
 from linkjax.forces._kinetostatics import at_change_point as at_change_point
 from linkjax.forces._kinetostatics import driven_by_joint as driven_by_joint
+from linkjax.forces._kinetostatics import forces_of_pose as forces_of_pose
 from linkjax.forces._kinetostatics import kinetostatics as kinetostatics
 from linkjax.forces._kinetostatics import other_sides as other_sides

@@ -17,7 +17,7 @@ from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
 from linkjax.groups import RRP, RRR, Joint, Wrench
 from linkjax.kinematics import Pose, pose
-from linkjax.loads import Instant
+from linkjax.loads import Applied, Instant, power
 from linkjax.machine import Scene
 from linkjax.mechanism import Mechanism
 
@@ -73,15 +73,21 @@ def kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar
     those named by `indeterminate`.
     """
     phi = jnp.asarray(phi)
-    return _kinetostatics(scene, phi, speed, acceleration, phi if side is None else side)
+    return _kinetostatics(scene, phi, speed, acceleration, phi if side is None else jnp.asarray(side))
 
 
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
 def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar) -> Forces:
     here = pose(scene.mechanism, phi)
-    at = Instant(phi, side, scene.cycle)
-    origins = scene.mechanism.origins()
-    inertia, weight, working, own = _applied(scene, here, at, speed, acceleration)
+    return forces_of_pose(scene, here, Instant(phi, jnp.asarray(side)), scene.active(side), speed, acceleration)
+
+
+def forces_of_pose(
+    scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, acceleration: Scalar
+) -> Forces:
+    """The forces for a given pose; see `kinetostatics`. `active` is one for every load that acts, zero otherwise."""
+    phi, origins = at.phi, scene.mechanism.origins()
+    inertia, weight, working, own = _applied(scene, here, at, active, speed, acceleration)
     acting = {name: Wrench(zero(), jnp.zeros_like(phi)) for name in scene.mechanism.links}
     for link, point, force, couple in [*inertia, *weight, *working]:
         arm = here.points[point].r - here.points[origins[link]].r if point else zero()
@@ -92,7 +98,7 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
     frame = _on_frame(here, found, about)
     lost = at_change_point(scene.mechanism, here)
     if lost is not None:  # the balance of the whole machine gives these where joints do not
-        whole = -_power(here, [*inertia, *weight, *working])
+        whole = -power(here, [*inertia, *weight, *working])
         drive = jnp.where(lost, whole, drive)
         own_torque = (
             zero().x if driven_by_joint(scene.mechanism) else here.links[scene.mechanism.driving_link].w * whole
@@ -121,23 +127,23 @@ def driven_by_joint(mechanism: Mechanism) -> bool:
     return any(joint.name.endswith(".drive") for joint in mechanism.driver.joints())
 
 
-def _applied(scene: Scene, here: Pose, at: Instant, speed, acceleration):
-    """Inertia forces, weights and loads as (link, point, force, couple), and the loads that react on the frame."""
+def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, acceleration):
+    """Inertia forces, weights and loads, and the loads that react on the frame."""
     inertia, weight, working, own = [], [], [], []
     for name, place, body in here.heavy():
         centre, turn = here.points[place], here.links[name]
         a = centre.ddr * speed**2 + centre.dr * acceleration
         spin = turn.e * speed**2 + turn.w * acceleration
-        inertia.append((name, place, a * (-body.mass), -body.inertia * spin))
-        weight.append((name, place, scene.gravity * body.mass, jnp.zeros_like(spin)))
+        inertia.append(Applied(name, place, a * (-body.mass), -body.inertia * spin))
+        weight.append(Applied(name, place, scene.gravity * body.mass, jnp.zeros_like(spin)))
     crank = scene.mechanism.driving_link
     spin = here.links[crank].e * speed**2 + here.links[crank].w * acceleration
-    inertia.append((crank, None, zero(), -scene.mechanism.flywheel.inertia * spin))
-    for load in scene.loads:
-        force, couple = load.wrench(here, at)
-        working.append((load.link, load.point, force, couple))
-        if load.reacts_on == "frame":
-            own.append(working[-1])
+    inertia.append(Applied(crank, None, zero(), -scene.mechanism.flywheel.inertia * spin))
+    for i, load in enumerate(scene.loads):
+        on = active[..., i]
+        acting = [w._replace(force=w.force * on, couple=w.couple * on) for w in load.wrenches(here, at)]
+        working += acting
+        own += acting if load.reacts_on == "frame" else []
     return inertia, weight, working, own
 
 
@@ -190,14 +196,6 @@ def _resultant(here: Pose, acting, about: Vec) -> JointForce:
         arm = here.points[point].r - about if point else zero()
         total, moment = total + force, moment + couple + arm.cross(force)
     return JointForce(total.x, total.y, moment)
-
-
-def _power(here: Pose, acting) -> Array:
-    """Power of forces and couples at unit crank speed (N m)."""
-    total = jnp.zeros(())
-    for link, point, force, couple in acting:
-        total = total + couple * here.links[link].w + (force.dot(here.points[point].dr) if point else 0.0)
-    return total
 
 
 def _on_frame(here: Pose, found: list[Reaction], about: Vec) -> JointForce:

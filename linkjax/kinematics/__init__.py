@@ -1,16 +1,19 @@
 """Pose, kinematic coefficients, margins and dead centres of a mechanism."""
 
 from linkjax._renamed import old_names as old_names
+from linkjax._search import Motion as Motion
+from linkjax._search import Reversals as Reversals
+from linkjax._search import scan_angles as scan_angles
 from linkjax.kinematics._assembly_modes import AssemblyModes as AssemblyModes
 from linkjax.kinematics._assembly_modes import assembly_modes as assembly_modes
+from linkjax.kinematics._cycle import SCAN as SCAN
 from linkjax.kinematics._cycle import Least as Least
-from linkjax.kinematics._cycle import Motion as Motion
-from linkjax.kinematics._cycle import Reversals as Reversals
 from linkjax.kinematics._cycle import assembly_margins as assembly_margins
 from linkjax.kinematics._cycle import dead_centres as dead_centres
-from linkjax.kinematics._cycle import find_reversals as find_reversals
+from linkjax.kinematics._cycle import find_dead_centres as find_dead_centres
+from linkjax.kinematics._cycle import find_margins as find_margins
+from linkjax.kinematics._cycle import find_strokes as find_strokes
 from linkjax.kinematics._cycle import min_margin as min_margin
-from linkjax.kinematics._cycle import scan_angles as scan_angles
 from linkjax.kinematics._cycle import strokes as strokes
 from linkjax.kinematics._pose import Pose as Pose
 from linkjax.kinematics._pose import margins as margins

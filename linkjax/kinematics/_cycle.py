@@ -1,129 +1,66 @@
-"""Results over the whole cycle, refined between scan points: reversals of motion (dead centres) and least margins."""
+"""Results over the whole cycle, refined between scan points: dead centres, strokes and least margins."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Array
 
-from linkjax._numerics import largest, nearest_turn, repeat, safe_divide, safe_sqrt, smallest, wrapped
+from linkjax._batches import Batches
+from linkjax._compile import compiled_soon
+from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest, wrapped
+from linkjax._search import (
+    Found,
+    Motion,
+    Reversals,
+    Values,
+    own,
+    refined,
+    scan_angles,
+    scan_least,
+    scan_reversals,
+    stacked_motions,
+    towards_least,
+)
+from linkjax._vec import Vec
 from linkjax.groups import BEYOND, Crank, Margin, Track
-from linkjax.kinematics._pose import check_mechanism, margins, named_groups, pose, prepared
+from linkjax.kinematics._pose import Pose, check_mechanism, margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
 DEAD_CENTRES = 8  # slots per link and crank turn
+SCAN = 128  # scan points per turn for dead centres
 MARGIN_SCAN = 64  # scan points per turn for the least margins
-SHARPEN = 4  # Newton steps from the best scan point
-KINK = 10.0  # d² / (value dd): two at most near the minimum of a parabola; above this the margin reaches zero
-REAL = 1e-6  # rad: largest distance of a true reversal from the real axis
-BEND = 30.0  # 1/rad: the last Newton step squared, times this, bounds the error of a reversal
+POLISH = 3  # Newton steps for a dead centre
+SHARPEN = 4  # Newton steps from the best scan point to a least margin
 
 
-class Motion(NamedTuple):
-    """Velocity and acceleration coefficients of a point or link, component by component."""
+class Positions(NamedTuple):
+    """Pose and margins at many places, leaves of shape (places,)."""
 
-    v: tuple[Array, ...]
-    a: tuple[Array, ...]
+    pose: Pose
+    margins: dict[str, dict[str, Margin]]
 
 
-class Reversals(NamedTuple):
-    """Crank angles `angle` (rad) at which a motion reverses, in a fixed number of slots; unused ones are not `present`.
+@compiled_soon
+def _positions(mechanism: Mechanism, phi: Array) -> Positions:
+    return jax.vmap(lambda phi: Positions(pose(mechanism, phi), margins(mechanism, phi)))(phi)
 
-    `distance` (rad) is the distance from the real axis to the zero of the speed: zero for a true reversal, larger for a
-    point that only slows down. `left` (rad) bounds the error of the angle, `rate` is the magnitude of the acceleration
-    coefficient there, and `overflow` says that there are more reversals than slots.
-    """
 
-    angle: Float[Array, " slots"]
-    distance: Float[Array, " slots"]
-    present: Bool[Array, " slots"]
-    left: Float[Array, " slots"]
-    rate: Float[Array, " slots"]
-    overflow: Bool[Array, ""]
+class Positioned(Batches):
+    """A mechanism evaluated at many crank angles at once; it must be `prepared`."""
+
+    def sample(self, phi: Any, *, fixed: bool = False, **_: Any) -> Positions:
+        """Pose and margins at the crank angles `phi` (rad)."""
+        return self.ask(_positions, phi, fixed=fixed)
 
     @property
-    def true(self) -> Any:
-        """Which slots hold a true reversal, not only a minimum of the speed."""
-        return self.present & (self.distance < REAL)
-
-
-def find_reversals(
-    motion: Callable[[Array], Motion],
-    scanned: Motion,
-    scan: Float[Array, " scan"],
-    slots: int,
-    steps: int,
-    wanted: Callable[[Array], Array] = jnp.isfinite,
-) -> Reversals:
-    """Reversals of a motion over the cycle, sought in the scan cells in which the velocity changes direction.
-
-    `scanned` holds the motion at the uniform `scan` angles (components first). Each angle is refined by `steps`
-    evaluations of `motion`. At most `slots` are kept; more set `overflow`. `wanted` filters by angle.
-    """
-    step = scan[1] - scan[0]
-    v0, a0 = jnp.stack(scanned.v), jnp.stack(scanned.a) * step
-    v1, a1 = jnp.roll(v0, -1, axis=1), jnp.roll(a0, -1, axis=1)
-    single, x = _single_root(v0, a0, v1, a1)
-    double, near, far = _double_root(v0, a0, v1, a1)
-    start = jnp.concatenate([scan + step * jnp.where(double, near, x), scan + step * far])
-    mask = jnp.concatenate([single | double, double]) & wanted(start)
-    place = jnp.cumsum(mask)
-    number = jnp.arange(1, slots + 1)
-    angle = jnp.sum(jnp.where(mask[None] & (place[None] == number[:, None]), start[None], 0.0), axis=1)
-
-    def sharpen(at):
-        here = jax.vmap(motion)(at)
-        v, a = jnp.stack(here.v), jnp.stack(here.a)
-        slope = jax.lax.stop_gradient(jnp.sum(a * a, axis=0))
-        move = jnp.clip(safe_divide(jnp.sum(v * a, axis=0), slope), -step, step)
-        left = jax.lax.stop_gradient(v - a * move[None])
-        return at - move, safe_sqrt(safe_divide(jnp.sum(left * left, axis=0), slope)), jnp.abs(move), safe_sqrt(slope)
-
-    angle = jax.lax.stop_gradient(angle)
-    if steps > 1:
-        angle = jax.lax.stop_gradient(jax.lax.fori_loop(0, steps - 1, lambda _, at: sharpen(at)[0], angle))
-    # the last step carries the derivative of a reversal that moves with the design
-    angle, distance, moved, rate = sharpen(angle)
-    left = jax.lax.stop_gradient(jnp.minimum(moved, BEND * moved**2))
-    return Reversals(angle, distance, place[-1] >= number, left, rate, place[-1] > slots)
-
-
-def _single_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Array]:
-    """Cells in which the motion reverses once, and the place in them (0…1): a root of the cubic Hermite interpolant."""
-    turn = v1 - v0
-    along = turn * safe_divide(jnp.ones_like(turn[0]), safe_sqrt(jnp.sum(turn * turn, axis=0)))[None]
-    f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
-    x = safe_divide(-f0, f1 - f0)
-    c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
-    for _ in range(3):
-        value, slope = f0 + x * (g0 + x * (c2 + x * c3)), g0 + x * (2 * c2 + 3 * x * c3)
-        x = jnp.clip(x - safe_divide(value, slope), 0.0, 1.0)
-    stopped = (jnp.sum(v0 * v0, axis=0) == 0) & (jnp.sum(a0 * a0, axis=0) > 0)  # a scan point at a reversal
-    return (jnp.sum(v0 * v1, axis=0) < 0) | stopped, x
-
-
-def _double_root(v0: Array, a0: Array, v1: Array, a1: Array) -> tuple[Array, Array, Array]:
-    """Cells in which the motion reverses twice, and the two places: the Hermite interpolant falls below zero."""
-    mean = v0 + v1
-    along = mean * safe_divide(jnp.ones_like(mean[0]), safe_sqrt(jnp.sum(mean * mean, axis=0)))[None]
-    f0, f1, g0, g1 = (jnp.sum(part * along, axis=0) for part in (v0, v1, a0, a1))
-    c2, c3 = 3 * (f1 - f0) - 2 * g0 - g1, g0 + g1 - 2 * (f1 - f0)
-    x = safe_divide(-g0, g1 - g0)
-    for _ in range(2):
-        x = jnp.clip(x - safe_divide(g0 + x * (2 * c2 + 3 * x * c3), 2 * c2 + 6 * x * c3), 0.0, 1.0)
-    least, bend = f0 + x * (g0 + x * (c2 + x * c3)), 2 * c2 + 6 * x * c3
-    dips = (f0 > 0) & (f1 > 0) & (g0 < 0) & (g1 > 0) & (least < 0) & (bend > 0)
-    reach = safe_sqrt(safe_divide(-2 * least, bend))
-    return dips, jnp.clip(x - reach, 0.0, 1.0), jnp.clip(x + reach, 0.0, 1.0)
-
-
-def scan_angles(cycle_turns: int, points: int) -> Float[Array, " scan"]:
-    """Uniform crank angles (rad) over `cycle_turns` turns, `points` per turn, without the end."""
-    return jnp.arange(points * cycle_turns, dtype=float) * (2 * math.pi / points)
+    def mechanism(self) -> Mechanism:
+        """The mechanism."""
+        return self.design
 
 
 def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Reversals]:
@@ -135,23 +72,49 @@ def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Revers
     whole cycle, the values are finite but meaningless. Differentiable with respect to the design.
     """
     check_mechanism(mechanism)
-    ends = _stopping_ends(mechanism)
+    return find_dead_centres(Positioned(prepared(mechanism, cycle_turns)), cycle_turns)
+
+
+def find_dead_centres(machine: Any, cycle_turns: int, scanned: Pose | None = None) -> dict[str, Reversals]:
+    """The same, asked of a machine in batches; `scanned` is the pose at `SCAN` angles per turn, if known."""
+    ends = _stopping_ends(machine.mechanism)
     if not ends:
         return {}
-    mechanism = prepared(mechanism, cycle_turns)
-    scan = scan_angles(cycle_turns, 2 * MARGIN_SCAN)
-    whole = jax.vmap(lambda phi: _motions(mechanism, ends, phi))(scan)  # leaves (scan, ends)
+    slots = DEAD_CENTRES * cycle_turns
+    scanned = machine.sample(scan_angles(cycle_turns, SCAN), fixed=True).pose if scanned is None else scanned
+    found, flat = machine.run(_scanned_ends, _motions(ends, scanned), turns=cycle_turns, slots=slots)
 
-    def one(number):
-        def motion(phi):
-            return jax.tree.map(lambda leaf: leaf[number], _motions(mechanism, ends, phi))
+    def step(state):
+        angle, flat = state
+        return machine.run(_next_ends, angle, _motions(ends, machine.sample(flat, fixed=True).pose), found)
 
-        return find_reversals(
-            motion, jax.tree.map(lambda leaf: leaf[:, number], whole), scan, DEAD_CENTRES * cycle_turns, 3
-        )
+    angle, flat = machine.loop(POLISH - 1, step, (found.angle, flat))
+    every = machine.run(_refined_ends, angle, _motions(ends, machine.sample(flat).pose), found)
+    return dict(zip(ends, every, strict=True))
 
-    found = jax.vmap(one)(jnp.arange(len(ends)))
-    return {name: Reversals(*(leaf[i] for leaf in found)) for i, name in enumerate(ends)}
+
+@compiled_soon(static=("turns", "slots"))
+def _scanned_ends(motions: tuple[Motion, ...], turns: int, slots: int) -> tuple[Found, Array]:
+    scan = scan_angles(turns, SCAN)
+    found = scan_reversals(*(part[..., : scan.size] for part in stacked_motions(motions)), scan, slots)
+    return found, found.angle.ravel()
+
+
+def _refine(angle: Array, motions: tuple[Motion, ...], found: Found) -> Reversals:
+    v, a = (own(part, angle.shape[1]) for part in stacked_motions(motions))
+    return refined(angle, v, a, 2 * math.pi / SCAN, found)
+
+
+@compiled_soon
+def _next_ends(angle: Array, motions: tuple[Motion, ...], found: Found) -> tuple[Array, Array]:
+    angle = _refine(angle, motions, found).angle
+    return angle, angle.ravel()
+
+
+@compiled_soon
+def _refined_ends(angle: Array, motions: tuple[Motion, ...], found: Found) -> list[Reversals]:
+    every = _refine(angle, motions, found)
+    return [Reversals(*(leaf[i] for leaf in every)) for i in range(angle.shape[0])]
 
 
 def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int = 1) -> dict[str, Array]:
@@ -161,36 +124,53 @@ def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int 
     distance between its outermost dead centres. A link or slider that never reverses has zero; a link that reverses
     but also makes full rotations has NaN.
     """
+    return find_strokes(Positioned(prepared(mechanism, cycle_turns)), found, cycle_turns)
+
+
+def find_strokes(
+    machine: Any, found: dict[str, Reversals], cycle_turns: int, scanned: Pose | None = None
+) -> dict[str, Array]:
+    """The same, asked of a machine in batches; `scanned` is the pose at `SCAN` angles per turn, if known."""
     if not found:
         return {}
-    mechanism, ends = prepared(mechanism, cycle_turns), _stopping_ends(mechanism)
-    scan = scan_angles(cycle_turns, 2 * MARGIN_SCAN)
-    whole = jax.vmap(lambda phi: _places(mechanism, ends, phi))(scan)  # (scan, ends, 2)
-    at = jnp.stack([found[name].angle for name in ends])
-    there = jax.vmap(jax.vmap(lambda phi: _places(mechanism, ends, phi)))(at)  # (ends, slots, ends, 2)
-    covered = {}
-    for i, (name, slides) in enumerate(ends.items()):
-        true, place = found[name].true, there[i, :, i]
+    ends = _stopping_ends(machine.mechanism)
+    scanned = machine.sample(scan_angles(cycle_turns, SCAN)).pose if scanned is None else scanned
+    given = tuple(found[name] for name in ends)
+    there = machine.sample(machine.run(_places_of, given)).pose
+    slides = tuple(ends.values())
+    every = machine.run(_strokes, given, _at(ends, scanned), _at(ends, there), turns=cycle_turns, slides=slides)
+    return dict(zip(ends, every, strict=True))
+
+
+@compiled_soon
+def _places_of(found: tuple[Reversals, ...]) -> Array:
+    return jnp.concatenate([each.angle for each in found])
+
+
+@compiled_soon(static=("turns", "slides"))
+def _strokes(
+    found: tuple[Reversals, ...], scanned: list[Vec], there: list[Vec], turns: int, slides: tuple[bool, ...]
+) -> list[Array]:
+    scan, slots, covered = scan_angles(turns, SCAN), found[0].angle.size, []
+    for i, (each, whole, at) in enumerate(zip(found, scanned, there, strict=True)):
+        true, x, y = each.true, *(part[i * slots : (i + 1) * slots] for part in (at.x, at.y))
         both = true[:, None] & true[None, :]
-        if slides:
-            apart = place[:, None] - place[None, :]
-            reach = safe_sqrt(jnp.sum(apart * apart, axis=-1))
+        if slides[i]:
+            reach = safe_sqrt((x[:, None] - x[None]) ** 2 + (y[:, None] - y[None]) ** 2)
         else:
-            coarse = jnp.unwrap(jnp.arctan2(whole[:, i, 1], whole[:, i, 0]))
-            near = coarse[jnp.round(at[i] / scan[1]).astype(int) % scan.size]
-            turned = near + nearest_turn(jnp.arctan2(place[:, 1], place[:, 0]) - near, 2 * math.pi)
+            coarse = jnp.unwrap(jnp.arctan2(whole.y[: scan.size], whole.x[: scan.size]))
+            near = coarse[jnp.round(each.angle / scan[1]).astype(int) % scan.size]
+            turned = near + nearest_turn(jnp.arctan2(y, x) - near, 2 * math.pi)
             rest = nearest_turn(coarse[0] - coarse[-1], 2 * math.pi)
             net = jnp.abs(coarse[-1] + rest - coarse[0])  # a link that rotates fully has no swing
             reach = jnp.where(net < math.pi, turned[:, None] - turned[None, :], jnp.nan)
-        covered[name] = largest(jnp.where(both, reach, 0.0))
+        covered.append(largest(jnp.where(both, reach, 0.0)))
     return covered
 
 
-def _places(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Float[Array, "ends 2"]:
+def _at(ends: dict[str, bool], here: Pose) -> list[Vec]:
     """Position (m) of every pin and direction of every link in `ends`."""
-    here = pose(mechanism, phi)
-    at = [here.points[name].r if slides else here.links[name].u for name, slides in ends.items()]
-    return jnp.stack([jnp.stack([v.x, v.y]) for v in at])
+    return [here.points[name].r if slides else here.links[name].u for name, slides in ends.items()]
 
 
 def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
@@ -205,19 +185,16 @@ def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
     return ends
 
 
-def _motions(mechanism: Mechanism, ends: dict[str, bool], phi: Array) -> Motion:
-    """Motion of every pin and link in `ends` at one crank angle, leaves of shape (ends,)."""
-    here = pose(mechanism, phi)
-    still = jnp.zeros_like(phi)
-    rows = []
+def _motions(ends: dict[str, bool], here: Pose) -> tuple[Motion, ...]:
+    """Motion of every pin and link in `ends`."""
+    found = []
     for name, slides in ends.items():
         if slides:
             p = here.points[name]
-            rows.append((p.dr.x, p.dr.y, p.ddr.x, p.ddr.y))
+            found.append(Motion((p.dr.x, p.dr.y), (p.ddr.x, p.ddr.y)))
         else:
-            rows.append((here.links[name].w, still, here.links[name].e, still))
-    columns = [jnp.stack(column) for column in zip(*rows, strict=True)]
-    return Motion((columns[0], columns[1]), (columns[2], columns[3]))
+            found.append(Motion((here.links[name].w,), (here.links[name].e,)))
+    return tuple(found)
 
 
 class Least(NamedTuple):
@@ -234,40 +211,71 @@ def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, di
     be assembled. Values and gradients are always finite, and the gradient points towards designs that can be assembled.
     """
     check_mechanism(mechanism)
-    names = [(name, side) for name, group in named_groups(mechanism).items() for side in group.singular_positions()]
+    return find_margins(Positioned(prepared(mechanism, cycle_turns)), cycle_turns)
+
+
+def find_margins(
+    machine: Any, cycle_turns: int, scanned: Any = None, points: int = MARGIN_SCAN
+) -> dict[str, dict[str, Least]]:
+    """The same, asked of a machine in batches; `scanned` are the margins at `points` angles per turn, a multiple of
+    `MARGIN_SCAN`, if known."""
+    groups = named_groups(machine.mechanism)
+    names = [(name, side) for name, group in groups.items() for side in group.singular_positions()]
     if not names:
         return {}
-    mechanism = prepared(mechanism, cycle_turns)
-    scan = scan_angles(cycle_turns, MARGIN_SCAN)
-    step = scan[1] - scan[0]
-    fixed = jax.lax.stop_gradient(mechanism)
-    scanned = jax.vmap(lambda phi: stacked(fixed, phi))(scan)  # leaves (scan, margins)
-    start = jax.vmap(lambda m: _lowest(m, scan), in_axes=1)(scanned)
-    for i, (group, side) in enumerate(names):
-        path = getattr(named_groups(mechanism)[group], "path", None)
-        if isinstance(path, Track) and side == "loops":  # a gap in the path may lie between scan points
-            unseen = path.ends() & (jnp.min(scanned.value[:, i]) > 0)
+
+    def asked(phi, fixed=True):
+        return _listed(names, machine.sample(phi, fixed=fixed, gaps=True).margins)
+
+    scanned = asked(scan_angles(cycle_turns, MARGIN_SCAN)) if scanned is None else _listed(names, scanned)
+    loops = tuple(side == "loops" for _, side in names)  # singular values, which have no sign
+    paths = [getattr(groups[group], "path", None) if loop else None for (group, _), loop in zip(names, loops, strict=True)]
+    paths = [jax.lax.stop_gradient(path) if isinstance(path, Track) else None for path in paths]
+    start = machine.run(_scanned_margins, scanned, paths, turns=cycle_turns, every=points // MARGIN_SCAN)
+
+    def step(phi):
+        return machine.run(_next_margins, phi, start, asked(phi), loops=loops)
+
+    phi = machine.loop(SHARPEN, step, start)
+    back = [None if side == "apart" else groups[group].returns() for group, side in names]
+    every = machine.run(_least_margins, phi, asked(phi, fixed=False), back, turns=cycle_turns)
+    found: dict[str, dict[str, Least]] = {}
+    for (group, side), least in zip(names, every, strict=True):
+        found.setdefault(group, {})[side] = least
+    return found
+
+
+def _listed(names: list[tuple[str, str]], margins: dict[str, dict[str, Margin]]) -> list[Margin]:
+    return [margins[group][side] for group, side in names]
+
+
+@compiled_soon(static=("turns", "every"))
+def _scanned_margins(scanned: list[Margin], paths: list[Track | None], turns: int, every: int) -> Array:
+    scan = scan_angles(turns, MARGIN_SCAN)
+    at = Values(*(jnp.stack(part)[:, : every * scan.size : every] for part in zip(*scanned, strict=True)))
+    start = scan_least(at, scan)
+    for i, path in enumerate(paths):
+        if path is not None:  # a gap in the path may lie between scan points
+            unseen = path.ends() & (jnp.min(at.value[i]) > 0)
             start = start.at[i].set(jnp.where(unseen, path.middle(), start[i]))
+    return start
 
-    loops = jnp.asarray([side == "loops" for _, side in names])  # singular values, which have no sign
 
-    def sharpen(_, phi):
-        here = jax.tree.map(jnp.diagonal, jax.vmap(lambda one: stacked(fixed, one))(phi))
-        bend = jnp.where(here.dd > 0, here.dd, jnp.abs(here.d) + 1.0)
-        kink = loops & (here.d * here.d > KINK * here.value * jnp.maximum(here.dd, 0.0))  # it reaches zero
-        move = jnp.where(kink & (here.value > 0), safe_divide(here.value, here.d), here.d / bend)
-        return jnp.clip(phi - move, start - step, start + step)
+@compiled_soon(static=("loops",))
+def _next_margins(phi: Array, start: Array, here: list[Margin], loops: tuple[bool, ...]) -> Array:
+    step = 2 * math.pi / MARGIN_SCAN
+    at = Values(*(jnp.diagonal(jnp.stack(part)) for part in zip(*here, strict=True)))
+    return jnp.clip(towards_least(phi, at, np.asarray(loops)), start - step, start + step)
 
-    phi = repeat(SHARPEN, sharpen, start)
-    value = jnp.diagonal(jax.vmap(lambda one: stacked(mechanism, one))(phi).value)
-    angle = wrapped(phi, scan.size * step)
-    result: dict[str, dict[str, Least]] = {}
-    groups = named_groups(mechanism)
-    for i, (group, side) in enumerate(names):
-        back = None if side == "apart" else groups[group].returns()
-        least = value[i] if back is None else jnp.where(back, value[i], jnp.minimum(value[i], -BEYOND))
-        result.setdefault(group, {})[side] = Least(least, angle[i])
-    return result
+
+@compiled_soon(static=("turns",))
+def _least_margins(phi: Array, here: list[Margin], back: list[Array | None], turns: int) -> list[Least]:
+    angle = wrapped(phi, 2 * math.pi * turns)
+    values = [margin.value[i] for i, margin in enumerate(here)]
+    return [
+        Least(value if good is None else jnp.where(good, value, jnp.minimum(value, -BEYOND)), angle[i])
+        for i, (value, good) in enumerate(zip(values, back, strict=True))
+    ]
 
 
 def stacked(mechanism: Mechanism, phi: Array) -> Margin:
@@ -275,15 +283,6 @@ def stacked(mechanism: Mechanism, phi: Array) -> Margin:
     at, groups = margins(mechanism, phi), named_groups(mechanism)
     every = [at[name][side] for name, group in groups.items() for side in group.singular_positions()]
     return Margin(*(jnp.stack(part) for part in zip(*every, strict=True)))
-
-
-def _lowest(margin: Margin, scan: Array) -> Array:
-    """Predicted crank angle of the least margin: the lowest point of the local parabolas at the scan points."""
-    step = scan[1] - scan[0]
-    move = jnp.clip(-margin.d / jnp.maximum(margin.dd, 1e-9), -step, step)
-    predicted = margin.value + move * (margin.d + 0.5 * move * margin.dd)
-    best = jnp.argmin(jnp.minimum(predicted, margin.value))
-    return scan[best] + move[best]
 
 
 def min_margin(mechanism: Mechanism, cycle_turns: int = 1) -> Array:

@@ -1,9 +1,11 @@
 """Loads on the links."""
 
 from linkjax.loads._loads import AbstractLoad as AbstractLoad
+from linkjax.loads._loads import Applied as Applied
 from linkjax.loads._loads import Force as Force
 from linkjax.loads._loads import Instant as Instant
 from linkjax.loads._loads import OpposingForce as OpposingForce
 from linkjax.loads._loads import OpposingTorque as OpposingTorque
 from linkjax.loads._loads import Torque as Torque
 from linkjax.loads._loads import Window as Window
+from linkjax.loads._loads import power as power

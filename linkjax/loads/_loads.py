@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import equinox as eqx
@@ -13,7 +14,7 @@ from jaxtyping import Array
 from linkjax._numerics import safe_divide, safe_sqrt, wrapped
 from linkjax._types import as_float, known
 from linkjax._vec import Vec, zero
-from linkjax.groups import PointState, Wrench
+from linkjax.groups import PointState
 from linkjax.kinematics import Motion, Pose
 
 
@@ -29,17 +30,29 @@ class Window(eqx.Module):
 
 
 class Instant(NamedTuple):
-    """The crank angle `phi` at which a load is evaluated, an angle `side` on the side of one-sided limits at jumps, and
-    the length of the `cycle` (all in rad)."""
+    """The crank angle `phi` (rad) at which a load is evaluated, and an angle `side` (rad) on the side of one-sided
+    limits at jumps."""
 
     phi: Array
     side: Array
-    cycle: float
+
+
+class Applied(NamedTuple):
+    """A force (N) at a point of a link, None for a pure couple, and a free couple (N m) on this link."""
+
+    link: str
+    point: str | None
+    force: Vec
+    couple: Array
 
 
 class AbstractLoad(eqx.Module):
-    """A load on one link. It acts within its `window`, or permanently if that is None. `reacts_on` is "frame" if its
-    reaction acts on the frame of the machine."""
+    """A load on one link, or between two. It acts within its `window`, or permanently if that is None. `reacts_on` is
+    "frame" if its reaction acts on the frame of the machine.
+
+    A new kind of load is a subclass with the fields below and `wrenches`. `link` and `point` are where it acts; a load
+    between two links names one of them and returns the wrenches on both.
+    """
 
     name: eqx.AbstractVar[str]
     link: eqx.AbstractVar[str]
@@ -48,25 +61,34 @@ class AbstractLoad(eqx.Module):
     reacts_on: eqx.AbstractVar[str | None]
 
     @property
+    def depends_on(self) -> frozenset[str]:
+        """What the load depends on, of "position" and "speed"."""
+        return frozenset({"position"})
+
+    @property
     def opposing(self) -> bool:
         """Whether the load depends on the direction of motion."""
         return False
 
     @abc.abstractmethod
-    def wrench(self, pose: Pose, at: Instant) -> Wrench:
-        """Force at the loaded point (N) and free couple (N m) on the link."""
+    def wrenches(self, pose: Pose, at: Instant) -> list[Applied]:
+        """Forces and couples on the links while the load acts."""
 
-    @abc.abstractmethod
     def share(self, pose: Pose, at: Instant) -> Array:
-        """Share of the reduced torque (N m): power at unit crank speed."""
+        """Share of the reduced torque (N m) while the load acts: its power at unit crank speed."""
+        return power(pose, self.wrenches(pose, at))
 
-    @abc.abstractmethod
     def opposed(self, pose: Pose) -> Motion | None:
         """The motion that the load opposes; None if it does not depend on the direction of motion."""
+        return None
 
     def strength(self) -> Array:
         """Magnitude of a load that opposes the motion (N or N m); zero for others."""
         return jnp.zeros(())
+
+    def breakpoints(self) -> tuple[Array, ...]:
+        """Crank angles (rad) at which the load begins or ends to act, or jumps."""
+        return () if self.window is None else (self.window.on, self.window.off)
 
     def __check_init__(self):
         """Raise `TypeError` if a force is not a `Vec`, and `ValueError` if a component or magnitude is invalid."""
@@ -82,10 +104,6 @@ class AbstractLoad(eqx.Module):
                 remedy = "write zero or more; use Force or Torque for a load that drives"
                 raise ValueError(f"{key} of load {self.name!r} must not be negative, but is {value}; {remedy}")
 
-    def activity(self, at: Instant) -> Array | float:
-        """One while the load is on, zero while it is off."""
-        return 1.0 if self.window is None else self.window.active(at.side, at.cycle)
-
 
 class Force(AbstractLoad):
     """A `force` (`Vec`, N), constant in the axes of the frame, at a `point` of a `link`.
@@ -100,14 +118,8 @@ class Force(AbstractLoad):
     window: Window | None = None
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
 
-    def wrench(self, pose, at):
-        return Wrench(self.force * self.activity(at), jnp.zeros_like(at.phi))
-
-    def share(self, pose, at):
-        return self.force.dot(pose.points[self.point].dr) * self.activity(at)
-
-    def opposed(self, pose):
-        return None
+    def wrenches(self, pose, at):
+        return [Applied(self.link, self.point, self.force, jnp.zeros_like(at.phi))]
 
 
 class OpposingForce(AbstractLoad):
@@ -131,12 +143,12 @@ class OpposingForce(AbstractLoad):
     def strength(self):
         return self.magnitude
 
-    def wrench(self, pose, at):
+    def wrenches(self, pose, at):
         against = direction(pose.points[self.point], at)
-        return Wrench(against * (-self.magnitude * self.activity(at)), jnp.zeros_like(at.phi))
+        return [Applied(self.link, self.point, against * -self.magnitude, jnp.zeros_like(at.phi))]
 
     def share(self, pose, at):
-        return -self.magnitude * self.activity(at) * safe_sqrt(pose.points[self.point].dr.squared())
+        return -self.magnitude * safe_sqrt(pose.points[self.point].dr.squared())  # exact at a reversal
 
     def opposed(self, pose):
         p = pose.points[self.point]
@@ -156,14 +168,8 @@ class Torque(AbstractLoad):
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
     point: str = eqx.field(static=True, default="")
 
-    def wrench(self, pose, at):
-        return Wrench(zero(), self.torque * self.activity(at))
-
-    def share(self, pose, at):
-        return self.torque * self.activity(at) * pose.links[self.link].w
-
-    def opposed(self, pose):
-        return None
+    def wrenches(self, pose, at):
+        return [Applied(self.link, None, zero(), jnp.broadcast_to(self.torque, jnp.shape(at.phi)))]
 
 
 class OpposingTorque(AbstractLoad):
@@ -187,18 +193,26 @@ class OpposingTorque(AbstractLoad):
     def strength(self):
         return self.magnitude
 
-    def wrench(self, pose, at):
+    def wrenches(self, pose, at):
         link = pose.links[self.link]
         ahead = jnp.where(at.side >= at.phi, 1.0, -1.0)
         sense = jnp.sign(jnp.where(jnp.abs(link.w) > NEAR * jnp.abs(link.e), link.w, link.w + ahead * NEAR * link.e))
-        return Wrench(zero(), -self.magnitude * self.activity(at) * sense)
+        return [Applied(self.link, None, zero(), -self.magnitude * sense)]
 
     def share(self, pose, at):
-        return -self.magnitude * self.activity(at) * jnp.abs(pose.links[self.link].w)
+        return -self.magnitude * jnp.abs(pose.links[self.link].w)  # exact at a reversal
 
     def opposed(self, pose):
         link = pose.links[self.link]
         return Motion((link.w,), (link.e,))
+
+
+def power(pose: Pose, applied: Sequence[Applied]) -> Array:
+    """Power of forces and couples at unit crank speed (N m)."""
+    total = jnp.asarray(0.0)
+    for link, point, force, couple in applied:
+        total = total + couple * pose.links[link].w + (force.dot(pose.points[point].dr) if point else 0.0)
+    return total
 
 
 NEAR = 1e-5  # rad: closer to a reversal than this, the direction of motion is that on the requested side

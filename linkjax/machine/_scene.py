@@ -8,6 +8,7 @@ from typing import Literal
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -120,6 +121,12 @@ class Scene(eqx.Module):
     def cycle(self) -> float:
         """Length of the cycle in crank angle (rad)."""
         return 2 * math.pi * self.cycle_turns
+
+    def active(self, side: Array) -> Array:
+        """Which loads act at the crank angles `side` (rad): one or zero, shape (*side.shape, loads)."""
+        ones = jnp.ones_like(side)
+        each = [ones if load.window is None else load.window.active(side, self.cycle) for load in self.loads]
+        return jnp.stack(each, axis=-1) if each else jnp.zeros((*jnp.shape(side), 0))
 
     def with_mechanism(self, mechanism: Mechanism) -> Scene:
         """The same scene with another design of the same mechanism."""

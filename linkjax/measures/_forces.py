@@ -4,56 +4,60 @@ from __future__ import annotations
 
 import collections
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax.forces import Forces, kinetostatics
-from linkjax.kinematics import pose
+from linkjax._compile import compiled_soon
+from linkjax.forces import Forces
+from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion import Place, Regime
+from linkjax.motion import At, Regime
 from linkjax.reduction import mass_sums
 
 
-def shaking(regime: Regime, place: Place) -> Float[Array, "1 2"]:
+def shaking(regime: Regime, at: At) -> Float[Array, "places 1 2"]:
     """Shaking force (N): the inertia force on the frame."""
-    here = pose(regime.scene.mechanism, place.phi)
-    first, second = mass_sums(here)
-    speed, acceleration = regime.crank(place)
+    return regime.machine.run(_shaking, at.sample.pose, *regime.crank(at))
+
+
+@compiled_soon
+def _shaking(pose: Pose, speed: Array, acceleration: Array) -> Array:
+    first, second = mass_sums(pose)
     force = -(second * speed**2 + first * acceleration).once()
-    return jnp.stack([force.x, force.y])[None]
+    return jnp.stack([force.x, force.y], axis=-1)[:, None]
 
 
-def drive(regime: Regime, place: Place) -> Float[Array, "1 1"]:
+def drive(regime: Regime, at: At) -> Float[Array, "places 1 1"]:
     """Drive torque (N m) by kinetostatics."""
-    return _forces(regime, place).drive_torque[None, None]
+    return regime.machine.run(_drive, regime.forces(at))
 
 
-def reactions(regime: Regime, place: Place) -> Float[Array, "joints 2"]:
+@compiled_soon
+def _drive(forces: Forces) -> Array:
+    return forces.drive_torque[:, None, None]
+
+
+def reactions(regime: Regime, at: At) -> Float[Array, "places joints 2"]:
     """Joint and guide forces (N), in the order of `reaction_names`."""
-    found = _forces(regime, place).reactions
-    return jnp.stack([jnp.stack(found[joint][link][:2]) for joint, link in reaction_names(regime.scene)])
+    return regime.machine.run(_reactions, regime.forces(at), names=tuple(reaction_names(regime.scene)))
 
 
-def every_motion(regime: Regime, place: Place) -> tuple[Forces, Float[Array, " motions"], Float[Array, " motions"]]:
-    """Forces, crank speed and acceleration in the actual motion (unless the regime is of constant speed) and at
-    constant nominal speed, along a leading axis."""
-    speed, acceleration = regime.crank(place)
-    pairs = [(regime.scene.speed * jnp.ones_like(speed), jnp.zeros_like(acceleration))]
-    if regime.steady is not None:
-        pairs.insert(0, (speed, acceleration))
-    speeds, accelerations = (jnp.stack(part) for part in zip(*pairs, strict=True))
-    side = regime.side(place)
-    forces = jax.vmap(lambda w, e: kinetostatics(regime.scene, place.phi, w, e, side))(speeds, accelerations)
-    return forces, speeds, accelerations
+@compiled_soon(static=("names",))
+def _reactions(forces: Forces, names: tuple[tuple[str, str], ...]) -> Array:
+    return jnp.stack([jnp.stack(forces.reactions[joint][link][:2], axis=-1) for joint, link in names], axis=1)
 
 
-def table(scene: Scene, forces: Forces) -> Float[Array, "*motions quantities 2"]:
+def table(scene: Scene, forces: Forces) -> Float[Array, "*places quantities 2"]:
     """Shaking force, frame force, shaking moment, drive torque and all reactions, in the order of `peak_names`."""
+    return forces_table(forces, _net(scene), tuple(reaction_names(scene)))
+
+
+def forces_table(forces: Forces, net: bool, names: tuple[tuple[str, str], ...]) -> Float[Array, "*places quantities 2"]:
+    """The same, for these joints and links; with the net frame force if `net`."""
     zero = jnp.zeros_like(forces.drive_torque)
     rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (forces.drive_torque, zero)]
-    rows += [forces.net_frame[:2]] if _net(scene) else []
-    rows += [forces.reactions[joint][link][:2] for joint, link in reaction_names(scene)]
+    rows += [forces.net_frame[:2]] if net else []
+    rows += [forces.reactions[joint][link][:2] for joint, link in names]
     return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
 
 
@@ -78,8 +82,3 @@ def reaction_names(scene: Scene) -> list[tuple[str, str]]:
     carried = collections.Counter((joint.name, joint.by or owners[joint.point]) for joint in joints)
     names += [(joint, link) for (joint, link), count in carried.items() if count > 1 and link != "frame"]
     return list(dict.fromkeys(names))
-
-
-def _forces(regime: Regime, place: Place) -> Forces:
-    speed, acceleration = regime.crank(place)
-    return kinetostatics(regime.scene, place.phi, speed, acceleration, regime.side(place))

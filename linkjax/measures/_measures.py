@@ -16,26 +16,23 @@ from jaxtyping import Array
 from linkjax._numerics import largest, safe_divide
 from linkjax._numerics import smallest as least_of
 from linkjax.groups import General
-from linkjax.kinematics import Least, assembly_margins, transmission_angles
+from linkjax.kinematics import Least, find_margins
 from linkjax.machine import Scene
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
 from linkjax.mechanism import Mechanism, StructureError
 from linkjax.motion import (
     LEAST,
+    At,
     Components,
-    Grid,
-    Place,
     Regime,
     Rows,
     flywheel_on,
     peaks,
     rows,
-    steady_on,
     summits,
     with_flywheel,
 )
-from linkjax.reduction import Reduced, governing, reduced_model
 
 SLOW = 0.1  # of the largest rate: the least rate of δ per inertia that is used
 
@@ -104,12 +101,12 @@ def _extreme_speeds(of: Parts) -> tuple[Rows, Rows]:
     """Crank speeds of the actual motion that may be the largest, and those that may be the smallest."""
     above = 2 * jax.lax.stop_gradient(of.steady.max_speed)
 
-    def speeds(regime: Regime, place: Place) -> Array:
-        speed, _ = regime.crank(place)
-        return jnp.stack([speed, above - speed])[:, None]
+    def speeds(regime: Regime, at: At) -> Array:
+        speed, _ = regime.crank(at)
+        return jnp.stack([speed, above - speed], axis=-1)[..., None]
 
     inertia = jnp.maximum(of.reduced.inertia, of.steady.inertia_floor)
-    work = jax.vmap(of.steady.work.at)(jax.tree.map(jnp.ravel, of.grid.node_places())).reshape(inertia.shape)
+    work = of.steady.work.at(of.grid.node_places())
     at_nodes = jnp.sqrt(jnp.maximum(2 * (of.steady.energy + work) / inertia, 0.0))
     found = summits(of.true_motion, speeds, jnp.stack([at_nodes, above - at_nodes])[:, None])
     fast, slow = found.vectors
@@ -144,15 +141,15 @@ def min_crank_speed(of: Parts) -> Array:
 
 def _least_energies(of: Parts) -> Rows:
     """Steady-state margins, for every kinetic energy that may be the smallest."""
-    steady, place = of.steady, jax.tree.map(jnp.ravel, of.grid.node_places())
+    steady = of.steady
     inertia = jnp.maximum(of.reduced.inertia, steady.inertia_floor)
     per_joule = 1 / (0.5 * _mean(of, inertia) * of.scene.speed**2)
-    work = jax.vmap(steady.work.at)(place).reshape(of.grid.nodes.shape)
+    work = steady.work.at(of.grid.node_places())
     above = 2 * jax.lax.stop_gradient(jnp.max(jnp.abs(steady.energy + work)))
 
-    def missing(regime: Regime, place: Place) -> Array:
+    def missing(regime: Regime, at: At) -> Array:
         assert regime.steady is not None
-        return (above - regime.steady.energy - regime.steady.work.at(place)).reshape((1, 1))
+        return (above - regime.steady.energy - regime.steady.work.at(at.place))[:, None, None]
 
     found = summits(of.true_motion, missing, (above - steady.energy - work)[None, None])
     return Rows((above - found.vectors[0]) * per_joule - LEAST, found.angle[0], signed=True)
@@ -174,10 +171,8 @@ def _light_places(of: Parts) -> Rows:
     inertia, mean = of.reduced.inertia, _mean(of, jnp.maximum(of.reduced.inertia, of.steady.inertia_floor))
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
 
-    def missing(regime: Regime, place: Place) -> Array:
-        return (
-            above - governing(regime.scene, reduced_model(regime.scene, place.phi, regime.side(place))).inertia
-        ).reshape((1, 1))
+    def missing(regime: Regime, at: At) -> Array:
+        return (above - regime.grid.reduced(at.sample.dynamics, at.place.panel).inertia)[:, None, None]
 
     found = summits(of.constant_speed, missing, (above - inertia)[None, None])
     light = safe_divide(above - found.vectors[0], mean)
@@ -199,21 +194,22 @@ def mean_drive_torque(of: Parts) -> Array:
 def _flywheels(of: Parts) -> Rows:
     """The flywheel inertia for every pair of a largest and a smallest speed, to first order about the inertia found, so
     that pairs with equal fluctuation there are exact."""
-    needed, here = flywheel_for_target_delta.function(of), (of.scene, of.grid, of.reduced)
+    needed = flywheel_for_target_delta.function(of)
     if of.scene.mechanism.prescribed:
         return Rows(needed[None, None], jnp.full(1, jnp.nan), signed=True)
-    swings, (fixed, still) = _swings_with(needed, *here), jax.lax.stop_gradient((here, needed))
-    _, rate = jax.jvp(lambda inertia: _swings_with(inertia, *fixed).vectors, (still,), (jnp.ones_like(still),))
+    swings, still = _swings_with(needed, of), jax.lax.stop_gradient(needed)
+    fixed = Parts(of.scene, of.nodes, *jax.lax.stop_gradient((of.grid, of.at)))
+    _, rate = jax.jvp(lambda inertia: _swings_with(inertia, fixed).vectors, (still,), (jnp.ones_like(still),))
     steep = jnp.maximum(-rate, SLOW * jnp.max(-rate))
     return Rows(needed + (swings.vectors - _target(of.scene)) / steep, swings.angle, signed=True)
 
 
-def _swings_with(inertia: Array, scene: Scene, grid: Grid, here: Reduced) -> Rows:
+def _swings_with(inertia: Array, of: Parts) -> Rows:
     """`_swings` with another flywheel, on the same grid: positions and loads do not depend on the flywheel."""
-    made = Parts(with_flywheel(scene, inertia), 0)
-    made.grid, made.reduced = grid, here._replace(inertia=here.inertia - scene.mechanism.flywheel.inertia + inertia)
-    made.steady = steady_on(made.scene, grid, made.reduced)
-    return _swings(made)
+    more = inertia - of.scene.mechanism.flywheel.inertia
+    here = of.at.here._replace(inertia=of.at.here.inertia + more)
+    sample = of.at.sample._replace(inertia=of.at.sample.inertia + more)
+    return _swings(Parts(with_flywheel(of.scene, inertia), of.nodes, of.grid, of.at._replace(here=here, sample=sample)))
 
 
 def _target(scene: Scene) -> Array:
@@ -223,13 +219,13 @@ def _target(scene: Scene) -> Array:
 @measure("kg m^2", _flywheels)
 def flywheel_for_target_delta(of: Parts) -> Array:
     """Flywheel inertia that gives the scene's target δ (0.05 if it has none)."""
-    return flywheel_on(of.scene, _target(of.scene), of.grid, of.reduced)
+    return flywheel_on(of.machine, _target(of.scene), of.grid, of.at)
 
 
 @smallest("1")
 def min_margin(of: Parts) -> Rows:
     """Smallest signed assembly margin of all groups over the continuous cycle; negative: cannot be assembled."""
-    limits = assembly_margins(of.scene.mechanism, of.scene.cycle_turns)
+    limits = find_margins(of.machine, of.scene.cycle_turns)
     found = [least for sides in limits.values() for least in sides.values()]
     found = found or [Least(jnp.ones(()), jnp.zeros(()))]
     return Rows(jnp.stack([each.value for each in found])[:, None], jnp.stack([each.angle for each in found]), True)
@@ -250,9 +246,10 @@ def min_transmission_angle(of: Parts) -> Rows:
         problem = "does not exist for this machine: all its groups are of higher class"
         raise StructureError("min_transmission_angle", problem, "delete it")
 
-    def off_square(regime: Regime, place: Place) -> Array:
-        angles = transmission_angles(regime.scene.mechanism, place.phi)
-        return jnp.stack([*(a - jnp.pi / 2 for a in angles.values()), *([] if angles else [jnp.zeros(())])])[:, None]
+    def off_square(regime: Regime, at: At) -> Array:
+        angles = regime.machine.sample(at.place.phi, fixed=regime.fixed, gaps=True).transmission
+        rows = [angle - jnp.pi / 2 for angle in angles.values()] or [jnp.zeros_like(at.place.phi)]
+        return jnp.stack(rows, axis=-1)[..., None]
 
     found = rows(of.constant_speed, off_square)
     both = jnp.concatenate([jnp.pi / 2 - found.vectors, jnp.pi / 2 + found.vectors])  # acute or obtuse: no kink between
@@ -269,8 +266,8 @@ def _all_shaking(of: Parts) -> Rows:
     """The shaking forces of the whole cycle as one vector, whose length is their root mean square. They are smooth on
     any grid, and the square root of a panel of zero width, between loads that switch together, has no derivative. So
     the crank angles are kept fixed."""
-    still = Parts(of.scene, of.nodes)
-    still.grid = grid = jax.lax.stop_gradient(of.grid)
+    grid = jax.lax.stop_gradient(of.grid)
+    still = Parts(of.scene, of.nodes, grid)
     share = grid.half[:, None] * grid.rule.w[None] / of.scene.cycle
     return Rows((jnp.sqrt(share)[None] * still.shaking(still.constant_speed)[0]).reshape((1, -1)), jnp.full(1, jnp.nan))
 

@@ -20,12 +20,15 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
+from linkjax.kinematics import pose
+from linkjax.loads import Instant
 from linkjax.machine import Scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion._flow import LEAST, Flow, Primitive
-from linkjax.motion._grid import Grid, make_grid
-from linkjax.motion._steady import Steady, conclude, node_values, steady_on
-from linkjax.reduction import governing, reduced_model
+from linkjax.motion._grid import Grid, grid_of, make_grid
+from linkjax.motion._steady import Begun, Steady, at_nodes, conclude, duty_of, spotted, steady_on
+from linkjax.reduction import Reduced, of_crank, reduce_pose, reduced_model
+from linkjax.sampling import Sampler
 
 MOST_CYCLES = 8  # steps end at the switches of this many cycles after the start; later ones are left to step control
 MOST_STEPS = 16**4
@@ -106,7 +109,6 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     import diffrax
 
     panels, unit = grid.half.size, jax.lax.stop_gradient(scene.speed)
-    sides, scene = grid.orders(scene), grid.in_order(scene)
     fixed = jax.lax.stop_gradient(along)
     jumps = jnp.floor(fixed[0]) + jnp.arange(1, MOST_CYCLES * panels + 1, dtype=float)
 
@@ -114,7 +116,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
         at = grid.edges[panel] + (s - jnp.floor(s)) * width
-        return width, governing(scene, reduced_model(scene, at, sides[panel]))
+        return width, _reduced(scene, grid, at, panel)
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
     first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)
@@ -150,6 +152,13 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     time = last[1][1] + at(place)[0] * safe_divide(late, fall)
     stall = Stall(solution.result == diffrax.RESULTS.event_occurred, place + safe_divide(low, fall), time)
     return jnp.where(running, found + shift, jnp.inf), jax.lax.stop_gradient(stall)
+
+
+def _reduced(scene: Scene, grid: Grid, phi: Array, panel: Array) -> Reduced:
+    """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid."""
+    here = pose(scene.mechanism, phi)
+    found = reduce_pose(scene, Instant(phi, grid.middle[panel]), here, grid.active[panel])
+    return of_crank(found, grid.prescribed)
 
 
 def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
@@ -225,7 +234,7 @@ def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, 
 
 def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar) -> Scalar:
     """Angular acceleration of the crank (rad/s²)."""
-    here = governing(scene, reduced_model(scene, phi))
+    here = of_crank(reduced_model(scene, phi), scene.mechanism.prescribed)
     return (here.torque + drive_torque - 0.5 * here.slope * speed**2) / here.inertia
 
 
@@ -255,12 +264,14 @@ def steady_by_diffrax(
 
     tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
     scene = _free(ready(scene))
-    grid = make_grid(scene, nodes)
-    here = node_values(scene, grid)
+    machine = Sampler(scene)
+    grid = grid_of(machine, nodes)
+    nodes_at = at_nodes(machine, grid)
+    here = nodes_at.here
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)
     along = jnp.concatenate([jnp.zeros(1), places.ravel(), jnp.asarray([float(grid.half.size)])])
     adjoint = adjoint or diffrax.ForwardMode()
-    inertia = governing(scene, reduced_model(scene, grid.edges[0], grid.middle[0])).inertia
+    inertia = _reduced(scene, grid, grid.edges[0], jnp.zeros((), jnp.int32)).inertia
     pace = jax.lax.stop_gradient(scene.speed)
     unit = jax.lax.stop_gradient(inertia) * pace**2
     wanted = scene.cycle * pace / scene.speed
@@ -280,9 +291,11 @@ def steady_by_diffrax(
     states = cycle(energy, drive)
     squared, clock = (states[1:-1, i].reshape(grid.nodes.shape) for i in (0, 1))
     work = _fitted(grid, 0.5 * here.inertia * squared * pace**2 - energy)
-    found = conclude(Flow(scene, grid, here, work, drive), energy, _fitted(grid, clock / pace))
+    flow = Flow(duty_of(scene), grid, here, work, drive)
+    begun = Begun(flow, energy, _fitted(grid, clock / pace), *spotted(flow, energy))
+    found = conclude(machine, begun, nodes_at.edges)
     # only another method shows the error of the integration; without steady-state motion there is nothing to integrate
-    other = steady_on(scene, grid, here)
+    other = steady_on(machine, grid, nodes_at)
     error = other.delta_error + jax.lax.stop_gradient(jnp.abs(found.delta - other.delta))
     found = dataclasses.replace(found, delta_error=error, evaluations=None)
     runs, whole = other.steady_state_margin > 0, jnp.all(jnp.isfinite(states))
@@ -293,7 +306,7 @@ def steady_by_diffrax(
 
 def _fitted(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
     """A quantity known at the nodes as a piecewise series."""
-    series = values @ jnp.asarray(grid.rule.spectrum.T)
+    series = values @ jnp.asarray(grid.rule.series.T)
     low, high = (values @ jnp.asarray(end) for end in grid.rule.ends)
     series = jnp.concatenate([series[:, :1] - low[:, None], series[:, 1:], jnp.zeros_like(low)[:, None]], axis=1)
     return Primitive(grid, jnp.concatenate([low, high[-1:]]), series)

@@ -12,37 +12,41 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from linkjax._numerics import nearest_turn, safe_divide
-from linkjax.kinematics import pose
-from linkjax.loads import Instant
-from linkjax.motion._extremum import doubt, pieces
-from linkjax.motion._flow import End, Flow
-from linkjax.reduction import Reduced, governing, reduce_pose
+from linkjax._numerics import nearest_turn, safe_divide, taken
+from linkjax.motion._flow import Ends, Flow, Spots
 
 FLOOR, ROUNDINGS = 2e-11, 60.0  # the least error stated: an absolute one, and rounding units of the largest speed
 
 
-def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
-    """Bound of the absolute error of δ. It evaluates the mechanism at the edges of the panels."""
-    grid, scene, n = flow.grid, flow.scene, flow.grid.n
+class AtEdges(NamedTuple):
+    """Reduced inertia at every panel's first edge, and the torque there from inside the panel and from before it."""
+
+    inertia: Array
+    after: Array
+    before: Array
+
+
+def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots: Spots) -> Array:
+    """Bound of the absolute error of δ, from values at the edges of the panels and the pieces between the nodes."""
+    grid, duty, n = flow.grid, flow.duty, flow.grid.n
     spectrum = jnp.asarray(grid.rule.spectrum.T)
     slowness = 1 / flow.speed(energy + flow.at_nodes, flow.inertia)
     weight = slowness / flow.running(energy + flow.at_nodes)  # twice the decrease of the period per unit of energy
     torque_series, slow_series, weight_series = flow.here.torque @ spectrum, slowness @ spectrum, weight @ spectrum
 
-    inertia, after, before = _at_edges(flow)
+    inertia, after, before = jnp.maximum(edges.inertia + flow.added, flow.floor), edges.after, edges.before
     work = flow.work.at_edges[:-1]
     at_edges = 1 / flow.speed(energy + work, inertia)
     torque = _missed(torque_series, after, jnp.roll(before, -1))
     slow = _missed(slow_series, at_edges, jnp.roll(at_edges, -1))
-    profile = flow.profile(energy)
-    found, doubtful = pieces(grid.rule, *profile), doubt(grid.rule, *profile)
+    found, doubtful = spots.pieces, spots.doubt
     places = grid.middle[:, None] + grid.half[:, None] * found.x
     torque_decay, slow_decay = _decay(torque_series, (2,), 0.7), _decay(slow_series[:, 1:], (1, 2), 0.8)
 
@@ -54,41 +58,31 @@ def delta_error(flow: Flow, energy: Array, extremes: tuple[End, End]) -> Array:
     uneven = jnp.sum(grid.half**2 * torque * share) / ((2 * n - 1) * (n + 1))
     shift = (late + uneven) / gain  # error of the energy constant, which shifts both extremes
 
-    high, low = (1 / (e.inertia * flow.speed(e.height * e.inertia, e.inertia)) for e in extremes)
+    speeds = flow.speeds(extremes)
+    high, low = 1 / (extremes.inertia * speeds)
     total = 2 * shift * (jnp.abs(high - low) + 0.02 * (high + low))
-    for sign, end, height in zip((1, -1), extremes, (found.high, -found.low), strict=True):
+    after_next, width = jnp.roll(after, -1), grid.half
+
+    def share_of(sign, height, end, speed):
+        """The part of the error that belongs to one extreme."""
         panel, x = end.place.panel, end.place.x
-        speed = flow.speed(end.height * end.inertia, end.inertia)
         wave = math.sqrt(8 / (math.pi * (n + 0.5))) * jnp.maximum(1 - x * x, 1 / n**2) ** 0.25 / (2 * n + 1)
-        inside = 5 * grid.half[panel] * torque[panel] * wave
+        inside = 5 * taken(width * torque, panel) * wave
         # (E₀ + W) / J may still rise past an edge, or be higher between two nodes elsewhere
-        low_end = Reduced(end.inertia, end.slope, before[panel], {})
-        high_end = Reduced(end.inertia, end.slope, jnp.roll(after, -1)[panel], {})
-        down = -jnp.roll(grid.half, 1)[panel] * flow.rise(low_end, end.height)
-        up = jnp.roll(grid.half, -1)[panel] * flow.rise(high_end, end.height)
+        rise = jnp.stack([-jnp.roll(width, 1) * before, jnp.roll(width, -1) * after_next])
+        slope = jnp.stack([-jnp.roll(width, 1), jnp.roll(width, -1)])
+        offset = flow.drive - end.height * end.slope
+        down, up = (taken((rise + slope * offset).T, panel) / end.inertia)
         beyond = jnp.where(x < -1 + 1e-12, sign * down, jnp.where(x > 1 - 1e-12, sign * up, 0.0))
-        away = [jnp.abs(nearest_turn(places - seen, scene.cycle)) for seen in (end.place.phi, end.other)]
-        near = jnp.minimum(*away) < (3 / n) * (grid.half[:, None] + grid.half[panel])
+        away = [jnp.abs(nearest_turn(places - seen, duty.cycle)) for seen in (end.place.phi, end.other)]
+        near = jnp.minimum(*away) < (3 / n) * (width[:, None] + taken(width, panel))
         rival = jnp.max(jnp.where(near, -jnp.inf, height + doubtful)) - sign * end.height
         missed = 4 * end.left + jnp.maximum(beyond, 0.0) + jnp.maximum(rival, 0.0)
-        total = total + (1.3 * across + inside) / (end.inertia * speed) + missed / speed
-    fastest = flow.speed(extremes[0].height * extremes[0].inertia, extremes[0].inertia)
-    return (total + ROUNDINGS * jnp.finfo(total.dtype).eps * fastest) / scene.speed + FLOOR
+        return (1.3 * across + inside) / (end.inertia * speed) + missed / speed
 
-
-def _at_edges(flow: Flow) -> tuple[Array, Array, Array]:
-    """Reduced inertia at every panel's first edge, and the torque there from inside the panel and from before it."""
-    grid, scene = flow.grid, flow.scene
-    ahead = grid.middle
-    behind = jnp.concatenate([ahead[-1:] - scene.cycle, ahead[:-1]])
-
-    def at(phi, ahead, behind):
-        here = pose(scene.mechanism, phi)
-        after, before = (governing(scene, reduce_pose(scene, Instant(phi, side, scene.cycle), here))
-                         for side in (ahead, behind))  # fmt: skip
-        return jnp.maximum(after.inertia, flow.floor), after.torque, before.torque
-
-    return jax.vmap(at)(grid.edges[:-1], ahead, behind)
+    heights = jnp.stack([found.high, -found.low])
+    total = total + jnp.sum(jax.vmap(share_of)(jnp.asarray([1.0, -1.0], total.dtype), heights, extremes, speeds))
+    return (total + ROUNDINGS * jnp.finfo(total.dtype).eps * speeds[0]) / duty.speed + FLOOR
 
 
 def _missed(series: Float[Array, "panels terms"], low: Array, high: Array) -> Array:

@@ -15,14 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from linkjax._numerics import envelope, highest, once, safe_divide, safe_sqrt
+from linkjax._numerics import envelope, highest, once, safe_divide, safe_sqrt, taken
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import Rule
-
-
-def phi_at(grid: Grid, panel: Array, x: Array) -> Array:
-    """Crank angle (rad) at the coordinate `x` of a panel."""
-    return grid.middle[panel] + grid.half[panel] * x
 
 
 class Pieces(NamedTuple):
@@ -126,15 +121,17 @@ def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:
     slope once and is at most `reach` long. Not differentiated: to first order an extreme value does not depend on its
     position.
     """
-    x, bend, rise, before = summit.x, summit.bend, None, summit.x
-    for _ in range(steps):
-        rise_new = slope(x)
-        if rise is not None:
-            secant = safe_divide(rise_new - rise, x - before)
-            bend = jnp.where(secant < 0, secant, bend)
-        move = jnp.clip(-rise_new / bend, -summit.reach, summit.reach)
-        before, x, rise = x, jnp.clip(x + move, -1.0, 1.0), rise_new
-    return jax.lax.stop_gradient(x)
+
+    def step(i, state):
+        x, before, rise_before, bend = state
+        rise = slope(x)
+        secant = safe_divide(rise - rise_before, x - before)
+        bend = jnp.where((secant < 0) & (i > 0), secant, bend)
+        move = jnp.clip(-rise / bend, -summit.reach, summit.reach)
+        return jnp.clip(x + move, -1.0, 1.0), x, rise, bend
+
+    state = (summit.x, summit.x, jnp.zeros_like(summit.x), summit.bend)
+    return jax.lax.stop_gradient(jax.lax.fori_loop(0, steps, step, state)[0])
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:
@@ -145,11 +142,11 @@ def settle(grid: Grid, panel: Array, x: Array) -> Place:
     """
     inside = jax.lax.stop_gradient(jnp.abs(x) < 1)
     end = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
-    edge, angle = phi_at(grid, panel, end), phi_at(grid, panel, x)
-    drift = safe_divide(jax.lax.stop_gradient(angle) - grid.middle[panel], grid.half[panel])  # zero for no width
+    (_, _, edge, middle), angle = grid.at(panel, end), grid.at(panel, x).phi
+    drift = safe_divide(jax.lax.stop_gradient(angle) - middle, taken(grid.half, panel))  # zero for no width
     phi = envelope(jnp.where(inside, angle, edge), jnp.where(inside, 0.0, edge - jax.lax.stop_gradient(edge)))
     moves = jnp.where(inside, drift - jax.lax.stop_gradient(drift), 0.0)
-    return Place(panel, envelope(jnp.where(inside, x, end), moves), phi)
+    return Place(panel, envelope(jnp.where(inside, x, end), moves), phi, middle)
 
 
 def _right_panel(fine, height, panel, i):

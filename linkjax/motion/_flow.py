@@ -14,12 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from linkjax._numerics import highest, largest, once, root, safe_divide, smallest
-from linkjax.machine import Scene
-from linkjax.motion._extremum import Pieces, best_piece, newton, phi_at, pieces
+from linkjax._numerics import highest, largest, once, root, safe_divide, smallest, taken
+from linkjax.motion._extremum import Pieces, best_piece, doubt, newton, pieces
 from linkjax.motion._grid import Grid, Place
-from linkjax.motion._panels import legendre_sum
-from linkjax.reduction import Reduced, governing, reduced_model
+from linkjax.motion._panels import series_sum
+from linkjax.reduction import Reduced
 
 LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a steady-state motion (ω_min / ω_m about 1e-3)
 NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as zero
@@ -27,26 +26,25 @@ ENOUGH = 1e-9  # relative: after a Newton step as small as this the error is its
 
 
 class Primitive(eqx.Module):
-    """An integral over the crank angle since the first edge of the grid, panel by panel as Legendre series."""
+    """An integral over the crank angle since the first edge of the grid, panel by panel as Chebyshev series."""
 
     grid: Grid
     at_edges: Float[Array, " edges"]
     series: Float[Array, "panels terms"]
 
     def at(self, place: Place) -> Array:
-        """The integral from the first edge to a place of the grid."""
-        return self.at_edges[place.panel] + legendre_sum(self.series[place.panel], place.x)
+        """The integral from the first edge to places of the grid."""
+        return taken(self.at_edges, place.panel) + series_sum(taken(self.series, place.panel), place.x)
 
-    def extreme(self, sign: int) -> tuple[Array, Array]:
-        """Largest (`sign` = 1) or smallest (-1) value over the continuous cycle, and its crank angle (rad)."""
-        rule = self.grid.rule
+    def extremes(self) -> tuple[Array, Array]:
+        """Largest and smallest value over the continuous cycle, and their crank angles (rad); each of shape (2,)."""
+        rule, sign = self.grid.rule, jnp.asarray([1.0, -1.0], self.series.dtype)
         value = self.at_edges[:-1, None] + self.series @ jnp.asarray(rule.at_points.T)
         found = pieces(rule, value, self.series @ jnp.asarray(rule.slope_at_points.T))
-        panel, x, bend = best_piece(found, found.high if sign > 0 else -found.low)
-        row = self.series[panel]
-        _, slope = jax.jvp(lambda x: legendre_sum(row, x), (x,), (jnp.ones_like(x),))
-        x = x + newton(x, sign * slope, bend)
-        place = Place(panel, x, phi_at(self.grid, panel, x))
+        panel, x, bend = jax.vmap(lambda height: best_piece(found, height))(jnp.stack([found.high, -found.low]))
+        rows = taken(self.series, panel)
+        _, slope = jax.jvp(lambda x: series_sum(rows, x), (x,), (jnp.ones_like(x),))
+        place = self.grid.at(panel, x + newton(x, sign * slope, bend))
         return self.at(place), place.phi
 
 
@@ -58,24 +56,49 @@ def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
     return Primitive(grid, edges, scaled @ jnp.asarray(grid.rule.primitive.T))
 
 
-class End(NamedTuple):
-    """An extreme of the speed: its place, (E₀ + W) / J at the extreme itself, reduced inertia at the place, slopes
-    there (of (E₀ + W) / J with respect to x, of J with respect to the angle), the error of (E₀ + W) / J from the
-    search, and the angle of the next best summit, which was evaluated too."""
+class Duty(eqx.Module):
+    """What is asked of the crank: mean speed (rad/s), length of the cycle (rad), which mean it is, and whether a motion
+    law prescribes the motion."""
+
+    speed: Array
+    cycle: float = eqx.field(static=True)
+    mean: str = eqx.field(static=True)
+    prescribed: bool = eqx.field(static=True)
+
+
+class Spots(NamedTuple):
+    """Guesses of four extremes of the speed, two summits and two dips, and of the least reduced inertia: panel,
+    coordinate, and bend (magnitude of the second derivative with respect to x); each of shape (5,). With the cubic
+    pieces of (E₀ + W) / J, and the error of each."""
+
+    panel: Array
+    x: Array
+    bend: Array
+    pieces: Pieces
+    doubt: Array
+
+
+SIGNS = np.asarray([1.0, 1.0, -1.0, -1.0, -1.0])  # a maximum or a minimum
+
+
+class Ends(NamedTuple):
+    """Two extremes of the speed, the largest and the smallest (leaves of shape (2,)): place, (E₀ + W) / J at the
+    extreme itself, reduced inertia at the place and its slope, the error of (E₀ + W) / J from the search, and the angle
+    of the next best summit, which was evaluated too."""
 
     place: Place
     height: Array
     inertia: Array
-    tilt: Array
     slope: Array
     left: Array
     other: Array
 
 
 class Flow(eqx.Module):
-    """Node values of one cycle: reduced inertia with slope and torque (`here`), work, balancing drive torque."""
+    """Node values of one cycle: reduced inertia with slope and torque (`here`), work, balancing drive torque; `added`
+    is a flywheel inertia (kg m²) that the machine itself does not have."""
 
-    scene: Scene
+    duty: Duty
     grid: Grid
     here: Reduced
     work: Primitive
@@ -86,17 +109,20 @@ class Flow(eqx.Module):
     scale: Array
     mean: Array
     floor: Array
+    added: Array
 
-    def __init__(self, scene: Scene, grid: Grid, here: Reduced, work: Primitive, drive: Array):
+    def __init__(
+        self, duty: Duty, grid: Grid, here: Reduced, work: Primitive, drive: Array, added: Array | float = 0.0
+    ):
         r = grid.rule
-        self.scene, self.grid, self.work, self.drive = scene, grid, work, drive
+        self.duty, self.grid, self.work, self.drive, self.added = duty, grid, work, drive, jnp.asarray(added, float)
         self.weights = grid.half[:, None] * r.w[None]
-        self.mean = jnp.sum(self.weights * here.inertia) / scene.cycle
+        self.mean = jnp.sum(self.weights * here.inertia) / duty.cycle
         self.floor = inertia_floor(self.mean)
         self.inertia = jnp.maximum(here.inertia, self.floor)
         self.here = here._replace(inertia=self.inertia)
         self.at_nodes = work.at_edges[:-1, None] + work.series @ jnp.asarray(r.at_nodes.T)
-        self.scale = 0.5 * scene.speed**2 * jnp.sum(self.weights * self.inertia) / scene.cycle
+        self.scale = 0.5 * duty.speed**2 * jnp.sum(self.weights * self.inertia) / duty.cycle
 
     def running(self, energy: Array) -> Array:
         """Kinetic energy, kept positive: unchanged above `LEAST`, continued by a smooth positive function below."""
@@ -114,8 +140,8 @@ class Flow(eqx.Module):
 
     def energy_for_time_mean(self) -> Array:
         """E₀ that gives the wanted time mean of the speed, by Newton's method between bounds."""
-        wanted = self.scene.cycle / self.scene.speed
-        room = 0.5 * self.scene.speed**2 * self.inertia - self.at_nodes  # E₀ with the wanted speed at each node
+        wanted = self.duty.cycle / self.duty.speed
+        room = 0.5 * self.duty.speed**2 * self.inertia - self.at_nodes  # E₀ with the wanted speed at each node
         low, high = smallest(room), largest(room)
         lowest = LEAST * self.scale - smallest(self.at_nodes)  # below, the kinetic energy falls to zero somewhere
         guess = jnp.sum(self.weights * room / self.inertia) / jnp.sum(self.weights / self.inertia)
@@ -141,13 +167,13 @@ class Flow(eqx.Module):
 
         return root(lambda energy: self.period(energy) / wanted - 1, jax.lax.stop_gradient(guess), solve)
 
-    def energy_for_midrange(self, energy: Array, ends: tuple[End, End]) -> Array:
+    def energy_for_midrange(self, energy: Array, ends: Ends) -> Array:
         """E₀ that gives the wanted mean of the largest and smallest speed, with the extremes at the places that they
         had at another `energy`."""
-        (a, j), (b, k) = ((end.height * end.inertia - energy, end.inertia) for end in ends)
+        work, inertia = ends.height * ends.inertia - energy, ends.inertia
 
         def excess(energy):
-            return 0.5 * (self.speed(energy + a, j) + self.speed(energy + b, k)) / self.scene.speed - 1
+            return 0.5 * jnp.sum(self.speed(energy + work, inertia)) / self.duty.speed - 1
 
         def solve(_, start):
             def step(state):
@@ -158,7 +184,7 @@ class Flow(eqx.Module):
 
             return jax.lax.while_loop(lambda s: s[2] & (s[0] < 40), step, (0, start, jnp.asarray(True)))[1]
 
-        return root(excess, jax.lax.stop_gradient(self.scale - 0.5 * (a + b)), solve)
+        return root(excess, jax.lax.stop_gradient(self.scale - 0.5 * jnp.sum(work)), solve)
 
     def profile(self, energy: Array) -> tuple[Array, Array]:
         """(E₀ + W) / J and its slope with respect to x at the low end, the nodes and the high end of every panel."""
@@ -183,73 +209,79 @@ class Flow(eqx.Module):
         )
         return jnp.maximum(inertia, self.floor), slope
 
-    def min_inertia_ratio(self) -> tuple[Array, Array]:
-        """Least reduced inertia over the continuous cycle, relative to its mean, and its angle (rad)."""
-        ends, slopes, half = *self._inertia_at_ends(), self.grid.half[:, None]
-        value, slope = _between(ends, self.inertia), _between(slopes, half * self.here.slope)
-        found = pieces(self.grid.rule, value, slope)
-        panel, x, bend = best_piece(found, -found.low)
-
-        def at(x):
-            phi = phi_at(self.grid, panel, x)
-            return phi, governing(self.scene, reduced_model(self.scene, phi, self.grid.middle[panel]))
-
-        phi, here = at(x + newton(x, -self.grid.half[panel] * at(x)[1].slope, bend))
-        first = jnp.argmin(jax.lax.stop_gradient(self.inertia))  # a minimum too sharp to show between nodes is at one
-        phi = jnp.where(self.inertia.ravel()[first] < here.inertia, self.grid.nodes.ravel()[first], phi)
-        least = jnp.minimum(here.inertia, smallest(self.inertia)) * self.scene.speed**2 / (2 * self.scale)
-        return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
-
     def at_ends(self) -> tuple[Array, Array]:
         """Work W (J) and its slope Q + T (N m) at the two ends of every panel."""
         edges = self.work.at_edges
         torque = self.here.torque @ jnp.asarray(self.grid.rule.ends.T) + self.drive
         return jnp.stack([edges[:-1], edges[1:]], axis=1), torque
 
-    def extremes(self, energy: Array) -> tuple[End, End]:
-        """Largest and smallest speed over the continuous cycle, where (E₀ + W) / J is stationary."""
-        found = jax.lax.stop_gradient(pieces(self.grid.rule, *self.profile(energy)))
-        signs = jnp.asarray([1.0, 1.0, -1.0, -1.0], dtype=found.x.dtype)
-        spots = [spot for height in (found.high, -found.low) for spot in _two_best(found, height)]
-        panel, x, bend = (jnp.stack(part) for part in zip(*spots, strict=True))
-        ends = jax.vmap(self._end, (0, 0, 0, 0, None))(signs, panel, x, bend, energy)
-        tops = jax.lax.stop_gradient(signs * ends.height)  # compared on the mechanism itself
+    def reduced(self, dynamics: tuple, panel: Array) -> Reduced:
+        """The reduced model at places in these panels."""
+        here = self.grid.reduced(dynamics, panel)
+        return here._replace(inertia=here.inertia + self.added)
 
-        def best(i):
-            second = tops[i + 1] > tops[i]
-            end = jax.tree.map(lambda leaf: jnp.where(second, leaf[i + 1], leaf[i]), ends)
-            return end._replace(other=jnp.where(second, ends.place.phi[i], ends.place.phi[i + 1]))
+    def speeds(self, ends: Ends) -> Array:
+        """Largest and smallest speed (rad/s)."""
+        return self.speed(ends.height * ends.inertia, ends.inertia)
 
-        return best(0), best(2)
+    def least_energy(self) -> Array:
+        """E₀ (J) with which the crank only just rotates fully."""
+        return LEAST * self.scale - self.work.extremes()[0][1]
 
-    def _end(self, sign: Array, panel: Array, x: Array, bend: Array, energy: Array) -> End:
-        """One extreme, from a first guess and its bend: Newton's method on the mechanism itself, twice.
+    def spots(self, energy: Array) -> Spots:
+        """Guesses of the extremes, from the cubic pieces of (E₀ + W) / J and of the reduced inertia."""
+        rule, half = self.grid.rule, self.grid.half[:, None]
+        ends, slopes = self._inertia_at_ends()
+        light = _between(ends, self.inertia), _between(slopes, half * self.here.slope)
+        both = [jnp.stack(pair) for pair in zip(self.profile(energy), light, strict=True)]
+        found = jax.vmap(lambda value, slope: pieces(rule, value, slope))(*both)
+        heights = jnp.stack([found.high[0], -found.low[0]])
+        heights = jnp.concatenate([jnp.repeat(heights, 2, axis=0), -found.low[1:]])
+        heights = heights.at[1::2].set(jax.vmap(_without_best)(heights[:4:2]))
+        which = jnp.asarray([0, 0, 0, 0, 1])
+        best = jax.vmap(lambda i, height: best_piece(jax.tree.map(lambda leaf: taken(leaf, i), found), height))
+        speed = jax.tree.map(lambda leaf: leaf[0], found)
+        return Spots(*best(which, heights), speed, doubt(rule, *(part[0] for part in both)))
 
-        The second step uses the parabola alone, and derivatives pass through it. The first derivative is unaffected by
+    def tilt(self, panel: Array, x: Array, energy: Array, here: Reduced) -> tuple[Array, Array, Array]:
+        """At places: (E₀ + W) / J, its slope with respect to x, and the reduced inertia, at least `floor`."""
+        place, inertia = self.grid.at(panel, x), jnp.maximum(here.inertia, self.floor)
+        height = (energy + self.work.at(place)) / inertia
+        return height, taken(self.grid.half, panel) * self.rise(here._replace(inertia=inertia), height), inertia
+
+    def ends(
+        self, bend: Array, move: Array, tilt: Array, place: Place, energy: Array, here: Reduced
+    ) -> tuple[Ends, tuple[Array, Array]]:
+        """The extremes, and the least reduced inertia relative to its mean with its angle (rad). `here` belongs to the
+        places, which a step `move` of Newton's method reached from where the slope was `tilt`.
+
+        A second step uses the parabola alone, and derivatives pass through it. The first derivative is unaffected by
         the step, since an extreme value does not depend on its position to first order (envelope theorem); the second
         derivative is correct.
         """
-        fixed = jax.lax.stop_gradient(self)
-        tilt = fixed._at(panel, x, jax.lax.stop_gradient(energy))[-1]
-        move = newton(x, sign * tilt, bend)
-        second = self._at(panel, x + move, energy)
-        secant = sign * safe_divide(tilt - jax.lax.stop_gradient(second[-1]), move)
+        at, own = (jax.tree.map(lambda leaf: leaf[:4], part) for part in (place, here))
+        sign, bend, move = jnp.asarray(SIGNS[:4], tilt.dtype), bend[:4], move[:4]
+        height, slope, inertia = self.tilt(at.panel, at.x, energy, own)
+        secant = sign * safe_divide(tilt[:4] - jax.lax.stop_gradient(slope), move)
         bend = jnp.where((secant > 0.3 * bend) & (secant < 3 * bend), secant, bend)
-        place, height, here, tilt = second
-        move = jnp.clip(newton(place.x, sign * tilt, bend), -jnp.abs(move), jnp.abs(move))
-        gain = tilt * move - 0.5 * sign * bend * move**2
-        place = place._replace(x=place.x + move, phi=place.phi + self.grid.half[panel] * move)
-        return End(
-            place, height + gain, here.inertia, tilt, here.slope, jax.lax.stop_gradient(jnp.abs(gain)), place.phi
-        )
+        last = jnp.clip(newton(at.x, sign * slope, bend), -jnp.abs(move), jnp.abs(move))
+        gain = slope * last - 0.5 * sign * bend * last**2
+        reached = at._replace(x=at.x + last, phi=at.phi + taken(self.grid.half, at.panel) * last)
+        left = jax.lax.stop_gradient(jnp.abs(gain))
+        found = Ends(reached, height + gain, inertia, own.slope, left, at.phi)
+        tops = jax.lax.stop_gradient(sign * found.height)  # compared on the mechanism itself
+        second, first = jnp.where(tops[1::2] > tops[::2], 1, 0), np.asarray([0, 2])
+        chosen = jax.tree.map(lambda leaf: taken(leaf, first + second), found)
+        light = self._lightest(place.phi[4], here.inertia[4])
+        return chosen._replace(other=taken(at.phi, first + 1 - second)), light
 
-    def _at(self, panel: Array, x: Array, energy: Array) -> tuple[Place, Array, Reduced, Array]:
-        """Place, (E₀ + W) / J, the reduced mechanism, and the slope of (E₀ + W) / J with respect to x."""
-        place = Place(panel, x, phi_at(self.grid, panel, x))
-        here = governing(self.scene, reduced_model(self.scene, place.phi, self.grid.middle[panel]))
-        here = here._replace(inertia=jnp.maximum(here.inertia, self.floor))
-        height = (energy + self.work.at(place)) / here.inertia
-        return place, height, here, self.grid.half[panel] * self.rise(here, height)
+    def _lightest(self, phi: Array, found: Array) -> tuple[Array, Array]:
+        """Least reduced inertia relative to its mean, and its angle (rad)."""
+        first = jnp.argmin(jax.lax.stop_gradient(self.inertia))  # a minimum too sharp to show between nodes is at one
+        at_node = taken(self.inertia.ravel(), first)
+        phi = jnp.where(at_node < found, taken(self.grid.nodes.ravel(), first), phi)
+        least = jnp.minimum(found, at_node) * self.duty.speed**2 / (2 * self.scale)
+        return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
 
     def rise(self, here: Reduced, height: Array) -> Array:
         """Derivative of `height` = (E₀ + W) / J with respect to the crank angle."""
@@ -266,12 +298,11 @@ def _between(ends: Array, nodes: Array) -> Array:
     return jnp.concatenate([ends[:, :1], nodes, ends[:, 1:]], axis=1)
 
 
-def _two_best(found: Pieces, height: Array) -> list[tuple[Array, Array, Array]]:
-    """The two highest summits: panel, coordinate and bend of each (the same one twice if there is only one)."""
+def _without_best(height: Array) -> Array:
+    """Heights of the pieces without the highest summit and its neighbours; unchanged if there is no other summit."""
     flat, number = height.ravel(), jnp.arange(height.size)
     first = jnp.max(jnp.where(highest(flat), number, 0))
     apart = jnp.abs(number - first)
     summit = (flat >= jnp.roll(flat, 1)) & (flat >= jnp.roll(flat, -1)) & (apart > 1) & (apart < flat.size - 1)
     rest = jnp.where(summit, flat, -jnp.inf)
-    rest = jnp.where(jnp.any(summit), rest, flat).reshape(height.shape)
-    return [best_piece(found, height), best_piece(found, rest)]
+    return jnp.where(jnp.any(summit), rest, flat).reshape(height.shape)

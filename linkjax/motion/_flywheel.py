@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._compile import compiled_soon
 from linkjax._numerics import root, safe_divide, smallest
-from linkjax._types import Scalar
+from linkjax._types import Scalar, Tracer
 from linkjax.machine import Scene, ready
 from linkjax.mechanism import Flywheel
-from linkjax.motion._grid import Grid, make_grid
-from linkjax.motion._steady import Steady, node_values, steady_on
+from linkjax.motion._grid import Grid, grid_of
+from linkjax.motion._steady import AtNodes, Steady, at_nodes, begin, duty_of, fluctuation
 from linkjax.reduction import Reduced
+from linkjax.sampling import Sampler
 
 
 def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
@@ -25,42 +29,78 @@ def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
     """Flywheel inertia (kg m²) that makes δ of the actual motion exactly `delta`, all else unchanged; `nodes` is the
     number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
     motion law."""
-    scene = ready(scene)
-    grid = make_grid(scene, nodes)
-    return flywheel_on(scene, jnp.asarray(delta, dtype=scene.speed.dtype), grid, node_values(scene, grid))
+    machine = Sampler(ready(scene))
+    grid = grid_of(machine, nodes)
+    return flywheel_on(machine, jnp.asarray(delta, dtype=scene.speed.dtype), grid, at_nodes(machine, grid, edges=False))
 
 
-def flywheel_on(scene: Scene, delta: Scalar, grid: Grid, here: Reduced) -> Array:
+def flywheel_on(machine: Sampler, delta: Scalar, grid: Grid, at: AtNodes) -> Array:
     """The same from the node values; see `flywheel_for`.
 
     Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. The work over the
-    cycle does not depend on the flywheel, so the mechanism is not evaluated again. Negative (down to minus half the
-    least reduced inertia) if δ is smaller even without a flywheel.
+    cycle does not depend on the flywheel, so it is not computed again. Negative (down to minus half the least reduced
+    inertia) if δ is smaller even without a flywheel.
     """
-    if scene.mechanism.prescribed:  # δ is zero
+    scene = machine.scene
+    if grid.prescribed:  # δ is zero
         return jnp.zeros_like(scene.speed)
-    bare = here.inertia - scene.mechanism.flywheel.inertia
-    least = -0.5 * smallest(bare)
+    given, duty = scene.mechanism.flywheel.inertia, duty_of(scene)
+    state, more = machine.run(_search, given, at.here)
+
+    def step(state):
+        got = fluctuation(machine, machine.run(begin, duty, grid, at.here, state.added))
+        return machine.run(_step, state, got, delta, given, more)
 
     def excess(inertia):
-        at = with_flywheel(scene, inertia)
-        got = steady_on(at, grid, here._replace(inertia=bare + inertia)).delta
-        return delta / jnp.maximum(got, 1e-9 * delta) - 1  # a δ near zero counts as 1e-9 of the target
+        return step(state._replace(inertia=inertia, added=inertia - given)).excess
 
-    def solve(function, start):
-        def step(state):
-            count, x, before, value_before, _ = state
-            value = function(x)
-            slope = safe_divide(value - value_before, x - before)
-            rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, jnp.mean(bare) + x))
-            new = jnp.maximum(x - value / rising, least)
-            moved = jnp.abs(new - x) > 4e-16 * (jnp.abs(new) + jnp.mean(bare))
-            return count + 1, new, x, value, moved
+    def solve(_, start):
+        first = state._replace(inertia=start, before=start, added=start - given)
+        return machine.until(_going, step, first, delta).inertia
 
-        state = (0, start, start, jnp.zeros_like(start), jnp.asarray(True))
-        return jax.lax.while_loop(lambda s: s[4] & (s[0] < 30), step, state)[1]
+    if machine.traced or isinstance(delta, Tracer):
+        return root(excess, state.inertia, solve)
+    return machine.until(_going, step, state, delta).inertia
 
-    return root(excess, jax.lax.stop_gradient(jnp.maximum(scene.mechanism.flywheel.inertia, 0.0)), solve)
+
+STEPS = 30  # secant steps for a flywheel
+SAME = 4e-16  # relative: a step as small as this is the last
+
+
+class Search(NamedTuple):
+    """A secant search: number of steps, inertia and what it adds to the given one, the inertia before, the excess of
+    1/δ there, and whether the last step moved."""
+
+    count: Array
+    inertia: Array
+    added: Array
+    before: Array
+    excess: Array
+    moved: Array
+
+
+def _going(state: Search) -> Array:
+    return state.moved & (state.count < STEPS)
+
+
+@compiled_soon
+def _search(given: Array, here: Reduced) -> tuple[Search, tuple[Array, Array]]:
+    """The start of the search; the mean reduced inertia without a flywheel, and minus half the least one."""
+    bare = here.inertia - given
+    start = jax.lax.stop_gradient(jnp.maximum(given, 0.0))
+    state = Search(jnp.asarray(0), start, start - given, start, jnp.zeros_like(start), jnp.asarray(True))
+    return state, (jnp.mean(bare), -0.5 * smallest(bare))
+
+
+@compiled_soon
+def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Array, Array]) -> Search:
+    """The next inertia, from the fluctuation that the present one gives."""
+    value = delta / jnp.maximum(got, 1e-9 * delta) - 1  # a δ near zero counts as 1e-9 of the target
+    x, (mean, least) = state.inertia, more
+    slope = safe_divide(value - state.excess, x - state.before)
+    rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, mean + x))
+    new = jnp.maximum(x - value / rising, least)
+    return Search(state.count + 1, new, new - given, x, value, jnp.abs(new - x) > SAME * (jnp.abs(new) + mean))
 
 
 def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:
@@ -68,5 +108,4 @@ def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:
 
     ΔA is the largest excess work, max W - min W. Source: e.g. Norton, Design of Machinery, eq. 11.20.
     """
-    swing = steady.work.extreme(1)[0] - steady.work.extreme(-1)[0]
-    return swing / (delta * steady.mean_speed**2)
+    return steady.excess_work / (delta * steady.mean_speed**2)

@@ -6,20 +6,25 @@ edges is static: edges that are not needed for a breakpoint halve the most diffi
 
 from __future__ import annotations
 
-import dataclasses
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from linkjax._numerics import highest, nearest_turn, safe_divide, wrapped
+from linkjax._compile import compiled_soon
+from linkjax._numerics import highest, nearest_turn, safe_divide, taken, wrapped
+from linkjax._search import Found, Motion, own, refined, scan_angles, scan_reversals, stacked_motions
 from linkjax.groups import Margin
-from linkjax.kinematics import Motion, find_reversals, named_groups, pose, scan_angles
-from linkjax.loads import AbstractLoad, Window
+from linkjax.kinematics import named_groups
+from linkjax.loads import Window
 from linkjax.machine import Scene, ready
 from linkjax.motion._panels import Rule, rule
+from linkjax.reduction import Reduced, loaded, of_crank
+from linkjax.sampling import Sample, Sampler
 
 SCAN = 32  # scan points per crank turn
 REVERSALS = 4  # the most reversals per opposing load and crank turn
@@ -27,27 +32,39 @@ POLISH = 2  # evaluations that refine each of them
 SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
 KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on either side
 REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
+UNROLLED = 12  # the most panels that are halved without a loop
 
 
 class Grid(eqx.Module):
-    """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each.
+    """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each; the half width
+    and the `middle` of every panel (rad).
 
-    `overflow` is true if there are more reversals than the grid has edges for. `doubt` bounds the error of the work (J)
-    due to the position error of reversals. `switches` are the numbers of the panels that begin where a load's window
-    begins or ends, in the order of the loads; several at one angle have panels of zero width between them.
+    `length` is that of the cycle (rad). `active` says which loads act in each panel. `overflow` is true if there are more reversals than the grid has edges
+    for. `doubt` bounds the error of the work (J) due to the position error of reversals. Where several loads switch at
+    one angle there are panels of zero width between them.
     """
 
     edges: Float[Array, " edges"]
-    switches: Int[Array, " ends"]
+    half: Float[Array, " panels"]
+    middle: Float[Array, " panels"]
+    active: Float[Array, "panels loads"]
     overflow: Bool[Array, ""]
     doubt: Float[Array, ""]
     n: int = eqx.field(static=True)
+    length: float = eqx.field(static=True)
+    loads: tuple[str, ...] = eqx.field(static=True)
+    prescribed: bool = eqx.field(static=True)
     evaluations: int = eqx.field(static=True)
 
     @property
     def size(self) -> int:
         """Number of nodes."""
-        return self.n * (self.edges.shape[-1] - 1)
+        return self.n * self.panels
+
+    @property
+    def panels(self) -> int:
+        """Number of panels."""
+        return self.edges.shape[-1] - 1
 
     @property
     def rule(self) -> Rule:
@@ -55,57 +72,49 @@ class Grid(eqx.Module):
         return rule(self.n)
 
     @property
-    def half(self) -> Float[Array, " panels"]:
-        """Half widths (rad)."""
-        return 0.5 * (self.edges[1:] - self.edges[:-1])
-
-    @property
-    def middle(self) -> Float[Array, " panels"]:
-        """Middles (rad)."""
-        return 0.5 * (self.edges[1:] + self.edges[:-1])
-
-    @property
     def nodes(self) -> Float[Array, "panels n"]:
         """Crank angles of the nodes (rad)."""
         return self.middle[:, None] + self.half[:, None] * self.rule.x[None]
 
-    def in_order(self, scene: Scene) -> Scene:
-        """The scene with windows given by panel numbers, mapped evenly onto the cycle; `orders` is the side. In panels
-        of zero width this decides which loads act, so that an integral has the derivative of each switch by itself. Use
-        it only for the reduced torque: that side is not a crank angle, and gives no direction of motion.
-        """
-        ends = iter(self.switches.astype(float) * (scene.cycle / self.half.size))
-        loads = tuple(
-            load if load.window is None else dataclasses.replace(load, window=Window(next(ends), next(ends)))
-            for load in scene.loads
-        )
-        return dataclasses.replace(scene, loads=loads)
-
-    def orders(self, scene: Scene) -> Float[Array, " panels"]:
-        """The middle of every panel (rad) if all panels had equal widths."""
-        return (jnp.arange(self.half.size, dtype=float) + 0.5) * (scene.cycle / self.half.size)
-
     def place(self, phi: Array) -> Place:
         """The place of a crank angle; an edge belongs to the panel that begins there (the right-hand limit)."""
-        start, cycle = self.edges[0], self.edges[-1] - self.edges[0]
-        phi = start + wrapped(phi - start, cycle)
-        nearly = phi + 8 * jnp.finfo(phi.dtype).eps * cycle  # an edge stays an edge despite rounding
+        start = self.edges[0]
+        phi = start + wrapped(phi - start, self.length)
+        nearly = phi + 8 * jnp.finfo(phi.dtype).eps * self.length  # an edge stays an edge despite rounding
         panel = jnp.clip(jnp.searchsorted(self.edges, nearly, side="right") - 1, 0, self.edges.size - 2)
         panel = panel.astype(jnp.int32)
-        return Place(panel, jnp.clip(safe_divide(phi - self.middle[panel], self.half[panel]), -1.0, 1.0), phi)
+        middle, half = taken(self.middle, panel), taken(self.half, panel)
+        return Place(panel, jnp.clip(safe_divide(phi - middle, half), -1.0, 1.0), phi, middle)
+
+    def at(self, panel: Int[Array, " *places"], x: Array) -> Place:
+        """The place at the coordinate `x` of a panel."""
+        middle = taken(self.middle, panel)
+        return Place(panel, x, middle + taken(self.half, panel) * x, middle)
 
     def node_places(self) -> Place:
         """The nodes as places, every leaf of shape (panels, n)."""
         panel, x = jnp.meshgrid(jnp.arange(self.half.size, dtype=jnp.int32), jnp.asarray(self.rule.x), indexing="ij")
-        return Place(panel, x, self.nodes)
+        return Place(panel, x, self.nodes, jnp.broadcast_to(self.middle[:, None], panel.shape))
+
+    def loaded(self, dynamics: tuple, panel: Int[Array, " places"]) -> Reduced:
+        """The reduced model at places in these panels, from `Sample.dynamics` there, which may be longer; each with the
+        loads that act in its panel."""
+        given = jax.tree.map(lambda leaf: leaf[: panel.shape[0]], dynamics)
+        return loaded(*given, self.loads, taken(self.active, panel))
+
+    def reduced(self, dynamics: tuple, panel: Int[Array, " places"]) -> Reduced:
+        """The same as it determines the motion of the crank."""
+        return of_crank(self.loaded(dynamics, panel), self.prescribed)
 
 
 class Place(NamedTuple):
-    """A position on the grid: panel number, coordinate `x` in [-1, 1] within the panel, and crank angle (rad)."""
+    """A position on the grid: panel number, coordinate `x` in [-1, 1] within the panel, crank angle (rad), and an angle
+    inside the panel (rad): limits at jumps are taken from this side."""
 
     panel: Int[Array, ""]
     x: Array
     phi: Array
+    side: Array
 
 
 class Candidates(NamedTuple):
@@ -115,123 +124,206 @@ class Candidates(NamedTuple):
     distance: Array
 
 
+class Plan(NamedTuple):
+    """The fixed sizes of a grid: crank turns and their angle (rad), reversals per opposing load, edges, nodes per
+    panel, scan points per turn, names of the loads, and whether panels are halved in a loop."""
+
+    turns: int
+    cycle: float
+    slots: int
+    count: int
+    n: int
+    points: int
+    loads: tuple[str, ...]
+    prescribed: bool
+    rolled: bool
+
+    @property
+    def scan(self) -> np.ndarray:
+        """The scan angles (rad)."""
+        return scan_angles(self.turns, SCAN)
+
+
+class Switches(NamedTuple):
+    """Crank angles (rad) at which every load is switched on and off, None for a permanent one; kinks of the motion law;
+    magnitudes of opposing loads, and their numbers."""
+
+    windows: tuple[Window | None, ...]
+    kinks: tuple[Array, ...]
+    strengths: tuple[Array, ...]
+
+
 def make_grid(scene: Scene, nodes: int) -> Grid:
     """The grid of a scene, with about `nodes` nodes per crank turn (at least 4 per panel)."""
-    scene = ready(scene)
-    windows = [end for load in scene.loads if load.window is not None for end in (load.window.on, load.window.off)]
-    windows = [wrapped(end, scene.cycle) for end in windows]
-    breaks = [wrapped(jnp.asarray(angle), scene.cycle) for angle in _breaks(scene)]
+    return grid_of(Sampler(ready(scene)), nodes)
+
+
+def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = SCAN) -> Grid:
+    """The grid of a machine that is evaluated in batches; `scanned` are samples at `points` angles per turn, a multiple
+    of `SCAN`, if known."""
+    scene, turns = machine.scene, machine.scene.cycle_turns
     opposing = [load for load in scene.loads if load.opposing]
-    groups = len(scene.mechanism.groups) - 1
-    turns, slots = scene.cycle_turns, REVERSALS * scene.cycle_turns
-    count = max(6 * turns, len(windows) + len(breaks) + slots * len(opposing) + groups * turns)
-    scan = scan_angles(turns, SCAN)
-    motions, closeness = jax.vmap(lambda phi: _scan_at(scene, opposing, phi))(scan)
-    found = [_reversals(scene, load, m, scan) for load, m in zip(opposing, motions, strict=True)]
-    by_turn = jax.tree.map(lambda leaf: leaf.reshape(turns, SCAN), (closeness, scan))
-    soft = [
-        _closest(*jax.tree.map(lambda leaf, turn=turn: leaf[turn], (margins, by_turn[1])))
-        for margins in by_turn[0]
-        for turn in range(turns)
-    ]
-    kinks = _collect(scene, [*(f[0] for f in found), *jax.lax.stop_gradient(soft)])
-    edges = _edges(scene, windows + breaks, kinks, count)
-    overflow = jnp.any(jnp.stack([jnp.asarray(False), *(f[1] for f in found)]))
-    doubt = sum((f[2] for f in found), jnp.zeros(()))
-    n = max(4, -(-nodes * turns // count))
-    return Grid(edges, _switches(edges, windows), overflow, doubt, n, scan.size + POLISH * slots * len(opposing))
+    kinks, groups = _kinks(scene), list(named_groups(scene.mechanism))[1:]
+    windows = sum(load.window is not None for load in scene.loads)
+    slots = REVERSALS * turns
+    count = max(6 * turns, 2 * windows + len(kinks) + slots * len(opposing) + len(groups) * turns)
+    names = tuple(load.name for load in scene.loads)
+    plan = Plan(
+        turns, scene.cycle, slots, count, max(4, -(-nodes * turns // count)), points, names, scene.mechanism.prescribed,
+        not machine.traced,
+    )
+    switches = Switches(
+        tuple(load.window for load in scene.loads), kinks, tuple(load.strength() for load in opposing)
+    )
+    if scanned is None:
+        plan = plan._replace(points=SCAN)
+        scanned = machine.sample(plan.scan, fixed=True, gaps=True)
+    acting = tuple(load.window for load in opposing)
+    found, near = None, [list(scanned.margins[name].values()) for name in groups]
+    if not opposing:
+        return machine.run(_grid, switches, None, None, None, near, plan=plan)
+
+    def motions(sample):
+        return tuple(motion for load in opposing if (motion := load.opposed(sample.pose)) is not None)
+
+    found, flat = machine.run(_scanned, motions(scanned), acting, plan=plan)
+    angle = found.angle
+    for _ in range(POLISH - 1):
+        angle, flat = machine.run(_polished, angle, motions(machine.sample(flat, fixed=True)), found)
+    last = motions(machine.sample(flat))
+    return machine.run(_grid, switches, found, angle, last, near, plan=plan)
 
 
-def _breaks(scene: Scene) -> list[float]:
+@compiled_soon(static=("plan",))
+def _scanned(motions: tuple[Motion, ...], windows: tuple[Window | None, ...], plan: Plan) -> tuple[Found, Array]:
+    """First guesses of the reversals of the motions that loads oppose, while these act."""
+
+    def acting(start):
+        rows = [window.active(at, plan.cycle) > 0 if window is not None else jnp.isfinite(at)
+                for window, at in zip(windows, start, strict=True)]  # fmt: skip
+        return jnp.stack(rows)
+
+    v, a = (_thinned(part, plan) for part in stacked_motions(motions))
+    found = scan_reversals(v, a, plan.scan, plan.slots, acting)
+    return found, found.angle.ravel()
+
+
+def _thinned(values: Array, plan: Plan) -> Array:
+    """Values at the scan angles of the grid, from those at `plan.points` per turn."""
+    return values[..., : plan.points * plan.turns : plan.points // SCAN]
+
+
+@compiled_soon
+def _polished(angle: Array, motions: tuple[Motion, ...], found: Found) -> tuple[Array, Array]:
+    v, a = (own(part, angle.shape[1]) for part in stacked_motions(motions))
+    angle = jax.lax.stop_gradient(refined(angle, v, a, 2 * math.pi / SCAN, found).angle)
+    return angle, angle.ravel()
+
+
+@compiled_soon(static=("plan",))
+def _grid(
+    switches: Switches,
+    found: Found | None,
+    angle: Array | None,
+    motions: tuple[Motion, ...] | None,
+    margins: list[list[Margin]],
+    plan: Plan,
+) -> Grid:
+    """The grid, from its switches, the reversals before their last refinement, and the margins at the scan angles."""
+    ends = [end for window in switches.windows if window is not None for end in (window.on, window.off)]
+    ends = [wrapped(end, plan.cycle) for end in ends]
+    kinks, overflow, doubt = Candidates(jnp.zeros(0), jnp.zeros(0)), jnp.asarray(False), jnp.zeros(())
+    evaluations = plan.turns * SCAN
+    if found is not None and angle is not None and motions is not None:
+        v, a = (own(part, plan.slots) for part in stacked_motions(motions))
+        turns = refined(angle, v, a, 2 * math.pi / SCAN, found)
+        distance = jnp.where(turns.present, turns.distance, jnp.inf)
+        kinks, overflow = Candidates(turns.angle.ravel(), distance.ravel()), jnp.any(turns.overflow)
+        wrong = jnp.sum(jnp.where(turns.present, turns.rate * turns.left**2, 0.0), axis=1)
+        # between the true and the computed angle of a reversal its load has the wrong sign
+        doubt = jax.lax.stop_gradient(jnp.sum(jnp.abs(jnp.stack(switches.strengths)) * wrong))
+        evaluations += POLISH * turns.angle.size
+    soft = jax.lax.stop_gradient(_closest(margins, plan))
+    kinks = Candidates(*(jnp.concatenate(pair) for pair in zip(kinks, soft, strict=True)))
+    kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
+    fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks)]
+    edges = _edges(fixed, kinks, plan)
+    active = _active(switches.windows, _switched(edges, ends), plan)
+    low, high = edges[:-1], edges[1:]
+    return Grid(edges, 0.5 * (high - low), 0.5 * (high + low), active, overflow, doubt, plan.n, plan.cycle, plan.loads, plan.prescribed, evaluations)
+
+
+def _kinks(scene: Scene) -> tuple[Array, ...]:
     """Crank angles where the motion law of the driver has a kink, over the whole cycle."""
     law = scene.mechanism.driver.follows()
     if law is None:
-        return []
+        return ()
     times = round(scene.cycle / law.period())
-    return [angle + k * law.period() for k in range(times) for angle in law.breaks()]
+    return tuple(np.asarray(angle + k * law.period(), float) for k in range(times) for angle in law.breaks())
 
 
-def _scan_at(scene, opposing, phi):
-    here = pose(scene.mechanism, phi)
-    motions = [motion for load in opposing if (motion := load.opposed(here)) is not None]
-    groups = list(named_groups(scene.mechanism).values())[1:]
-    return motions, [list(g.margins(scene.mechanism.held_by(g), here.links, here.points, phi).values()) for g in groups]
-
-
-def _reversals(scene: Scene, load: AbstractLoad, scanned: Motion, scan: Array) -> tuple[Candidates, Array, Array]:
-    """Reversals of the motion that a load opposes while the load acts; whether there are too many; and the error of the
-    work (J) due to their position error: between the true and the computed angle the load has the wrong sign."""
-
-    def motion(phi):
-        here = load.opposed(pose(scene.mechanism, phi))
-        assert here is not None  # only called for opposing loads
-        return here
-
-    def on(angle):
-        return jnp.isfinite(angle) if load.window is None else load.window.active(angle, scene.cycle) > 0
-
-    found = find_reversals(motion, scanned, scan, REVERSALS * scene.cycle_turns, POLISH, on)
-    wrong = jnp.abs(load.strength()) * jnp.sum(jnp.where(found.present, found.rate * found.left**2, 0.0))
-    kinks = Candidates(found.angle, jnp.where(found.present, found.distance, jnp.inf))
-    return kinks, found.overflow, jax.lax.stop_gradient(wrong)
-
-
-def _closest(margins: list[Margin], scan: Array) -> Candidates:
-    """A group's closest approach to a singular position: its margin is zero at √(2m/m'') off the real axis."""
-    step = scan[1] - scan[0]
-    best = Candidates(jnp.zeros(()), jnp.asarray(jnp.inf))
-    for margin in margins:
-        least = highest(-margin.value)
-        at, value, d, dd = (_pick(least, part) for part in (scan, margin.value, margin.d, margin.dd))
-        dd = jnp.maximum(dd, 1e-12)
-        move = jnp.clip(-d / dd, -step, step)
-        distance = jnp.sqrt(2 * jnp.maximum(value + move * (d + 0.5 * move * dd), 0.0) / dd)
-        nearer = distance < best.distance
-        best = Candidates(*(jnp.where(nearer, a, b) for a, b in zip((at + move, distance), best, strict=True)))
-    return best
+def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:
+    """Closest approach of every group to a singular position in every turn: its margin is zero at √(2m/m'') off the
+    real axis."""
+    sides = [side for group in margins for side in group]
+    if not sides:
+        return Candidates(jnp.zeros(0), jnp.zeros(0))
+    step, scan = 2 * math.pi / SCAN, plan.scan.reshape((1, plan.turns, SCAN))
+    rows = [_thinned(jnp.stack(part), plan) for part in zip(*sides, strict=True)]
+    value, d, dd = (part.reshape((len(sides), plan.turns, SCAN)) for part in rows)
+    least = jax.vmap(jax.vmap(highest))(-value)
+    at, value, d, dd = (_pick(least, part) for part in (jnp.broadcast_to(scan, value.shape), value, d, dd))
+    dd = jnp.maximum(dd, 1e-12)
+    move = jnp.clip(-d / dd, -step, step)
+    distance = jnp.sqrt(2 * jnp.maximum(value + move * (d + 0.5 * move * dd), 0.0) / dd)
+    found, first = [], 0
+    for group in margins:
+        best, first = Candidates(jnp.zeros(plan.turns), jnp.full(plan.turns, jnp.inf)), first + len(group)
+        for i in range(first - len(group), first):
+            nearer = distance[i] < best.distance
+            best = Candidates(*(jnp.where(nearer, a, b) for a, b in zip((at[i] + move[i], distance[i]), best, strict=True)))
+        found.append(best)
+    return Candidates(*(jnp.concatenate(part) for part in zip(*found, strict=True)))
 
 
 def _pick(mask: Array, values: Array) -> Array:
-    """The largest masked value; a maximum is much cheaper than a gather on a CPU."""
-    return jnp.max(jnp.where(mask, values, -jnp.inf))
+    """The largest masked value along the last axis; a maximum is much cheaper than a gather on a CPU."""
+    return jnp.max(jnp.where(mask, values, -jnp.inf), axis=-1)
 
 
-def _collect(scene: Scene, candidates: list[Candidates]) -> Candidates:
-    """All kinks and near singularities in one list, angles modulo the cycle."""
-    if not candidates:
-        return Candidates(jnp.zeros((0,)), jnp.zeros((0,)))
-    angle, distance = (jnp.concatenate([jnp.atleast_1d(c[i]) for c in candidates]) for i in (0, 1))
-    return Candidates(wrapped(angle, scene.cycle), distance)
-
-
-def _edges(scene: Scene, windows: list[Array], kinks: Candidates, count: int) -> Array:
-    """Sorted edges; each spare edge halves the panel that is widest relative to its distance from a singularity."""
-    cycle = scene.cycle
-    kept = list(windows)
-    for k in range(kinks.angle.shape[0]):
-        angle = kinks.angle[k]
-        twin = [jnp.abs(nearest_turn(angle - other, cycle)) < SAME for other in kept]
-        gone = jnp.any(jnp.stack([kinks.distance[k] > REACH, *twin]))
-        kept.append(jnp.where(gone, jnp.inf, angle))
-    kept += [jnp.asarray(jnp.inf)] * (count - len(kept))
-    edges = _sorted(jnp.stack(kept))
+def _edges(fixed: list[Array], kinks: Candidates, plan: Plan) -> Array:
+    """Sorted edges; each spare edge halves the panel that is widest relative to its distance from a singularity. Of
+    breakpoints closer than `SAME` the first is kept."""
+    cycle, angle = plan.cycle, kinks.angle
+    given = jnp.stack(fixed) if fixed else jnp.zeros(0)
+    far = kinks.distance > REACH
+    twin = jnp.abs(nearest_turn(angle[:, None] - angle[None], cycle)) < SAME
+    twin &= jnp.asarray(np.tri(angle.size, k=-1, dtype=bool)) & ~far[None]
+    gone = far | jnp.any(twin, axis=1) | jnp.any(jnp.abs(nearest_turn(angle[:, None] - given[None], cycle)) < SAME, axis=1)
+    spare = jnp.full(plan.count - given.size - angle.size, jnp.inf)
+    edges = _sorted(jnp.concatenate([given, jnp.where(gone, jnp.inf, angle), spare]))
     start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)
     edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
     edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
-    for _ in range(count - max(1, len(windows))):
-        edges = _halve(edges, kinks, cycle)
-    return edges
+    rounds = plan.count - max(1, given.size)
+    if rounds <= UNROLLED and not plan.rolled:
+        for _ in range(rounds):
+            edges = _halve(edges, kinks, cycle)
+        return edges
+    return jax.lax.fori_loop(0, rounds, lambda _, edges: _halve(edges, kinks, cycle), edges)
 
 
 def _sorted(values: Array) -> Array:
-    """A few values in order, by counting, because a sort is slow on a CPU."""
+    """Values in order; a few by counting, because a sort is slow on a CPU."""
+    if values.size > 4 * UNROLLED:
+        return jnp.sort(values)
     number = jnp.arange(values.size)
     before = (values[None] < values[:, None]) | ((values[None] == values[:, None]) & (number[None] < number[:, None]))
     place = jnp.sum(before, axis=1)
     return jnp.max(jnp.where(place[None] == number[:, None], values[None], -jnp.inf), axis=1)
 
 
-def _switches(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
+def _switched(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
     """The edge number of every window end; ends at one angle get consecutive edges."""
     if not ends:
         return jnp.zeros((0,), jnp.int32)
@@ -239,6 +331,20 @@ def _switches(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
     before = jnp.sum(edges[None] < found[:, None], axis=1)
     twins = jnp.sum((found[None] == found[:, None]) & (number[None] < number[:, None]), axis=1)
     return (before + twins).astype(jnp.int32)
+
+
+def _active(windows: tuple[Window | None, ...], switched: Array, plan: Plan) -> Float[Array, "panels loads"]:
+    """One where a load acts in a panel, zero otherwise. The panel decides, not its angle: where several loads switch at
+    one angle, an integral then has the derivative of each switch by itself."""
+    panels, columns, ends = jnp.arange(plan.count), [], iter(range(0, switched.size, 2))
+    for window in windows:
+        if window is None:
+            columns.append(jnp.ones(plan.count))
+            continue
+        first = next(ends)
+        on, off = switched[first], switched[first + 1]
+        columns.append(jnp.where(jnp.mod(panels - on, plan.count) < jnp.mod(off - on, plan.count), 1.0, 0.0))
+    return jnp.stack(columns, axis=1) if columns else jnp.zeros((plan.count, 0))
 
 
 def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
@@ -257,5 +363,5 @@ def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
     free = fixed[-2] >= fixed[-1]
     cut = _pick(hardest, 0.5 * (low + high))
     after = jnp.concatenate([edges[:1], edges[:-1]])
-    new = jnp.where(edges <= cut, edges, jnp.where(jnp.concatenate([edges[:1], edges[:-1]]) <= cut, cut, after))
+    new = jnp.where(edges <= cut, edges, jnp.where(after <= cut, cut, after))
     return jnp.where(free, new, edges)

@@ -8,13 +8,10 @@ from __future__ import annotations
 import functools
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from numpy.polynomial import legendre
-
-UNROLLED = 40  # the most Legendre polynomials computed without a loop
+from numpy.polynomial import chebyshev, legendre
 
 
 class Rule(NamedTuple):
@@ -23,12 +20,13 @@ class Rule(NamedTuple):
     x: np.ndarray  # nodes
     w: np.ndarray  # weights
     spectrum: np.ndarray  # Legendre coefficients of the interpolant
-    primitive: np.ndarray  # Legendre coefficients (degree n) of the integral from -1
+    series: np.ndarray  # its Chebyshev coefficients
+    primitive: np.ndarray  # Chebyshev coefficients (degree n) of the integral from -1
     fine: np.ndarray  # points of the search grid, both ends included
     to_fine: np.ndarray  # interpolant on the search grid
-    at_nodes: np.ndarray  # a series of degree n at the nodes
+    at_nodes: np.ndarray  # a Chebyshev series of degree n at the nodes
     points: np.ndarray  # low end, nodes, high end
-    at_points: np.ndarray  # a series of degree n there
+    at_points: np.ndarray  # a Chebyshev series of degree n there
     slope_at_points: np.ndarray  # its derivative there
     ends: np.ndarray  # interpolant at the two ends
     hermite_ends: tuple[np.ndarray, np.ndarray]  # Hermite interpolant at the two ends, from values and slopes
@@ -45,15 +43,22 @@ def rule(n: int) -> Rule:
     for j in range(n):
         raise_degree[j + 1, j] += 1 / (2 * j + 1)
         raise_degree[max(j - 1, 0), j] -= 1 / (2 * j + 1) if j else -1.0
-    primitive = raise_degree @ spectrum
     fine = np.cos(np.pi * np.arange(2 * n, -1, -1) / (2 * n))
     points = np.concatenate([[-1.0], x, [1.0]])
-    slopes = np.stack([legendre.legval(points, legendre.legder(one)) for one in np.eye(n + 1)], axis=1)
+    slopes = np.stack([chebyshev.chebval(points, chebyshev.chebder(one)) for one in np.eye(n + 1)], axis=1)
+    changed = _to_chebyshev(n + 1)
     return Rule(
-        x, w, spectrum, primitive, fine, legendre.legvander(fine, n - 1) @ spectrum, legendre.legvander(x, n),
-        points, legendre.legvander(points, n), slopes,
+        x, w, spectrum, changed[:n, :n] @ spectrum, changed @ raise_degree @ spectrum,
+        fine, legendre.legvander(fine, n - 1) @ spectrum, chebyshev.chebvander(x, n),
+        points, chebyshev.chebvander(points, n), slopes,
         legendre.legvander(points[[0, -1]], n - 1) @ spectrum, *_hermite(x),
     )  # fmt: skip
+
+
+def _to_chebyshev(count: int) -> np.ndarray:
+    """Chebyshev coefficients of the first `count` Legendre polynomials, one column each."""
+    at = chebyshev.chebpts1(count)
+    return np.linalg.solve(chebyshev.chebvander(at, count - 1), legendre.legvander(at, count - 1))
 
 
 def _hermite(x: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
@@ -68,24 +73,15 @@ def _hermite(x: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.nda
     return (straight * square, away * square), (straight * double - 2 * own * square, away * double + square)
 
 
-def legendre_sum(coefficients: Float[Array, "*rows k"], x: Float[Array, ""]) -> Float[Array, "*rows"]:
-    """Value of Legendre series at `x`, by the three-term recurrence."""
-    return coefficients @ legendre_basis(coefficients.shape[-1], x)
+def polynomials(count: int, x: Float[Array, "*places"]) -> Float[Array, "*places count"]:
+    """The first `count` Chebyshev polynomials at `x`, each round from the last ones: T(m+k) = 2 T(m) T(k) - T(m-k)."""
+    found = jnp.stack([jnp.ones_like(x), x], axis=-1)
+    while (m := found.shape[-1] - 1) < count - 1:
+        more = 2 * found[..., m:] * found[..., 1:] - found[..., m - 1 :: -1]
+        found = jnp.concatenate([found, more], axis=-1)
+    return found[..., :count]
 
 
-def legendre_basis(count: int, x: Float[Array, ""]) -> Float[Array, " k"]:
-    """The first `count` Legendre polynomials at `x`; many are computed in a loop, which compiles sooner."""
-    if count > UNROLLED:
-        k = jnp.arange(1, count - 1, dtype=x.dtype)
-
-        def following(pair, weights):
-            before, last = pair
-            new = weights[0] * x * last - weights[1] * before
-            return (last, new), new
-
-        rest = jax.lax.scan(following, (jnp.ones_like(x), x), ((2 * k + 1) / (k + 1), k / (k + 1)))[1]
-        return jnp.concatenate([jnp.stack([jnp.ones_like(x), x]), rest])
-    basis = [jnp.ones_like(x), x]
-    for k in range(1, count - 1):
-        basis.append(((2 * k + 1) / (k + 1)) * x * basis[k] - (k / (k + 1)) * basis[k - 1])
-    return jnp.stack(basis[:count])
+def series_sum(coefficients: Float[Array, "*places k"], x: Float[Array, "*places"]) -> Float[Array, "*places"]:
+    """Values of Chebyshev series at `x`."""
+    return jnp.sum(coefficients * polynomials(coefficients.shape[-1], x), axis=-1)

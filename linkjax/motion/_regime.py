@@ -5,19 +5,22 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, wrapped
+from linkjax.forces import Forces
 from linkjax.machine import Scene
-from linkjax.motion._extremum import Summit, climb, highest_in, phi_at, search, settle
+from linkjax.motion._extremum import Summit, climb, highest_in, search, settle
 from linkjax.motion._grid import Grid, Place
-from linkjax.motion._panels import legendre_sum
-from linkjax.motion._steady import Steady
+from linkjax.motion._panels import series_sum
+from linkjax.motion._steady import Steady, node_places
+from linkjax.sampling import Sample, Sampler
 
 FOLLOW = 3  # steps on the interpolants
 RIVALS = 2  # panels whose summits are compared on the function itself
@@ -27,22 +30,73 @@ ROUNDINGS = 4000.0  # rounding units of a peak: the least error stated
 FAR = 3e-2  # the most that the parabola may move a peak
 
 
-class Regime(eqx.Module):
-    """A scene with its cycle grid and, for the actual motion, its steady state (`None`: constant nominal speed)."""
+class Regime:
+    """A machine with its cycle grid and, for the actual motion, its steady state (`None`: constant nominal speed).
 
-    scene: Scene
-    grid: Grid
-    steady: Steady | None = None
+    With `fixed` nothing is differentiated.
+    """
 
-    def crank(self, place: Place) -> tuple[Array, Array]:
+    def __init__(self, machine: Sampler, grid: Grid, steady: Steady | None = None, *, fixed: bool = False):
+        self.machine, self.grid, self.steady, self.fixed = machine, grid, steady, fixed
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.machine.scene
+
+    @functools.cached_property
+    def still(self) -> Regime:
+        """The same without derivatives."""
+        if not self.machine.traced or self.fixed:
+            return self
+        return Regime(self.machine, *jax.lax.stop_gradient((self.grid, self.steady)), fixed=True)
+
+    def at(self, place: Place) -> At:
+        """The machine at several places of the grid, the leaves of `place` having one axis."""
+        place = self.machine.padded(place)
+        return At(place, self.machine.sample(place.phi, place.side, fixed=self.fixed))
+
+    def crank(self, at: At) -> tuple[Array, Array]:
         """Crank speed (rad/s) and acceleration (rad/s²)."""
-        if self.steady is None:
-            return self.scene.speed * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
-        return self.steady.at(self.scene, place)
+        return self._driven(at)[1]
 
-    def side(self, place: Place) -> Array:
-        """An angle inside the panel: limits at jumps are taken from this side."""
-        return self.grid.middle[place.panel]
+    def forces(self, at: At) -> Forces:
+        """Joint reactions, drive torque, and the other forces."""
+        active, crank = self._driven(at)
+        return self.machine.forces(at.sample, active, *crank, fixed=self.fixed)
+
+    def every_forces(self, at: At) -> tuple[Forces, ...]:
+        """The forces in the actual motion, unless the regime is of constant speed, and at constant nominal speed."""
+        active, *cranks = self._cranks(at)
+        return tuple(self.machine.forces(at.sample, active, *crank, fixed=self.fixed) for crank in cranks)
+
+    def every_crank(self, at: At) -> list[tuple[Array, Array]]:
+        """Crank speeds and accelerations of both."""
+        return self._cranks(at)[1:]
+
+    def _driven(self, at: At) -> tuple[Array, tuple[Array, Array]]:
+        active, crank, *_ = self._cranks(at)
+        return active, crank
+
+    def _cranks(self, at: At) -> list[Any]:
+        speed = self.machine.still.speed if self.fixed else self.scene.speed
+        return self.machine.run(_cranks, self.grid, self.steady, speed, at.place, at.sample.dynamics)
+
+
+class At(NamedTuple):
+    """The machine at several places of the grid."""
+
+    place: Place
+    sample: Sample
+
+
+@compiled_soon
+def _cranks(grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: tuple) -> list[Any]:
+    """Which loads act, and speed and acceleration in the actual motion and at constant speed."""
+    motions = [(nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi))]
+    if steady is not None:
+        motions.insert(0, steady.crank(nominal, grid.reduced(dynamics, place.panel), place))
+    return [grid.active[place.panel], *motions]
 
 
 class Peak(NamedTuple):
@@ -53,7 +107,7 @@ class Peak(NamedTuple):
     error: Array
 
 
-Components = Callable[[Regime, Place], Float[Array, "quantities parts"]]
+Components = Callable[[Regime, At], Float[Array, "places quantities parts"]]
 
 
 def peaks(
@@ -63,78 +117,129 @@ def peaks(
 ) -> Peak:
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
-    `components(regime, place)` gives the vectors at one place. At a jump both one-sided limits count. The highest
-    summits of the interpolants are compared on the functions themselves, and the best one is refined by a parabola.
-    Values that are known at the nodes may be passed as `at_nodes`.
+    `components(regime, at)` gives the vectors at several places; see `Regime.at`. At a jump both one-sided limits count. The highest summits of the interpolants are compared on the
+    functions themselves, and the best one is refined by a parabola. Values that are known at the nodes may be passed as
+    `at_nodes`.
     """
-    grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
-    at_nodes = _node_values(fixed, components) if at_nodes is None else jax.lax.stop_gradient(at_nodes)
-    heights, series = _interpolated(grid, at_nodes)
-    number = jnp.arange(at_nodes.shape[0])
+    machine, grid, still = regime.machine, regime.grid, regime.still
+    at_nodes = _node_values(still, components) if at_nodes is None else at_nodes
+    spots, heights, hidden = machine.run(_two_summits, still.grid, at_nodes)
+    spot, three = machine.run(_higher, still.grid, spots, components(still, still.at(spots.place)))
+    x, gained, place = machine.run(_parabola, grid, spot, components(still, still.at(three)))
+    return machine.run(_peaked, grid, x, gained, place, components(regime, regime.at(place)), heights, hidden)
 
-    def squared(which, panel, x):
-        vector = components(fixed, Place(panel, x, phi_at(grid, panel, x)))[which]
-        return jnp.sum(vector * vector)
 
-    def best(which, height, rows):
-        summits, tops = [], jnp.max(height, axis=1)
-        for _ in range(RIVALS):
-            summits.append(search(jnp.asarray(grid.rule.fine), height, tops))
-            tops = jnp.where(jnp.arange(tops.size) == summits[-1].panel, -jnp.inf, tops)
-        summit = jax.tree.map(lambda *leaves: jnp.stack(leaves), *summits)
-        x = jax.vmap(lambda one: _follow(rows[:, one.panel], one))(summit)
-        first = jnp.argmax(jax.vmap(lambda panel, x: squared(which, panel, x))(summit.panel, x))
-        return summit.panel[first], x[first]
+class Spots(NamedTuple):
+    """Places to look at, flat, and the panel and coordinate of each, shape (quantities, places)."""
 
-    panel, followed = jax.vmap(best)(number, heights, series)
-    x, gained = jax.vmap(lambda which, panel, x: _sharpened(lambda x: squared(which, panel, x), x))(
-        number, panel, followed
-    )
+    place: Place
+    panel: Array
+    x: Array
 
-    def value(which, panel, x):
-        place = settle(grid, panel, x)
-        vector = components(regime, place)[which]
-        return safe_sqrt(jnp.sum(vector * vector)), place.phi
 
-    top, phi = jax.vmap(value)(number, panel, x)
-    # the interpolants may hide another summit, higher by as much as their last terms
-    hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(series[..., -2:]), axis=-1) ** 2, axis=1))
+def _spots(grid: Grid, panel: Array, x: Array) -> Spots:
+    return Spots(grid.at(panel.ravel(), x.ravel()), panel, x)
+
+
+def _rows(found: Array, like: Array) -> Array:
+    """Of the vectors of all quantities at all places, those of each quantity at its own places; shape (*like.shape,
+    parts)."""
+    quantities, size = like.shape[0], like.size
+    every = found[:size].reshape((quantities, size // quantities, *found.shape[1:]))
+    own = every[:, :, 0] if quantities == 1 else jnp.moveaxis(jnp.diagonal(every, axis1=0, axis2=2), -1, 0)
+    return own.reshape((*like.shape, found.shape[-1]))
+
+
+def _squares(vectors: Array) -> Array:
+    return jnp.sum(vectors * vectors, axis=-1)
+
+
+@compiled_soon
+def _two_summits(grid: Grid, at_nodes: Array) -> tuple[Spots, Array, Array]:
+    """The highest summits of every quantity, the squared lengths on the search grid, and by how much the interpolants
+    may hide another summit: by as much as their last terms."""
+    heights, series = _interpolated(grid, jax.lax.stop_gradient(at_nodes))
+
+    def best(height, rows):
+        def following(tops, _):
+            found = search(jnp.asarray(grid.rule.fine), height, tops)
+            return jnp.where(jnp.arange(tops.size) == found.panel, -jnp.inf, tops), found
+
+        summit = jax.lax.scan(following, jnp.max(height, axis=1), length=RIVALS)[1]
+        return summit.panel, jax.vmap(lambda one: _follow(rows[:, one.panel], one))(summit)
+
+    last = at_nodes @ jnp.asarray(grid.rule.spectrum[-2:].T)
+    hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(jax.lax.stop_gradient(last)), axis=-1) ** 2, axis=1))
+    return _spots(grid, *jax.vmap(best)(heights, series)), heights, hidden
+
+
+@compiled_soon
+def _higher(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place]:
+    """The higher summit of each quantity, and three places around it."""
+    first = jnp.argmax(_squares(_rows(found, spots.x)), axis=1)[:, None]
+    panel, x = (jnp.take_along_axis(part, first, axis=1) for part in (spots.panel, spots.x))
+    return _spots(grid, panel[:, 0], x[:, 0]), _spots(grid, *_three(panel[:, 0], x[:, 0])).place
+
+
+def _near(x: Array) -> float:
+    return max(NEAR, COARSE * math.sqrt(jnp.finfo(x.dtype).eps))
+
+
+def _three(panel: Array, x: Array) -> tuple[Array, Array]:
+    """Three places around each one, in the same panel."""
+    near = _near(x)
+    centre = jnp.clip(x, -1.0 + near, 1.0 - near)
+    three = centre[..., None] + near * jnp.asarray([-1.0, 0.0, 1.0], x.dtype)
+    return jnp.broadcast_to(panel[..., None], three.shape), three
+
+
+def _sharpened(followed: Array, y: Array) -> tuple[Array, Array]:
+    """The coordinate of a summit by a parabola through three squared values, and the increase of the square by it."""
+    near = _near(followed)
+    centre = jnp.clip(followed, -1.0 + near, 1.0 - near)
+    bend, tilt = y[..., 2] - 2 * y[..., 1] + y[..., 0], 0.5 * (y[..., 2] - y[..., 0])
+    step = jnp.where(bend < 0, -near * safe_divide(tilt, bend), jnp.sign(tilt))
+    x = jnp.clip(centre + jnp.clip(step, -FAR, FAR), -1.0, 1.0)
+    gained = jnp.abs(tilt * (jnp.clip(centre + step, -1.0, 1.0) - followed)) / near
+    return jax.lax.stop_gradient(x), gained
+
+
+@compiled_soon
+def _parabola(grid: Grid, spot: Spots, found: Array) -> tuple[Array, Array, Place]:
+    three = jnp.broadcast_to(spot.x[:, None], (*spot.x.shape, 3))
+    x, gained = _sharpened(spot.x, _squares(_rows(found, three)))
+    return x, gained, settle(grid, spot.panel, x)
+
+
+@compiled_soon
+def _peaked(
+    grid: Grid, x: Array, gained: Array, place: Place, found: Array, heights: Array, hidden: Array
+) -> Peak:
+    top, phi = safe_sqrt(_squares(_rows(found, x))), place.phi
     places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(grid.rule.fine)[None]
-    away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], regime.scene.cycle))
-    near = away < (3 / grid.n) * (grid.half[None, :] + grid.half[panel][:, None])[..., None]
+    away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], grid.length))
+    near = away < (3 / grid.n) * (grid.half[None, :] + grid.half[place.panel][:, None])[..., None]
     near &= (jnp.abs(x) < 1)[:, None, None]  # a summit at the end of a panel may continue in the next one
     rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[..., None]), axis=(1, 2)) - top
     doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + ROUNDINGS * jnp.finfo(top.dtype).eps * top
-    return Peak(top, wrapped(phi, regime.scene.cycle), jax.lax.stop_gradient(doubt))
+    return Peak(top, wrapped(phi, grid.length), jax.lax.stop_gradient(doubt))
 
 
 def _interpolated(grid: Grid, at_nodes: Array) -> tuple[Array, Array]:
     """Squared lengths on the search grid of every panel, and the series of the parts."""
     fine = at_nodes @ jnp.asarray(grid.rule.to_fine.T)
     heights = functools.reduce(jnp.add, [fine[:, i] * fine[:, i] for i in range(fine.shape[1])])  # faster than jnp.sum
-    return heights, at_nodes @ jnp.asarray(grid.rule.spectrum.T)
+    return heights, at_nodes @ jnp.asarray(grid.rule.series.T)
 
 
 def _follow(rows: Array, summit: Summit) -> Array:
     """Refine a summit of the search grid on the interpolant, whose series are `rows`."""
 
     def slope(x):
-        value, rate = jax.jvp(lambda x: legendre_sum(rows, x), (x,), (jnp.ones_like(x),))
+        value, rate = jax.jvp(lambda x: series_sum(rows, x), (x,), (jnp.ones_like(x),))
         return 2 * jnp.sum(value * rate)
 
     return climb(slope, summit, FOLLOW)
-
-
-def _sharpened(squared: Callable[[Array], Array], followed: Array) -> tuple[Array, Array]:
-    """The coordinate of a summit by a parabola through the function itself, and the increase of the square by it."""
-    near = max(NEAR, COARSE * math.sqrt(jnp.finfo(followed.dtype).eps))
-    centre = jnp.clip(followed, -1.0 + near, 1.0 - near)
-    y = jax.vmap(squared)(centre + near * jnp.asarray([-1.0, 0.0, 1.0]))
-    bend, tilt = y[2] - 2 * y[1] + y[0], 0.5 * (y[2] - y[0])
-    step = jnp.where(bend < 0, -near * safe_divide(tilt, bend), jnp.sign(tilt))
-    x = jnp.clip(centre + jnp.clip(step, -FAR, FAR), -1.0, 1.0)
-    gained = jnp.abs(tilt * (jnp.clip(centre + step, -1.0, 1.0) - followed)) / near
-    return jax.lax.stop_gradient(x), gained
 
 
 class Rows(eqx.Module):
@@ -154,11 +259,7 @@ def rows(regime: Regime, components: Components, at_nodes: Array | None = None) 
     """Vectors over the continuous cycle, differentiable: those at every node, and those of `summits`."""
     if at_nodes is None:
         at_nodes = _node_values(regime, components)
-    tops, parts = summits(regime, components, at_nodes), at_nodes.shape[1]
-    vectors = jnp.concatenate([jnp.moveaxis(at_nodes, 1, -1).reshape((-1, parts)), tops.vectors.reshape((-1, parts))])
-    nodes = jnp.broadcast_to(regime.grid.nodes, (at_nodes.shape[0], *regime.grid.nodes.shape))
-    nodes = wrapped(jax.lax.stop_gradient(nodes), regime.scene.cycle)
-    return Rows(vectors, jnp.concatenate([nodes.ravel(), tops.angle.ravel()]))
+    return regime.machine.run(_joined, regime.grid, at_nodes, summits(regime, components, at_nodes))
 
 
 class Summits(NamedTuple):
@@ -168,43 +269,77 @@ class Summits(NamedTuple):
     angle: Float[Array, "quantities places"]
 
 
+@compiled_soon
+def _joined(grid: Grid, at_nodes: Array, tops: Summits) -> Rows:
+    parts = at_nodes.shape[1]
+    vectors = jnp.concatenate([jnp.moveaxis(at_nodes, 1, -1).reshape((-1, parts)), tops.vectors.reshape((-1, parts))])
+    nodes = jnp.broadcast_to(grid.nodes, (at_nodes.shape[0], *grid.nodes.shape))
+    nodes = wrapped(jax.lax.stop_gradient(nodes), grid.length)
+    return Rows(vectors, jnp.concatenate([nodes.ravel(), tops.angle.ravel()]))
+
+
 def summits(regime: Regime, components: Components, at_nodes: Float[Array, "quantities parts panels n"]) -> Summits:
     """Vectors at both ends of every panel (both limits at every jump) and at the two highest summits of every panel.
     Each summit is found as in `peaks` and refined to rounding. Differentiable, but not with respect to `at_nodes`."""
-    grid, fixed = regime.grid, jax.lax.stop_gradient(regime)
-    quantities, parts, panels, n = at_nodes.shape
+    machine, still = regime.machine, regime.still
+    spots, three = machine.run(_all_summits, still.grid, at_nodes)
+    spots, three = machine.run(_again, still.grid, spots, components(still, still.at(three)))
+    place = machine.run(_settled, regime.grid, spots, components(still, still.at(three)))  # twice: an optimiser sees the error
+    return machine.run(_on_summits, regime.grid, place, components(regime, regime.at(place)), quantities=at_nodes.shape[0])
+
+
+@compiled_soon
+def _all_summits(grid: Grid, at_nodes: Array) -> tuple[Spots, Place]:
+    """The two highest summits of every panel, and three places around each; shape (quantities, panels, 2)."""
     heights, series = _interpolated(grid, jax.lax.stop_gradient(at_nodes))
-    fine, number = jnp.asarray(grid.rule.fine), jnp.arange(panels, dtype=jnp.int32)
+    fine, number = jnp.asarray(grid.rule.fine), jnp.arange(grid.panels, dtype=jnp.int32)
 
-    def two(which, height, coefficients, panel):
-        def squared(x):
-            vector = components(fixed, Place(panel, x, phi_at(fixed.grid, panel, x)))[which]
-            return jnp.sum(vector * vector)
-
+    def two(height, coefficients, panel):
         first = _follow(coefficients, highest_in(fine, height, panel))
         rises = jnp.concatenate([jnp.ones(1, bool), height[1:] >= height[:-1]])
         falls = jnp.concatenate([height[:-1] >= height[1:], jnp.ones(1, bool)])
-        other = jnp.where(rises & falls & (jnp.abs(fine - first) > 2.5 / n), height, 0.0)
-        both = jnp.stack([first, _follow(coefficients, highest_in(fine, other, panel))])
-        # twice, to rounding: an optimiser is sensitive to the error
-        return jax.vmap(lambda x: _sharpened(squared, _sharpened(squared, x)[0])[0])(both)
+        other = jnp.where(rises & falls & (jnp.abs(fine - first) > 2.5 / grid.n), height, 0.0)
+        return jnp.stack([first, _follow(coefficients, highest_in(fine, other, panel))])
 
-    def at(which, panel, x):
-        place = settle(grid, panel, x)
-        return components(regime, place)[which], place.phi
+    x = jax.vmap(jax.vmap(two, in_axes=(0, 1, 0)), in_axes=(0, 0, None))(heights, series, number)
+    panel = jnp.broadcast_to(number[None, :, None], x.shape)
+    return _spots(grid, panel, x), _spots(grid, *_three(panel, x)).place
 
-    def in_panels(which, heights, series):
-        x = jax.vmap(lambda h, c, p: two(which, h, c, p), in_axes=(0, 1, 0))(heights, series, number)
-        x = jnp.concatenate([jnp.broadcast_to(jnp.asarray([-1.0, 1.0]), (panels, 2)), x], axis=1)
-        return jax.vmap(lambda panel, x: jax.vmap(lambda x: at(which, panel, x))(x))(number, x)
 
-    tops, angles = jax.vmap(in_panels)(jnp.arange(quantities), heights, series)
-    angles = wrapped(jax.lax.stop_gradient(angles), regime.scene.cycle)
-    return Summits(tops.reshape((quantities, -1, parts)), angles.reshape((quantities, -1)))
+@compiled_soon
+def _again(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place]:
+    x = _sharp(spots, found)
+    return spots._replace(x=x), _spots(grid, *_three(spots.panel, x)).place
+
+
+def _sharp(spots: Spots, found: Array) -> Array:
+    three = jnp.broadcast_to(spots.x[..., None], (*spots.x.shape, 3))
+    return _sharpened(spots.x, _squares(_rows(found, three)))[0]
+
+
+@compiled_soon
+def _settled(grid: Grid, spots: Spots, found: Array) -> Place:
+    """The two ends and the two summits of every panel, flat."""
+    x = _sharp(spots, found)
+    ends = jnp.broadcast_to(jnp.asarray([-1.0, 1.0], x.dtype), (*x.shape[:2], 2))
+    panel = jnp.concatenate([spots.panel, spots.panel], axis=-1).ravel()
+    return settle(grid, panel, jnp.concatenate([ends, x], axis=-1).ravel())
+
+
+@compiled_soon(static=("quantities",))
+def _on_summits(grid: Grid, place: Place, found: Array, quantities: int) -> Summits:
+    angle = place.phi.reshape((quantities, -1))
+    return Summits(_rows(found, angle), wrapped(jax.lax.stop_gradient(angle), grid.length))
 
 
 def _node_values(regime: Regime, components: Components) -> Array:
     """The vectors at every node, shape (quantities, parts, panels, n)."""
-    places = jax.tree.map(jnp.ravel, regime.grid.node_places())
-    flat = jax.vmap(lambda place: components(regime, place), out_axes=-1)(places)
-    return flat.reshape((*flat.shape[:2], *regime.grid.nodes.shape))
+    place = regime.machine.run(node_places, regime.grid, edges=False)
+    return regime.machine.run(by_node, regime.grid, components(regime, regime.at(place)))
+
+
+@compiled_soon
+def by_node(grid: Grid, found: Float[Array, "places quantities parts"]) -> Float[Array, "quantities parts panels n"]:
+    """Vectors at the nodes, first of all places, in the order of the grid."""
+    flat = jnp.moveaxis(found[: grid.size], 0, -1)
+    return flat.reshape((*flat.shape[:2], *grid.nodes.shape))

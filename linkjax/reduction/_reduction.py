@@ -6,6 +6,7 @@ Mechanisms and Machines, 1988, ch. 15; Eksergian, Dynamical analysis of machines
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -29,8 +30,15 @@ class Reduced(NamedTuple):
     by_load: dict[str, Array]
 
 
-def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
-    """The reduced model for a given pose; see `reduced_model`."""
+def reduce_pose(scene: Scene, at: Instant, here: Pose, active: Array | None = None) -> Reduced:
+    """The reduced model for a given pose; see `reduced_model`. `active` says which loads act, by default those of
+    `at.side`."""
+    inertia, slope, shares = unloaded(scene, at, here)
+    return loaded(inertia, slope, shares, [load.name for load in scene.loads], _active(scene, at, active))
+
+
+def unloaded(scene: Scene, at: Instant, here: Pose) -> tuple[Array, Array, dict[str, Array]]:
+    """Reduced inertia, its slope, and the shares of gravity and of every load, each as if it acted."""
     inertia, half_slope, weight = scene.mechanism.flywheel.inertia, jnp.zeros_like(at.phi), jnp.zeros_like(at.phi)
     if scene.mechanism.prescribed:
         turn = here.links[scene.mechanism.driving_link]
@@ -40,8 +48,18 @@ def reduce_pose(scene: Scene, at: Instant, here: Pose) -> Reduced:
         inertia = inertia + body.mass * point.dr.squared() + body.inertia * (turn.w * turn.w)
         half_slope = half_slope + body.mass * point.dr.dot(point.ddr) + body.inertia * (turn.w * turn.e)
         weight = weight + body.mass * scene.gravity.dot(point.dr)
-    by_load = {"gravity": weight, **{load.name: load.share(here, at) for load in scene.loads}}
-    return Reduced(inertia, 2 * half_slope, sum(by_load.values(), jnp.zeros_like(at.phi)), by_load)
+    return inertia, 2 * half_slope, {"gravity": weight, **{load.name: load.share(here, at) for load in scene.loads}}
+
+
+def loaded(inertia: Array, slope: Array, shares: dict[str, Array], loads: Sequence[str], active: Array) -> Reduced:
+    """The reduced model with the shares of the loads that act; `active` has their axis last, in the order of the names
+    `loads`."""
+    by_load = {"gravity": shares["gravity"], **{name: shares[name] * active[..., i] for i, name in enumerate(loads)}}
+    return Reduced(inertia, slope, sum(by_load.values(), jnp.zeros_like(inertia)), by_load)
+
+
+def _active(scene: Scene, at: Instant, active: Array | None) -> Array:
+    return scene.active(at.side) if active is None else active
 
 
 def reduced_model(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
@@ -56,13 +74,13 @@ def reduced_model(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Redu
 
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
 def _reduce(scene: Scene, phi: Scalar, side: Scalar) -> Reduced:
-    return reduce_pose(scene, Instant(phi, side, scene.cycle), pose(scene.mechanism, phi))
+    return reduce_pose(scene, Instant(phi, jnp.asarray(side)), pose(scene.mechanism, phi))
 
 
-def governing(scene: Scene, here: Reduced) -> Reduced:
-    """The reduced values that govern the motion of the crank: those given, unless the driver follows a motion law. Then
-    inertia is one and torque zero, which gives constant speed; the shares of the loads are kept."""
-    if not scene.mechanism.prescribed:
+def of_crank(here: Reduced, prescribed: bool) -> Reduced:
+    """The reduced values that determine the motion of the crank: those given, unless the driver follows a motion law.
+    Then inertia is one and torque zero, which gives constant speed; the shares of the loads are kept."""
+    if not prescribed:
         return here
     none = jnp.zeros_like(here.torque)
     return here._replace(inertia=none + 1.0, slope=none, torque=none)

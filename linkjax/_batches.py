@@ -1,0 +1,105 @@
+"""A machine as the numerics see it: a function of many places of the cycle at once.
+
+Outside of jax transformations every batch is padded to one size, so a machine is compiled once, however many batches
+are asked for. Inside of them (`jax.grad`, `jax.jit`, `jax.vmap`) the same code is traced at the size given.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from linkjax._types import Tracer
+
+PLACES = 512  # places of a batch; a larger one takes this many, doubled as often as necessary
+
+
+class Batches:
+    """A design evaluated at many places at once by `program(design, *places)`, a function made by `compiled_soon`.
+
+    Results have a leading axis of places. Outside of jax transformations they are padded: only as many as were asked
+    for are meaningful. `size` is the number of places that a batch is padded to.
+    """
+
+    def __init__(self, design: Any, size: int = PLACES):
+        self.design, self.size = design, size
+        self.traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(design))
+
+    @functools.cached_property
+    def still(self) -> Any:
+        """The design without derivatives."""
+        return jax.lax.stop_gradient(self.design) if self.traced else self.design
+
+    def ask(self, program: Any, *places: Any, fixed: bool = False, **static: Any) -> Any:
+        """The results of a program at these places, each of shape (places,); without derivatives with respect to the
+        design if `fixed`."""
+        return self.run(program, self.still if fixed else self.design, *self.padded(places), **static)
+
+    def run(self, stage: Any, *args: Any, **static: Any) -> Any:
+        """The result of a stage of the numerics, a function made by `compiled_soon`."""
+        return stage(*args, **static)
+
+    def loop(self, times: int, step: Callable[[Any], Any], state: Any) -> Any:
+        """`times` steps; inside of jax transformations in a loop that is traced once."""
+        if times > 1 and (self.traced or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(state))):
+            return jax.lax.fori_loop(0, times, lambda _, state: step(state), state)
+        for _ in range(times):
+            state = step(state)
+        return state
+
+    def until(self, going: Callable[[Any], Any], step: Callable[[Any], Any], state: Any, *given: Any) -> Any:
+        """Steps while `going(state)`; inside of jax transformations, or where `given` is traced, in a loop that is
+        traced once."""
+        if self.traced or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
+            return jax.lax.while_loop(going, step, state)
+        while bool(going(state)):
+            state = step(state)
+        return state
+
+    def padded(self, places: Any) -> Any:
+        """Places, a tree of arrays of one axis, padded to the size of a batch by repeating the last one."""
+        if self.traced or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(places)):
+            return places
+        return jax.tree.map(self._padded, places)
+
+    def _padded(self, place: Any) -> Any:
+        missing = self.whole(place.shape[0]) - place.shape[0]
+        return np.pad(np.asarray(place), (0, missing), mode="edge") if missing else place
+
+    def cut(self, results: Any, places: Any) -> Any:
+        """Results of a batch without the padding: as many as `places`."""
+        count, leaves = places.shape[0], jax.tree.leaves(results)
+        if all(leaf.shape[0] == count for leaf in leaves):
+            return results
+        if any(isinstance(leaf, Tracer) for leaf in leaves):
+            return jax.tree.map(lambda leaf: leaf[:count], results)
+        return jax.device_put(jax.tree.map(lambda leaf: np.asarray(leaf)[:count], results))
+
+    def whole(self, count: int) -> int:
+        """The size of the batch for this many places."""
+        size = self.size
+        while size < count:
+            size *= 2
+        return size
+
+
+class Ahead(Batches):
+    """The same for shapes instead of values: it starts compiling every program that the values will need."""
+
+    def run(self, stage: Any, *args: Any, **static: Any) -> Any:
+        return stage.ahead(*args, **static)
+
+    def until(self, going: Callable[[Any], Any], step: Callable[[Any], Any], state: Any, *given: Any) -> Any:
+        return step(state)
+
+    def _padded(self, place: Any) -> Any:
+        return jax.ShapeDtypeStruct((self.whole(place.shape[0]),), place.dtype)
+
+    def cut(self, results: Any, places: Any) -> Any:
+        count = places.shape[0]
+        return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct((count, *leaf.shape[1:]), leaf.dtype), results)
