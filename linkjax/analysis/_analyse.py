@@ -22,7 +22,7 @@ from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain, 
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.forces import Forces, driven_by_joint
-from linkjax.groups import closed_to
+from linkjax.groups import PointState, closed_to
 from linkjax.kinematics import SCAN, Pose, Reversals, find_dead_centres, find_margins, find_strokes, scan_angles
 from linkjax.machine import Scene, check_scene, ready
 from linkjax.measures import forces_table, peak_names, reaction_names
@@ -370,8 +370,10 @@ def _checks(
     limits: Margins,
 ) -> tuple[Checks, Array]:
     """The checks of the analysis, and its result code."""
-    found = [_residuals(scene, at, i) for i in range(len(at.forces))]
-    power, balance = (functools.reduce(jnp.maximum, part) for part in zip(*found, strict=True))
+    bodies = _masses(at)
+    motions = jax.tree.map(lambda *leaves: jnp.stack(leaves), *zip(at.forces, at.speed, at.acceleration, strict=True))
+    found = jax.vmap(lambda given: _residuals(scene, at, bodies, *given))(motions)
+    power, balance = (jnp.max(part) for part in found)
     none = {"loops": closed_to(power.dtype)}  # a singular value is zero only to rounding
     every = [m.value - none.get(side, 0.0) for sides in limits.values() for side, m in sides.items()]
     least = jnp.min(jnp.stack([jnp.ones(()), *every]))
@@ -386,36 +388,55 @@ def _checks(
         jnp.where(motion.steady_state_margin > 0, 0, Result.NO_PERIODIC_REGIME),
         jnp.where(motion.min_inertia_ratio > LIGHTEST, 0, Result.NO_INERTIA),
     ]
-    return Checks(power, _energy_closure(scene, motion, here, closing, angles, at), balance), merge(*codes)
+    return Checks(power, _energy_closure(scene, motion, here, closing, angles, at, bodies), balance), merge(*codes)
 
 
-def _residuals(scene: Scene, at: Shown, i: int) -> tuple[Array, Array]:
+class Masses(NamedTuple):
+    """All masses of the links at the angles shown: mass (kg), inertia (kg m²), states of their centres, and rotation of
+    their links; leaves of shape (masses, angles)."""
+
+    mass: Array
+    inertia: Array
+    at: PointState
+    w: Array
+    e: Array
+
+
+def _masses(at: Shown) -> Masses:
+    pose = at.pose
+    places = [(pose.points[place], pose.links[link]) for link, place, _ in pose.heavy()]
+    mass, inertia = (jnp.stack(part) for part in zip(*(body for *_, body in pose.heavy()), strict=True))
+    point = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(point for point, _ in places))
+    return Masses(mass, inertia, point, *(jnp.stack([getattr(link, name) for _, link in places]) for name in "we"))
+
+
+def _residuals(
+    scene: Scene, at: Shown, bodies: Masses, forces: Forces, speed: Array, acceleration: Array
+) -> tuple[Array, Array]:
     """Virtual power and force balance in one of the two motions, relative to the largest term of the sums, because in a
     balanced machine the sums themselves are zero. At a change point drive torque and frame forces come from these sums,
     so only the power is compared there, with the reduced model."""
-    forces, speed, acceleration = at.forces[i], at.speed[i], at.acceleration[i]
-    forces = jax.tree.map(lambda x: jnp.where(jnp.isnan(x), 0.0, x), forces)  # joints at a change point
     crank = at.pose.links[scene.mechanism.driving_link].w
     inertia, slope, torque = at.reduced[:3]
     parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
-    power, reach = jnp.abs(forces.drive_torque - sum(parts)), jnp.zeros_like(speed)
+    power, point = jnp.abs(forces.drive_torque - sum(parts)), bodies.at
     about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
-    heavy, size = jnp.zeros_like(speed), sum(jnp.abs(share) for share in at.reduced.by_load.values())
+    reach = jnp.max(_length(point.r - about), axis=0, initial=0.0)
+    pull = jnp.abs(bodies.mass * _length(point.ddr * speed**2 + point.dr * acceleration))
+    spin = jnp.abs(bodies.inertia * (bodies.e * speed**2 + bodies.w * acceleration) * bodies.w)
+    size = sum(jnp.abs(share) for share in at.reduced.by_load.values())
     size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration * crank)
-    for link, place, body in at.pose.heavy():
-        point, turn = at.pose.points[place], at.pose.links[link]
-        pull = body.mass * _length(point.ddr * speed**2 + point.dr * acceleration)
-        spin = jnp.abs(body.inertia * (turn.e * speed**2 + turn.w * acceleration) * turn.w)
-        heavy, size = heavy + jnp.abs(pull), size + jnp.abs(pull) * _length(point.dr) + spin
-        reach = jnp.maximum(reach, _length(point.r - about))
+    size = size + jnp.sum(pull * _length(point.dr) + spin, axis=0)
     joints = [side for sides in forces.reactions.values() for side in sides.values()]
-    heavy = jnp.max(functools.reduce(jnp.maximum, [side.magnitude for side in joints], heavy))
-    sources = forces.shaking, forces.weight, forces.loads
-    rest = [forces.frame[k] - sum(source[k] for source in sources) for k in (0, 1)]
+    sides = jnp.stack([jnp.stack([side.fx for side in joints]), jnp.stack([side.fy for side in joints])])
+    sides = jnp.where(jnp.isnan(sides), 0.0, sides)  # joints at a change point
+    heavy = jnp.max(jnp.maximum(jnp.sum(pull, axis=0), jnp.max(_length(Vec(*sides)), axis=0)))
+    sources = [jnp.stack(part) for part in zip(forces.shaking, forces.weight, forces.loads, strict=True)]
     drive = jnp.zeros_like(power) if driven_by_joint(scene.mechanism) else crank * forces.drive_torque
-    moments = drive, *(source.moment for source in sources)
-    turning = jnp.max(sum(jnp.abs(moment) for moment in moments) + reach * heavy)
-    twist = jnp.max(jnp.abs(forces.frame.moment - sum(moments)))
+    moments = jnp.concatenate([drive[None], sources[2]])
+    turning = jnp.max(jnp.sum(jnp.abs(moments), axis=0) + reach * heavy)
+    twist = jnp.max(jnp.abs(forces.frame.moment - jnp.sum(moments, axis=0)))
+    rest = [forces.frame[k] - jnp.sum(sources[k], axis=0) for k in (0, 1)]
     balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), heavy), safe_divide(twist, turning))
     return safe_divide(jnp.max(power), jnp.max(size)), balance
 
@@ -425,25 +446,30 @@ def _length(v: Vec) -> Array:
 
 
 def _energy_closure(
-    scene: Scene, motion: Steady, here: Reduced, closing: tuple[Grid, Array] | None, angles: Array, at: Shown
-) -> Array:
+    scene: Scene, motion: Steady, here: Reduced, closing: tuple[Grid, Array] | None, angles: Array, at: Shown,
+    bodies: Masses,
+) -> Array:  # fmt: skip
     """Kinetic energy of the links, from their velocities, compared with the work of the loads, each integrated
     separately, and of the drive: of its constant torque, or of the torque that the motion law requires."""
     speed, grid = at.speed[0], motion.grid
     spin = at.pose.links[scene.mechanism.driving_link].w * speed
     kinetic = 0.5 * scene.mechanism.flywheel.inertia * spin**2
-    for name, place, body in at.pose.heavy():
-        v, w = at.pose.points[place].dr * speed, at.pose.links[name].w * speed
-        kinetic = kinetic + 0.5 * (body.mass * v.squared() + body.inertia * w * w)
-    torques = [(grid, torque) for torque in here.by_load.values()]
-    if closing is not None:
-        torques += [(grid, -torque) for torque in here.by_load.values()]  # the drive balances the loads
-        torques.append(closing)
+    energy = bodies.mass * bodies.at.dr.squared() + bodies.inertia * bodies.w**2
+    kinetic = kinetic + 0.5 * jnp.sum(energy, axis=0) * speed**2
+    torques = list(here.by_load.values())
+    if closing is None:
+        torques.append(jnp.broadcast_to(motion.mean_drive_torque, grid.nodes.shape))
     else:
-        torques.append((grid, jnp.broadcast_to(motion.mean_drive_torque, grid.nodes.shape)))
-    work = jnp.zeros_like(speed)
-    for grid, torque in torques:
-        series = primitive(grid, torque)
-        work = work + series.at(jax.vmap(grid.place)(angles))
+        torques += [-torque for torque in torques]  # the drive balances the loads
+    work = jnp.sum(_integrals(grid, jnp.stack(torques), angles), axis=0)
+    if closing is not None:
+        fine, torque = closing
+        work = work + _integrals(fine, torque[None], angles)[0]
     closure = jnp.max(jnp.abs((kinetic - kinetic[0]) - (work - work[0])))
     return safe_divide(closure, jnp.max(kinetic))
+
+
+def _integrals(grid: Grid, torques: Array, angles: Array) -> Array:
+    """Integrals of torques given at the nodes, shape (torques, panels, n), from the first edge to the angles."""
+    place = jax.vmap(grid.place)(angles)
+    return jax.vmap(lambda torque: primitive(grid, torque).at(place))(torques)
