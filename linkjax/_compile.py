@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
 from jax.experimental import serialize_executable
 
 from linkjax._config import cache_folder
@@ -63,12 +64,14 @@ class CompiledSoon:
         functools.update_wrapper(self, function)
         self.function, self.static = function, static
         self.plain, self.signature = jax.jit(function, static_argnames=static), inspect.signature(function)
+        self.names = tuple(name for name in self.signature.parameters if name not in static)
+        self.positional, self.named = len(self.names), set(static)
         self.programs: dict[Any, Program] = {}
         _MADE.add(self)
 
     def __call__(self, *args, **kwargs):
         fixed, leaves, tree = self._flat(args, kwargs)
-        if any(isinstance(leaf, Tracer) for leaf in leaves) or jax.config.values["jax_disable_jit"]:
+        if leaves is None or jax.config.values["jax_disable_jit"]:
             return self.plain(*args, **kwargs)
         key, program = self._program(fixed, leaves, tree)
         try:
@@ -89,18 +92,35 @@ class CompiledSoon:
         """Start compiling for arguments of these shapes; returns the shapes of the result."""
         return self._program(*self._flat(args, kwargs))[1].result
 
-    def _flat(self, args, kwargs) -> tuple[dict[str, Any], list, Any]:
-        """Static arguments, leaves of the others, and their structure."""
-        given = dict(self.signature.bind(*args, **kwargs).arguments)
-        fixed = {name: given.pop(name) for name in self.static if name in given}
+    def _flat(self, args, kwargs) -> tuple[dict[str, Any], Any, Any]:
+        """Static arguments, leaves of the others (None where one is traced), and their structure."""
+        if len(args) == self.positional and kwargs.keys() == self.named:
+            fixed, given = kwargs, dict(zip(self.names, args, strict=True))
+        else:
+            given = dict(self.signature.bind(*args, **kwargs).arguments)
+            fixed = {name: given.pop(name) for name in self.static if name in given}
         leaves, tree = jax.tree.flatten(given)
-        return fixed, [_here(leaf) for leaf in leaves], tree
+        for i, leaf in enumerate(leaves):
+            if isinstance(leaf, Tracer):
+                return fixed, None, tree
+            if not isinstance(leaf, _READY) or _several():
+                leaves[i] = _here(leaf)
+        return fixed, leaves, tree
 
     def _program(self, fixed: dict[str, Any], leaves: list, tree: Any) -> tuple[Any, Program]:
         key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), tuple(fixed.items())
         if key not in self.programs:
             self.programs[key] = _program(self.function, fixed, leaves, tree)
         return key, self.programs[key]
+
+
+_READY = (jax.Array, np.ndarray, jax.ShapeDtypeStruct)
+
+
+@functools.cache
+def _several() -> bool:
+    """Whether there are several devices, so that arrays may lie on another one."""
+    return jax.device_count() > 1
 
 
 def _here(leaf: Any) -> Any:
@@ -131,9 +151,20 @@ def stop() -> None:
     _pool.cache_clear()
 
 
+_PLANNED: set[Any] = set()  # what was compiled ahead
+
+
+def planned(what: Any) -> bool:
+    """Whether this was compiled ahead before; from now on it counts as compiled ahead."""
+    known = what in _PLANNED
+    _PLANNED.add(what)
+    return known
+
+
 def forget() -> None:
     """Drop every compiled program of this process, including JAX's own. A program takes about a hundred memory maps,
     and Linux allows a process 65 530; beyond that XLA crashes."""
+    _PLANNED.clear()
     for function in _MADE:
         function.programs.clear()
     jax.clear_caches()

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._batches import PLACES
-from linkjax._compile import compiled_soon
+from linkjax._compile import compiled_soon, planned
 from linkjax._numerics import safe_divide, wrapped
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
@@ -111,8 +111,7 @@ analyze = analyse
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, method: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, in other threads."""
     scene = ready(jax.tree.map(as_float, scene))
-    angles = _angles(scene, angles)
-    _staged(Ahead(scene, _size(angles)), angles, nodes, method, _moves(scene, scene.constant_speed))
+    _ahead(scene, _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
 
 
 def _angles(scene: Scene, angles: Any) -> Array:
@@ -137,7 +136,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
         if throw:
             explain_start(scene)
-        _staged(Ahead(scene, _size(angles)), angles, nodes, method, moves)
+        _ahead(scene, angles, nodes, method, moves)
     found = _staged(Sampler(scene, _size(angles)), angles, nodes, method, moves)
     shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
     return Cycle(
@@ -151,6 +150,13 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
         result=merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), constant_speed=constant_speed, method=method,
         nodes=found.grid.size,
     )  # fmt: skip
+
+
+def _ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) -> None:
+    """Start compiling all stages at once, each from the shapes of the results before."""
+    leaves, tree = jax.tree.flatten(scene)
+    if not planned((tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), angles.size, nodes, method, moves)):
+        _staged(Ahead(scene, _size(angles)), angles, nodes, method, moves)
 
 
 def _size(angles: Array) -> int:
@@ -193,7 +199,7 @@ def _staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: boo
     if moves:
         motion = machine.run(_by_diffrax, scene, nodes=nodes) if method == "diffrax" else steady_on(machine, grid, at)
         target = scene.target_delta
-        wheels = None if target is None else flywheel_on(machine, target, grid, at)
+        wheels = None if target is None else flywheel_on(machine, target, grid, at, motion.delta)
     regime = Regime(machine, grid, motion)
     shown = _shown(regime, angles)
     tops, rms = _peaks(regime, at)

@@ -34,8 +34,8 @@ def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
     return flywheel_on(machine, jnp.asarray(delta, dtype=scene.speed.dtype), grid, at_nodes(machine, grid, edges=False))
 
 
-def flywheel_on(machine: Sampler, delta: Scalar, grid: Grid, at: AtNodes) -> Array:
-    """The same from the node values; see `flywheel_for`.
+def flywheel_on(machine: Sampler, delta: Scalar, grid: Grid, at: AtNodes, known: Array | None = None) -> Array:
+    """The same from the node values; see `flywheel_for`. `known` is δ with the given flywheel.
 
     Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. The work over the
     cycle does not depend on the flywheel, so it is not computed again. Negative (down to minus half the least reduced
@@ -60,11 +60,13 @@ def flywheel_on(machine: Sampler, delta: Scalar, grid: Grid, at: AtNodes) -> Arr
 
     if machine.traced or isinstance(delta, Tracer):
         return root(excess, state.inertia, solve)
+    if known is not None:
+        state = machine.run(_step, state, known, delta, given, more)
     return machine.until(_going, step, state, delta).inertia
 
 
 STEPS = 30  # secant steps for a flywheel
-SAME = 4e-16  # relative: a step as small as this is the last
+SAME = 1e-9  # relative: a step as small as this is the last; its error is far smaller, as secant steps converge fast
 
 
 class Search(NamedTuple):
