@@ -69,7 +69,7 @@ class Found(NamedTuple):
     count: Array
 
 
-def scan_reversals(v: Array, a: Array, scan: Float[Array, " scan"], slots: int, wanted: Any = None) -> Found:
+def scan_reversals(v: Array, a: Array, scan: Float[np.ndarray, " scan"], slots: int, wanted: Any = None) -> Found:
     """First guesses of reversals, from the scan cells in which the velocity changes direction; velocities and
     accelerations of shape (motions, 2, scan). `wanted(start)` filters by angle, shape (motions, starts)."""
     step = scan[1] - scan[0]
@@ -77,7 +77,7 @@ def scan_reversals(v: Array, a: Array, scan: Float[Array, " scan"], slots: int, 
     v1, a1 = jnp.roll(v, -1, axis=2), jnp.roll(a, -1, axis=2)
     single, x = _single_root(v, a, v1, a1)
     double, near, far = _double_root(v, a, v1, a1)
-    start = jnp.concatenate([scan + step * jnp.where(double, near, x), scan + step * far], axis=1)
+    start = jnp.concatenate([scan[None] + step * jnp.where(double, near, x), scan[None] + step * far], axis=1)
     mask = jnp.concatenate([single | double, double], axis=1)
     mask = mask if wanted is None else mask & wanted(start)
     place = jnp.cumsum(mask, axis=1)
@@ -86,7 +86,7 @@ def scan_reversals(v: Array, a: Array, scan: Float[Array, " scan"], slots: int, 
     return Found(jax.lax.stop_gradient(angle), place[:, -1])
 
 
-def refined(angle: Array, v: Array, a: Array, step: float, found: Found) -> Reversals:
+def refined(angle: Array, v: Array, a: Array, step: float, found: Found) -> Any:
     """Reversals after a Newton step from `angle`, where velocities and accelerations are `v` and `a`, shape
     (motions, 2, slots). The step carries the derivative of a reversal that moves with the design."""
     slope = jax.lax.stop_gradient(jnp.sum(a * a, axis=1))
@@ -144,7 +144,7 @@ class Values(NamedTuple):
     dd: Array
 
 
-def scan_least(at: Values, scan: Float[Array, " scan"]) -> Array:
+def scan_least(at: Values, scan: Float[np.ndarray, " scan"]) -> Array:
     """Where each function is least: the lowest point of the local parabolas at the scan points (rad)."""
     step = scan[1] - scan[0]
     move = jnp.clip(-at.d / jnp.maximum(at.dd, 1e-9), -step, step)
@@ -153,7 +153,7 @@ def scan_least(at: Values, scan: Float[Array, " scan"]) -> Array:
     return (jnp.asarray(scan)[best] + jnp.take_along_axis(move, best, axis=1))[:, 0]
 
 
-def towards_least(phi: Array, at: Values, reaches_zero: Array) -> Array:
+def towards_least(phi: Array, at: Values, reaches_zero: Bool[np.ndarray, " functions"]) -> Array:
     """The next places of minima, by a Newton step each; values at one place of each function. Functions of which
     `reaches_zero` is true may have a kink at zero, where the step goes to the root."""
     bend = jnp.where(at.dd > 0, at.dd, jnp.abs(at.d) + 1.0)

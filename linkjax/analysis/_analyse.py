@@ -427,9 +427,10 @@ def _residuals(
     parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
     power, point = jnp.abs(forces.drive_torque - sum(parts)), bodies.at
     about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
-    reach = jnp.max(_length(point.r - about), axis=0, initial=0.0)
-    pull = jnp.abs(bodies.mass * _length(point.ddr * speed**2 + point.dr * acceleration))
-    spin = jnp.abs(bodies.inertia * (bodies.e * speed**2 + bodies.w * acceleration) * bodies.w)
+    reach = jnp.max(_length(point.r - Vec(about.x[None], about.y[None])), axis=0, initial=0.0)
+    square, slow = speed[None] ** 2, acceleration[None]
+    pull = jnp.abs(bodies.mass * _length(point.ddr * square + point.dr * slow))
+    spin = jnp.abs(bodies.inertia * (bodies.e * square + bodies.w * slow) * bodies.w)
     size = sum(jnp.abs(share) for share in at.reduced.by_load.values())
     size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration * crank)
     size = size + jnp.sum(pull * _length(point.dr) + spin, axis=0)

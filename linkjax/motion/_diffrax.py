@@ -157,7 +157,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
 def _reduced(scene: Scene, grid: Grid, phi: Array, panel: Array) -> Reduced:
     """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid."""
     here = pose(scene.mechanism, phi)
-    found = reduce_pose(scene, Instant(phi, grid.middle[panel]), here, grid.active[panel])
+    found = reduce_pose(scene, Instant(phi, grid.middle[panel]), here, grid.order[panel])
     return of_crank(found, grid.prescribed)
 
 

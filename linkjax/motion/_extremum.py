@@ -91,7 +91,7 @@ def search(fine: Array, height: Float[Array, "panels fine"], tops: Float[Array, 
     """The summit of a function given on the search grid of every panel; `tops` is -inf for panels to exclude."""
     height = jax.lax.stop_gradient(height)
     best = highest(jnp.max(height, axis=1) if tops is None else tops)
-    panel = jnp.max(jnp.where(best, jnp.arange(best.size), 0))
+    panel = jnp.max(jnp.where(best, jnp.arange(best.size, dtype=jnp.int32), 0))
     panel, i = _right_panel(fine, height, panel, jnp.argmax(height[panel]))
     return _summit(fine, height[panel], panel, i)
 

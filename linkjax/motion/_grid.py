@@ -39,15 +39,17 @@ class Grid(eqx.Module):
     """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each; the half width
     and the `middle` of every panel (rad).
 
-    `length` is that of the cycle (rad). `active` says which loads act in each panel. `overflow` is true if there are more reversals than the grid has edges
-    for. `doubt` bounds the error of the work (J) due to the position error of reversals. Where several loads switch at
-    one angle there are panels of zero width between them.
+    `length` is that of the cycle (rad). `active` says which loads act in each panel. Where several loads switch at one angle there are panels of zero width
+    between them, in which loads act as after all of them; in `order` they act as if they switched one after the other,
+    so that an integral has the derivative of each switch by itself. `overflow` is true if there are more reversals than
+    the grid has edges for. `doubt` bounds the error of the work (J) due to the position error of reversals.
     """
 
     edges: Float[Array, " edges"]
     half: Float[Array, " panels"]
     middle: Float[Array, " panels"]
     active: Float[Array, "panels loads"]
+    order: Float[Array, "panels loads"]
     overflow: Bool[Array, ""]
     doubt: Float[Array, ""]
     n: int = eqx.field(static=True)
@@ -96,15 +98,15 @@ class Grid(eqx.Module):
         panel, x = jnp.meshgrid(jnp.arange(self.half.size, dtype=jnp.int32), jnp.asarray(self.rule.x), indexing="ij")
         return Place(panel, x, self.nodes, jnp.broadcast_to(self.middle[:, None], panel.shape))
 
-    def loaded(self, dynamics: tuple, panel: Int[Array, " places"]) -> Reduced:
+    def loaded(self, dynamics: tuple, panel: Int[Array, " places"], active: Array | None = None) -> Reduced:
         """The reduced model at places in these panels, from `Sample.dynamics` there, which may be longer; each with the
-        loads that act in its panel."""
+        loads that act in its panel, by default those of `active`."""
         given = jax.tree.map(lambda leaf: leaf[: panel.shape[0]], dynamics)
-        return loaded(*given, self.loads, taken(self.active, panel))
+        return loaded(*given, self.loads, taken(self.active if active is None else active, panel))
 
-    def reduced(self, dynamics: tuple, panel: Int[Array, " places"]) -> Reduced:
+    def reduced(self, dynamics: tuple, panel: Int[Array, " places"], active: Array | None = None) -> Reduced:
         """The same as it determines the motion of the crank."""
-        return of_crank(self.loaded(dynamics, panel), self.prescribed)
+        return of_crank(self.loaded(dynamics, panel, active), self.prescribed)
 
 
 class Place(NamedTuple):
@@ -248,9 +250,9 @@ def _grid(
     kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
     fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks)]
     edges = _edges(fixed, kinks, plan)
-    active = _active(switches.windows, _switched(edges, ends), plan)
-    low, high = edges[:-1], edges[1:]
-    return Grid(edges, 0.5 * (high - low), 0.5 * (high + low), active, overflow, doubt, plan.n, plan.cycle, plan.loads, plan.prescribed, evaluations)
+    order = _order(switches.windows, _switched(edges, ends), plan)
+    half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
+    return Grid(edges, half, middle, _active(switches.windows, middle, plan), order, overflow, doubt, plan.n, plan.cycle, plan.loads, plan.prescribed, evaluations)
 
 
 def _kinks(scene: Scene) -> tuple[Array, ...]:
@@ -333,10 +335,16 @@ def _switched(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
     return (before + twins).astype(jnp.int32)
 
 
-def _active(windows: tuple[Window | None, ...], switched: Array, plan: Plan) -> Float[Array, "panels loads"]:
-    """One where a load acts in a panel, zero otherwise. The panel decides, not its angle: where several loads switch at
-    one angle, an integral then has the derivative of each switch by itself."""
-    panels, columns, ends = jnp.arange(plan.count), [], iter(range(0, switched.size, 2))
+def _active(windows: tuple[Window | None, ...], middle: Array, plan: Plan) -> Float[Array, "panels loads"]:
+    """One where a load acts in the middle of a panel, zero otherwise."""
+    ones = jnp.ones_like(middle)
+    columns = [ones if window is None else window.active(middle, plan.cycle) for window in windows]
+    return jnp.stack(columns, axis=1) if columns else jnp.zeros((plan.count, 0))
+
+
+def _order(windows: tuple[Window | None, ...], switched: Array, plan: Plan) -> Float[Array, "panels loads"]:
+    """The same by the numbers of the panels that begin where a window begins or ends, not by angles."""
+    panels, columns, ends = jnp.arange(plan.count, dtype=jnp.int32), [], iter(range(0, switched.size, 2))
     for window in windows:
         if window is None:
             columns.append(jnp.ones(plan.count))

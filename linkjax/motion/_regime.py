@@ -13,12 +13,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, wrapped
+from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, taken, wrapped
 from linkjax.forces import Forces
 from linkjax.machine import Scene
 from linkjax.motion._extremum import Summit, climb, highest_in, search, settle
 from linkjax.motion._grid import Grid, Place
-from linkjax.motion._panels import series_sum
+from linkjax.motion._panels import polynomials
 from linkjax.motion._steady import Steady, node_places
 from linkjax.sampling import Sample, Sampler
 
@@ -96,7 +96,7 @@ def _cranks(grid: Grid, steady: Steady | None, nominal: Array, place: Place, dyn
     motions = [(nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi))]
     if steady is not None:
         motions.insert(0, steady.crank(nominal, grid.reduced(dynamics, place.panel), place))
-    return [grid.active[place.panel], *motions]
+    return [taken(grid.active, place.panel), *motions]
 
 
 class Peak(NamedTuple):
@@ -163,7 +163,7 @@ def _two_summits(grid: Grid, at_nodes: Array) -> tuple[Spots, Array, Array]:
     def best(height, rows):
         def following(tops, _):
             found = search(jnp.asarray(grid.rule.fine), height, tops)
-            return jnp.where(jnp.arange(tops.size) == found.panel, -jnp.inf, tops), found
+            return jnp.where(jnp.arange(tops.size, dtype=jnp.int32) == found.panel, -jnp.inf, tops), found
 
         summit = jax.lax.scan(following, jnp.max(height, axis=1), length=RIVALS)[1]
         return summit.panel, jax.vmap(lambda one: _follow(rows[:, one.panel], one))(summit)
@@ -189,7 +189,7 @@ def _three(panel: Array, x: Array) -> tuple[Array, Array]:
     """Three places around each one, in the same panel."""
     near = _near(x)
     centre = jnp.clip(x, -1.0 + near, 1.0 - near)
-    three = centre[..., None] + near * jnp.asarray([-1.0, 0.0, 1.0], x.dtype)
+    three = jnp.stack([centre - near, centre, centre + near], axis=-1)
     return jnp.broadcast_to(panel[..., None], three.shape), three
 
 
@@ -218,9 +218,9 @@ def _peaked(
     top, phi = safe_sqrt(_squares(_rows(found, x))), place.phi
     places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(grid.rule.fine)[None]
     away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], grid.length))
-    near = away < (3 / grid.n) * (grid.half[None, :] + grid.half[place.panel][:, None])[..., None]
+    near = away < (3 / grid.n) * (grid.half[None, :] + taken(grid.half, place.panel)[:, None])[..., None]
     near &= (jnp.abs(x) < 1)[:, None, None]  # a summit at the end of a panel may continue in the next one
-    rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[..., None]), axis=(1, 2)) - top
+    rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[:, :, None]), axis=(1, 2)) - top
     doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + ROUNDINGS * jnp.finfo(top.dtype).eps * top
     return Peak(top, wrapped(phi, grid.length), jax.lax.stop_gradient(doubt))
 
@@ -236,7 +236,7 @@ def _follow(rows: Array, summit: Summit) -> Array:
     """Refine a summit of the search grid on the interpolant, whose series are `rows`."""
 
     def slope(x):
-        value, rate = jax.jvp(lambda x: series_sum(rows, x), (x,), (jnp.ones_like(x),))
+        value, rate = jax.jvp(lambda x: rows @ polynomials(rows.shape[-1], x), (x,), (jnp.ones_like(x),))
         return 2 * jnp.sum(value * rate)
 
     return climb(slope, summit, FOLLOW)

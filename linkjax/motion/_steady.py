@@ -140,7 +140,7 @@ def node_places(grid: Grid, edges: bool) -> Place:
 @compiled_soon(static=("edges",))
 def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtEdges | None]:
     number = jnp.arange(grid.panels, dtype=jnp.int32)
-    flat = grid.reduced(dynamics, jnp.repeat(number, grid.n))
+    flat = grid.reduced(dynamics, jnp.repeat(number, grid.n), grid.order)
     flat = flat._replace(inertia=once(flat.inertia), slope=once(flat.slope), torque=once(flat.torque))
     here = jax.tree.map(lambda leaf: leaf.reshape(grid.nodes.shape), flat)
     if not edges:
