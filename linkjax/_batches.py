@@ -11,12 +11,28 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from linkjax._types import Tracer
 
 PLACES = 512  # places of a batch; a larger one takes this many, doubled as often as necessary
+
+
+@jax.tree_util.register_pytree_node_class
+class Whole:
+    """A design whose leaves are at hand: a program that takes it gets the design."""
+
+    def __init__(self, design: Any):
+        self.leaves, self.structure = jax.tree.flatten(design)
+
+    def tree_flatten(self) -> tuple[list[Any], Any]:
+        """Leaves and structure of the design."""
+        return self.leaves, self.structure
+
+    @classmethod
+    def tree_unflatten(cls, structure: Any, leaves: Any) -> Any:
+        """The design."""
+        return jax.tree.unflatten(structure, leaves)
 
 
 class Batches:
@@ -35,10 +51,16 @@ class Batches:
         """The design without derivatives."""
         return jax.lax.stop_gradient(self.design) if self.traced else self.design
 
+    @functools.cached_property
+    def whole_design(self) -> Any:
+        """The design as an argument of programs."""
+        return self.design if self.traced else Whole(self.design)
+
     def ask(self, program: Any, *places: Any, fixed: bool = False, **static: Any) -> Any:
         """The results of a program at these places, each of shape (places,); without derivatives with respect to the
         design if `fixed`."""
-        return self.run(program, self.still if fixed else self.design, *self.padded(places), **static)
+        design = self.still if fixed and self.traced else self.whole_design
+        return self.run(program, design, *self.padded(places), **static)
 
     def run(self, stage: Any, *args: Any, **static: Any) -> Any:
         """The result of a stage of the numerics, a function made by `compiled_soon`."""
@@ -68,8 +90,12 @@ class Batches:
         return jax.tree.map(self._padded, places)
 
     def _padded(self, place: Any) -> Any:
-        missing = self.whole(place.shape[0]) - place.shape[0]
-        return np.pad(np.asarray(place), (0, missing), mode="edge") if missing else place
+        count, size = place.shape[0], self.whole(place.shape[0])
+        if count == size:
+            return place
+        given, found = np.asarray(place), np.empty(size, place.dtype)
+        found[:count], found[count:] = given, given[-1]
+        return found
 
     def cut(self, results: Any, places: Any) -> Any:
         """Results of a batch without the padding: as many as `places`."""

@@ -71,7 +71,7 @@ class CompiledSoon:
 
     def __call__(self, *args, **kwargs):
         fixed, leaves, tree = self._flat(args, kwargs)
-        if leaves is None or jax.config.values["jax_disable_jit"]:
+        if leaves is None or jax.config.jax_disable_jit:
             return self.plain(*args, **kwargs)
         key, program = self._program(fixed, leaves, tree)
         try:
@@ -86,7 +86,7 @@ class CompiledSoon:
             _delete(program.kept)  # damaged, or made on another machine: compile it again, even if the file remains
             program = self.programs[key] = _made(self.function, fixed, leaves, tree, program.kept)
             found = program.run.result()(*leaves)
-        return jax.tree.unflatten(jax.tree.structure(program.result), found)
+        return jax.tree.unflatten(program.tree, found)
 
     def ahead(self, *args, **kwargs) -> Any:
         """Start compiling for arguments of these shapes; returns the shapes of the result."""
@@ -133,10 +133,12 @@ def _here(leaf: Any) -> Any:
 
 
 class Program(NamedTuple):
-    """A program, compiled or being compiled: its function of flat arguments, the shapes of its result, its file."""
+    """A program, compiled or being compiled: its function of flat arguments, the shapes and structure of its result, its
+    file."""
 
     run: Future[Callable]
     result: Any
+    tree: Any
     kept: Path | None
 
 
@@ -177,7 +179,7 @@ def _program(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any)
     if file is not None and file.exists():
         try:
             content, shapes = pickle.loads(file.read_bytes())
-            return Program(_aside(_load, content), shapes, file)
+            return Program(_aside(_load, content), shapes, jax.tree.structure(shapes), file)
         except Exception:  # damaged: compile it again
             _delete(file)
     return _made(function, fixed, leaves, tree, file)
@@ -201,7 +203,7 @@ def _made(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any, fi
     shapes = jax.tree.unflatten(
         structures[-1], [jax.ShapeDtypeStruct(out.shape, out.dtype) for out in jax.tree.leaves(traced.out_info)]
     )
-    return Program(_aside(_compile, traced.lower(), file, shapes), shapes, None)
+    return Program(_aside(_compile, traced.lower(), file, shapes), shapes, structures[-1], None)
 
 
 def _aside(function: Callable, *args: Any) -> Future:
@@ -293,6 +295,8 @@ def _ours(function: Callable, tree: Any) -> bool:
     while nodes:
         node = nodes.pop()
         kind = node.node_data()
+        if kind is not None and isinstance(kind[1], jax.tree_util.PyTreeDef):
+            nodes.append(kind[1])
         if kind is not None and kind[0].__module__.split(".")[0] not in ("linkjax", "builtins"):
             return False
         nodes += node.children()

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-import equinox as eqx
+from typing import Any
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._numerics import once, sincos
-from linkjax._types import as_float
+from linkjax._tree import node
+from linkjax._types import Tracer, as_float
 
 
-class Vec(eqx.Module):
+@node
+class Vec:
     """A vector in the plane, components `x` and `y` (same shape, SI units)."""
 
-    x: Array = eqx.field(converter=as_float)
-    y: Array = eqx.field(converter=as_float)
+    x: Array
+    y: Array
+
+    def __init__(self, x: Any, y: Any):
+        self.__dict__["x"] = x if isinstance(x, Tracer) else as_float(x)
+        self.__dict__["y"] = y if isinstance(y, Tracer) else as_float(y)
 
     def __add__(self, other: Vec) -> Vec:
         return Vec(self.x + other.x, self.y + other.y)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import warnings
 from typing import Any, Literal, NamedTuple
 
@@ -13,7 +12,7 @@ from jaxtyping import Array
 
 from linkjax._batches import PLACES
 from linkjax._compile import compiled_soon, planned
-from linkjax._numerics import safe_divide, wrapped
+from linkjax._numerics import safe_divide, taken, wrapped
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
 from linkjax._vec import Vec
@@ -21,11 +20,12 @@ from linkjax.analysis._blunt import continued, singular, without_joints
 from linkjax.analysis._cycle import Checks, Cycle, Flywheels, Margins, explain, explain_start
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
-from linkjax.forces import Forces, driven_by_joint
+from linkjax.forces import Forces, driven_by_joint, forces_of_pose
 from linkjax.groups import PointState, closed_to
 from linkjax.kinematics import SCAN, Pose, Reversals, find_dead_centres, find_margins, find_strokes, scan_angles
+from linkjax.loads import Instant
 from linkjax.machine import Scene, check_scene, ready
-from linkjax.measures import forces_table, peak_names, reaction_names
+from linkjax.measures import peak_names, table
 from linkjax.mechanism import StructureError
 from linkjax.motion import (
     At,
@@ -37,6 +37,7 @@ from linkjax.motion import (
     Steady,
     at_nodes,
     by_node,
+    crank_at,
     flywheel_on,
     grid_of,
     peaks,
@@ -234,9 +235,7 @@ def _by_diffrax(scene: Scene, nodes: int) -> Steady:
 
 
 @compiled_soon
-def _totals(
-    scene: Scene, motion: Steady, here: Reduced, wheel: Array | None
-) -> tuple[dict[str, Array], Flywheels]:
+def _totals(scene: Scene, motion: Steady, here: Reduced, wheel: Array | None) -> tuple[dict[str, Array], Flywheels]:
     """Work of the drive, of weight and of each load per cycle (J), and the flywheels."""
     grid, given, target = motion.grid, scene.mechanism.flywheel.inertia, scene.target_delta
     weights = grid.half[:, None] * grid.rule.w[None]
@@ -245,17 +244,52 @@ def _totals(
     return {"drive": motion.mean_drive_torque * grid.length, **work}, Flywheels(given, wheel, textbook)
 
 
+class Driven(NamedTuple):
+    """The machine at many places, in the actual motion (if it exists) and at constant nominal speed: forces, crank
+    speed (rad/s) and acceleration (rad/s²), each a tuple of them; and the vectors whose peaks are looked for, motion by
+    motion, shape (places, quantities, 2)."""
+
+    forces: tuple[Forces, ...]
+    speed: tuple[Array, ...]
+    acceleration: tuple[Array, ...]
+    vectors: Array
+
+
+def _driven(regime: Regime, at: At) -> Driven:
+    """The machine at many places in both motions, in one program."""
+    machine = regime.machine
+    return machine.run(_every_motion, machine.whole_design, regime.grid, regime.steady, at)
+
+
+@compiled_soon
+def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, at: At) -> Driven:
+    place, sample, active = at.place, at.sample, taken(grid.active, at.place.panel)
+    motions = [crank_at(grid, None, scene.speed, place, sample.dynamics)]
+    if steady is not None:
+        motions.insert(0, crank_at(grid, steady, scene.speed, place, sample.dynamics))
+    speed, acceleration = zip(*motions, strict=True)
+
+    def one(phi, side, here, active, speed, acceleration):
+        return forces_of_pose(scene, here, Instant(phi, side), active, speed, acceleration)
+
+    every = jax.vmap(one, in_axes=(0, 0, 0, 0, 0, 0))
+    both = jax.vmap(every, in_axes=(None, None, None, None, 0, 0))
+    forces = both(sample.phi, sample.side, sample.pose, active, jnp.stack(speed), jnp.stack(acceleration))
+    vectors = jnp.concatenate(list(table(scene, forces)), axis=1)
+    each = tuple(jax.tree.map(lambda leaf, i=i: leaf[i], forces) for i in range(len(motions)))
+    return Driven(each, speed, acceleration, vectors)
+
+
 def _shown(regime: Regime, angles: Array) -> Shown:
     """All results at the crank angles."""
     machine, grid = regime.machine, regime.grid
     at = regime.at(machine.run(_place, grid, angles))
-    forces, cranks = regime.every_forces(at), regime.every_crank(at)
+    forces, speed, acceleration, _ = _driven(regime, at)
     reduced, assembled, time = machine.run(
         _at_angles, grid, regime.steady, at.place, at.sample.dynamics, at.sample.margins
     )
     if continued(machine.mechanism):
         forces = tuple(machine.run(_without_joints, machine.scene, at.sample.pose, each) for each in forces)
-    speed, acceleration = (tuple(part) for part in zip(*cranks, strict=True))
     pose, transmission = at.sample.pose, at.sample.transmission
     return machine.cut(Shown(pose, transmission, reduced, forces, speed, acceleration, time, assembled), angles)
 
@@ -287,23 +321,15 @@ def _at_angles(
 def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Array]:
     """Peaks of all forces in the actual motion (if it exists) and at constant speed, and the root mean square of the
     shaking force at constant speed."""
-    machine, scene, motions = regime.machine, regime.scene, 1 if regime.steady is None else 2
-    names, net = tuple(reaction_names(scene)), any(load.reacts_on == "frame" for load in scene.loads)
+    machine, motions = regime.machine, 1 if regime.steady is None else 2
 
     def vectors(regime, at):
-        return machine.run(_tables, regime.every_forces(at), net=net, names=names)
+        return _driven(regime, at).vectors
 
-    at_nodes, rms = machine.run(
-        _by_quantity, regime.grid, vectors(regime, At(machine.padded(at.place), at.sample)), motions=motions
-    )
+    found = vectors(regime, At(machine.padded(at.place), at.sample))
+    at_nodes, rms = machine.run(_by_quantity, regime.grid, found, motions=motions)
     found = peaks(regime, vectors, at_nodes)
-    return machine.run(_told, scene, regime.steady, found, motions=motions), rms
-
-
-@compiled_soon(static=("net", "names"))
-def _tables(forces: tuple[Forces, ...], net: bool, names: tuple[tuple[str, str], ...]) -> Array:
-    """The vectors of all quantities, motion by motion; shape (places, quantities, 2)."""
-    return jnp.concatenate([forces_table(each, net, names) for each in forces], axis=1)
+    return machine.run(_told, machine.scene, regime.steady, found, motions=motions), rms
 
 
 @compiled_soon(static=("motions",))

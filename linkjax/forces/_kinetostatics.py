@@ -82,9 +82,7 @@ def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scala
     return forces_of_pose(scene, here, Instant(phi, jnp.asarray(side)), scene.active(side), speed, acceleration)
 
 
-def forces_of_pose(
-    scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, acceleration: Scalar
-) -> Forces:
+def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, acceleration: Scalar) -> Forces:
     """The forces for a given pose; see `kinetostatics`. `active` is one for every load that acts, zero otherwise."""
     phi, origins = at.phi, scene.mechanism.origins()
     inertia, weight, working, own = _applied(scene, here, at, active, speed, acceleration)

@@ -229,7 +229,9 @@ def find_margins(
 
     scanned = asked(scan_angles(cycle_turns, MARGIN_SCAN)) if scanned is None else _listed(names, scanned)
     loops = tuple(side == "loops" for _, side in names)  # singular values, which have no sign
-    paths = [getattr(groups[group], "path", None) if loop else None for (group, _), loop in zip(names, loops, strict=True)]
+    paths = [
+        getattr(groups[group], "path", None) if loop else None for (group, _), loop in zip(names, loops, strict=True)
+    ]
     paths = [jax.lax.stop_gradient(path) if isinstance(path, Track) else None for path in paths]
     start = machine.run(_scanned_margins, scanned, paths, turns=cycle_turns, every=points // MARGIN_SCAN)
 

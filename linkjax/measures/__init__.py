@@ -1,7 +1,6 @@
 """Measures of a machine: functions of a scene, each with a unit."""
 
 from linkjax._renamed import old_names as old_names
-from linkjax.measures._forces import forces_table as forces_table
 from linkjax.measures._forces import peak_names as peak_names
 from linkjax.measures._forces import reaction_names as reaction_names
 from linkjax.measures._forces import table as table

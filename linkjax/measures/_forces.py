@@ -49,15 +49,10 @@ def _reactions(forces: Forces, names: tuple[tuple[str, str], ...]) -> Array:
 
 def table(scene: Scene, forces: Forces) -> Float[Array, "*places quantities 2"]:
     """Shaking force, frame force, shaking moment, drive torque and all reactions, in the order of `peak_names`."""
-    return forces_table(forces, _net(scene), tuple(reaction_names(scene)))
-
-
-def forces_table(forces: Forces, net: bool, names: tuple[tuple[str, str], ...]) -> Float[Array, "*places quantities 2"]:
-    """The same, for these joints and links; with the net frame force if `net`."""
     zero = jnp.zeros_like(forces.drive_torque)
     rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (forces.drive_torque, zero)]
-    rows += [forces.net_frame[:2]] if net else []
-    rows += [forces.reactions[joint][link][:2] for joint, link in names]
+    rows += [forces.net_frame[:2]] if _net(scene) else []
+    rows += [forces.reactions[joint][link][:2] for joint, link in reaction_names(scene)]
     return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
 
 

@@ -12,7 +12,6 @@ from linkjax.motion._flywheel import flywheel_for as flywheel_for
 from linkjax.motion._flywheel import flywheel_on as flywheel_on
 from linkjax.motion._flywheel import textbook_flywheel as textbook_flywheel
 from linkjax.motion._flywheel import with_flywheel as with_flywheel
-from linkjax.motion._flywheel import with_flywheel as with_flywheel
 from linkjax.motion._grid import SCAN as SCAN
 from linkjax.motion._grid import Grid as Grid
 from linkjax.motion._grid import Place as Place
@@ -24,6 +23,7 @@ from linkjax.motion._regime import Peak as Peak
 from linkjax.motion._regime import Regime as Regime
 from linkjax.motion._regime import Rows as Rows
 from linkjax.motion._regime import by_node as by_node
+from linkjax.motion._regime import crank_at as crank_at
 from linkjax.motion._regime import peaks as peaks
 from linkjax.motion._regime import rows as rows
 from linkjax.motion._regime import summits as summits

@@ -291,7 +291,7 @@ def steady_by_diffrax(
     states = cycle(energy, drive)
     squared, clock = (states[1:-1, i].reshape(grid.nodes.shape) for i in (0, 1))
     work = _fitted(grid, 0.5 * here.inertia * squared * pace**2 - energy)
-    flow = Flow(duty_of(scene), grid, here, work, drive)
+    flow = Flow.of(duty_of(scene), grid, here, work, drive)
     begun = Begun(flow, energy, _fitted(grid, clock / pace), *spotted(flow, energy))
     found = conclude(machine, begun, nodes_at.edges)
     # only another method shows the error of the integration; without steady-state motion there is nothing to integrate

@@ -72,7 +72,7 @@ def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots
         rise = jnp.stack([-jnp.roll(width, 1) * before, jnp.roll(width, -1) * after_next])
         slope = jnp.stack([-jnp.roll(width, 1), jnp.roll(width, -1)])
         offset = flow.drive - end.height * end.slope
-        down, up = (taken((rise + slope * offset).T, panel) / end.inertia)
+        down, up = taken((rise + slope * offset).T, panel) / end.inertia
         beyond = jnp.where(x < -1 + 1e-12, sign * down, jnp.where(x > 1 - 1e-12, sign * up, 0.0))
         away = [jnp.abs(nearest_turn(places - seen, duty.cycle)) for seen in (end.place.phi, end.other)]
         near = jnp.minimum(*away) < (3 / n) * (width[:, None] + taken(width, panel))

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from linkjax._numerics import highest, largest, once, root, safe_divide, smallest, taken
+from linkjax._tree import node
 from linkjax.motion._extremum import Pieces, best_piece, doubt, newton, pieces
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import series_sum
@@ -25,7 +26,8 @@ NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, 
 ENOUGH = 1e-9  # relative: after a Newton step as small as this the error is its square
 
 
-class Primitive(eqx.Module):
+@node
+class Primitive:
     """An integral over the crank angle since the first edge of the grid, panel by panel as Chebyshev series."""
 
     grid: Grid
@@ -56,7 +58,8 @@ def primitive(grid: Grid, values: Float[Array, "panels n"]) -> Primitive:
     return Primitive(grid, edges, scaled @ jnp.asarray(grid.rule.primitive.T))
 
 
-class Duty(eqx.Module):
+@node
+class Duty:
     """What is asked of the crank: mean speed (rad/s), length of the cycle (rad), which mean it is, and whether a motion
     law prescribes the motion."""
 
@@ -94,7 +97,8 @@ class Ends(NamedTuple):
     other: Array
 
 
-class Flow(eqx.Module):
+@node
+class Flow:
     """Node values of one cycle: reduced inertia with slope and torque (`here`), work, balancing drive torque; `added`
     is a flywheel inertia (kg m²) that the machine itself does not have."""
 
@@ -111,18 +115,19 @@ class Flow(eqx.Module):
     floor: Array
     added: Array
 
-    def __init__(
-        self, duty: Duty, grid: Grid, here: Reduced, work: Primitive, drive: Array, added: Array | float = 0.0
-    ):
-        r = grid.rule
-        self.duty, self.grid, self.work, self.drive, self.added = duty, grid, work, drive, jnp.asarray(added, float)
-        self.weights = grid.half[:, None] * r.w[None]
-        self.mean = jnp.sum(self.weights * here.inertia) / duty.cycle
-        self.floor = inertia_floor(self.mean)
-        self.inertia = jnp.maximum(here.inertia, self.floor)
-        self.here = here._replace(inertia=self.inertia)
-        self.at_nodes = work.at_edges[:-1, None] + work.series @ jnp.asarray(r.at_nodes.T)
-        self.scale = 0.5 * duty.speed**2 * jnp.sum(self.weights * self.inertia) / duty.cycle
+    @staticmethod
+    def of(duty: Duty, grid: Grid, here: Reduced, work: Primitive, drive: Array, added: Array | float = 0.0) -> Flow:
+        """The flow with what follows from its parts."""
+        r, weights = grid.rule, grid.half[:, None] * grid.rule.w[None]
+        mean = jnp.sum(weights * here.inertia) / duty.cycle
+        floor = inertia_floor(mean)
+        inertia = jnp.maximum(here.inertia, floor)
+        at_nodes = work.at_edges[:-1, None] + work.series @ jnp.asarray(r.at_nodes.T)
+        scale = 0.5 * duty.speed**2 * jnp.sum(weights * inertia) / duty.cycle
+        here = here._replace(inertia=inertia)
+        return Flow(
+            duty, grid, here, work, drive, inertia, weights, at_nodes, scale, mean, floor, jnp.asarray(added, float)
+        )
 
     def running(self, energy: Array) -> Array:
         """Kinetic energy, kept positive: unchanged above `LEAST`, continued by a smooth positive function below."""

@@ -71,7 +71,7 @@ SAME = 1e-9  # relative: a step as small as this is the last; its error is far s
 
 class Search(NamedTuple):
     """A secant search: number of steps, inertia and what it adds to the given one, the inertia before, the excess of
-    1/δ there, and whether the last step moved."""
+    1/δ there, and whether to go on."""
 
     count: Array
     inertia: Array
@@ -82,7 +82,7 @@ class Search(NamedTuple):
 
 
 def _going(state: Search) -> Array:
-    return state.moved & (state.count < STEPS)
+    return state.moved
 
 
 @compiled_soon
@@ -102,7 +102,8 @@ def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Arr
     slope = safe_divide(value - state.excess, x - state.before)
     rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, mean + x))
     new = jnp.maximum(x - value / rising, least)
-    return Search(state.count + 1, new, new - given, x, value, jnp.abs(new - x) > SAME * (jnp.abs(new) + mean))
+    moved = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.count < STEPS)
+    return Search(state.count + 1, new, new - given, x, value, moved)
 
 
 def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:

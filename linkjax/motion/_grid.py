@@ -7,7 +7,7 @@ edges is static: edges that are not needed for a breakpoint halve the most diffi
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 from linkjax._compile import compiled_soon
 from linkjax._numerics import highest, nearest_turn, safe_divide, taken, wrapped
 from linkjax._search import Found, Motion, own, refined, scan_angles, scan_reversals, stacked_motions
+from linkjax._tree import node
 from linkjax.groups import Margin
 from linkjax.kinematics import named_groups
 from linkjax.loads import Window
@@ -35,7 +36,8 @@ REACH = 0.35  # rad: singularities farther than this from the real axis need no 
 UNROLLED = 12  # the most panels that are halved without a loop
 
 
-class Grid(eqx.Module):
+@node
+class Grid:
     """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each; the half width
     and the `middle` of every panel (rad).
 
@@ -171,12 +173,17 @@ def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points:
     count = max(6 * turns, 2 * windows + len(kinks) + slots * len(opposing) + len(groups) * turns)
     names = tuple(load.name for load in scene.loads)
     plan = Plan(
-        turns, scene.cycle, slots, count, max(4, -(-nodes * turns // count)), points, names, scene.mechanism.prescribed,
+        turns,
+        scene.cycle,
+        slots,
+        count,
+        max(4, -(-nodes * turns // count)),
+        points,
+        names,
+        scene.mechanism.prescribed,
         not machine.traced,
     )
-    switches = Switches(
-        tuple(load.window for load in scene.loads), kinks, tuple(load.strength() for load in opposing)
-    )
+    switches = Switches(tuple(load.window for load in scene.loads), kinks, tuple(load.strength() for load in opposing))
     if scanned is None:
         plan = plan._replace(points=SCAN)
         scanned = machine.sample(plan.scan, fixed=True, gaps=True)
@@ -252,7 +259,20 @@ def _grid(
     edges = _edges(fixed, kinks, plan)
     order = _order(switches.windows, _switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
-    return Grid(edges, half, middle, _active(switches.windows, middle, plan), order, overflow, doubt, plan.n, plan.cycle, plan.loads, plan.prescribed, evaluations)
+    return Grid(
+        edges,
+        half,
+        middle,
+        _active(switches.windows, middle, plan),
+        order,
+        overflow,
+        doubt,
+        plan.n,
+        plan.cycle,
+        plan.loads,
+        plan.prescribed,
+        evaluations,
+    )
 
 
 def _kinks(scene: Scene) -> tuple[Array, ...]:
@@ -283,7 +303,9 @@ def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:
         best, first = Candidates(jnp.zeros(plan.turns), jnp.full(plan.turns, jnp.inf)), first + len(group)
         for i in range(first - len(group), first):
             nearer = distance[i] < best.distance
-            best = Candidates(*(jnp.where(nearer, a, b) for a, b in zip((at[i] + move[i], distance[i]), best, strict=True)))
+            best = Candidates(
+                *(jnp.where(nearer, a, b) for a, b in zip((at[i] + move[i], distance[i]), best, strict=True))
+            )
         found.append(best)
     return Candidates(*(jnp.concatenate(part) for part in zip(*found, strict=True)))
 
@@ -301,7 +323,9 @@ def _edges(fixed: list[Array], kinks: Candidates, plan: Plan) -> Array:
     far = kinks.distance > REACH
     twin = jnp.abs(nearest_turn(angle[:, None] - angle[None], cycle)) < SAME
     twin &= jnp.asarray(np.tri(angle.size, k=-1, dtype=bool)) & ~far[None]
-    gone = far | jnp.any(twin, axis=1) | jnp.any(jnp.abs(nearest_turn(angle[:, None] - given[None], cycle)) < SAME, axis=1)
+    gone = (
+        far | jnp.any(twin, axis=1) | jnp.any(jnp.abs(nearest_turn(angle[:, None] - given[None], cycle)) < SAME, axis=1)
+    )
     spare = jnp.full(plan.count - given.size - angle.size, jnp.inf)
     edges = _sorted(jnp.concatenate([given, jnp.where(gone, jnp.inf, angle), spare]))
     start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)

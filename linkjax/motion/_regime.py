@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, taken, wrapped
+from linkjax._tree import node
 from linkjax.forces import Forces
 from linkjax.machine import Scene
 from linkjax.motion._extremum import Summit, climb, highest_in, search, settle
@@ -65,22 +66,9 @@ class Regime:
         active, crank = self._driven(at)
         return self.machine.forces(at.sample, active, *crank, fixed=self.fixed)
 
-    def every_forces(self, at: At) -> tuple[Forces, ...]:
-        """The forces in the actual motion, unless the regime is of constant speed, and at constant nominal speed."""
-        active, *cranks = self._cranks(at)
-        return tuple(self.machine.forces(at.sample, active, *crank, fixed=self.fixed) for crank in cranks)
-
-    def every_crank(self, at: At) -> list[tuple[Array, Array]]:
-        """Crank speeds and accelerations of both."""
-        return self._cranks(at)[1:]
-
     def _driven(self, at: At) -> tuple[Array, tuple[Array, Array]]:
-        active, crank, *_ = self._cranks(at)
-        return active, crank
-
-    def _cranks(self, at: At) -> list[Any]:
-        speed = self.machine.still.speed if self.fixed else self.scene.speed
-        return self.machine.run(_cranks, self.grid, self.steady, speed, at.place, at.sample.dynamics)
+        scene = self.machine.still if self.fixed else self.scene
+        return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, at.sample.dynamics)
 
 
 class At(NamedTuple):
@@ -91,12 +79,18 @@ class At(NamedTuple):
 
 
 @compiled_soon
-def _cranks(grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: tuple) -> list[Any]:
-    """Which loads act, and speed and acceleration in the actual motion and at constant speed."""
-    motions = [(nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi))]
-    if steady is not None:
-        motions.insert(0, steady.crank(nominal, grid.reduced(dynamics, place.panel), place))
-    return [taken(grid.active, place.panel), *motions]
+def _driven(
+    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: tuple
+) -> tuple[Array, tuple[Array, Array]]:
+    return taken(grid.active, place.panel), crank_at(grid, steady, nominal, place, dynamics)
+
+
+def crank_at(grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: tuple) -> tuple[Array, Array]:
+    """Crank speed (rad/s) and acceleration (rad/s²) at places, in the actual motion or, without one, at constant
+    nominal speed."""
+    if steady is None:
+        return nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
+    return steady.crank(nominal, grid.reduced(dynamics, place.panel), place)
 
 
 class Peak(NamedTuple):
@@ -212,9 +206,7 @@ def _parabola(grid: Grid, spot: Spots, found: Array) -> tuple[Array, Array, Plac
 
 
 @compiled_soon
-def _peaked(
-    grid: Grid, x: Array, gained: Array, place: Place, found: Array, heights: Array, hidden: Array
-) -> Peak:
+def _peaked(grid: Grid, x: Array, gained: Array, place: Place, found: Array, heights: Array, hidden: Array) -> Peak:
     top, phi = safe_sqrt(_squares(_rows(found, x))), place.phi
     places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(grid.rule.fine)[None]
     away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], grid.length))
@@ -242,7 +234,8 @@ def _follow(rows: Array, summit: Summit) -> Array:
     return climb(slope, summit, FOLLOW)
 
 
-class Rows(eqx.Module):
+@node
+class Rows:
     """Vectors, the longest of which is a peak, with the crank angle (rad) of each; for `signed` rows of one part the
     largest value is the peak. An optimiser that treats peaks exactly keeps all rows below a bound."""
 
@@ -284,8 +277,12 @@ def summits(regime: Regime, components: Components, at_nodes: Float[Array, "quan
     machine, still = regime.machine, regime.still
     spots, three = machine.run(_all_summits, still.grid, at_nodes)
     spots, three = machine.run(_again, still.grid, spots, components(still, still.at(three)))
-    place = machine.run(_settled, regime.grid, spots, components(still, still.at(three)))  # twice: an optimiser sees the error
-    return machine.run(_on_summits, regime.grid, place, components(regime, regime.at(place)), quantities=at_nodes.shape[0])
+    place = machine.run(
+        _settled, regime.grid, spots, components(still, still.at(three))
+    )  # twice: an optimiser sees the error
+    return machine.run(
+        _on_summits, regime.grid, place, components(regime, regime.at(place)), quantities=at_nodes.shape[0]
+    )
 
 
 @compiled_soon

@@ -20,6 +20,7 @@ from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import once, taken, wrapped
+from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax.machine import Scene, ready
 from linkjax.motion._error import AtEdges, delta_error
@@ -50,7 +51,8 @@ def asked_for(scene: Scene) -> None:
         seen.append(scene)
 
 
-class Steady(eqx.Module):
+@node
+class Steady:
     """Steady-state motion. Speeds in rad/s, angles in rad, torque in N m, energies in J, period in s.
 
     `delta_error` bounds the absolute error of `delta`, the coefficient of speed fluctuation (None where it was not
@@ -212,7 +214,7 @@ def begin(duty: Duty, grid: Grid, here: Reduced, added: Scalar) -> Begun:
     """`added` is a flywheel inertia (kg m²) that the machine does not have."""
     here = here._replace(inertia=here.inertia + added)
     drive = -jnp.sum(grid.half[:, None] * grid.rule.w[None] * here.torque) / duty.cycle
-    flow = Flow(duty, grid, here, primitive(grid, here.torque + drive), drive, added)
+    flow = Flow.of(duty, grid, here, primitive(grid, here.torque + drive), drive, added)
     energy = flow.energy_for_time_mean()
     clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, here.inertia))
     return Begun(flow, energy, clock, *spotted(flow, energy))
