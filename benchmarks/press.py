@@ -39,7 +39,7 @@ def eight(design: jax.Array) -> tuple[jax.Array, ...]:
 
     def at(phi):
         here = pose(scene.mechanism, phi)
-        reduced = reduce_pose(scene, Instant(phi, phi, scene.cycle), here)
+        reduced = reduce_pose(scene, Instant(phi, phi), here)
         first, second = mass_sums(here)
         inertia = reduced.inertia - scene.mechanism.flywheel.inertia
         slider = here.points["D"].dr.x

@@ -137,6 +137,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
     "reduction": ("reduced_model",),
     "motion": ("flywheel_for", "steady_motion"),
     "forces": (),
+    "sampling": (),
     "analysis": ("Cycle", "analyse", "analyze"),
     "measures": (),
     "rolling": ("Rolling", "RollingMachine"),

@@ -133,7 +133,7 @@ def _here(leaf: Any) -> Any:
 
 
 class Program(NamedTuple):
-    """A program, compiled or being compiled: its function of flat arguments, the shapes and structure of its result, its
+    """A program, compiled or being compiled: its function of flat arguments, shapes and structure of its result, and its
     file."""
 
     run: Future[Callable]

@@ -33,6 +33,7 @@ RANKS = {
                 "_config",
                 "_population",
             ),
+            *("_batches", "_search", "_tree"),
             "_display",
         ),
         0,
@@ -45,11 +46,12 @@ RANKS = {
         "machine": 5,
         "library": 6,
         "reduction": 6,
-        "motion": 7,
-        "forces": 8,
+        "forces": 7,
+        "sampling": 8,
+        "motion": 9,
     },
-    **{"measures": 9, "rolling": 9, "analysis": 10, "exchange": 11, "design": 12},
-    **{"scenes": 13, "viz": 14, "report": 15, "cli": 16, "__main__": 17},
+    **{"measures": 10, "rolling": 10, "analysis": 11, "exchange": 12, "design": 13},
+    **{"scenes": 14, "viz": 15, "report": 16, "cli": 17, "__main__": 18},
 }
 ONLY_IN = {"matplotlib": {"viz"}, "typer": {"cli"}, "rich": {"cli"}}  # third-party packages with one home
 HEAVY = ("matplotlib", "pint", "typer", "rich", "jinja2", "scipy")  # not needed by calculations

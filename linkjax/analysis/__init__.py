@@ -1,10 +1,10 @@
 """The analysis of a working cycle, its JSON document and its columns."""
 
 from linkjax._renamed import old_names as old_names
-from linkjax.analysis._analyse import LIGHTEST as LIGHTEST
 from linkjax.analysis._analyse import analyse as analyse
 from linkjax.analysis._analyse import analyze as analyze
 from linkjax.analysis._analyse import compile_ahead as compile_ahead
+from linkjax.analysis._checks import LIGHTEST as LIGHTEST
 from linkjax.analysis._cycle import Checks as Checks
 from linkjax.analysis._cycle import Cycle as Cycle
 from linkjax.analysis._cycle import Maybe as Maybe

@@ -129,7 +129,7 @@ def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int 
 
 def find_strokes(
     machine: Any, found: dict[str, Reversals], cycle_turns: int, scanned: Pose | None = None
-) -> dict[str, Array]:
+) -> dict[str, Any]:
     """The same, asked of a machine in batches; `scanned` is the pose at `SCAN` angles per turn, if known."""
     if not found:
         return {}

@@ -20,14 +20,12 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
-from linkjax.kinematics import pose
-from linkjax.loads import Instant
 from linkjax.machine import Scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, grid_of, make_grid
-from linkjax.motion._steady import Begun, Steady, at_nodes, conclude, duty_of, spotted, steady_on
-from linkjax.reduction import Reduced, of_crank, reduce_pose, reduced_model
+from linkjax.motion._steady import Begun, Steady, at_nodes, conclude, duty_of, reduced_in, spotted, steady_on
+from linkjax.reduction import of_crank, reduced_model
 from linkjax.sampling import Sampler
 
 MOST_CYCLES = 8  # steps end at the switches of this many cycles after the start; later ones are left to step control
@@ -116,7 +114,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
         at = grid.edges[panel] + (s - jnp.floor(s)) * width
-        return width, _reduced(scene, grid, at, panel)
+        return width, reduced_in(scene, grid, at, panel)
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
     first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)
@@ -152,13 +150,6 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     time = last[1][1] + at(place)[0] * safe_divide(late, fall)
     stall = Stall(solution.result == diffrax.RESULTS.event_occurred, place + safe_divide(low, fall), time)
     return jnp.where(running, found + shift, jnp.inf), jax.lax.stop_gradient(stall)
-
-
-def _reduced(scene: Scene, grid: Grid, phi: Array, panel: Array) -> Reduced:
-    """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid."""
-    here = pose(scene.mechanism, phi)
-    found = reduce_pose(scene, Instant(phi, grid.middle[panel]), here, grid.order[panel])
-    return of_crank(found, grid.prescribed)
 
 
 def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
@@ -271,7 +262,7 @@ def steady_by_diffrax(
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)
     along = jnp.concatenate([jnp.zeros(1), places.ravel(), jnp.asarray([float(grid.half.size)])])
     adjoint = adjoint or diffrax.ForwardMode()
-    inertia = _reduced(scene, grid, grid.edges[0], jnp.zeros((), jnp.int32)).inertia
+    inertia = reduced_in(scene, grid, grid.edges[0], jnp.zeros((), jnp.int32)).inertia
     pace = jax.lax.stop_gradient(scene.speed)
     unit = jax.lax.stop_gradient(inertia) * pace**2
     wanted = scene.cycle * pace / scene.speed

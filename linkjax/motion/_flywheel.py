@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -34,7 +34,7 @@ def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
     return flywheel_on(machine, jnp.asarray(delta, dtype=scene.speed.dtype), grid, at_nodes(machine, grid, edges=False))
 
 
-def flywheel_on(machine: Sampler, delta: Scalar, grid: Grid, at: AtNodes, known: Array | None = None) -> Array:
+def flywheel_on(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any = None) -> Any:
     """The same from the node values; see `flywheel_for`. `known` is δ with the given flywheel.
 
     Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. The work over the

@@ -38,10 +38,10 @@ UNROLLED = 12  # the most panels that are halved without a loop
 
 @node
 class Grid:
-    """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each; the half width
-    and the `middle` of every panel (rad).
+    """Panels of the cycle: `edges` (rad, increasing, one more than panels) with `n` Gauss nodes each; the `half` width
+    and the `middle` of every panel (rad), and the `length` of the cycle (rad).
 
-    `length` is that of the cycle (rad). `active` says which loads act in each panel. Where several loads switch at one angle there are panels of zero width
+    `active` says which loads act in each panel. Where several loads switch at one angle there are panels of zero width
     between them, in which loads act as after all of them; in `order` they act as if they switched one after the other,
     so that an integral has the derivative of each switch by itself. `overflow` is true if there are more reversals than
     the grid has edges for. `doubt` bounds the error of the work (J) due to the position error of reversals.

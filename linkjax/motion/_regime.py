@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -57,7 +57,7 @@ class Regime:
         place = self.machine.padded(place)
         return At(place, self.machine.sample(place.phi, place.side, fixed=self.fixed))
 
-    def crank(self, at: At) -> tuple[Array, Array]:
+    def crank(self, at: At) -> Any:
         """Crank speed (rad/s) and acceleration (rad/s²)."""
         return self._driven(at)[1]
 
@@ -66,7 +66,7 @@ class Regime:
         active, crank = self._driven(at)
         return self.machine.forces(at.sample, active, *crank, fixed=self.fixed)
 
-    def _driven(self, at: At) -> tuple[Array, tuple[Array, Array]]:
+    def _driven(self, at: At) -> Any:
         scene = self.machine.still if self.fixed else self.scene
         return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, at.sample.dynamics)
 
@@ -107,13 +107,13 @@ Components = Callable[[Regime, At], Float[Array, "places quantities parts"]]
 def peaks(
     regime: Regime,
     components: Components,
-    at_nodes: Float[Array, "quantities parts panels n"] | None = None,
+    at_nodes: Any = None,
 ) -> Peak:
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
-    `components(regime, at)` gives the vectors at several places; see `Regime.at`. At a jump both one-sided limits count. The highest summits of the interpolants are compared on the
-    functions themselves, and the best one is refined by a parabola. Values that are known at the nodes may be passed as
-    `at_nodes`.
+    `components(regime, at)` gives the vectors at several places (see `Regime.at`). At a jump both one-sided limits
+    count. The highest summits of the interpolants are compared on the functions themselves, and the best one is refined by a
+    parabola. Values that are known at the nodes may be passed as `at_nodes`, shape (quantities, parts, panels, n).
     """
     machine, grid, still = regime.machine, regime.grid, regime.still
     at_nodes = _node_values(still, components) if at_nodes is None else at_nodes

@@ -11,7 +11,7 @@ from __future__ import annotations
 import contextlib
 import contextvars
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -22,12 +22,14 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import once, taken, wrapped
 from linkjax._tree import node
 from linkjax._types import Scalar
+from linkjax.kinematics import pose
+from linkjax.loads import Instant
 from linkjax.machine import Scene, ready
 from linkjax.motion._error import AtEdges, delta_error
 from linkjax.motion._extremum import newton
 from linkjax.motion._flow import LEAST, SIGNS, Duty, Ends, Flow, Primitive, Spots, primitive
 from linkjax.motion._grid import Grid, Place, grid_of
-from linkjax.reduction import Reduced
+from linkjax.reduction import Reduced, of_crank, reduce_pose
 from linkjax.sampling import Sample, Sampler
 
 _WATCHED: contextvars.ContextVar[list[Scene] | None] = contextvars.ContextVar("watched", default=None)
@@ -89,6 +91,10 @@ class Steady:
         """The cycle grid."""
         return self.work.grid
 
+    def at(self, scene: Scene, place: Place) -> tuple[Array, Array]:
+        """Crank speed (rad/s) and acceleration (rad/s²) of a scene at one place of the grid."""
+        return self.crank(scene.speed, reduced_in(scene, self.grid, place.phi, place.panel), place)
+
     def crank(self, nominal: Scalar, here: Reduced, place: Place) -> tuple[Array, Array]:
         """Crank speed (rad/s) and acceleration (rad/s²) at places of the grid, with the reduced model there and the
         `nominal` speed (rad/s)."""
@@ -108,7 +114,7 @@ def steady_motion(scene: Scene, nodes: int = 96) -> Steady:
     asked_for(scene)
     machine = Sampler(ready(scene))
     grid = grid_of(machine, nodes)
-    return steady_on(machine, grid, *at_nodes(machine, grid))
+    return steady_on(machine, grid, at_nodes(machine, grid))
 
 
 class AtNodes(NamedTuple):
@@ -152,6 +158,12 @@ def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtE
     return here, AtEdges(after.inertia, after.torque, before.torque)
 
 
+def reduced_in(scene: Scene, grid: Grid, phi: Array, panel: Array) -> Reduced:
+    """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid."""
+    at, here = Instant(phi, grid.middle[panel]), pose(scene.mechanism, phi)
+    return of_crank(reduce_pose(scene, at, here, grid.order[panel]), grid.prescribed)
+
+
 def node_values(scene: Scene, grid: Grid) -> Reduced:
     """Reduced inertia, slope and torque at every node, shape (panels, n)."""
     return at_nodes(Sampler(ready(scene)), grid, edges=False).here
@@ -192,7 +204,7 @@ def conclude(machine: Sampler, begun: Begun, edges: AtEdges | None) -> Steady:
     return machine.run(_concluded, flow, energy, clock, ends, light, spots, slow, edges, rounds=4)
 
 
-def fluctuation(machine: Sampler, begun: Begun) -> Array:
+def fluctuation(machine: Sampler, begun: Begun) -> Any:
     """δ alone."""
     if machine.scene.mean != "time":
         return conclude(machine, begun, None).delta
@@ -200,9 +212,7 @@ def fluctuation(machine: Sampler, begun: Begun) -> Array:
     return machine.run(_fluctuation, flow, _extremes(machine, flow, energy, spots, place)[0])
 
 
-def _extremes(
-    machine: Sampler, flow: Flow, energy: Array, spots: Spots, place: Place
-) -> tuple[Ends, tuple[Array, Array]]:
+def _extremes(machine: Sampler, flow: Flow, energy: Any, spots: Spots, place: Place) -> tuple[Ends, Any]:
     """The extremes of the speed, and the least reduced inertia with its angle, in two rounds of evaluations."""
     first = machine.sample(place.phi, place.side, fixed=True)
     moved = machine.run(_moved, flow, energy, spots[:3], first.dynamics)
@@ -227,7 +237,8 @@ def spotted(flow: Flow, energy: Array) -> tuple[Spots, Place]:
 
 
 class Moved(NamedTuple):
-    """Bends at the guesses of the extremes, the steps of Newton's method from them, the slopes before, the new places."""
+    """Bends at the guesses of the extremes, the steps of Newton's method from them, the slopes before, and the new
+    places."""
 
     bend: Array
     move: Array

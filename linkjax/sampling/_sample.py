@@ -28,7 +28,7 @@ class Sample(NamedTuple):
     transmission: dict[str, Array]
 
     @property
-    def dynamics(self) -> tuple[Array, Array, dict[str, Array]]:
+    def dynamics(self) -> tuple:
         """Reduced inertia, its slope, and the shares of the loads."""
         return self.inertia, self.slope, self.shares
 

@@ -104,9 +104,9 @@ def work(anchors) -> float:
 def peak(anchors) -> Peak:
     """Largest force of the cylinder over the continuous stroke, both pairs, with its phase and an error bound."""
 
-    def push(regime, place):
-        force = kinetostatics(regime.scene, place.phi, *regime.crank(place)).reactions["rod.drive"]["rod"]
-        return jnp.stack([force.fx, force.fy])[None]
+    def push(regime, at):
+        force = regime.forces(at).reactions["rod.drive"]["rod"]
+        return jnp.stack([force.fx, force.fy], axis=-1)[:, None]
 
     return jax.tree.map(lambda x: x[0], peaks(Parts(lift(anchors)).constant_speed, push))
 

@@ -17,7 +17,6 @@ import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.forces import Forces, kinetostatics, other_sides
 from linkjax.measures import peak_names
-from linkjax.motion import Regime
 from tests.physics import newton_euler, oracle
 from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
@@ -256,7 +255,7 @@ def test_peaks_and_checks(name):
     for check in (cycle.checks.virtual_power, cycle.checks.energy_closure, cycle.checks.force_balance):
         assert float(check) <= 1e-10
     crank = jax.jit(
-        jax.vmap(lambda phi: Regime(scene, cycle.steady.grid, cycle.steady).crank(cycle.steady.grid.place(phi)))
+        jax.vmap(lambda phi: cycle.steady.at(scene, cycle.steady.grid.place(phi)))
     )
     scan = np.linspace(0.0, scene.cycle, 20_000, endpoint=False)
     edges = np.concatenate([oracle.jumps(scene) - 1e-10, oracle.jumps(scene) + 1e-10])

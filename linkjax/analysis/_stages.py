@@ -1,0 +1,247 @@
+"""The stages of an analysis: each is a program of its own, and the machine is evaluated in batches."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._compile import compiled_soon
+from linkjax._numerics import taken, wrapped
+from linkjax.analysis._blunt import continued, singular, without_joints
+from linkjax.analysis._checks import Shown, checks_of
+from linkjax.analysis._cycle import Checks, Flywheels, Margins
+from linkjax.forces import Forces, forces_of_pose
+from linkjax.kinematics import SCAN, Pose, Reversals, find_dead_centres, find_margins, find_strokes, scan_angles
+from linkjax.loads import Instant
+from linkjax.machine import Scene
+from linkjax.measures import peak_names, table
+from linkjax.motion import (
+    At,
+    AtNodes,
+    Grid,
+    Peak,
+    Place,
+    Regime,
+    Steady,
+    at_nodes,
+    by_node,
+    crank_at,
+    flywheel_on,
+    grid_of,
+    peaks,
+    steady_by_diffrax,
+    steady_on,
+    textbook_flywheel,
+)
+from linkjax.reduction import Reduced
+from linkjax.sampling import Sampler
+
+MOTION = 10.0  # times the error of δ: the relative error of a force in the actual motion
+FINE = 256  # nodes per turn, to integrate the inertia torque of a machine with a motion law
+
+
+class Stages(NamedTuple):
+    """The results of all stages of an analysis; those of an actual motion are None without one."""
+
+    grid: Grid
+    motion: Steady | None
+    work: dict[str, Array] | None
+    wheels: Flywheels | None
+    limits: Margins
+    dead: dict[str, Reversals]
+    covered: dict[str, Array]
+    spans: dict[str, Array]
+    shown: Shown
+    peaks: tuple[Peak, ...]
+    rms: Array
+    checks: Checks
+    code: Array
+
+
+def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool) -> Stages:
+    """All stages, each a program of its own; the machine is evaluated in batches."""
+    scene, turns = machine.scene, machine.scene.cycle_turns
+    scanned = machine.sample(scan_angles(turns, SCAN), gaps=True)
+    grid = grid_of(machine, nodes, scanned, SCAN)
+    at = at_nodes(machine, grid)
+    motion, wheels = None, None
+    if moves:
+        motion = machine.run(_by_diffrax, scene, nodes=nodes) if method == "diffrax" else steady_on(machine, grid, at)
+        target = scene.target_delta
+        wheels = None if target is None else flywheel_on(machine, target, grid, at, motion.delta)
+    regime = Regime(machine, grid, motion)
+    shown = _shown(regime, angles)
+    tops, rms = _peaks(regime, at)
+    limits = find_margins(machine, turns, scanned.margins, SCAN)
+    spans = _spans(machine, limits)
+    dead = find_dead_centres(machine, turns, scanned.pose)
+    covered = find_strokes(machine, dead, turns, scanned.pose)
+    here = None if motion is None else at.here
+    closing = _law_torque(machine) if moves and scene.mechanism.prescribed else None
+    checks, code = machine.run(checks_of, scene, grid, motion, here, closing, angles, shown, limits)
+    work, wheels = machine.run(_totals, scene, motion, here, wheels) if moves else (None, None)
+    return Stages(grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code)
+
+
+@compiled_soon(static=("nodes",))
+def _by_diffrax(scene: Scene, nodes: int) -> Steady:
+    return steady_by_diffrax(scene, nodes)
+
+
+@compiled_soon
+def _totals(scene: Scene, motion: Steady, here: Reduced, wheel: Array | None) -> tuple[dict[str, Array], Flywheels]:
+    """Work of the drive, of weight and of each load per cycle (J), and the flywheels."""
+    grid, given, target = motion.grid, scene.mechanism.flywheel.inertia, scene.target_delta
+    weights = grid.half[:, None] * grid.rule.w[None]
+    work = {name: jnp.sum(weights * share) for name, share in here.by_load.items()}
+    textbook = None if target is None else textbook_flywheel(motion, target)
+    return {"drive": motion.mean_drive_torque * grid.length, **work}, Flywheels(given, wheel, textbook)
+
+
+class Driven(NamedTuple):
+    """The machine at many places, in the actual motion (if it exists) and at constant nominal speed: forces, crank
+    speed (rad/s) and acceleration (rad/s²), each a tuple of them; and the vectors whose peaks are looked for, motion by
+    motion, shape (places, quantities, 2)."""
+
+    forces: tuple[Forces, ...]
+    speed: tuple[Array, ...]
+    acceleration: tuple[Array, ...]
+    vectors: Array
+
+
+def _driven(regime: Regime, at: At) -> Driven:
+    """The machine at many places in both motions, in one program."""
+    machine = regime.machine
+    return machine.run(_every_motion, machine.whole_design, regime.grid, regime.steady, at)
+
+
+@compiled_soon
+def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, at: At) -> Driven:
+    place, sample, active = at.place, at.sample, taken(grid.active, at.place.panel)
+    motions = [crank_at(grid, None, scene.speed, place, sample.dynamics)]
+    if steady is not None:
+        motions.insert(0, crank_at(grid, steady, scene.speed, place, sample.dynamics))
+    speed, acceleration = zip(*motions, strict=True)
+
+    def one(phi, side, here, active, speed, acceleration):
+        return forces_of_pose(scene, here, Instant(phi, side), active, speed, acceleration)
+
+    every = jax.vmap(one, in_axes=(0, 0, 0, 0, 0, 0))
+    both = jax.vmap(every, in_axes=(None, None, None, None, 0, 0))
+    forces = both(sample.phi, sample.side, sample.pose, active, jnp.stack(speed), jnp.stack(acceleration))
+    vectors = jnp.concatenate(list(table(scene, forces)), axis=1)
+    each = tuple(jax.tree.map(lambda leaf, i=i: leaf[i], forces) for i in range(len(motions)))
+    return Driven(each, speed, acceleration, vectors)
+
+
+def _shown(regime: Regime, angles: Array) -> Shown:
+    """All results at the crank angles."""
+    machine, grid = regime.machine, regime.grid
+    at = regime.at(machine.run(_place, grid, angles))
+    forces, speed, acceleration, _ = _driven(regime, at)
+    reduced, assembled, time = machine.run(
+        _at_angles, grid, regime.steady, at.place, at.sample.dynamics, at.sample.margins
+    )
+    if continued(machine.mechanism):
+        forces = tuple(machine.run(_without_joints, machine.scene, at.sample.pose, each) for each in forces)
+    pose, transmission = at.sample.pose, at.sample.transmission
+    return machine.cut(Shown(pose, transmission, reduced, forces, speed, acceleration, time, assembled), angles)
+
+
+@compiled_soon
+def _place(grid: Grid, angles: Array) -> Place:
+    return jax.vmap(grid.place)(angles)
+
+
+@compiled_soon
+def _without_joints(scene: Scene, here: Pose, forces: Forces) -> Forces:
+    return without_joints(scene.mechanism, here, forces)
+
+
+@compiled_soon
+def _at_angles(
+    grid: Grid, motion: Steady | None, place: Place, dynamics: tuple, margins: Any
+) -> tuple[Reduced, Array, Array | None]:
+    """The reduced model at the angles shown, whether the mechanism can be assembled there, and the time (s)."""
+    least = [margin.value for sides in margins.values() for margin in sides.values()]
+    assembled = jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0, axis=0)
+    time = None
+    if motion is not None:
+        begin = motion.clock.at(grid.place(jnp.zeros(())))
+        time = wrapped(motion.clock.at(place) - begin, motion.period)
+    return grid.loaded(dynamics, place.panel), assembled, time
+
+
+def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
+    """Peaks of all forces in the actual motion (if it exists) and at constant speed, and the root mean square of the
+    shaking force at constant speed."""
+    machine, motions = regime.machine, 1 if regime.steady is None else 2
+
+    def vectors(regime, at):
+        return _driven(regime, at).vectors
+
+    found = vectors(regime, At(machine.padded(at.place), at.sample))
+    at_nodes, rms = machine.run(_by_quantity, regime.grid, found, motions=motions)
+    found = peaks(regime, vectors, at_nodes)
+    return machine.run(_told, machine.scene, regime.steady, found, motions=motions), rms
+
+
+@compiled_soon(static=("motions",))
+def _by_quantity(grid: Grid, found: Array, motions: int) -> tuple[Array, Array]:
+    at_nodes = by_node(grid, found)
+    shaking = at_nodes[(motions - 1) * at_nodes.shape[0] // motions]  # the first quantity of the last motion
+    weights = grid.half[:, None] * grid.rule.w[None]
+    return at_nodes, jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / grid.length)
+
+
+@compiled_soon(static=("motions",))
+def _told(scene: Scene, motion: Steady | None, found: Peak, motions: int) -> tuple[Peak, ...]:
+    """The peaks by motion: infinite where a group passes through a singular position, in the actual motion with the
+    error of the motion."""
+    names = peak_names(scene)
+    count = len(names)
+    boundless = jnp.tile(singular(scene.mechanism, names), motions)
+    found = found._replace(value=jnp.where(boundless, jnp.inf, found.value))
+    if motion is not None:  # in it, forces depend on the square of the speed and its slope
+        inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * found.value, 0.0)
+        found = found._replace(error=found.error + inexact)
+    return tuple(Peak(*(part[i * count : (i + 1) * count] for part in found)) for i in range(motions))
+
+
+def _spans(machine: Sampler, limits: Margins) -> dict[str, Any]:
+    """Transmission angles at the least margins, where they are extreme."""
+    if not limits:
+        return {}
+    least = [side.angle for sides in limits.values() for side in sides.values()]
+    angles = machine.sample(machine.run(_stacked, least), gaps=True).transmission
+    counts = tuple((group, len(sides)) for group, sides in limits.items())
+    return machine.run(_by_group, angles, counts=counts)
+
+
+@compiled_soon
+def _stacked(angles: list[Array]) -> Array:
+    return jnp.stack(angles)
+
+
+@compiled_soon(static=("counts",))
+def _by_group(angles: dict[str, Array], counts: tuple[tuple[str, int], ...]) -> dict[str, Array]:
+    found, first = {}, 0
+    for group, count in counts:
+        found |= {group: angles[group][first : first + count]} if group in angles else {}
+        first += count
+    return found
+
+
+def _law_torque(machine: Sampler) -> tuple[Grid, Any]:
+    """The inertia torque of a machine with a motion law at the nodes of a fine grid."""
+    grid = grid_of(machine, FINE)
+    at = at_nodes(machine, grid, edges=False)
+    return grid, machine.run(_slope_torque, machine.scene, grid, at.sample.slope)
+
+
+@compiled_soon
+def _slope_torque(scene: Scene, grid: Grid, slope: Array) -> Array:
+    return 0.5 * slope[: grid.size].reshape(grid.nodes.shape) * scene.speed**2
