@@ -133,8 +133,8 @@ def _here(leaf: Any) -> Any:
 
 
 class Program(NamedTuple):
-    """A program, compiled or being compiled: its function of flat arguments, shapes and structure of its result, and its
-    file."""
+    """A program, compiled or being compiled: its function of flat arguments, the shapes and the structure of its
+    result, and its file."""
 
     run: Future[Callable]
     result: Any

@@ -37,7 +37,7 @@ from linkjax.motion import (
     textbook_flywheel,
 )
 from linkjax.reduction import Reduced
-from linkjax.sampling import Sampler
+from linkjax.sampling import Sample, Sampler
 
 MOTION = 10.0  # times the error of δ: the relative error of a force in the actual motion
 FINE = 256  # nodes per turn, to integrate the inertia torque of a machine with a motion law
@@ -115,12 +115,12 @@ class Driven(NamedTuple):
 def _driven(regime: Regime, at: At) -> Driven:
     """The machine at many places in both motions, in one program."""
     machine = regime.machine
-    return machine.run(_every_motion, machine.whole_design, regime.grid, regime.steady, at)
+    return machine.run(_every_motion, machine.whole_design, regime.grid, regime.steady, at.place, at.sample)
 
 
 @compiled_soon
-def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, at: At) -> Driven:
-    place, sample, active = at.place, at.sample, taken(grid.active, at.place.panel)
+def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, place: Place, sample: Sample) -> Driven:
+    active = taken(grid.active, place.panel)
     motions = [crank_at(grid, None, scene.speed, place, sample.dynamics)]
     if steady is not None:
         motions.insert(0, crank_at(grid, steady, scene.speed, place, sample.dynamics))
@@ -131,7 +131,7 @@ def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, at: At) -> Dr
 
     every = jax.vmap(one, in_axes=(0, 0, 0, 0, 0, 0))
     both = jax.vmap(every, in_axes=(None, None, None, None, 0, 0))
-    forces = both(sample.phi, sample.side, sample.pose, active, jnp.stack(speed), jnp.stack(acceleration))
+    forces = both(place.phi, place.side, sample.pose, active, jnp.stack(speed), jnp.stack(acceleration))
     vectors = jnp.concatenate(list(table(scene, forces)), axis=1)
     each = tuple(jax.tree.map(lambda leaf, i=i: leaf[i], forces) for i in range(len(motions)))
     return Driven(each, speed, acceleration, vectors)
@@ -183,7 +183,7 @@ def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
     def vectors(regime, at):
         return _driven(regime, at).vectors
 
-    found = vectors(regime, At(machine.padded(at.place), at.sample))
+    found = vectors(regime, regime.at(at.place, at.sample))
     at_nodes, rms = machine.run(_by_quantity, regime.grid, found, motions=motions)
     found = peaks(regime, vectors, at_nodes)
     return machine.run(_told, machine.scene, regime.steady, found, motions=motions), rms
@@ -216,7 +216,7 @@ def _spans(machine: Sampler, limits: Margins) -> dict[str, Any]:
     if not limits:
         return {}
     least = [side.angle for sides in limits.values() for side in sides.values()]
-    angles = machine.sample(machine.run(_stacked, least), gaps=True).transmission
+    angles = machine.sample(machine.run(_stacked, least), dynamics=False, gaps=True).transmission
     counts = tuple((group, len(sides)) for group, sides in limits.items())
     return machine.run(_by_group, angles, counts=counts)
 
@@ -239,9 +239,9 @@ def _law_torque(machine: Sampler) -> tuple[Grid, Any]:
     """The inertia torque of a machine with a motion law at the nodes of a fine grid."""
     grid = grid_of(machine, FINE)
     at = at_nodes(machine, grid, edges=False)
-    return grid, machine.run(_slope_torque, machine.scene, grid, at.sample.slope)
+    return grid, machine.run(_slope_torque, machine.scene, grid, at.sample.dynamics)
 
 
 @compiled_soon
-def _slope_torque(scene: Scene, grid: Grid, slope: Array) -> Array:
-    return 0.5 * slope[: grid.size].reshape(grid.nodes.shape) * scene.speed**2
+def _slope_torque(scene: Scene, grid: Grid, dynamics: tuple) -> Array:
+    return 0.5 * dynamics[1][: grid.size].reshape(grid.nodes.shape) * scene.speed**2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
@@ -16,10 +16,11 @@ from linkjax.design._terms import Limit, Term, checked, guarded
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES, Parts, min_margin, steady_state_margin
 from linkjax.mechanism import StructureError
-from linkjax.motion import Rows, watched
+from linkjax.motion import Rows, begin
 
 PARTS = "Parts with traced numbers"
 POSE = "_pose"  # the compiled function that all positions come from
+MOTION = begin.function.__name__  # the compiled function that all actual motions begin with
 
 
 class Needs(enum.IntEnum):
@@ -43,15 +44,15 @@ def rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
 
 
 def needs(limit: Limit, scene: Scene, nodes: int) -> Needs:
-    """What the term of a constraint or objective needs."""
+    """What the term of a constraint or objective needs. A measure says so; a user-defined function is traced."""
     term = limit.term
-    if _is_measure(term) and term.name in (min_margin.name, steady_state_margin.name):
+    if term.name in (min_margin.name, steady_state_margin.name) and _is_measure(term):
         return Needs.SCENE if term.name == min_margin.name else Needs.ASSEMBLY  # they say how far a machine is off
-    with watched() as seen:
-        traced = jax.make_jaxpr(lambda scene: rows_for(limit, Parts(scene, nodes))[1])(scene)
-    if seen:
-        return Needs.MOTION
-    return Needs.ASSEMBLY if _is_measure(term) or _has_poses(traced.jaxpr) else Needs.SCENE
+    if _is_measure(term):
+        return Needs.MOTION if MEASURES[term.name].motion else Needs.ASSEMBLY
+    traced = jax.make_jaxpr(lambda scene: rows_for(limit, Parts(scene, nodes))[1])(scene)
+    names = set(_programs(traced.jaxpr))
+    return Needs.MOTION if MOTION in names else Needs.ASSEMBLY if POSE in names else Needs.SCENE
 
 
 def _is_measure(term: Term) -> bool:
@@ -65,13 +66,13 @@ def _measured(function: Callable[[Parts], Any], of: Parts) -> Any:
         raise DesignError(error.element, error.problem, error.remedy) from error
 
 
-def _has_poses(jaxpr: Any) -> bool:
-    """Whether a traced function computes positions of the machine."""
+def _programs(jaxpr: Any) -> Iterator[str]:
+    """Names of the compiled functions that a traced function calls."""
     for equation in jaxpr.eqns:
-        if equation.params.get("name") == POSE:
-            return True
+        if "name" in equation.params:
+            yield equation.params["name"]
         for value in equation.params.values():
             inner = [getattr(each, "jaxpr", each) for each in (value if isinstance(value, tuple | list) else (value,))]
-            if any(_has_poses(each) for each in inner if hasattr(each, "eqns")):
-                return True
-    return False
+            for each in inner:
+                if hasattr(each, "eqns"):
+                    yield from _programs(each)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -20,7 +19,7 @@ from linkjax.design._needs import Needs, needs, rows_for
 from linkjax.design._terms import INITIAL, Limit, Term, at_least
 from linkjax.machine import Scene
 from linkjax.measures import NODES, Parts, min_margin, steady_state_margin
-from linkjax.motion import Rows, watched
+from linkjax.motion import Rows
 
 ASSEMBLED = 1e-3  # smallest assembly margin of a design that counts as assembled
 SLIGHT = 1e-6  # of the effect of the design variables: a bound so close to zero is not used as scale
@@ -49,13 +48,24 @@ class Case:
 
 class Block(NamedTuple):
     """One term in one case at one design: its rows, their derivatives with respect to the variables, their crank angles
-    (rad), its value, and whether that exists."""
+    (rad), its value, whether rows count by value, and whether the value exists."""
 
     vectors: Float[np.ndarray, "rows parts"]
     slope: Float[np.ndarray, "rows parts n"]
     angle: Float[np.ndarray, " rows"]
     value: float
+    signed: bool
     exists: bool = True
+
+
+class Outputs(NamedTuple):
+    """Rows of every term in every case, their derivatives with respect to the variables, the values of the terms, and
+    the smallest inertia ratio of every case (one where the actual motion is not needed)."""
+
+    rows: list[Rows]
+    slopes: list[Array]
+    values: list[Array]
+    ratios: list[Array]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,20 +123,17 @@ class Problem:
         self._ties = [_linked(scene, v, at) for v, at in zip(self.variables, self.numbers, strict=True)]
         goal = Limit(objective, "at least" if maximise else "at most", 0.0, objective.name)
         self.asked: list[Limit] = [goal, *limits]
-        self._true_motion, self._assembled = False, len(self.asked)
-        self._shapes()  # finds out whether the actual motion is needed
+        self._assembled = len(self.asked)
+        self._needs = [needs(limit, scene, nodes) for limit in self.asked]
+        self._true_motion = Needs.MOTION in self._needs
         if self._true_motion:
             self._check_moves()
         taken = {limit.name for limit in limits}
-        needed = [(min_margin, ASSEMBLED), *([(steady_state_margin, RUNNING)] if self._true_motion else [])]
-        for margin, least in needed:
+        margins = [(min_margin, ASSEMBLED), *([(steady_state_margin, RUNNING)] if self._true_motion else [])]
+        for margin, least in margins:
             name = f"{margin.name} at all" if margin.name in taken else margin.name
             self.asked.append(at_least(margin, least, name=name))
-        self._kept = self._shapes()
-        sizes = [
-            (v.size, v.size * self.start.size, a.size, 1) for v, a in ((r.vectors, r.angle) for r, _ in self._kept)
-        ]
-        self._ends = np.cumsum([size for block in sizes for size in block])
+            self._needs.append(needs(self.asked[-1], scene, nodes))
         self._scene, self._scene_of = ravel_pytree(scene)  # one array is passed faster than fifty
         self._run = compiled_soon(self._outputs)
         self._run.ahead(self._scene, jnp.asarray(self.start))
@@ -143,16 +150,14 @@ class Problem:
     def at(self, x: np.ndarray) -> list[Block]:
         """All blocks of one design, in the order of `kinds`: one evaluation."""
         self.evaluations += 1
-        *found, ratios = np.split(np.asarray(self._run(self._scene, jnp.asarray(x))), self._ends)
-        shapes = [rows.vectors.shape for rows, _ in self._kept]
+        found = jax.device_get(self._run(self._scene, jnp.asarray(x)))
         blocks = [
-            Block(found[4 * i].reshape(shape), found[4 * i + 1].reshape((*shape, -1)), found[4 * i + 2],
-                  float(found[4 * i + 3][0]))
-            for i, shape in enumerate(shapes)
-        ]  # fmt: skip
-        return self._marked(blocks, ratios)
+            Block(rows.vectors, slope, rows.angle, float(value), rows.signed)
+            for rows, slope, value in zip(found.rows, found.slopes, found.values, strict=True)
+        ]
+        return self._marked(blocks, found.ratios)
 
-    def _marked(self, blocks: list[Block], inertia_ratios: np.ndarray) -> list[Block]:
+    def _marked(self, blocks: list[Block], inertia_ratios: Sequence[Any]) -> list[Block]:
         """The blocks, with `exists` false for terms without a value: the machine cannot be assembled, or has no actual
         motion. The conditions are those of an analysis."""
         count, found = len(self.asked), []
@@ -169,11 +174,6 @@ class Problem:
             found += [block._replace(exists=need < missing) for block, need in zip(own, self._needs, strict=True)]
         return found
 
-    @functools.cached_property
-    def _needs(self) -> list[Needs]:
-        """What every term needs; found only when some machine has no value of one."""
-        return [needs(limit, self.scene, self.nodes) for limit in self.asked]
-
     def _place(self, scene: Scene, x: Array) -> Scene:
         pairs: list[tuple[Number, Any]] = []
         for i, (at, ties) in enumerate(zip(self.numbers, self._ties, strict=True)):
@@ -184,36 +184,27 @@ class Problem:
         """Rows and exact value of every term, case by case; and of every case the smallest inertia ratio, or one where
         the actual motion is not needed."""
         found, ratios = [], []
-        with watched() as seen:
-            for case in self.cases:
-                parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
-                found += [rows_for(limit, parts) for limit in self.asked]
-                ratios.append(parts.steady.min_inertia_ratio if self._true_motion else jnp.ones(()))
-        self._true_motion |= bool(seen)
+        for case in self.cases:
+            parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
+            found += [rows_for(limit, parts) for limit in self.asked]
+            ratios.append(parts.steady.min_inertia_ratio if self._true_motion else jnp.ones(()))
         return found, ratios
 
     def values(self, x: Array) -> Float[Array, " blocks"]:
         """The values (SI) of all blocks of one design, in the order of `kinds`; to be traced, not counted."""
         return jnp.stack([value for _, value in self._rows(self.scene, x)[0]])
 
-    def _shapes(self) -> list[tuple[Rows, Any]]:
-        """The shapes of `_rows`; traced again, since `asked` may have grown."""
-        return jax.eval_shape(lambda scene, x: self._rows(scene, x)[0], self.scene, jnp.asarray(self.start))
-
-    def _outputs(self, numbers: Array, x: Array) -> Array:
-        """Rows, derivatives, angles and values of all terms, case by case, and the inertia ratios, in one array: one
-        transfer. The scene is passed as a flat array."""
+    def _outputs(self, numbers: Array, x: Array) -> Outputs:
+        """All terms, case by case, and their derivatives. The scene is passed as a flat array."""
         scene = self._scene_of(numbers)
 
         def vectors(x):
             found, ratios = self._rows(scene, x)
-            every = [rows.vectors for rows, _ in found]
-            return every, (every, [rows.angle for rows, _ in found], [value for _, value in found], ratios)
+            return [rows.vectors for rows, _ in found], (found, ratios)
 
-        slopes, (every, angles, values, ratios) = jax.jacfwd(vectors, has_aux=True)(x)
+        slopes, (found, ratios) = jax.jacfwd(vectors, has_aux=True)(x)
         slopes = [jnp.nan_to_num(slope, posinf=0.0, neginf=0.0) for slope in slopes]  # zero where there is no value
-        parts = [part.ravel() for each in zip(every, slopes, angles, values, strict=True) for part in each]
-        return jnp.concatenate([*parts, jnp.stack(ratios)])
+        return Outputs([rows for rows, _ in found], slopes, [value for _, value in found], ratios)
 
     def rescale(self, value: float) -> None:
         """Change the scale of the objective (SI)."""
@@ -246,7 +237,8 @@ class Problem:
         lifeless = massless(scene) and not heavy and not scene.mechanism.prescribed
         if not (scene.constant_speed or lifeless):
             return
-        asked = [limit for limit in self.asked if limit.name != FLYWHEEL and self._of_motion(limit)]
+        pairs = zip(self.asked, self._needs, strict=True)
+        asked = [limit for limit, need in pairs if limit.name != FLYWHEEL and need is Needs.MOTION]
         if asked:
             why, remedy = "the machine has no mass", "give masses or a flywheel"
             if scene.constant_speed:
@@ -254,26 +246,20 @@ class Problem:
             problem = f"needs the actual motion, but {why}"
             raise DesignError(asked[0].name, problem, f"{remedy}, or use a measure at constant speed")
 
-    def _of_motion(self, limit: Limit) -> bool:
-        """Whether a constraint needs the actual motion."""
-        with watched() as seen:
-            jax.eval_shape(lambda scene: rows_for(limit, Parts(scene, self.nodes)), self.scene)
-        return bool(seen)
-
     def _kinds(self, limits: int) -> list[Kind]:
         """Bounds and scales, from the values and derivatives at the start."""
         found, span = [], self.upper - self.lower
         self._check_initial(self.first)
-        for i, (block, (rows, _)) in enumerate(zip(self.first, self._kept, strict=True)):
+        for i, block in enumerate(self.first):
             j = i % len(self.asked)
             limit, case = self.asked[j], self.cases[i // len(self.asked)].name
             role = "objective" if j == 0 else "limit" if j <= limits else "sound"
             bound = block.value if limit.bound == INITIAL else float(limit.bound)
             sign = 1.0 if limit.sense == "at most" else -1.0
-            sizes = block.vectors[:, 0] * sign if rows.signed else np.linalg.norm(block.vectors, axis=1)
+            sizes = block.vectors[:, 0] * sign if block.signed else np.linalg.norm(block.vectors, axis=1)
             effect = float(np.max(np.abs(block.slope[int(np.argmax(sizes))] * span)))
             own = max(_finite(block.value), effect) or 1.0  # a value that happens to be small is not a scale
-            kind = Kind(limit.name, case, limit.term.unit, role, rows.signed, sign, 0.0, own, own, effect)
+            kind = Kind(limit.name, case, limit.term.unit, role, block.signed, sign, 0.0, own, own, effect)
             found.append(kind if role == "objective" else kind.bounded(bound))
         common = max(kind.scale for kind in found if kind.role == "objective")  # all cases have one scale
         return [dataclasses.replace(kind, scale=common) if kind.role == "objective" else kind for kind in found]

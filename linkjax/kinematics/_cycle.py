@@ -81,15 +81,19 @@ def find_dead_centres(machine: Any, cycle_turns: int, scanned: Pose | None = Non
     if not ends:
         return {}
     slots = DEAD_CENTRES * cycle_turns
-    scanned = machine.sample(scan_angles(cycle_turns, SCAN), fixed=True).pose if scanned is None else scanned
+    scanned = (
+        machine.sample(scan_angles(cycle_turns, SCAN), fixed=True, dynamics=False).pose if scanned is None else scanned
+    )
     found, flat = machine.run(_scanned_ends, _motions(ends, scanned), turns=cycle_turns, slots=slots)
 
     def step(state):
         angle, flat = state
-        return machine.run(_next_ends, angle, _motions(ends, machine.sample(flat, fixed=True).pose), found)
+        return machine.run(
+            _next_ends, angle, _motions(ends, machine.sample(flat, fixed=True, dynamics=False).pose), found
+        )
 
     angle, flat = machine.loop(POLISH - 1, step, (found.angle, flat))
-    every = machine.run(_refined_ends, angle, _motions(ends, machine.sample(flat).pose), found)
+    every = machine.run(_refined_ends, angle, _motions(ends, machine.sample(flat, dynamics=False).pose), found)
     return dict(zip(ends, every, strict=True))
 
 
@@ -134,9 +138,9 @@ def find_strokes(
     if not found:
         return {}
     ends = _stopping_ends(machine.mechanism)
-    scanned = machine.sample(scan_angles(cycle_turns, SCAN)).pose if scanned is None else scanned
+    scanned = machine.sample(scan_angles(cycle_turns, SCAN), dynamics=False).pose if scanned is None else scanned
     given = tuple(found[name] for name in ends)
-    there = machine.sample(machine.run(_places_of, given)).pose
+    there = machine.sample(machine.run(_places_of, given), dynamics=False).pose
     slides = tuple(ends.values())
     every = machine.run(_strokes, given, _at(ends, scanned), _at(ends, there), turns=cycle_turns, slides=slides)
     return dict(zip(ends, every, strict=True))
@@ -225,7 +229,7 @@ def find_margins(
         return {}
 
     def asked(phi, fixed=True):
-        return _listed(names, machine.sample(phi, fixed=fixed, gaps=True).margins)
+        return _listed(names, machine.sample(phi, fixed=fixed, dynamics=False, gaps=True).margins)
 
     scanned = asked(scan_angles(cycle_turns, MARGIN_SCAN)) if scanned is None else _listed(names, scanned)
     loops = tuple(side == "loops" for _, side in names)  # singular values, which have no sign

@@ -17,7 +17,7 @@ from linkjax.reduction import mass_sums
 
 def shaking(regime: Regime, at: At) -> Float[Array, "places 1 2"]:
     """Shaking force (N): the inertia force on the frame."""
-    return regime.machine.run(_shaking, at.sample.pose, *regime.crank(at))
+    return regime.machine.run(_shaking, at.pose, *regime.crank(at))
 
 
 @compiled_soon

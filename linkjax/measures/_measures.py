@@ -50,6 +50,7 @@ class Measure:
     function: Callable[[Parts], Array]
     rows: Callable[[Parts], Rows] | None = None  # all values that may be the largest, or the smallest
     smallest: bool = False
+    motion: bool = False  # whether it needs the actual motion
 
     def __call__(self, scene: Scene, nodes: int = NODES) -> Array:
         return self.function(Parts(scene, nodes))
@@ -59,25 +60,27 @@ MEASURES: dict[str, Measure] = {}
 Peaked = tuple[Regime, Components, Array | None]
 
 
-def _registered(function: Callable, unit: str, value, rows=None, smallest: bool = False) -> Measure:
+def _registered(
+    function: Callable, unit: str, value, rows=None, smallest: bool = False, motion: bool = False
+) -> Measure:
     """The measure made from a decorated function."""
-    made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), value, rows, smallest)
+    made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), value, rows, smallest, motion)
     MEASURES[made.name] = made
     return made
 
 
 def measure(
-    unit: str, rows: Callable[[Parts], Rows] | None = None, smallest: bool = False
+    unit: str, rows: Callable[[Parts], Rows] | None = None, smallest: bool = False, *, motion: bool
 ) -> Callable[[Callable[[Parts], Array]], Measure]:
     """Make a measure of a function of `Parts` and register it under the function's name; `rows` are, for an extreme,
-    all values that may be it."""
-    return lambda function: _registered(function, unit, function, rows, smallest)
+    all values that may be it. `motion` says whether it needs the actual motion."""
+    return lambda function: _registered(function, unit, function, rows, smallest, motion)
 
 
-def peak(unit: str) -> Callable[[Callable[[Parts], Peaked]], Measure]:
+def peak(unit: str, *, motion: bool) -> Callable[[Callable[[Parts], Peaked]], Measure]:
     """Make a measure of a peak; the function returns the regime, the components, and their node values if known."""
     return lambda function: _registered(
-        function, unit, lambda of: largest(peaks(*function(of)).value), lambda of: rows(*function(of))
+        function, unit, lambda of: largest(peaks(*function(of)).value), lambda of: rows(*function(of)), motion=motion
     )
 
 
@@ -121,19 +124,19 @@ def _swings(of: Parts) -> Rows:
     return Rows(pairs.reshape((-1, 1)), angle.ravel(), signed=True)
 
 
-@measure("1", _swings)
+@measure("1", _swings, motion=True)
 def delta(of: Parts) -> Array:
     """Coefficient of speed fluctuation of the actual motion, (ω_max - ω_min) / mean speed."""
     return of.steady.delta
 
 
-@measure("rad/s", lambda of: _extreme_speeds(of)[0])
+@measure("rad/s", lambda of: _extreme_speeds(of)[0], motion=True)
 def max_crank_speed(of: Parts) -> Array:
     """Largest crank speed of the actual motion."""
     return of.steady.max_speed
 
 
-@measure("rad/s", lambda of: _extreme_speeds(of)[1], smallest=True)
+@measure("rad/s", lambda of: _extreme_speeds(of)[1], smallest=True, motion=True)
 def min_crank_speed(of: Parts) -> Array:
     """Smallest crank speed of the actual motion."""
     return of.steady.min_speed
@@ -155,7 +158,7 @@ def _least_energies(of: Parts) -> Rows:
     return Rows((above - found.vectors[0]) * per_joule - LEAST, found.angle[0], signed=True)
 
 
-@measure("1", _least_energies, smallest=True)
+@measure("1", _least_energies, smallest=True, motion=True)
 def steady_state_margin(of: Parts) -> Array:
     """Least kinetic energy of the actual motion divided by ½ J̄ ω², minus 1e-6; negative: no steady-state motion."""
     return of.steady.steady_state_margin
@@ -179,13 +182,13 @@ def _light_places(of: Parts) -> Rows:
     return Rows(jnp.where(mean > 0, light, jnp.minimum(light, -1.0)), found.angle[0], signed=True)
 
 
-@measure("1", _light_places, smallest=True)
+@measure("1", _light_places, smallest=True, motion=True)
 def min_inertia_ratio(of: Parts) -> Array:
     """Least reduced inertia divided by its mean; near zero the crank speed has a sharp peak there."""
     return of.steady.min_inertia_ratio
 
 
-@measure("N m")
+@measure("N m", motion=True)
 def mean_drive_torque(of: Parts) -> Array:
     """Constant drive torque that balances the cycle."""
     return of.steady.mean_drive_torque
@@ -208,7 +211,9 @@ def _swings_with(inertia: Array, of: Parts) -> Rows:
     """`_swings` with another flywheel, on the same grid: positions and loads do not depend on the flywheel."""
     more = inertia - of.scene.mechanism.flywheel.inertia
     here = of.at.here._replace(inertia=of.at.here.inertia + more)
-    sample = of.at.sample._replace(inertia=of.at.sample.inertia + more)
+    assert of.at.sample.dynamics is not None
+    bare, *rest = of.at.sample.dynamics
+    sample = of.at.sample._replace(dynamics=(bare + more, *rest))
     return _swings(Parts(with_flywheel(of.scene, inertia), of.nodes, of.grid, of.at._replace(here=here, sample=sample)))
 
 
@@ -216,7 +221,7 @@ def _target(scene: Scene) -> Array:
     return jnp.asarray(0.05) if scene.target_delta is None else scene.target_delta
 
 
-@measure("kg m^2", _flywheels)
+@measure("kg m^2", _flywheels, motion=True)
 def flywheel_for_target_delta(of: Parts) -> Array:
     """Flywheel inertia that gives the scene's target δ (0.05 if it has none)."""
     return flywheel_on(of.machine, _target(of.scene), of.grid, of.at)
@@ -247,8 +252,7 @@ def min_transmission_angle(of: Parts) -> Rows:
         raise StructureError("min_transmission_angle", problem, "delete it")
 
     def off_square(regime: Regime, at: At) -> Array:
-        angles = regime.machine.sample(at.place.phi, fixed=regime.fixed, gaps=True).transmission
-        rows = [angle - jnp.pi / 2 for angle in angles.values()] or [jnp.zeros_like(at.place.phi)]
+        rows = [angle - jnp.pi / 2 for angle in at.transmission.values()] or [jnp.zeros_like(at.place.phi)]
         return jnp.stack(rows, axis=-1)[..., None]
 
     found = rows(of.constant_speed, off_square)
@@ -256,7 +260,7 @@ def min_transmission_angle(of: Parts) -> Rows:
     return Rows(both, jnp.concatenate([found.angle, found.angle]), signed=True)
 
 
-@peak("N")
+@peak("N", motion=False)
 def peak_shaking_force_constant_speed(of: Parts) -> Peaked:
     """Largest shaking force at constant nominal speed."""
     return of.constant_speed, _forces.shaking, of.shaking(of.constant_speed)
@@ -272,31 +276,31 @@ def _all_shaking(of: Parts) -> Rows:
     return Rows((jnp.sqrt(share)[None] * still.shaking(still.constant_speed)[0]).reshape((1, -1)), jnp.full(1, jnp.nan))
 
 
-@measure("N", _all_shaking)
+@measure("N", _all_shaking, motion=False)
 def rms_shaking_force_constant_speed(of: Parts) -> Array:
     """Root mean square over the cycle of the shaking force at constant nominal speed."""
     return _all_shaking(of).size()[0]
 
 
-@peak("N")
+@peak("N", motion=True)
 def peak_shaking_force(of: Parts) -> Peaked:
     """Largest shaking force in the actual motion."""
     return of.true_motion, _forces.shaking, of.shaking(of.true_motion)
 
 
-@peak("N m")
+@peak("N m", motion=False)
 def peak_drive_torque_constant_speed(of: Parts) -> Peaked:
     """Largest magnitude of the drive torque at constant nominal speed."""
     return of.constant_speed, _forces.drive, None
 
 
-@peak("N")
+@peak("N", motion=False)
 def peak_reaction_constant_speed(of: Parts) -> Peaked:
     """Largest joint or guide force at constant nominal speed."""
     return of.constant_speed, _forces.reactions, None
 
 
-@peak("N")
+@peak("N", motion=True)
 def peak_reaction(of: Parts) -> Peaked:
     """Largest joint or guide force in the actual motion."""
     return of.true_motion, _forces.reactions, None

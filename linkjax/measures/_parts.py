@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from linkjax.machine import Scene, ready
 from linkjax.measures._forces import shaking
-from linkjax.motion import At, AtNodes, Grid, Regime, Steady, asked_for, at_nodes, by_node, grid_of, steady_on
+from linkjax.motion import AtNodes, Grid, Regime, Steady, at_nodes, by_node, grid_of, steady_on
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -45,7 +45,6 @@ class Parts:
     @functools.cached_property
     def steady(self) -> Steady:
         """The steady-state motion."""
-        asked_for(self.scene)
         return steady_on(self.machine, self.grid, self.at)
 
     @functools.cached_property
@@ -60,5 +59,4 @@ class Parts:
 
     def shaking(self, regime: Regime) -> Float[Array, "1 2 panels n"]:
         """Shaking force at every node (N), as one quantity of two parts."""
-        at = At(self.machine.padded(self.at.place), self.at.sample)
-        return self.machine.run(by_node, self.grid, shaking(regime, at))
+        return self.machine.run(by_node, self.grid, shaking(regime, regime.at(self.at.place, self.at.sample)))

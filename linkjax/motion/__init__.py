@@ -29,11 +29,10 @@ from linkjax.motion._regime import rows as rows
 from linkjax.motion._regime import summits as summits
 from linkjax.motion._steady import AtNodes as AtNodes
 from linkjax.motion._steady import Steady as Steady
-from linkjax.motion._steady import asked_for as asked_for
 from linkjax.motion._steady import at_nodes as at_nodes
+from linkjax.motion._steady import begin as begin
 from linkjax.motion._steady import node_values as node_values
 from linkjax.motion._steady import steady_motion as steady_motion
 from linkjax.motion._steady import steady_on as steady_on
-from linkjax.motion._steady import watched as watched
 
 __getattr__ = old_names(__name__)

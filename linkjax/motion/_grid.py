@@ -186,7 +186,7 @@ def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points:
     switches = Switches(tuple(load.window for load in scene.loads), kinks, tuple(load.strength() for load in opposing))
     if scanned is None:
         plan = plan._replace(points=SCAN)
-        scanned = machine.sample(plan.scan, fixed=True, gaps=True)
+        scanned = machine.sample(plan.scan, fixed=True, dynamics=False, gaps=True)
     acting = tuple(load.window for load in opposing)
     found, near = None, [list(scanned.margins[name].values()) for name in groups]
     if not opposing:
@@ -198,8 +198,8 @@ def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points:
     found, flat = machine.run(_scanned, motions(scanned), acting, plan=plan)
     angle = found.angle
     for _ in range(POLISH - 1):
-        angle, flat = machine.run(_polished, angle, motions(machine.sample(flat, fixed=True)), found)
-    last = motions(machine.sample(flat))
+        angle, flat = machine.run(_polished, angle, motions(machine.sample(flat, fixed=True, dynamics=False)), found)
+    last = motions(machine.sample(flat, dynamics=False))
     return machine.run(_grid, switches, found, angle, last, near, plan=plan)
 
 

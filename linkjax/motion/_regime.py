@@ -16,6 +16,7 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, taken, wrapped
 from linkjax._tree import node
 from linkjax.forces import Forces
+from linkjax.kinematics import Pose
 from linkjax.machine import Scene
 from linkjax.motion._extremum import Summit, climb, highest_in, search, settle
 from linkjax.motion._grid import Grid, Place
@@ -52,10 +53,9 @@ class Regime:
             return self
         return Regime(self.machine, *jax.lax.stop_gradient((self.grid, self.steady)), fixed=True)
 
-    def at(self, place: Place) -> At:
-        """The machine at several places of the grid, the leaves of `place` having one axis."""
-        place = self.machine.padded(place)
-        return At(place, self.machine.sample(place.phi, place.side, fixed=self.fixed))
+    def at(self, place: Place, sample: Sample | None = None) -> At:
+        """The machine at several places of the grid, the leaves of `place` having one axis; `sample` if known."""
+        return At(self, self.machine.padded(place), sample)
 
     def crank(self, at: At) -> Any:
         """Crank speed (rad/s) and acceleration (rad/s²)."""
@@ -63,24 +63,44 @@ class Regime:
 
     def forces(self, at: At) -> Forces:
         """Joint reactions, drive torque, and the other forces."""
-        active, crank = self._driven(at)
-        return self.machine.forces(at.sample, active, *crank, fixed=self.fixed)
+        (active, crank), place = self._driven(at), at.place
+        return self.machine.forces(place.phi, place.side, at.pose, active, *crank, fixed=self.fixed)
 
     def _driven(self, at: At) -> Any:
         scene = self.machine.still if self.fixed else self.scene
-        return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, at.sample.dynamics)
+        dynamics = None if self.steady is None or self.grid.prescribed else at.sample.dynamics
+        return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, dynamics)
 
 
-class At(NamedTuple):
-    """The machine at several places of the grid."""
+class At:
+    """The machine at several places of the grid, in a regime; what is asked for is computed on first use and kept."""
 
-    place: Place
-    sample: Sample
+    def __init__(self, regime: Regime, place: Place, sample: Sample | None):
+        self.regime, self.place, self._given = regime, place, sample
+
+    @functools.cached_property
+    def sample(self) -> Sample:
+        """Samples with the reduced model."""
+        return self._asked() if self._given is None else self._given
+
+    @functools.cached_property
+    def pose(self) -> Pose:
+        """Points and links."""
+        known = self._given is not None or "sample" in self.__dict__
+        return self.sample.pose if known else self._asked(dynamics=False).pose
+
+    @functools.cached_property
+    def transmission(self) -> dict[str, Array]:
+        """Transmission angles of the groups (rad)."""
+        return self._asked(dynamics=False, gaps=True).transmission
+
+    def _asked(self, **what: bool) -> Sample:
+        return self.regime.machine.sample(self.place.phi, self.place.side, fixed=self.regime.fixed, **what)
 
 
 @compiled_soon
 def _driven(
-    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: tuple
+    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any
 ) -> tuple[Array, tuple[Array, Array]]:
     return taken(grid.active, place.panel), crank_at(grid, steady, nominal, place, dynamics)
 
@@ -112,8 +132,8 @@ def peaks(
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
     `components(regime, at)` gives the vectors at several places (see `Regime.at`). At a jump both one-sided limits
-    count. The highest summits of the interpolants are compared on the functions themselves, and the best one is refined by a
-    parabola. Values that are known at the nodes may be passed as `at_nodes`, shape (quantities, parts, panels, n).
+    count. The highest summits of the interpolants are compared on the functions themselves, and the best one is refined
+    by a parabola. Values that are known at the nodes may be passed as `at_nodes`, shape (quantities, parts, panels, n).
     """
     machine, grid, still = regime.machine, regime.grid, regime.still
     at_nodes = _node_values(still, components) if at_nodes is None else at_nodes

@@ -8,9 +8,6 @@ Source: energy equation of a machine, Artobolevsky, Theory of Mechanisms and Mac
 
 from __future__ import annotations
 
-import contextlib
-import contextvars
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -31,26 +28,6 @@ from linkjax.motion._flow import LEAST, SIGNS, Duty, Ends, Flow, Primitive, Spot
 from linkjax.motion._grid import Grid, Place, grid_of
 from linkjax.reduction import Reduced, of_crank, reduce_pose
 from linkjax.sampling import Sample, Sampler
-
-_WATCHED: contextvars.ContextVar[list[Scene] | None] = contextvars.ContextVar("watched", default=None)
-
-
-@contextlib.contextmanager
-def watched() -> Iterator[list[Scene]]:
-    """The scenes whose actual motion is requested inside the context; under `jax.jit`, while it is traced."""
-    seen: list[Scene] = []
-    token = _WATCHED.set(seen)
-    try:
-        yield seen
-    finally:
-        _WATCHED.reset(token)
-
-
-def asked_for(scene: Scene) -> None:
-    """Record for `watched` that the actual motion of this scene is requested."""
-    seen = _WATCHED.get()
-    if seen is not None:
-        seen.append(scene)
 
 
 @node
@@ -111,7 +88,6 @@ def steady_motion(scene: Scene, nodes: int = 96) -> Steady:
 
     Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
     """
-    asked_for(scene)
     machine = Sampler(ready(scene))
     grid = grid_of(machine, nodes)
     return steady_on(machine, grid, at_nodes(machine, grid))

@@ -15,27 +15,18 @@ from linkjax.reduction import unloaded
 
 
 class Sample(NamedTuple):
-    """Crank angle `phi` and `side` (rad), pose, reduced inertia and its slope, shares of the reduced torque (every load
-    as if it acted), margins and transmission angles of the groups (empty where not asked for)."""
+    """Pose; reduced inertia with its slope and the shares of the reduced torque, every load as if it acted (None where
+    not asked for); margins and transmission angles of the groups (empty where not asked for)."""
 
-    phi: Array
-    side: Array
     pose: Pose
-    inertia: Array
-    slope: Array
-    shares: dict[str, Array]
+    dynamics: tuple[Array, Array, dict[str, Array]] | None
     margins: dict[str, dict[str, Margin]]
     transmission: dict[str, Array]
 
-    @property
-    def dynamics(self) -> tuple:
-        """Reduced inertia, its slope, and the shares of the loads."""
-        return self.inertia, self.slope, self.shares
 
-
-def sample_at(scene: Scene, phi: Scalar, side: Scalar, gaps: bool = True) -> Sample:
-    """The sample of one place. A jump of a load counts from the side of the angle `side`. Margins and transmission
-    angles are computed with `gaps`. The scene is `ready`."""
+def sample_at(scene: Scene, phi: Scalar, side: Scalar, dynamics: bool = True, gaps: bool = True) -> Sample:
+    """The sample of one place. A jump of a load counts from the side of the angle `side`. The scene is
+    `ready`."""
     mechanism = scene.mechanism
     here = pose(mechanism, phi)
     margins, transmission = {}, {}
@@ -43,4 +34,5 @@ def sample_at(scene: Scene, phi: Scalar, side: Scalar, gaps: bool = True) -> Sam
         margins[name] = group.margins(mechanism.held_by(group), here.links, here.points, phi)
         angle = group.transmission(here.links, here.points)
         transmission |= {} if angle is None else {name: angle}
-    return Sample(phi, side, here, *unloaded(scene, Instant(phi, side), here), margins, transmission)
+    reduced = unloaded(scene, Instant(phi, side), here) if dynamics else None
+    return Sample(here, reduced, margins, transmission)

@@ -10,24 +10,28 @@ from jaxtyping import Array
 from linkjax import _batches
 from linkjax._batches import Batches
 from linkjax._compile import compiled_soon
+from linkjax._types import Tracer
 from linkjax.forces import Forces, forces_of_pose
+from linkjax.kinematics import Pose
 from linkjax.loads import Instant
 from linkjax.machine import Scene
 from linkjax.mechanism import Mechanism
 from linkjax.sampling._sample import Sample, sample_at
 
 
-@compiled_soon(static=("gaps",))
-def _samples(scene: Scene, phi: Array, side: Array, gaps: bool) -> Sample:
-    return jax.vmap(lambda phi, side: sample_at(scene, phi, side, gaps))(phi, side)
+@compiled_soon(static=("dynamics", "gaps"))
+def _samples(scene: Scene, phi: Array, side: Array, dynamics: bool, gaps: bool) -> Sample:
+    return jax.vmap(lambda phi, side: sample_at(scene, phi, side, dynamics, gaps))(phi, side)
 
 
 @compiled_soon
-def _forces(scene: Scene, sample: Sample, active: Array, speed: Array, acceleration: Array) -> Forces:
+def _forces(
+    scene: Scene, phi: Array, side: Array, pose: Pose, active: Array, speed: Array, acceleration: Array
+) -> Forces:
     def at(phi, side, here, *given):
         return forces_of_pose(scene, here, Instant(phi, side), *given)
 
-    return jax.vmap(at)(sample.phi, sample.side, sample.pose, active, speed, acceleration)
+    return jax.vmap(at)(phi, side, pose, active, speed, acceleration)
 
 
 class Sampler(Batches):
@@ -43,16 +47,22 @@ class Sampler(Batches):
         """The mechanism of the scene."""
         return self.design.mechanism
 
-    def sample(self, phi: Any, side: Any = None, *, fixed: bool = False, gaps: bool = False) -> Sample:
+    def sample(
+        self, phi: Any, side: Any = None, *, fixed: bool = False, dynamics: bool = True, gaps: bool = False
+    ) -> Sample:
         """Samples at the crank angles `phi` (rad) of one axis, from the sides `side`; without derivatives with respect
-        to the scene if `fixed`. `gaps` asks for margins and transmission angles, which are otherwise optional."""
-        traced = self.traced or isinstance(phi, jax.core.Tracer)
-        return self.ask(_samples, phi, phi if side is None else side, fixed=fixed, gaps=gaps or not traced)
+        to the scene if `fixed`. What is not asked for is omitted inside of jax transformations, where it would only
+        make programs longer: `dynamics` is the reduced model, `gaps` are margins and transmission angles."""
+        traced, side = self.traced or isinstance(phi, Tracer), phi if side is None else side
+        return self.ask(_samples, phi, side, fixed=fixed, dynamics=dynamics or not traced, gaps=gaps or not traced)
 
-    def forces(self, sample: Sample, active: Any, speed: Any, acceleration: Any, *, fixed: bool = False) -> Forces:
-        """Forces at the places of a sample, at these crank speeds (rad/s) and accelerations (rad/s²); `active` says
+    def forces(
+        self, phi: Any, side: Any, pose: Pose, active: Any, speed: Any, acceleration: Any, *, fixed: bool = False
+    ) -> Forces:
+        """Forces at places with this pose, at these crank speeds (rad/s) and accelerations (rad/s²); `active` says
         which loads act, shape (places, loads). Without derivatives with respect to the scene if `fixed`."""
-        return self.run(_forces, self.still if fixed else self.scene, sample, active, speed, acceleration)
+        scene = self.still if fixed else self.whole_design
+        return self.run(_forces, scene, phi, side, pose, active, speed, acceleration)
 
 
 class Ahead(_batches.Ahead, Sampler):
