@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import jax
@@ -16,7 +16,7 @@ from linkjax.design._terms import Limit, Term, checked, guarded
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES, Parts, min_margin, steady_state_margin
 from linkjax.mechanism import StructureError
-from linkjax.motion import Rows, begin
+from linkjax.motion import Rows, Wanted, begin, every_row
 
 PARTS = "Parts with traced numbers"
 POSE = "_pose"  # the compiled function that all positions come from
@@ -31,14 +31,25 @@ class Needs(enum.IntEnum):
     MOTION = 2
 
 
-def rows_for(limit: Limit, parts: Parts) -> tuple[Rows, Array]:
-    """The rows of a term, where its sense is one for every row, and its value. Raises `DesignError` where a term has
-    no value for this kind of machine, or is user-defined and fails."""
+def rows_for(limits: Sequence[Limit], parts: Parts) -> list[tuple[Rows, Array]]:
+    """The rows of every term, where its sense is one for every row, and its value. Raises `DesignError` where a term
+    has no value for this kind of machine, or is user-defined and fails."""
+    wanted = [_wanted(limit, parts) for limit in limits]
+    found = every_row([rows for rows, _ in wanted])
+    return [(rows, _extreme(limit.term, rows) if value is None else value)
+            for limit, rows, (_, value) in zip(limits, found, wanted, strict=True)]  # fmt: skip
+
+
+def _extreme(term: Term, rows: Rows) -> Array:
+    return smallest(rows.size()) if term.smallest else largest(rows.size())
+
+
+def _wanted(limit: Limit, parts: Parts) -> tuple[Rows | Wanted, Array | None]:
+    """The rows of a term, or what they are made of, and its value if it is not the extreme of its rows."""
     term = limit.term
     call = _measured if _is_measure(term) else lambda function, of: guarded(term.name, PARTS, function, of)
     if term.rows is not None and term.smallest == (limit.sense == "at least"):
-        rows = call(term.rows, parts)
-        return rows, smallest(rows.size()) if term.smallest else largest(rows.size())
+        return call(term.rows, parts), None
     value = call(term.value, parts) if _is_measure(term) else checked(term.name, PARTS, term.value, parts)
     return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
 
@@ -50,7 +61,7 @@ def needs(limit: Limit, scene: Scene, nodes: int) -> Needs:
         return Needs.SCENE if term.name == min_margin.name else Needs.ASSEMBLY  # they say how far a machine is off
     if _is_measure(term):
         return Needs.MOTION if MEASURES[term.name].motion else Needs.ASSEMBLY
-    traced = jax.make_jaxpr(lambda scene: rows_for(limit, Parts(scene, nodes))[1])(scene)
+    traced = jax.make_jaxpr(lambda scene: rows_for([limit], Parts(scene, nodes))[0][1])(scene)
     names = set(_programs(traced.jaxpr))
     return Needs.MOTION if MOTION in names else Needs.ASSEMBLY if POSE in names else Needs.SCENE
 

@@ -186,7 +186,7 @@ class Problem:
         found, ratios = [], []
         for case in self.cases:
             parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
-            found += [rows_for(limit, parts) for limit in self.asked]
+            found += rows_for(self.asked, parts)
             ratios.append(parts.steady.min_inertia_ratio if self._true_motion else jnp.ones(()))
         return found, ratios
 

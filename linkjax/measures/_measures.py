@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import largest, safe_divide
+from linkjax._numerics import largest, safe_divide, wrapped
 from linkjax._numerics import smallest as least_of
 from linkjax.groups import General
 from linkjax.kinematics import Least, find_margins
@@ -24,13 +24,14 @@ from linkjax.mechanism import Mechanism, StructureError
 from linkjax.motion import (
     LEAST,
     At,
-    Components,
     Regime,
     Rows,
+    Summits,
+    Wanted,
+    by_node,
+    every_row,
     flywheel_on,
     peaks,
-    rows,
-    summits,
     with_flywheel,
 )
 
@@ -48,7 +49,7 @@ class Measure:
     unit: str
     meaning: str
     function: Callable[[Parts], Array]
-    rows: Callable[[Parts], Rows] | None = None  # all values that may be the largest, or the smallest
+    rows: Callable[[Parts], Rows | Wanted] | None = None  # all values that may be the largest, or the smallest
     smallest: bool = False
     motion: bool = False  # whether it needs the actual motion
 
@@ -57,7 +58,6 @@ class Measure:
 
 
 MEASURES: dict[str, Measure] = {}
-Peaked = tuple[Regime, Components, Array | None]
 
 
 def _registered(
@@ -70,23 +70,25 @@ def _registered(
 
 
 def measure(
-    unit: str, rows: Callable[[Parts], Rows] | None = None, smallest: bool = False, *, motion: bool
+    unit: str, rows: Callable[[Parts], Rows | Wanted] | None = None, smallest: bool = False, *, motion: bool
 ) -> Callable[[Callable[[Parts], Array]], Measure]:
     """Make a measure of a function of `Parts` and register it under the function's name; `rows` are, for an extreme,
     all values that may be it. `motion` says whether it needs the actual motion."""
     return lambda function: _registered(function, unit, function, rows, smallest, motion)
 
 
-def peak(unit: str, *, motion: bool) -> Callable[[Callable[[Parts], Peaked]], Measure]:
-    """Make a measure of a peak; the function returns the regime, the components, and their node values if known."""
+def peak(unit: str, *, motion: bool) -> Callable[[Callable[[Parts], Wanted]], Measure]:
+    """Make a measure of a peak; the function returns what is wanted."""
     return lambda function: _registered(
-        function, unit, lambda of: largest(peaks(*function(of)).value), lambda of: rows(*function(of)), motion=motion
+        function, unit, lambda of: largest(peaks(*function(of)[:3]).value), function, motion=motion
     )
 
 
-def smallest(unit: str) -> Callable[[Callable[[Parts], Rows]], Measure]:
+def smallest(unit: str) -> Callable[[Callable[[Parts], Rows | Wanted]], Measure]:
     """Make a measure of the smallest of several numbers."""
-    return lambda function: _registered(function, unit, lambda of: least_of(function(of).size()), function, True)
+    return lambda function: _registered(
+        function, unit, lambda of: least_of(every_row([function(of)])[0].size()), function, True
+    )
 
 
 def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
@@ -100,28 +102,34 @@ def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> d
     return {one.name: one.function(parts) for one in asked}
 
 
-def _extreme_speeds(of: Parts) -> tuple[Rows, Rows]:
-    """Crank speeds of the actual motion that may be the largest, and those that may be the smallest."""
+def _extreme_speeds(of: Parts, finish: Callable[[Rows, Rows], Rows]) -> Wanted:
+    """Crank speeds of the actual motion that may be the largest, and those that may be the smallest; `finish` makes
+    rows of both."""
     above = 2 * jax.lax.stop_gradient(of.steady.max_speed)
 
     def speeds(regime: Regime, at: At) -> Array:
         speed, _ = regime.crank(at)
         return jnp.stack([speed, above - speed], axis=-1)[..., None]
 
+    def finished(found: Summits) -> Rows:
+        fast, slow = found.vectors
+        return finish(Rows(fast, found.angle[0], signed=True), Rows(above - slow, found.angle[1], signed=True))
+
     inertia = jnp.maximum(of.reduced.inertia, of.steady.inertia_floor)
     work = of.steady.work.at(of.grid.node_places())
     at_nodes = jnp.sqrt(jnp.maximum(2 * (of.steady.energy + work) / inertia, 0.0))
-    found = summits(of.true_motion, speeds, jnp.stack([at_nodes, above - at_nodes])[:, None])
-    fast, slow = found.vectors
-    return Rows(fast, found.angle[0], signed=True), Rows(above - slow, found.angle[1], signed=True)
+    return Wanted(of.true_motion, speeds, jnp.stack([at_nodes, above - at_nodes])[:, None], finished)
 
 
-def _swings(of: Parts) -> Rows:
+def _swings(of: Parts) -> Wanted:
     """δ of every pair of a largest and a smallest speed, with the angle of the largest."""
-    fast, slow = _extreme_speeds(of)
-    pairs = (fast.vectors - slow.vectors.T) / of.scene.speed
-    angle = jnp.broadcast_to(fast.angle[:, None], pairs.shape)
-    return Rows(pairs.reshape((-1, 1)), angle.ravel(), signed=True)
+
+    def pairs(fast: Rows, slow: Rows) -> Rows:
+        every = (fast.vectors - slow.vectors.T) / of.scene.speed
+        angle = jnp.broadcast_to(fast.angle[:, None], every.shape)
+        return Rows(every.reshape((-1, 1)), angle.ravel(), signed=True)
+
+    return _extreme_speeds(of, pairs)
 
 
 @measure("1", _swings, motion=True)
@@ -130,19 +138,19 @@ def delta(of: Parts) -> Array:
     return of.steady.delta
 
 
-@measure("rad/s", lambda of: _extreme_speeds(of)[0], motion=True)
+@measure("rad/s", lambda of: _extreme_speeds(of, lambda fast, slow: fast), motion=True)
 def max_crank_speed(of: Parts) -> Array:
     """Largest crank speed of the actual motion."""
     return of.steady.max_speed
 
 
-@measure("rad/s", lambda of: _extreme_speeds(of)[1], smallest=True, motion=True)
+@measure("rad/s", lambda of: _extreme_speeds(of, lambda fast, slow: slow), smallest=True, motion=True)
 def min_crank_speed(of: Parts) -> Array:
     """Smallest crank speed of the actual motion."""
     return of.steady.min_speed
 
 
-def _least_energies(of: Parts) -> Rows:
+def _least_energies(of: Parts) -> Wanted:
     """Steady-state margins, for every kinetic energy that may be the smallest."""
     steady = of.steady
     inertia = jnp.maximum(of.reduced.inertia, steady.inertia_floor)
@@ -154,8 +162,10 @@ def _least_energies(of: Parts) -> Rows:
         assert regime.steady is not None
         return (above - regime.steady.energy - regime.steady.work.at(at.place))[:, None, None]
 
-    found = summits(of.true_motion, missing, (above - steady.energy - work)[None, None])
-    return Rows((above - found.vectors[0]) * per_joule - LEAST, found.angle[0], signed=True)
+    def finished(found: Summits) -> Rows:
+        return Rows((above - found.vectors[0]) * per_joule - LEAST, found.angle[0], signed=True)
+
+    return Wanted(of.true_motion, missing, (above - steady.energy - work)[None, None], finished, "place")
 
 
 @measure("1", _least_energies, smallest=True, motion=True)
@@ -169,7 +179,7 @@ def _mean(of: Parts, at_nodes: Array) -> Array:
     return jnp.sum(of.grid.half[:, None] * of.grid.rule.w[None] * at_nodes) / of.scene.cycle
 
 
-def _light_places(of: Parts) -> Rows:
+def _light_places(of: Parts) -> Wanted:
     """Reduced inertias, divided by their mean, that may be the smallest."""
     inertia, mean = of.reduced.inertia, _mean(of, jnp.maximum(of.reduced.inertia, of.steady.inertia_floor))
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
@@ -177,9 +187,11 @@ def _light_places(of: Parts) -> Rows:
     def missing(regime: Regime, at: At) -> Array:
         return (above - regime.grid.reduced(at.sample.dynamics, at.place.panel).inertia)[:, None, None]
 
-    found = summits(of.constant_speed, missing, (above - inertia)[None, None])
-    light = safe_divide(above - found.vectors[0], mean)
-    return Rows(jnp.where(mean > 0, light, jnp.minimum(light, -1.0)), found.angle[0], signed=True)
+    def finished(found: Summits) -> Rows:
+        light = safe_divide(above - found.vectors[0], mean)
+        return Rows(jnp.where(mean > 0, light, jnp.minimum(light, -1.0)), found.angle[0], signed=True)
+
+    return Wanted(of.constant_speed, missing, (above - inertia)[None, None], finished)
 
 
 @measure("1", _light_places, smallest=True, motion=True)
@@ -214,7 +226,8 @@ def _swings_with(inertia: Array, of: Parts) -> Rows:
     assert of.at.sample.dynamics is not None
     bare, *rest = of.at.sample.dynamics
     sample = of.at.sample._replace(dynamics=(bare + more, *rest))
-    return _swings(Parts(with_flywheel(of.scene, inertia), of.nodes, of.grid, of.at._replace(here=here, sample=sample)))
+    parts = Parts(with_flywheel(of.scene, inertia), of.nodes, of.grid, of.at._replace(here=here, sample=sample))
+    return every_row([_swings(parts)])[0]
 
 
 def _target(scene: Scene) -> Array:
@@ -243,7 +256,7 @@ def no_transmission_angle(mechanism: Mechanism) -> bool:
 
 
 @smallest("rad")
-def min_transmission_angle(of: Parts) -> Rows:
+def min_transmission_angle(of: Parts) -> Wanted:
     """Smallest of all transmission angles over the cycle, where an obtuse angle counts as its supplement: 90 degrees is
     best, and zero is a singular position. Groups of higher class have none; raises `StructureError` if there are no
     other groups."""
@@ -255,15 +268,22 @@ def min_transmission_angle(of: Parts) -> Rows:
         rows = [angle - jnp.pi / 2 for angle in at.transmission.values()] or [jnp.zeros_like(at.place.phi)]
         return jnp.stack(rows, axis=-1)[..., None]
 
-    found = rows(of.constant_speed, off_square)
-    both = jnp.concatenate([jnp.pi / 2 - found.vectors, jnp.pi / 2 + found.vectors])  # acute or obtuse: no kink between
-    return Rows(both, jnp.concatenate([found.angle, found.angle]), signed=True)
+    at_nodes = by_node.function(of.grid, off_square(of.constant_speed, of.constant_speed.at(of.at.place, of.at.sample)))
+    nodes = jnp.broadcast_to(jax.lax.stop_gradient(of.grid.nodes), (at_nodes.shape[0], *of.grid.nodes.shape))
+
+    def finished(found: Summits) -> Rows:
+        vectors = jnp.concatenate([at_nodes.ravel(), found.vectors.ravel()])[:, None]
+        angle = jnp.concatenate([wrapped(nodes, of.grid.length).ravel(), found.angle.ravel()])
+        both = jnp.concatenate([jnp.pi / 2 - vectors, jnp.pi / 2 + vectors])  # acute or obtuse: no kink between
+        return Rows(both, jnp.concatenate([angle, angle]), signed=True)
+
+    return Wanted(of.constant_speed, off_square, at_nodes, finished, "gaps")
 
 
 @peak("N", motion=False)
-def peak_shaking_force_constant_speed(of: Parts) -> Peaked:
+def peak_shaking_force_constant_speed(of: Parts) -> Wanted:
     """Largest shaking force at constant nominal speed."""
-    return of.constant_speed, _forces.shaking, of.shaking(of.constant_speed)
+    return Wanted(of.constant_speed, _forces.shaking, of.shaking(of.constant_speed), asks="pose")
 
 
 def _all_shaking(of: Parts) -> Rows:
@@ -283,24 +303,24 @@ def rms_shaking_force_constant_speed(of: Parts) -> Array:
 
 
 @peak("N", motion=True)
-def peak_shaking_force(of: Parts) -> Peaked:
+def peak_shaking_force(of: Parts) -> Wanted:
     """Largest shaking force in the actual motion."""
-    return of.true_motion, _forces.shaking, of.shaking(of.true_motion)
+    return Wanted(of.true_motion, _forces.shaking, of.shaking(of.true_motion))
 
 
 @peak("N m", motion=False)
-def peak_drive_torque_constant_speed(of: Parts) -> Peaked:
+def peak_drive_torque_constant_speed(of: Parts) -> Wanted:
     """Largest magnitude of the drive torque at constant nominal speed."""
-    return of.constant_speed, _forces.drive, None
+    return Wanted(of.constant_speed, _forces.drive, asks="pose")
 
 
 @peak("N", motion=False)
-def peak_reaction_constant_speed(of: Parts) -> Peaked:
+def peak_reaction_constant_speed(of: Parts) -> Wanted:
     """Largest joint or guide force at constant nominal speed."""
-    return of.constant_speed, _forces.reactions, None
+    return Wanted(of.constant_speed, _forces.reactions, asks="pose")
 
 
 @peak("N", motion=True)
-def peak_reaction(of: Parts) -> Peaked:
+def peak_reaction(of: Parts) -> Wanted:
     """Largest joint or guide force in the actual motion."""
-    return of.true_motion, _forces.reactions, None
+    return Wanted(of.true_motion, _forces.reactions)

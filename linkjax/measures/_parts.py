@@ -35,7 +35,7 @@ class Parts:
     @functools.cached_property
     def at(self) -> AtNodes:
         """The machine at the nodes."""
-        return at_nodes(self.machine, self.grid, edges=False) if self._at is None else self._at
+        return at_nodes(self.machine, self.grid, edges=False, gaps=True) if self._at is None else self._at
 
     @property
     def reduced(self) -> Reduced:

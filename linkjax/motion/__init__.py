@@ -22,11 +22,12 @@ from linkjax.motion._regime import Components as Components
 from linkjax.motion._regime import Peak as Peak
 from linkjax.motion._regime import Regime as Regime
 from linkjax.motion._regime import Rows as Rows
+from linkjax.motion._regime import Summits as Summits
+from linkjax.motion._regime import Wanted as Wanted
 from linkjax.motion._regime import by_node as by_node
 from linkjax.motion._regime import crank_at as crank_at
+from linkjax.motion._regime import every_row as every_row
 from linkjax.motion._regime import peaks as peaks
-from linkjax.motion._regime import rows as rows
-from linkjax.motion._regime import summits as summits
 from linkjax.motion._steady import AtNodes as AtNodes
 from linkjax.motion._steady import Steady as Steady
 from linkjax.motion._steady import at_nodes as at_nodes

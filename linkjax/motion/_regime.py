@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -92,7 +93,8 @@ class At:
     @functools.cached_property
     def transmission(self) -> dict[str, Array]:
         """Transmission angles of the groups (rad)."""
-        return self._asked(dynamics=False, gaps=True).transmission
+        known = self._given is not None
+        return self.sample.transmission if known else self._asked(dynamics=False, gaps=True).transmission
 
     def _asked(self, **what: bool) -> Sample:
         return self.regime.machine.sample(self.place.phi, self.place.side, fixed=self.regime.fixed, **what)
@@ -268,18 +270,39 @@ class Rows:
         return self.vectors[:, 0] if self.signed else safe_sqrt(jnp.sum(self.vectors**2, axis=1))
 
 
-def rows(regime: Regime, components: Components, at_nodes: Array | None = None) -> Rows:
-    """Vectors over the continuous cycle, differentiable: those at every node, and those of `summits`."""
-    if at_nodes is None:
-        at_nodes = _node_values(regime, components)
-    return regime.machine.run(_joined, regime.grid, at_nodes, summits(regime, components, at_nodes))
-
-
 class Summits(NamedTuple):
     """Vectors at the ends and summits of every panel, four per panel, and their crank angles (rad)."""
 
     vectors: Float[Array, "quantities places parts"]
     angle: Float[Array, "quantities places"]
+
+
+class Wanted(NamedTuple):
+    """Rows that are wanted: the vectors of `components` in a regime over the continuous cycle. `at_nodes` are their
+    values at the nodes, if known; `finish` makes the rows of the summits, by default of these and the nodes. `asks`
+    says what the components use: "place" only, "pose", "dynamics" (the reduced model), or "gaps" (transmission
+    angles)."""
+
+    regime: Regime
+    components: Components
+    at_nodes: Any = None
+    finish: Callable[[Summits], Rows] | None = None
+    asks: str = "dynamics"
+
+
+def every_row(wanted: Sequence[Wanted | Rows]) -> list[Rows]:
+    """The rows that are wanted, those of one machine on one grid, differentiable; rows that are known are unchanged.
+    All are found together, so that the machine is evaluated in few batches."""
+    asked = [each for each in wanted if isinstance(each, Wanted)]
+    nodes = [_node_values(each.regime, each.components) if each.at_nodes is None else each.at_nodes for each in asked]
+    found = iter(zip(asked, nodes, summits(asked, nodes) if asked else [], strict=True))
+    return [each if isinstance(each, Rows) else _finished(*next(found)) for each in wanted]
+
+
+def _finished(wanted: Wanted, at_nodes: Array, tops: Summits) -> Rows:
+    if wanted.finish is not None:
+        return wanted.finish(tops)
+    return wanted.regime.machine.run(_joined, wanted.regime.grid, at_nodes, tops)
 
 
 @compiled_soon
@@ -291,18 +314,47 @@ def _joined(grid: Grid, at_nodes: Array, tops: Summits) -> Rows:
     return Rows(vectors, jnp.concatenate([nodes.ravel(), tops.angle.ravel()]))
 
 
-def summits(regime: Regime, components: Components, at_nodes: Float[Array, "quantities parts panels n"]) -> Summits:
+def summits(wanted: Sequence[Wanted], at_nodes: Sequence[Any]) -> list[Summits]:
     """Vectors at both ends of every panel (both limits at every jump) and at the two highest summits of every panel.
     Each summit is found as in `peaks` and refined to rounding. Differentiable, but not with respect to `at_nodes`."""
-    machine, still = regime.machine, regime.still
-    spots, three = machine.run(_all_summits, still.grid, at_nodes)
-    spots, three = machine.run(_again, still.grid, spots, components(still, still.at(three)))
-    place = machine.run(
-        _settled, regime.grid, spots, components(still, still.at(three))
-    )  # twice: an optimiser sees the error
-    return machine.run(
-        _on_summits, regime.grid, place, components(regime, regime.at(place)), quantities=at_nodes.shape[0]
-    )
+    machine, grid = wanted[0].regime.machine, wanted[0].regime.grid
+    begun = [
+        machine.run(_all_summits, each.regime.still.grid, nodes) for each, nodes in zip(wanted, at_nodes, strict=True)
+    ]
+    spots, three = zip(*begun, strict=True)
+    again = _together(wanted, three, still=True)
+    begun = [machine.run(_again, grid, *each) for each in zip(spots, again, strict=True)]
+    spots, three = zip(*begun, strict=True)
+    # twice, to rounding: an optimiser is sensitive to the error
+    again = _together(wanted, three, still=True)
+    places = [machine.run(_settled, grid, *each) for each in zip(spots, again, strict=True)]
+    counts = [nodes.shape[0] for nodes in at_nodes]
+    last = zip(places, _together(wanted, places, still=False), counts, strict=True)
+    return [machine.run(_on_summits, grid, place, found, quantities=count) for place, found, count in last]
+
+
+def _together(wanted: Sequence[Wanted], places: Sequence[Place], still: bool) -> list[Any]:
+    """The components of all that is wanted, each at its own places; the machine is evaluated at all of them at once."""
+    regimes = [each.regime.still if still else each.regime for each in wanted]
+    asking = [i for i, each in enumerate(wanted) if each.asks != "place"]
+    if len(asking) < 2 or not regimes[0].machine.traced:
+        ats = [regime.at(place) for regime, place in zip(regimes, places, strict=True)]
+    else:
+        asks = {wanted[i].asks for i in asking}
+        phi, side = (jnp.concatenate([getattr(places[i], name) for i in asking]) for name in ("phi", "side"))
+        every = regimes[0].machine.sample(
+            phi, side, fixed=regimes[0].fixed, dynamics="dynamics" in asks, gaps="gaps" in asks
+        )
+        ends = dict(zip(asking, itertools.accumulate(places[i].phi.size for i in asking), strict=True))
+        ats = [
+            At(regime, place, _part(every, slice(ends[i] - place.phi.size, ends[i])) if i in ends else None)
+            for i, (regime, place) in enumerate(zip(regimes, places, strict=True))
+        ]
+    return [each.components(at.regime, at) for each, at in zip(wanted, ats, strict=True)]
+
+
+def _part(sample: Sample, which: slice) -> Sample:
+    return jax.tree.map(lambda leaf: leaf[which], sample)
 
 
 @compiled_soon

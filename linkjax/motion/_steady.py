@@ -103,10 +103,11 @@ class AtNodes(NamedTuple):
     edges: AtEdges | None
 
 
-def at_nodes(machine: Sampler, grid: Grid, edges: bool = True) -> AtNodes:
-    """The machine at every node of the grid, and at the edges of the panels for the error of δ."""
+def at_nodes(machine: Sampler, grid: Grid, edges: bool = True, gaps: bool = False) -> AtNodes:
+    """The machine at every node of the grid, and at the `edges` of the panels for the error of δ; with margins and
+    transmission angles if `gaps`."""
     place = machine.run(node_places, grid, edges=edges)
-    sample = machine.sample(place.phi, place.side)
+    sample = machine.sample(place.phi, place.side, gaps=gaps)
     return AtNodes(place, sample, *machine.run(_node_values, grid, sample.dynamics, edges=edges))
 
 

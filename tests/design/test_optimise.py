@@ -228,7 +228,7 @@ def test_rows_only_where_the_sense_is_theirs():
     asked = [limit(one, 0.1) for one in (peak_shaking_force_constant_speed, min_margin)
              for limit in (at_most, at_least)]  # fmt: skip
     scene = lj.load("four-bar")
-    found = jax.eval_shape(lambda scene: [rows_for(one, lj.measures.Parts(scene, 32)) for one in asked], scene)
+    found = jax.eval_shape(lambda scene: rows_for(asked, lj.measures.Parts(scene, 32)), scene)
     force, one_force, one_margin, margins = (rows.vectors.shape for rows, _ in found)
     assert force[0] > 32 and force[1] == 2
     assert one_force == one_margin == (1, 1)

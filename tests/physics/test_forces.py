@@ -254,9 +254,7 @@ def test_peaks_and_checks(name):
     cycle = lj.analyse(scene, angles=24)
     for check in (cycle.checks.virtual_power, cycle.checks.energy_closure, cycle.checks.force_balance):
         assert float(check) <= 1e-10
-    crank = jax.jit(
-        jax.vmap(lambda phi: cycle.steady.at(scene, cycle.steady.grid.place(phi)))
-    )
+    crank = jax.jit(jax.vmap(lambda phi: cycle.steady.at(scene, cycle.steady.grid.place(phi))))
     scan = np.linspace(0.0, scene.cycle, 20_000, endpoint=False)
     edges = np.concatenate([oracle.jumps(scene) - 1e-10, oracle.jumps(scene) + 1e-10])
     for peak, constant in ((cycle.peaks, False), (cycle.peaks_constant_speed, True)):
