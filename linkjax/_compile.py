@@ -71,7 +71,7 @@ class CompiledSoon:
 
     def __call__(self, *args, **kwargs):
         fixed, leaves, tree = self._flat(args, kwargs)
-        if leaves is None or jax.config.jax_disable_jit:
+        if leaves is None or jax.config.values["jax_disable_jit"]:
             return self.plain(*args, **kwargs)
         key, program = self._program(fixed, leaves, tree)
         try:
@@ -271,7 +271,7 @@ def _delete(file: Path) -> None:
 def _kept_in(function: Callable, fixed: dict[str, Any], leaves: list, tree: Any) -> Path | None:
     """The file of a program, None if it is not kept. A program is kept only if there is a folder and the package's
     sources determine it, so not if it contains a user-defined function, load or group."""
-    folder = _folder() if _ours(function, tree) else None
+    folder = _folder() if _ours(function, tree) and _plain(fixed) else None
     if folder is None or not folder.is_dir():
         return None
     arguments = [(leaf.shape, str(leaf.dtype)) for leaf in leaves]
@@ -301,6 +301,13 @@ def _ours(function: Callable, tree: Any) -> bool:
             return False
         nodes += node.children()
     return True
+
+
+def _plain(value: Any) -> bool:
+    """Whether a static argument consists of numbers and texts, so that its text says what it is."""
+    if isinstance(value, dict | tuple | list):
+        return all(map(_plain, value.values() if isinstance(value, dict) else value))
+    return value is None or isinstance(value, str | int | float)
 
 
 @functools.cache

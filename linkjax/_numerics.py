@@ -1,6 +1,7 @@
 """Gradient-safe primitives. The rule: replace the operand first, operate, then select."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +31,7 @@ def nearest_turn(angle: Array, period: Array | float) -> Array:
     return angle - period * jnp.round(angle / period)
 
 
-def taken(values: Array, numbers: Array) -> Array:
+def taken(values: Array, numbers: Any) -> Array:
     """`values[numbers]` along the first axis, for numbers that are in bounds: shorter in a program than indexing."""
     return values.at[numbers].get(mode="promise_in_bounds", wrap_negative_indices=False)
 

@@ -66,7 +66,7 @@ class Found(NamedTuple):
     """First guesses of the reversals of several motions (rad), and how many each has."""
 
     angle: Float[Array, "motions slots"]
-    count: Array
+    number: Array
 
 
 def scan_reversals(v: Array, a: Array, scan: Float[np.ndarray, " scan"], slots: int, wanted: Any = None) -> Found:
@@ -95,8 +95,8 @@ def refined(angle: Array, v: Array, a: Array, step: float, found: Found) -> Any:
     distance = safe_sqrt(safe_divide(jnp.sum(rest * rest, axis=1), slope))
     moved, slots = jnp.abs(move), angle.shape[1]
     left = jax.lax.stop_gradient(jnp.minimum(moved, BEND * moved**2))
-    present = found.count[:, None] >= jnp.arange(1, slots + 1)[None]
-    return Reversals(angle - move, distance, present, left, safe_sqrt(slope), found.count > slots)
+    present = found.number[:, None] >= jnp.arange(1, slots + 1)[None]
+    return Reversals(angle - move, distance, present, left, safe_sqrt(slope), found.number > slots)
 
 
 def own(values: Array, count: int) -> Array:

@@ -165,6 +165,11 @@ def changed(scene: Scene, values: Mapping[str, Any] | Sequence[tuple[Number, Any
     return eqx.tree_at(lambda tree: [at.where(tree) for at, _ in pairs], scene, new)
 
 
+def in_si_of(scene: Scene, name: str, value: Any) -> float:
+    """The value in SI of a scene parameter, given in SI or as a string with a unit."""
+    return amount(value, number(scene, name).unit, name)
+
+
 def _numbers(scene: Scene) -> Iterator[Number]:
     bars = {link for group in scene.mechanism.groups for link, (_, far) in group.pins().items() if far is not None}
     for point in scene.mechanism.fixed:

@@ -9,14 +9,14 @@ from typing import Any, Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from linkjax._batches import Whole
 from linkjax._compile import compiled_soon
 from linkjax.analysis import LIGHTEST, massless
-from linkjax.design._names import DesignError, Number, changed, number
+from linkjax.design._names import DesignError, Number, changed, in_si_of, number, numbers
 from linkjax.design._needs import Needs, needs, rows_for
-from linkjax.design._terms import INITIAL, Limit, Term, at_least
+from linkjax.design._terms import INITIAL, Limit, Sense, Term, at_least, made_again
 from linkjax.machine import Scene
 from linkjax.measures import NODES, Parts, min_margin, steady_state_margin
 from linkjax.motion import Rows
@@ -96,6 +96,63 @@ class Kind:
         return dataclasses.replace(self, bound=bound, scale=scale)
 
 
+class Task(NamedTuple):
+    """What a problem computes, without its numbers: names of the variables and of the parameters linked to each, its
+    terms with their senses, the parameters that each case changes, nodes of the grid per turn, and whether the actual
+    motion is needed."""
+
+    variables: tuple[str, ...]
+    linked: tuple[tuple[str, ...], ...]
+    asked: tuple[tuple[tuple[Any, ...] | Term, Sense], ...]
+    changes: tuple[tuple[str, ...], ...]
+    nodes: int
+    motion: bool
+
+
+def _key(limit: Limit) -> tuple[tuple[Any, ...] | Term, Sense]:
+    """A term, by what made it, and its sense."""
+    return limit.term.made or limit.term, limit.sense
+
+
+def _placed(task: Task, scene: Scene, x: Array, ratios: list[list[Any]]) -> Scene:
+    """The scene with the variables `x` (SI), and the parameters linked to them in their ratios."""
+    known, pairs = numbers(scene), []
+    for i, (name, linked) in enumerate(zip(task.variables, task.linked, strict=True)):
+        pairs.append((known[name], x[i]))
+        pairs += [(known[other], ratio * x[i]) for other, ratio in zip(linked, ratios[i], strict=True)]
+    return changed(scene, pairs)
+
+
+def _rows(
+    task: Task, x: Array, scene: Scene, ratios: list[list[Any]], changes: list[list[Any]]
+) -> tuple[list[tuple[Rows, Array]], list[Array]]:
+    """Rows and exact value of every term, case by case; and of every case the smallest inertia ratio, or one where the
+    actual motion is not needed."""
+    found, light = [], []
+    limits = [Limit(made_again(term), sense, 0.0, "") for term, sense in task.asked]
+    for names, values in zip(task.changes, changes, strict=True):
+        placed = _placed(task, scene, x, ratios)
+        known = numbers(placed)
+        pairs = [(known[name], value) for name, value in zip(names, values, strict=True)]
+        parts = Parts(changed(placed, pairs), task.nodes)
+        found += rows_for(limits, parts)
+        light.append(parts.steady.min_inertia_ratio if task.motion else jnp.ones(()))
+    return found, light
+
+
+@compiled_soon(static=("task",))
+def outputs(x: Array, scene: Scene, ratios: list[list[Any]], changes: list[list[Any]], task: Task) -> Outputs:
+    """All terms of a problem, case by case, and their derivatives; compiled once for all numbers of a problem."""
+
+    def vectors(x):
+        found, light = _rows(task, x, scene, ratios, changes)
+        return [rows.vectors for rows, _ in found], (found, light)
+
+    slopes, (found, light) = jax.jacfwd(vectors, has_aux=True)(x)
+    slopes = [jnp.nan_to_num(slope, posinf=0.0, neginf=0.0) for slope in slopes]  # zero where there is no value
+    return Outputs([rows for rows, _ in found], slopes, [value for _, value in found], light)
+
+
 class Problem:
     """Variables, objective, constraints and cases of a scene; `at(x)` evaluates a design in one compiled call.
 
@@ -134,9 +191,17 @@ class Problem:
             name = f"{margin.name} at all" if margin.name in taken else margin.name
             self.asked.append(at_least(margin, least, name=name))
             self._needs.append(needs(self.asked[-1], scene, nodes))
-        self._scene, self._scene_of = ravel_pytree(scene)  # one array is passed faster than fifty
-        self._run = compiled_soon(self._outputs)
-        self._run.ahead(self._scene, jnp.asarray(self.start))
+        self._task = Task(
+            tuple(v.name for v in self.variables),
+            tuple(v.linked for v in self.variables),
+            tuple(_key(limit) for limit in self.asked),
+            tuple(tuple(case.changes) for case in self.cases),
+            nodes,
+            self._true_motion,
+        )
+        values = [[in_si_of(scene, *pair) for pair in case.changes.items()] for case in self.cases]
+        self._given = Whole(scene), [[ratio for _, ratio in ties] for ties in self._ties], values
+        outputs.ahead(jnp.asarray(self.start), *self._given, task=self._task)
         if meanwhile is not None:
             meanwhile()
         self.evaluations = 0
@@ -145,12 +210,13 @@ class Problem:
 
     def design(self, x: Array | np.ndarray) -> Scene:
         """The scene with the variables `x` (SI); differentiable."""
-        return self._place(self.scene, jnp.asarray(x))
+        _, ratios, _ = self._given
+        return _placed(self._task, self.scene, jnp.asarray(x), ratios)
 
     def at(self, x: np.ndarray) -> list[Block]:
         """All blocks of one design, in the order of `kinds`: one evaluation."""
         self.evaluations += 1
-        found = jax.device_get(self._run(self._scene, jnp.asarray(x)))
+        found = jax.device_get(outputs(jnp.asarray(x), *self._given, task=self._task))
         blocks = [
             Block(rows.vectors, slope, rows.angle, float(value), rows.signed)
             for rows, slope, value in zip(found.rows, found.slopes, found.values, strict=True)
@@ -174,37 +240,10 @@ class Problem:
             found += [block._replace(exists=need < missing) for block, need in zip(own, self._needs, strict=True)]
         return found
 
-    def _place(self, scene: Scene, x: Array) -> Scene:
-        pairs: list[tuple[Number, Any]] = []
-        for i, (at, ties) in enumerate(zip(self.numbers, self._ties, strict=True)):
-            pairs += [(at, x[i]), *((other, ratio * x[i]) for other, ratio in ties)]
-        return changed(scene, pairs)
-
-    def _rows(self, scene: Scene, x: Array) -> tuple[list[tuple[Rows, Array]], list[Array]]:
-        """Rows and exact value of every term, case by case; and of every case the smallest inertia ratio, or one where
-        the actual motion is not needed."""
-        found, ratios = [], []
-        for case in self.cases:
-            parts = Parts(changed(self._place(scene, x), case.changes), self.nodes)
-            found += rows_for(self.asked, parts)
-            ratios.append(parts.steady.min_inertia_ratio if self._true_motion else jnp.ones(()))
-        return found, ratios
-
     def values(self, x: Array) -> Float[Array, " blocks"]:
         """The values (SI) of all blocks of one design, in the order of `kinds`; to be traced, not counted."""
-        return jnp.stack([value for _, value in self._rows(self.scene, x)[0]])
-
-    def _outputs(self, numbers: Array, x: Array) -> Outputs:
-        """All terms, case by case, and their derivatives. The scene is passed as a flat array."""
-        scene = self._scene_of(numbers)
-
-        def vectors(x):
-            found, ratios = self._rows(scene, x)
-            return [rows.vectors for rows, _ in found], (found, ratios)
-
-        slopes, (found, ratios) = jax.jacfwd(vectors, has_aux=True)(x)
-        slopes = [jnp.nan_to_num(slope, posinf=0.0, neginf=0.0) for slope in slopes]  # zero where there is no value
-        return Outputs([rows for rows, _ in found], slopes, [value for _, value in found], ratios)
+        _, ratios, changes = self._given
+        return jnp.stack([value for _, value in _rows(self._task, x, self.scene, ratios, changes)[0]])
 
     def rescale(self, value: float) -> None:
         """Change the scale of the objective (SI)."""

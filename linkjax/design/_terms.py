@@ -16,7 +16,7 @@ from linkjax._units import QuantityError, in_si
 from linkjax.design._names import DesignError, number
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES, Measure, Parts
-from linkjax.motion import Rows
+from linkjax.motion import Rows, Wanted
 
 Sense = Literal["at most", "at least"]
 INITIAL = "initial"
@@ -33,8 +33,9 @@ class Term:
     name: str
     unit: str
     value: Callable[[Parts], Array]
-    rows: Callable[[Parts], Rows] | None = None
+    rows: Callable[[Parts], Rows | Wanted] | None = None
     smallest: bool = False
+    made: tuple[Any, ...] = ()  # its name, or the function that made it with its arguments: what an equal term has too
 
 
 Asked = Measure | Callable[[Scene], Array] | str | Term
@@ -62,15 +63,16 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
         return asked
     if isinstance(asked, str):
         if asked not in MEASURES:
-            return Term(asked, UNSETTLED, lambda of: number(of.scene, asked).read(of.scene))
+            return Term(asked, UNSETTLED, lambda of: number(of.scene, asked).read(of.scene), made=(asked,))
         asked = MEASURES[asked]
     if isinstance(asked, Measure):
-        return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest)
+        made = (asked.name,) if MEASURES.get(asked.name) is asked else (as_term, asked)
+        return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest, made)
     if not callable(asked):
         problem = f"{type(asked).__name__} is neither a measure, nor a name, nor a function"
         raise DesignError(repr(asked)[:LONGEST], problem, 'write e.g. "delta", or a function of the scene')
     name = name or _name(asked)
-    return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene))
+    return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene), made=(as_term, asked, unit, name))
 
 
 def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "", smallest: bool = False) -> Term:
@@ -92,7 +94,14 @@ def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "",
     def value(of: Parts) -> Array:
         return least(rows(of).size()) if smallest else largest(rows(of).size())
 
-    return Term(name, unit, value, rows, smallest)
+    return Term(name, unit, value, rows, smallest, (as_rows, function, unit, name, smallest))
+
+
+def made_again(term: tuple[Any, ...] | Term) -> Term:
+    """The term of this `made`, or the term itself."""
+    if isinstance(term, Term):
+        return term
+    return as_term(term[0]) if len(term) == 1 else term[0](*term[1:])
 
 
 def _name(function: Any) -> str:

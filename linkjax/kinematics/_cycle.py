@@ -75,7 +75,7 @@ def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Revers
     return find_dead_centres(Positioned(prepared(mechanism, cycle_turns)), cycle_turns)
 
 
-def find_dead_centres(machine: Any, cycle_turns: int, scanned: Pose | None = None) -> dict[str, Reversals]:
+def find_dead_centres(machine: Any, cycle_turns: int, scanned: Any = None) -> dict[str, Reversals]:
     """The same, asked of a machine in batches; `scanned` is the pose at `SCAN` angles per turn, if known."""
     ends = _stopping_ends(machine.mechanism)
     if not ends:
@@ -131,9 +131,7 @@ def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int 
     return find_strokes(Positioned(prepared(mechanism, cycle_turns)), found, cycle_turns)
 
 
-def find_strokes(
-    machine: Any, found: dict[str, Reversals], cycle_turns: int, scanned: Pose | None = None
-) -> dict[str, Any]:
+def find_strokes(machine: Any, found: dict[str, Reversals], cycle_turns: int, scanned: Any = None) -> dict[str, Any]:
     """The same, asked of a machine in batches; `scanned` is the pose at `SCAN` angles per turn, if known."""
     if not found:
         return {}

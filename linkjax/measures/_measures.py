@@ -223,7 +223,6 @@ def _swings_with(inertia: Array, of: Parts) -> Rows:
     """`_swings` with another flywheel, on the same grid: positions and loads do not depend on the flywheel."""
     more = inertia - of.scene.mechanism.flywheel.inertia
     here = of.at.here._replace(inertia=of.at.here.inertia + more)
-    assert of.at.sample.dynamics is not None
     bare, *rest = of.at.sample.dynamics
     sample = of.at.sample._replace(dynamics=(bare + more, *rest))
     parts = Parts(with_flywheel(of.scene, inertia), of.nodes, of.grid, of.at._replace(here=here, sample=sample))

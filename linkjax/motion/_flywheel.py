@@ -73,7 +73,7 @@ class Search(NamedTuple):
     """A secant search: number of steps, inertia and what it adds to the given one, the inertia before, the excess of
     1/δ there, and whether to go on."""
 
-    count: Array
+    steps: Array
     inertia: Array
     added: Array
     before: Array
@@ -102,8 +102,8 @@ def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Arr
     slope = safe_divide(value - state.excess, x - state.before)
     rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, mean + x))
     new = jnp.maximum(x - value / rising, least)
-    moved = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.count < STEPS)
-    return Search(state.count + 1, new, new - given, x, value, moved)
+    moved = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.steps < STEPS)
+    return Search(state.steps + 1, new, new - given, x, value, moved)
 
 
 def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:

@@ -97,7 +97,8 @@ class Grid:
 
     def node_places(self) -> Place:
         """The nodes as places, every leaf of shape (panels, n)."""
-        panel, x = jnp.meshgrid(jnp.arange(self.half.size, dtype=jnp.int32), jnp.asarray(self.rule.x), indexing="ij")
+        number, x = jnp.arange(self.panels, dtype=jnp.int32), jnp.asarray(self.rule.x)
+        panel, x = (jnp.broadcast_to(part, self.nodes.shape) for part in (number[:, None], x[None]))
         return Place(panel, x, self.nodes, jnp.broadcast_to(self.middle[:, None], panel.shape))
 
     def loaded(self, dynamics: tuple, panel: Int[Array, " places"], active: Array | None = None) -> Reduced:
@@ -135,7 +136,7 @@ class Plan(NamedTuple):
     turns: int
     cycle: float
     slots: int
-    count: int
+    panels: int
     n: int
     points: int
     loads: tuple[str, ...]
@@ -153,7 +154,7 @@ class Switches(NamedTuple):
     magnitudes of opposing loads, and their numbers."""
 
     windows: tuple[Window | None, ...]
-    kinks: tuple[Array, ...]
+    kinks: tuple[Any, ...]
     strengths: tuple[Array, ...]
 
 
@@ -275,7 +276,7 @@ def _grid(
     )
 
 
-def _kinks(scene: Scene) -> tuple[Array, ...]:
+def _kinks(scene: Scene) -> tuple[Any, ...]:
     """Crank angles where the motion law of the driver has a kink, over the whole cycle."""
     law = scene.mechanism.driver.follows()
     if law is None:
@@ -326,17 +327,61 @@ def _edges(fixed: list[Array], kinks: Candidates, plan: Plan) -> Array:
     gone = (
         far | jnp.any(twin, axis=1) | jnp.any(jnp.abs(nearest_turn(angle[:, None] - given[None], cycle)) < SAME, axis=1)
     )
-    spare = jnp.full(plan.count - given.size - angle.size, jnp.inf)
+    spare = jnp.full(plan.panels - given.size - angle.size, jnp.inf)
     edges = _sorted(jnp.concatenate([given, jnp.where(gone, jnp.inf, angle), spare]))
     start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)
     edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
     edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
-    rounds = plan.count - max(1, given.size)
+    rounds = plan.panels - max(1, given.size)
+    split = _Split(jax.lax.stop_gradient(edges), jnp.arange(edges.size), _hardness(edges[:-1], edges[1:], kinks, cycle))
     if rounds <= UNROLLED and not plan.rolled:
         for _ in range(rounds):
-            edges = _halve(edges, kinks, cycle)
-        return edges
-    return jax.lax.fori_loop(0, rounds, lambda _, edges: _halve(edges, kinks, cycle), edges)
+            split = _halved(split, kinks, cycle)
+    else:
+        split = jax.lax.fori_loop(0, rounds, lambda _, split: _halved(split, kinks, cycle), split)
+    return jnp.where(split.origin < 0, split.edges, taken(edges, jnp.maximum(split.origin, 0)))
+
+
+class _Split(NamedTuple):
+    """Edges while panels are halved: the number that each had before, minus one for a new one; and the width of every
+    panel relative to its distance from a singularity, squared."""
+
+    edges: Array
+    origin: Array
+    hard: Array
+
+
+def _hardness(low: Array, high: Array, kinks: Candidates, cycle: float) -> Array:
+    """Squared width of panels relative to their distance from a singularity. On either side of a kink the function is
+    smooth."""
+    low, high, kinks = jax.lax.stop_gradient((low, high, kinks))
+    width = high - low
+    near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)
+    off = nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
+    away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
+    squared = jnp.min(away * away + (near * near)[None], axis=1, initial=1.0)
+    return width * width / squared
+
+
+def _halved(split: _Split, kinks: Candidates, cycle: float) -> _Split:
+    """Use one spare edge, an empty panel at the end, to halve the hardest panel."""
+    edges, origin, hard = split
+    number = jnp.arange(edges.size)
+    panel = jnp.max(jnp.where(highest(hard), number[:-1], 0))
+    low, high = (_pick(number[:-1] == panel, ends) for ends in (edges[:-1], edges[1:]))
+    cut = 0.5 * (low + high)
+    halves = _hardness(jnp.stack([low, cut]), jnp.stack([cut, high]), kinks, cycle)
+
+    def inserted(values, here):
+        later = jnp.concatenate([values[:1], values[:-1]])
+        at = number[: values.size]
+        return jnp.where(at <= panel, values, jnp.where(at == panel + 1, here, later))
+
+    new = inserted(hard, halves[1])
+    new = jnp.where(number[:-1] == panel, halves[0], new)
+    free = edges[-2] >= edges[-1]
+    made = _Split(inserted(edges, cut), inserted(origin, -1), new)
+    return jax.tree.map(lambda one, two: jnp.where(free, one, two), made, split)
 
 
 def _sorted(values: Array) -> Array:
@@ -363,37 +408,17 @@ def _active(windows: tuple[Window | None, ...], middle: Array, plan: Plan) -> Fl
     """One where a load acts in the middle of a panel, zero otherwise."""
     ones = jnp.ones_like(middle)
     columns = [ones if window is None else window.active(middle, plan.cycle) for window in windows]
-    return jnp.stack(columns, axis=1) if columns else jnp.zeros((plan.count, 0))
+    return jnp.stack(columns, axis=1) if columns else jnp.zeros((plan.panels, 0))
 
 
 def _order(windows: tuple[Window | None, ...], switched: Array, plan: Plan) -> Float[Array, "panels loads"]:
     """The same by the numbers of the panels that begin where a window begins or ends, not by angles."""
-    panels, columns, ends = jnp.arange(plan.count, dtype=jnp.int32), [], iter(range(0, switched.size, 2))
+    panels, columns, ends = jnp.arange(plan.panels, dtype=jnp.int32), [], iter(range(0, switched.size, 2))
     for window in windows:
         if window is None:
-            columns.append(jnp.ones(plan.count))
+            columns.append(jnp.ones(plan.panels))
             continue
         first = next(ends)
         on, off = switched[first], switched[first + 1]
-        columns.append(jnp.where(jnp.mod(panels - on, plan.count) < jnp.mod(off - on, plan.count), 1.0, 0.0))
-    return jnp.stack(columns, axis=1) if columns else jnp.zeros((plan.count, 0))
-
-
-def _halve(edges: Array, kinks: Candidates, cycle: float) -> Array:
-    """Use one spare edge (an empty panel at the end) to halve the panel that is widest relative to its distance from a
-    singularity."""
-    fixed = jax.lax.stop_gradient(edges)
-    low, high = fixed[:-1], fixed[1:]
-    width = high - low
-    kinks = jax.lax.stop_gradient(kinks)
-    near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)  # on either side of a kink the function is smooth
-    off = nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
-    away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
-    squared = jnp.minimum(jnp.min(away * away + (near * near)[None], axis=1, initial=1.0), 1.0)
-    hard = width * width / squared
-    hardest = highest(hard)
-    free = fixed[-2] >= fixed[-1]
-    cut = _pick(hardest, 0.5 * (low + high))
-    after = jnp.concatenate([edges[:1], edges[:-1]])
-    new = jnp.where(edges <= cut, edges, jnp.where(after <= cut, cut, after))
-    return jnp.where(free, new, edges)
+        columns.append(jnp.where(jnp.mod(panels - on, plan.panels) < jnp.mod(off - on, plan.panels), 1.0, 0.0))
+    return jnp.stack(columns, axis=1) if columns else jnp.zeros((plan.panels, 0))

@@ -49,7 +49,7 @@ class Steady:
     period: Array
     mean_speed: Array
     delta: Array
-    delta_error: Array | None
+    delta_error: Any
     max_speed: Array
     min_speed: Array
     angle_of_max: Array

@@ -19,7 +19,7 @@ class Sample(NamedTuple):
     not asked for); margins and transmission angles of the groups (empty where not asked for)."""
 
     pose: Pose
-    dynamics: tuple[Array, Array, dict[str, Array]] | None
+    dynamics: Any
     margins: dict[str, dict[str, Margin]]
     transmission: dict[str, Array]
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import jax
 from jaxtyping import Array
 
 from linkjax import _batches
-from linkjax._batches import Batches
+from linkjax._batches import PLACES, Batches
 from linkjax._compile import compiled_soon
 from linkjax._types import Tracer
 from linkjax.forces import Forces, forces_of_pose
@@ -35,7 +36,10 @@ def _forces(
 
 
 class Sampler(Batches):
-    """A scene evaluated at many places at once; it must be `ready`."""
+    """A scene evaluated at many places at once; it must be `ready`. Its title is no part of any program."""
+
+    def __init__(self, scene: Scene, size: int = PLACES):
+        super().__init__(dataclasses.replace(scene, title="") if scene.title else scene, size)
 
     @property
     def scene(self) -> Scene:
