@@ -9,7 +9,8 @@ parameters; `analysis`, everything that `linkjax.analyse` computes, at 36 angles
 compilation (`lowered`, seconds per scene), with --compiled also after compilation for one use (half a minute per
 scene). XLA counts the body of a loop once, so `loops` gives the iterations: those of every loop, after those of the
 enclosing loops, and the number of such loops; `?` where the number depends on the data. These are the steps along the
-path of a group of higher class; `steps` counts them while the path is prepared (times the iterations within). --write
+path of a group of higher class; `steps` counts them while the path is prepared (times the iterations within).
+`equations` are those of all programs that one call of `linkjax.analyse` asks for, before anything is compiled. --write
 renews `benchmarks/cost.json`, which the tests compare with.
 """
 
@@ -27,7 +28,9 @@ import jax
 import jax.numpy as jnp
 
 import linkjax as lj
+from linkjax import _compile
 from linkjax._compile import SOONER
+from linkjax.analysis import compile_ahead
 from linkjax.groups import General
 from linkjax.kinematics import prepared
 from linkjax.measures import delta, evaluate, peak_reaction, peak_shaking_force_constant_speed
@@ -36,6 +39,7 @@ from linkjax.scenes import load_rolling, rolling_names
 
 FILE = Path(__file__).with_name("cost.json")
 NODES, ANGLES = 64, 36
+PARTS = ("steps", "equations", "lowered", "compiled")
 Machine = lj.Scene | RollingMachine
 
 
@@ -114,6 +118,33 @@ def loops(jaxpr: Any, around: tuple[str, ...] = ()) -> collections.Counter[str]:
     return found
 
 
+def equations(name: str) -> dict[str, int] | None:
+    """How many programs an analysis of a scene asks for, and their equations: all of the jaxprs, those of every inner
+    jaxpr once where it stands; None for rolling bodies. Nothing is compiled."""
+    scene, found = machine(name), list[int]()
+    if not isinstance(scene, lj.Scene):
+        return None
+
+    def counted(traced, *_, **__):
+        found.append(inner_equations(traced.jaxpr))
+
+    _compile.forget()
+    with (
+        mock.patch.object(jax.stages.Traced, "lower", counted),
+        mock.patch.object(_compile, "_aside", lambda *_: None),
+        mock.patch.object(_compile, "_kept_in", lambda *_: None),
+    ):
+        compile_ahead(scene)
+    _compile.forget()  # what was traced here cannot run
+    return {"programs": len(found), "equations": sum(found)}
+
+
+def inner_equations(jaxpr: Any) -> int:
+    """The equations of a jaxpr and of every jaxpr in it."""
+    inside = jax.tree.leaves([e.params for e in jaxpr.eqns], is_leaf=lambda x: hasattr(x, "eqns"))
+    return len(jaxpr.eqns) + sum(inner_equations(inner) for inner in inside if hasattr(inner, "eqns"))
+
+
 def steps(name: str) -> int | None:
     """Closure solutions of groups of higher class while the path of a scene is prepared; None for rolling bodies."""
     scene, count, closed = machine(name), collections.Counter[str](), General.closed
@@ -148,7 +179,7 @@ def main() -> None:
     if before.get("jax") != jax.__version__:
         before = {}  # counts of different versions are not comparable
     content = {"jax": jax.__version__, "nodes": NODES, "angles": ANGLES} | {
-        part: dict(before.get(part, {})) for part in ("steps", "lowered", "compiled")
+        part: dict(before.get(part, {})) for part in PARTS
     }
     print(f"{'':20}" + "".join(f"{program + ' kflop':>17}{'kB':>9}" for program in OF_SCENES))
     for name in asked.scenes or NAMES:
@@ -160,8 +191,11 @@ def main() -> None:
             print(f"{name:20}" + "".join(f"{flops:17.1f}{size:9.0f}" for flops, size in cells), stage, flush=True)
         if (path := steps(name)) is not None:
             content["steps"][name] = path
+        if (traced := equations(name)) is not None:
+            content["equations"][name] = traced
+            print(f"{name:20}{traced['equations']:17d} equations in {traced['programs']} programs of an analysis")
         if asked.write:
-            content |= {part: dict(sorted(content[part].items())) for part in ("steps", "lowered", "compiled")}
+            content |= {part: dict(sorted(content[part].items())) for part in PARTS}
             FILE.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import weakref
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
@@ -256,3 +257,20 @@ def test_linear_algebra_in_a_program_that_is_read_first(tmp_path):
         done = subprocess.run([sys.executable, "-c", ALONE, str(tmp_path)], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (0, "[0.5  0.25]\n")
     assert len(list(tmp_path.glob("linkjax-*"))) == 1
+
+
+def test_other_numbers_and_another_title_compile_nothing(monkeypatch):
+    """Neither analyses nor problems: bounds, starts and numbers of the scene are arguments of the programs."""
+    scene = lj.load("slider-crank")
+    free = {"links.rod.length": ("0.15 m", "0.35 m")}
+    lj.analyse(scene, angles=24, nodes=24)
+    lj.optimise(scene, free, "mean_drive_torque", nodes=24)
+    made: list[str] = []
+    trace = _compile._made
+    monkeypatch.setattr(
+        _compile, "_made", lambda function, *rest: made.append(function.__name__) or trace(function, *rest)
+    )
+    other = eqx.tree_at(lambda s: s.speed, dataclasses.replace(scene, title="Another one"), jnp.asarray(20.0))
+    lj.analyse(other, angles=24, nodes=24)
+    lj.optimise(other, {"links.rod.length": ("0.16 m", "0.3 m")}, "mean_drive_torque", nodes=24, seed=3, starts=2)
+    assert made == []

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from benchmarks.cost import NAMES, OF_SCENES, cost, kept, loops, programs, steps
+from benchmarks.cost import NAMES, OF_SCENES, cost, equations, kept, loops, programs, steps
 
 WITHIN = 0.03
 ANOTHER = 0.25  # with another version of jax than that of the counts, which may lower slightly differently
@@ -45,6 +45,17 @@ def test_every_scene_as_it_leaves_the_compiler(scene, program):
 def test_the_steps_along_a_path(scene):
     """Their number depends on the motion of the links, to a step or two because of rounding."""
     assert steps(scene) == pytest.approx(kept()["steps"][scene], rel=WITHIN)
+
+
+@pytest.mark.parametrize(
+    "scene", [s if s == PLAIN else pytest.param(s, marks=pytest.mark.slow) for s in kept().get("equations", {})]
+)
+def test_equations_of_an_analysis(scene):
+    """They are what a first analysis of a machine waits for."""
+    known, found = kept()["equations"][scene], equations(scene)
+    assert found is not None
+    assert found["programs"] <= known["programs"]
+    assert found["equations"] <= (1 + WITHIN) * known["equations"]
 
 
 def test_trips_are_counted():
