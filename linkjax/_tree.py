@@ -6,6 +6,7 @@ import dataclasses
 from operator import attrgetter
 from typing import Any, TypeVar, dataclass_transform
 
+import equinox as eqx
 import jax
 
 Class = TypeVar("Class")
@@ -15,7 +16,8 @@ Class = TypeVar("Class")
 def node(cls: type[Class]) -> type[Class]:
     """Make a frozen dataclass whose instances are trees of their fields; fields with `static` in their metadata, as
     those of `equinox.field(static=True)`, belong to the structure."""
-    made: Any = dataclasses.dataclass(frozen=True, eq=False)(cls)
+    made: Any = dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
+    made.__repr__ = eqx.tree_pformat
     fields = dataclasses.fields(made)
     fixed = tuple(field.name for field in fields if field.metadata.get("static"))
     names = tuple(field.name for field in fields if field.name not in fixed)

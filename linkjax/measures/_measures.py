@@ -70,14 +70,14 @@ def _registered(
 
 
 def measure(
-    unit: str, rows: Callable[[Parts], Rows | Wanted] | None = None, smallest: bool = False, *, motion: bool
+    unit: str, rows: Callable[[Parts], Rows | Wanted] | None = None, smallest: bool = False, *, motion: bool = True
 ) -> Callable[[Callable[[Parts], Array]], Measure]:
     """Make a measure of a function of `Parts` and register it under the function's name; `rows` are, for an extreme,
     all values that may be it. `motion` says whether it needs the actual motion."""
     return lambda function: _registered(function, unit, function, rows, smallest, motion)
 
 
-def peak(unit: str, *, motion: bool) -> Callable[[Callable[[Parts], Wanted]], Measure]:
+def peak(unit: str, *, motion: bool = True) -> Callable[[Callable[[Parts], Wanted]], Measure]:
     """Make a measure of a peak; the function returns what is wanted."""
     return lambda function: _registered(
         function, unit, lambda of: largest(peaks(*function(of)[:3]).value), function, motion=motion

@@ -16,13 +16,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import highest, nearest_turn, safe_divide, taken, wrapped
+from linkjax._numerics import highest, safe_divide, taken, wrapped
 from linkjax._search import Found, Motion, own, refined, scan_angles, scan_reversals, stacked_motions
 from linkjax._tree import node
 from linkjax.groups import Margin
 from linkjax.kinematics import named_groups
 from linkjax.loads import Window
 from linkjax.machine import Scene, ready
+from linkjax.motion._edges import Candidates, edges_of, pick
 from linkjax.motion._panels import Rule, rule
 from linkjax.reduction import Reduced, loaded, of_crank
 from linkjax.sampling import Sample, Sampler
@@ -30,10 +31,6 @@ from linkjax.sampling import Sample, Sampler
 SCAN = 32  # scan points per crank turn
 REVERSALS = 4  # the most reversals per opposing load and crank turn
 POLISH = 2  # evaluations that refine each of them
-SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
-KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on either side
-REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
-UNROLLED = 12  # the most panels that are halved without a loop
 
 
 @node
@@ -120,13 +117,6 @@ class Place(NamedTuple):
     x: Array
     phi: Array
     side: Array
-
-
-class Candidates(NamedTuple):
-    """Breakpoints with the distance of their singularity from the real axis (0: a kink; inf: no breakpoint)."""
-
-    angle: Array
-    distance: Array
 
 
 class Plan(NamedTuple):
@@ -257,7 +247,7 @@ def _grid(
     kinks = Candidates(*(jnp.concatenate(pair) for pair in zip(kinks, soft, strict=True)))
     kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
     fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks)]
-    edges = _edges(fixed, kinks, plan)
+    edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled)
     order = _order(switches.windows, _switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
     return Grid(
@@ -295,7 +285,7 @@ def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:
     rows = [_thinned(jnp.stack(part), plan) for part in zip(*sides, strict=True)]
     value, d, dd = (part.reshape((len(sides), plan.turns, SCAN)) for part in rows)
     least = jax.vmap(jax.vmap(highest))(-value)
-    at, value, d, dd = (_pick(least, part) for part in (jnp.broadcast_to(scan, value.shape), value, d, dd))
+    at, value, d, dd = (pick(least, part) for part in (jnp.broadcast_to(scan, value.shape), value, d, dd))
     dd = jnp.maximum(dd, 1e-12)
     move = jnp.clip(-d / dd, -step, step)
     distance = jnp.sqrt(2 * jnp.maximum(value + move * (d + 0.5 * move * dd), 0.0) / dd)
@@ -309,89 +299,6 @@ def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:
             )
         found.append(best)
     return Candidates(*(jnp.concatenate(part) for part in zip(*found, strict=True)))
-
-
-def _pick(mask: Array, values: Array) -> Array:
-    """The largest masked value along the last axis; a maximum is much cheaper than a gather on a CPU."""
-    return jnp.max(jnp.where(mask, values, -jnp.inf), axis=-1)
-
-
-def _edges(fixed: list[Array], kinks: Candidates, plan: Plan) -> Array:
-    """Sorted edges; each spare edge halves the panel that is widest relative to its distance from a singularity. Of
-    breakpoints closer than `SAME` the first is kept."""
-    cycle, angle = plan.cycle, kinks.angle
-    given = jnp.stack(fixed) if fixed else jnp.zeros(0)
-    far = kinks.distance > REACH
-    twin = jnp.abs(nearest_turn(angle[:, None] - angle[None], cycle)) < SAME
-    twin &= jnp.asarray(np.tri(angle.size, k=-1, dtype=bool)) & ~far[None]
-    gone = (
-        far | jnp.any(twin, axis=1) | jnp.any(jnp.abs(nearest_turn(angle[:, None] - given[None], cycle)) < SAME, axis=1)
-    )
-    spare = jnp.full(plan.panels - given.size - angle.size, jnp.inf)
-    edges = _sorted(jnp.concatenate([given, jnp.where(gone, jnp.inf, angle), spare]))
-    start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)
-    edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
-    edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
-    rounds = plan.panels - max(1, given.size)
-    split = _Split(jax.lax.stop_gradient(edges), jnp.arange(edges.size), _hardness(edges[:-1], edges[1:], kinks, cycle))
-    if rounds <= UNROLLED and not plan.rolled:
-        for _ in range(rounds):
-            split = _halved(split, kinks, cycle)
-    else:
-        split = jax.lax.fori_loop(0, rounds, lambda _, split: _halved(split, kinks, cycle), split)
-    return jnp.where(split.origin < 0, split.edges, taken(edges, jnp.maximum(split.origin, 0)))
-
-
-class _Split(NamedTuple):
-    """Edges while panels are halved: the number that each had before, minus one for a new one; and the width of every
-    panel relative to its distance from a singularity, squared."""
-
-    edges: Array
-    origin: Array
-    hard: Array
-
-
-def _hardness(low: Array, high: Array, kinks: Candidates, cycle: float) -> Array:
-    """Squared width of panels relative to their distance from a singularity. On either side of a kink the function is
-    smooth."""
-    low, high, kinks = jax.lax.stop_gradient((low, high, kinks))
-    width = high - low
-    near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)
-    off = nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
-    away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
-    squared = jnp.min(away * away + (near * near)[None], axis=1, initial=1.0)
-    return width * width / squared
-
-
-def _halved(split: _Split, kinks: Candidates, cycle: float) -> _Split:
-    """Use one spare edge, an empty panel at the end, to halve the hardest panel."""
-    edges, origin, hard = split
-    number = jnp.arange(edges.size)
-    panel = jnp.max(jnp.where(highest(hard), number[:-1], 0))
-    low, high = (_pick(number[:-1] == panel, ends) for ends in (edges[:-1], edges[1:]))
-    cut = 0.5 * (low + high)
-    halves = _hardness(jnp.stack([low, cut]), jnp.stack([cut, high]), kinks, cycle)
-
-    def inserted(values, here):
-        later = jnp.concatenate([values[:1], values[:-1]])
-        at = number[: values.size]
-        return jnp.where(at <= panel, values, jnp.where(at == panel + 1, here, later))
-
-    new = inserted(hard, halves[1])
-    new = jnp.where(number[:-1] == panel, halves[0], new)
-    free = edges[-2] >= edges[-1]
-    made = _Split(inserted(edges, cut), inserted(origin, -1), new)
-    return jax.tree.map(lambda one, two: jnp.where(free, one, two), made, split)
-
-
-def _sorted(values: Array) -> Array:
-    """Values in order; a few by counting, because a sort is slow on a CPU."""
-    if values.size > 4 * UNROLLED:
-        return jnp.sort(values)
-    number = jnp.arange(values.size)
-    before = (values[None] < values[:, None]) | ((values[None] == values[:, None]) & (number[None] < number[:, None]))
-    place = jnp.sum(before, axis=1)
-    return jnp.max(jnp.where(place[None] == number[:, None], values[None], -jnp.inf), axis=1)
 
 
 def _switched(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:

@@ -18,7 +18,7 @@ from linkjax import measures
 from linkjax._compile import compiled_soon
 from linkjax.analysis import measured
 from linkjax.measures import MEASURES
-from linkjax.motion import steady_by_diffrax
+from linkjax.motion import every_row, steady_by_diffrax
 from tests.physics.machines import machine, resized
 
 FEW, MANY = 96, 160
@@ -296,7 +296,7 @@ def test_rows_where_windows_switch_together(name):
 
     @compiled_soon
     def found(scene):
-        rows = lambda scene: all_rows(measures.Parts(scene, 48)).size()  # noqa: E731
+        rows = lambda scene: every_row([all_rows(measures.Parts(scene, 48))])[0].size()  # noqa: E731
         value, pull = jax.vjp(rows, scene)
         best = jax.nn.one_hot(jnp.argmin(value) if measure.smallest else jnp.argmax(value), value.size)
         return value, measure(scene, 48), pull(best)[0], pull(jnp.ones_like(value))[0]

@@ -1,0 +1,108 @@
+"""Edges of the panels of a cycle: breakpoints, and spare edges where panels are most difficult."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from linkjax._numerics import highest, nearest_turn, taken
+
+SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
+KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on either side
+REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
+UNROLLED = 12  # the most panels that are halved without a loop
+
+
+class Candidates(NamedTuple):
+    """Breakpoints with the distance of their singularity from the real axis (0: a kink; inf: no breakpoint)."""
+
+    angle: Array
+    distance: Array
+
+
+def pick(mask: Array, values: Array) -> Array:
+    """The largest masked value along the last axis; a maximum is much cheaper than a gather on a CPU."""
+    return jnp.max(jnp.where(mask, values, -jnp.inf), axis=-1)
+
+
+def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, rolled: bool) -> Array:
+    """Edges of so many panels (rad), sorted, from `fixed` breakpoints and kinks. Of breakpoints closer than `SAME` the
+    first is kept; each spare edge halves the panel that is widest relative to its distance from a singularity, in a
+    loop if `rolled`."""
+    angle = kinks.angle
+    given = jnp.stack(fixed) if fixed else jnp.zeros(0)
+    far = kinks.distance > REACH
+    twin = jnp.abs(nearest_turn(angle[:, None] - angle[None], cycle)) < SAME
+    twin &= jnp.asarray(np.tri(angle.size, k=-1, dtype=bool)) & ~far[None]
+    gone = (
+        far | jnp.any(twin, axis=1) | jnp.any(jnp.abs(nearest_turn(angle[:, None] - given[None], cycle)) < SAME, axis=1)
+    )
+    spare = jnp.full(panels - given.size - angle.size, jnp.inf)
+    edges = _sorted(jnp.concatenate([given, jnp.where(gone, jnp.inf, angle), spare]))
+    start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)
+    edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
+    edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
+    rounds = panels - max(1, given.size)
+    split = _Split(jax.lax.stop_gradient(edges), jnp.arange(edges.size), _hardness(edges[:-1], edges[1:], kinks, cycle))
+    if rounds <= UNROLLED and not rolled:
+        for _ in range(rounds):
+            split = _halved(split, kinks, cycle)
+    else:
+        split = jax.lax.fori_loop(0, rounds, lambda _, split: _halved(split, kinks, cycle), split)
+    return jnp.where(split.origin < 0, split.edges, taken(edges, jnp.maximum(split.origin, 0)))
+
+
+class _Split(NamedTuple):
+    """Edges while panels are halved: the number that each had before, minus one for a new one; and the width of every
+    panel relative to its distance from a singularity, squared."""
+
+    edges: Array
+    origin: Array
+    hard: Array
+
+
+def _hardness(low: Array, high: Array, kinks: Candidates, cycle: float) -> Array:
+    """Squared width of panels relative to their distance from a singularity. On either side of a kink the function is
+    smooth."""
+    low, high, kinks = jax.lax.stop_gradient((low, high, kinks))
+    width = high - low
+    near = jnp.where(kinks.distance > KINK, kinks.distance, 1.0)
+    off = nearest_turn(kinks.angle[None] - 0.5 * (low + high)[:, None], cycle)
+    away = jnp.maximum(jnp.abs(off) - 0.5 * width[:, None], 0.0)
+    squared = jnp.min(away * away + (near * near)[None], axis=1, initial=1.0)
+    return width * width / squared
+
+
+def _halved(split: _Split, kinks: Candidates, cycle: float) -> _Split:
+    """Use one spare edge, an empty panel at the end, to halve the hardest panel."""
+    edges, origin, hard = split
+    number = jnp.arange(edges.size)
+    panel = jnp.max(jnp.where(highest(hard), number[:-1], 0))
+    low, high = (pick(number[:-1] == panel, ends) for ends in (edges[:-1], edges[1:]))
+    cut = 0.5 * (low + high)
+    halves = _hardness(jnp.stack([low, cut]), jnp.stack([cut, high]), kinks, cycle)
+
+    def inserted(values, here):
+        later = jnp.concatenate([values[:1], values[:-1]])
+        at = number[: values.size]
+        return jnp.where(at <= panel, values, jnp.where(at == panel + 1, here, later))
+
+    new = inserted(hard, halves[1])
+    new = jnp.where(number[:-1] == panel, halves[0], new)
+    free = edges[-2] >= edges[-1]
+    made = _Split(inserted(edges, cut), inserted(origin, -1), new)
+    return jax.tree.map(lambda one, two: jnp.where(free, one, two), made, split)
+
+
+def _sorted(values: Array) -> Array:
+    """Values in order; a few by counting, because a sort is slow on a CPU."""
+    if values.size > 4 * UNROLLED:
+        return jnp.sort(values)
+    number = jnp.arange(values.size)
+    before = (values[None] < values[:, None]) | ((values[None] == values[:, None]) & (number[None] < number[:, None]))
+    place = jnp.sum(before, axis=1)
+    return jnp.max(jnp.where(place[None] == number[:, None], values[None], -jnp.inf), axis=1)
