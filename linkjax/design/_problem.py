@@ -17,7 +17,7 @@ from linkjax.analysis import LIGHTEST, massless
 from linkjax.design._names import DesignError, Number, changed, in_si_of, number, numbers
 from linkjax.design._needs import Needs, needs, rows_for
 from linkjax.design._terms import INITIAL, Limit, Sense, Term, at_least, made_again
-from linkjax.machine import Scene
+from linkjax.machine import Scene, untitled
 from linkjax.measures import NODES, Parts, min_margin, steady_state_margin
 from linkjax.motion import Rows
 
@@ -200,7 +200,7 @@ class Problem:
             self._true_motion,
         )
         values = [[in_si_of(scene, *pair) for pair in case.changes.items()] for case in self.cases]
-        self._given = Whole(scene), [[ratio for _, ratio in ties] for ties in self._ties], values
+        self._given = Whole(untitled(scene)), [[ratio for _, ratio in ties] for ties in self._ties], values
         outputs.ahead(jnp.asarray(self.start), *self._given, task=self._task)
         if meanwhile is not None:
             meanwhile()

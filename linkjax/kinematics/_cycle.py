@@ -100,7 +100,8 @@ def find_dead_centres(machine: Any, cycle_turns: int, scanned: Any = None) -> di
 @compiled_soon(static=("turns", "slots"))
 def _scanned_ends(motions: tuple[Motion, ...], turns: int, slots: int) -> tuple[Found, Array]:
     scan = scan_angles(turns, SCAN)
-    found = scan_reversals(*(part[..., : scan.size] for part in stacked_motions(motions)), scan, slots)
+    v, a = (part[..., : scan.size] for part in stacked_motions(motions))
+    found = scan_reversals(v, a, scan, slots)
     return found, found.angle.ravel()
 
 

@@ -133,6 +133,11 @@ class Scene(eqx.Module):
         return dataclasses.replace(self, mechanism=jax.tree.map(as_float, mechanism))
 
 
+def untitled(scene: Scene) -> Scene:
+    """The scene without its title, which is no part of a compiled program."""
+    return dataclasses.replace(scene, title="") if scene.title else scene
+
+
 def check_scene(scene: object) -> None:
     """Raise `TypeError` if `scene` is not a `Scene`."""
     if not isinstance(scene, Scene):

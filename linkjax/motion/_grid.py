@@ -7,7 +7,7 @@ edges is static: edges that are not needed for a breakpoint halve the most diffi
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -95,8 +95,9 @@ class Grid:
     def node_places(self) -> Place:
         """The nodes as places, every leaf of shape (panels, n)."""
         number, x = jnp.arange(self.panels, dtype=jnp.int32), jnp.asarray(self.rule.x)
-        panel, x = (jnp.broadcast_to(part, self.nodes.shape) for part in (number[:, None], x[None]))
-        return Place(panel, x, self.nodes, jnp.broadcast_to(self.middle[:, None], panel.shape))
+        shape = self.nodes.shape
+        panel, middle = jnp.broadcast_to(number[:, None], shape), jnp.broadcast_to(self.middle[:, None], shape)
+        return Place(panel, jnp.broadcast_to(x[None], shape), self.nodes, middle)
 
     def loaded(self, dynamics: tuple, panel: Int[Array, " places"], active: Array | None = None) -> Reduced:
         """The reduced model at places in these panels, from `Sample.dynamics` there, which may be longer; each with the

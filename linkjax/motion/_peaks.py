@@ -62,6 +62,7 @@ class Spots(NamedTuple):
 
 
 def spots_at(grid: Grid, panel: Array, x: Array) -> Spots:
+    """Places to look at, from their panels and coordinates."""
     return Spots(grid.at(panel.ravel(), x.ravel()), panel, x)
 
 
@@ -75,6 +76,7 @@ def own_rows(found: Array, like: Array) -> Array:
 
 
 def squares(vectors: Array) -> Array:
+    """Squared lengths of vectors, whose parts are along the last axis."""
     return jnp.sum(vectors * vectors, axis=-1)
 
 

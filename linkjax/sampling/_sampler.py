@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import jax
@@ -15,7 +14,7 @@ from linkjax._types import Tracer
 from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import Pose
 from linkjax.loads import Instant
-from linkjax.machine import Scene
+from linkjax.machine import Scene, untitled
 from linkjax.mechanism import Mechanism
 from linkjax.sampling._sample import Sample, sample_at
 
@@ -39,7 +38,7 @@ class Sampler(Batches):
     """A scene evaluated at many places at once; it must be `ready`. Its title is no part of any program."""
 
     def __init__(self, scene: Scene, size: int = PLACES):
-        super().__init__(dataclasses.replace(scene, title="") if scene.title else scene, size)
+        super().__init__(untitled(scene), size)
 
     @property
     def scene(self) -> Scene:
