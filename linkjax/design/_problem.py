@@ -202,6 +202,7 @@ class Problem:
         values = [[in_si_of(scene, *pair) for pair in case.changes.items()] for case in self.cases]
         self._given = Whole(untitled(scene)), [[ratio for _, ratio in ties] for ties in self._ties], values
         outputs.ahead(jnp.asarray(self.start), *self._given, task=self._task)
+        self._run: Callable[[Array], Outputs] = lambda x: outputs(x, *self._given, task=self._task)
         if meanwhile is not None:
             meanwhile()
         self.evaluations = 0
@@ -216,7 +217,7 @@ class Problem:
     def at(self, x: np.ndarray) -> list[Block]:
         """All blocks of one design, in the order of `kinds`: one evaluation."""
         self.evaluations += 1
-        found = jax.device_get(outputs(jnp.asarray(x), *self._given, task=self._task))
+        found = jax.device_get(self._run(jnp.asarray(x)))
         blocks = [
             Block(rows.vectors, slope, rows.angle, float(value), rows.signed)
             for rows, slope, value in zip(found.rows, found.slopes, found.values, strict=True)

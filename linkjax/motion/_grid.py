@@ -102,8 +102,8 @@ class Grid:
     def loaded(self, dynamics: tuple, panel: Int[Array, " places"], active: Array | None = None) -> Reduced:
         """The reduced model at places in these panels, from `Sample.dynamics` there, which may be longer; each with the
         loads that act in its panel, by default those of `active`."""
-        given = jax.tree.map(lambda leaf: leaf[: panel.shape[0]], dynamics)
-        return loaded(*given, self.loads, taken(self.active if active is None else active, panel))
+        inertia, slope, shares = jax.tree.map(lambda leaf: leaf[: panel.shape[0]], dynamics)
+        return loaded(inertia, slope, shares, self.loads, taken(self.active if active is None else active, panel))
 
     def reduced(self, dynamics: tuple, panel: Int[Array, " places"], active: Array | None = None) -> Reduced:
         """The same as it determines the motion of the crank."""
