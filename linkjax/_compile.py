@@ -304,7 +304,7 @@ def _ours(function: Callable, tree: Any) -> bool:
 
 
 def _plain(value: Any) -> bool:
-    """Whether a static argument consists of numbers and texts, so that its text says what it is."""
+    """Whether a static argument consists of numbers and strings, so that its representation determines it."""
     if isinstance(value, dict | tuple | list):
         return all(map(_plain, value.values() if isinstance(value, dict) else value))
     return value is None or isinstance(value, str | int | float)

@@ -205,7 +205,6 @@ def test_an_engine_of_three_cranks_fluctuates_as_its_turning_moment_says():
     assert float(cycle.delta) == pytest.approx(0.0152607, abs=5e-8)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("turns", "printed"), [(5, 326.6), (20, 339.5)])
 def test_a_punching_press_has_the_flywheel_of_its_source(turns, printed):
     """From 160 to 140 rpm: the work of a blow minus that of the motor during the blow. At 150 rpm and 30 blows per
@@ -215,3 +214,15 @@ def test_a_punching_press_has_the_flywheel_of_its_source(turns, printed):
     exact = 2 * drop / ((160**2 - 140**2) * (math.pi / 30) ** 2)
     assert exact == pytest.approx(printed, abs=0.05)
     assert float(document(cycle)["flywheel"]["for_target_delta"]) == pytest.approx(exact, rel=1e-9)
+
+
+def test_many_turns_cost_little():
+    """A load that opposes a shaft that turns one way is the same signed torque, in 200 turns as in one; its closed form
+    is that of the press above."""
+    text = (FIELD / "c27-turns20.toml").read_text().replace("cycle_turns = 20", "cycle_turns = 200")
+    signed = text.replace("opposing = true\n", "").replace('"7200', '"-7200')
+    one, two = (lj.analyse(loads_text(each), angles=8) for each in (text, signed))
+    assert float(one.delta) == pytest.approx(float(two.delta), rel=1e-9)
+    drop = 7200 * math.pi / 2 * (1 - 1 / 800)
+    exact = 2 * drop / ((160**2 - 140**2) * (math.pi / 30) ** 2)
+    assert float(one.flywheel.for_target_delta) == pytest.approx(exact, rel=1e-9)
