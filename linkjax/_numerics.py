@@ -72,6 +72,16 @@ def root(function: Callable[[Array], Array], start: Array, solve: Callable) -> A
     return jax.lax.custom_root(function, start, solve, tangent_solve)
 
 
+def stepped(times: int, body: Callable, state, rolled: bool):
+    """`times` rounds of `body(i, state)`: in a loop if `rolled`, which compiles sooner, otherwise one by one, which
+    runs faster in large batches."""
+    if rolled:
+        return jax.lax.fori_loop(0, times, body, state)
+    for i in range(times):
+        state = body(i, state)
+    return state
+
+
 def repeat(times: int, body: Callable, state):
     """`times` rounds of `body(i, state)`, in a loop, so that the body is compiled once; no loop for a single round."""
     return body(0, state) if times == 1 else jax.lax.fori_loop(0, times, body, state)

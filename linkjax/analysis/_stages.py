@@ -104,7 +104,7 @@ def _totals(scene: Scene, motion: Steady, here: Reduced, wheel: Array | None) ->
 class Driven(NamedTuple):
     """The machine at many places, in the actual motion (if it exists) and at constant nominal speed: forces, crank
     speed (rad/s) and acceleration (rad/s²), each a tuple of them; and the vectors whose peaks are looked for, motion by
-    motion, shape (places, quantities, 2)."""
+    motion, shape (quantities, 2, places)."""
 
     forces: tuple[Forces, ...]
     speed: tuple[Array, ...]
@@ -132,8 +132,8 @@ def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, place: Place,
     every = jax.vmap(one, in_axes=(0, 0, 0, 0, 0, 0))
     both = jax.vmap(every, in_axes=(None, None, None, None, 0, 0))
     forces = both(place.phi, place.side, sample.pose, active, jnp.stack(speed), jnp.stack(acceleration))
-    vectors = jnp.concatenate(list(table(scene, forces)), axis=1)
     each = tuple(jax.tree.map(lambda leaf, i=i: leaf[i], forces) for i in range(len(motions)))
+    vectors = jnp.concatenate([table(scene, one) for one in each])
     return Driven(each, speed, acceleration, vectors)
 
 

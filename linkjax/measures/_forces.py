@@ -15,7 +15,7 @@ from linkjax.motion import At, Regime
 from linkjax.reduction import mass_sums
 
 
-def shaking(regime: Regime, at: At) -> Float[Array, "places 1 2"]:
+def shaking(regime: Regime, at: At) -> Float[Array, "1 2 places"]:
     """Shaking force (N): the inertia force on the frame."""
     return regime.machine.run(_shaking, at.pose, *regime.crank(at))
 
@@ -24,36 +24,36 @@ def shaking(regime: Regime, at: At) -> Float[Array, "places 1 2"]:
 def _shaking(pose: Pose, speed: Array, acceleration: Array) -> Array:
     first, second = mass_sums(pose)
     force = -(second * speed**2 + first * acceleration).once()
-    return jnp.stack([force.x, force.y], axis=-1)[:, None]
+    return jnp.stack([force.x, force.y])[None]
 
 
-def drive(regime: Regime, at: At) -> Float[Array, "places 1 1"]:
+def drive(regime: Regime, at: At) -> Float[Array, "1 1 places"]:
     """Drive torque (N m) by kinetostatics."""
     return regime.machine.run(_drive, regime.forces(at))
 
 
 @compiled_soon
 def _drive(forces: Forces) -> Array:
-    return forces.drive_torque[:, None, None]
+    return forces.drive_torque[None, None]
 
 
-def reactions(regime: Regime, at: At) -> Float[Array, "places joints 2"]:
+def reactions(regime: Regime, at: At) -> Float[Array, "joints 2 places"]:
     """Joint and guide forces (N), in the order of `reaction_names`."""
     return regime.machine.run(_reactions, regime.forces(at), names=tuple(reaction_names(regime.scene)))
 
 
 @compiled_soon(static=("names",))
 def _reactions(forces: Forces, names: tuple[tuple[str, str], ...]) -> Array:
-    return jnp.stack([jnp.stack(forces.reactions[joint][link][:2], axis=-1) for joint, link in names], axis=1)
+    return jnp.stack([jnp.stack(forces.reactions[joint][link][:2]) for joint, link in names])
 
 
-def table(scene: Scene, forces: Forces) -> Float[Array, "*places quantities 2"]:
+def table(scene: Scene, forces: Forces) -> Float[Array, "quantities 2 places"]:
     """Shaking force, frame force, shaking moment, drive torque and all reactions, in the order of `peak_names`."""
     zero = jnp.zeros_like(forces.drive_torque)
     rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (forces.drive_torque, zero)]
     rows += [forces.net_frame[:2]] if _net(scene) else []
     rows += [forces.reactions[joint][link][:2] for joint, link in reaction_names(scene)]
-    return jnp.stack([jnp.stack(row, axis=-1) for row in rows], axis=-2)
+    return jnp.stack([jnp.stack(row) for row in rows])
 
 
 def peak_names(scene: Scene) -> list[str]:

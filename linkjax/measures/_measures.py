@@ -109,7 +109,7 @@ def _extreme_speeds(of: Parts, finish: Callable[[Rows, Rows], Rows]) -> Wanted:
 
     def speeds(regime: Regime, at: At) -> Array:
         speed, _ = regime.crank(at)
-        return jnp.stack([speed, above - speed], axis=-1)[..., None]
+        return jnp.stack([speed, above - speed])[:, None]
 
     def finished(found: Summits) -> Rows:
         fast, slow = found.vectors
@@ -160,7 +160,7 @@ def _least_energies(of: Parts) -> Wanted:
 
     def missing(regime: Regime, at: At) -> Array:
         assert regime.steady is not None
-        return (above - regime.steady.energy - regime.steady.work.at(at.place))[:, None, None]
+        return (above - regime.steady.energy - regime.steady.work.at(at.place))[None, None]
 
     def finished(found: Summits) -> Rows:
         return Rows((above - found.vectors[0]) * per_joule - LEAST, found.angle[0], signed=True)
@@ -185,7 +185,7 @@ def _light_places(of: Parts) -> Wanted:
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
 
     def missing(regime: Regime, at: At) -> Array:
-        return (above - regime.grid.reduced(at.sample.dynamics, at.place.panel).inertia)[:, None, None]
+        return (above - regime.grid.reduced(at.sample.dynamics, at.place.panel).inertia)[None, None]
 
     def finished(found: Summits) -> Rows:
         light = safe_divide(above - found.vectors[0], mean)
@@ -265,7 +265,7 @@ def min_transmission_angle(of: Parts) -> Wanted:
 
     def off_square(regime: Regime, at: At) -> Array:
         rows = [angle - jnp.pi / 2 for angle in at.transmission.values()] or [jnp.zeros_like(at.place.phi)]
-        return jnp.stack(rows, axis=-1)[..., None]
+        return jnp.stack(rows)[:, None]
 
     at_nodes = by_node.function(of.grid, off_square(of.constant_speed, of.constant_speed.at(of.at.place, of.at.sample)))
     nodes = jnp.broadcast_to(jax.lax.stop_gradient(of.grid.nodes), (at_nodes.shape[0], *of.grid.nodes.shape))

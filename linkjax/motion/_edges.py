@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._numerics import highest, nearest_turn, taken
+from linkjax._numerics import highest, nearest_turn, once, taken
 
 SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
 KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on either side
@@ -53,7 +53,7 @@ def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, r
             split = _halved(split, kinks, cycle)
     else:
         split = jax.lax.fori_loop(0, rounds, lambda _, split: _halved(split, kinks, cycle), split)
-    return jnp.where(split.origin < 0, split.edges, taken(edges, jnp.maximum(split.origin, 0)))
+    return once(jnp.where(split.origin < 0, split.edges, taken(edges, jnp.maximum(split.origin, 0))))
 
 
 class _Split(NamedTuple):

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from linkjax._numerics import envelope, highest, once, safe_divide, safe_sqrt, taken
+from linkjax._numerics import envelope, highest, once, safe_divide, safe_sqrt, stepped, taken
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import Rule
 
@@ -116,7 +116,7 @@ def _summit(fine: Array, height: Array, panel: Array, i: Array) -> Summit:
     return Summit(panel, start, high - low, jnp.where(bend < 0, bend, -1.0))
 
 
-def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:
+def climb(slope: Callable[[Array], Array], summit: Summit, steps: int, rolled: bool) -> Array:
     """The coordinate near a summit where the slope vanishes, or the end of the panel. Each secant step evaluates the
     slope once and is at most `reach` long. Not differentiated: to first order an extreme value does not depend on its
     position.
@@ -131,7 +131,7 @@ def climb(slope: Callable[[Array], Array], summit: Summit, steps: int) -> Array:
         return jnp.clip(x + move, -1.0, 1.0), x, rise, bend
 
     state = (summit.x, summit.x, jnp.zeros_like(summit.x), summit.bend)
-    return jax.lax.stop_gradient(jax.lax.fori_loop(0, steps, step, state)[0])
+    return jax.lax.stop_gradient(stepped(steps, step, state, rolled)[0])
 
 
 def settle(grid: Grid, panel: Array, x: Array) -> Place:

@@ -240,13 +240,13 @@ class Flow:
         light = _between(ends, self.inertia), _between(slopes, half * self.here.slope)
         both = [jnp.stack(pair) for pair in zip(self.profile(energy), light, strict=True)]
         found = jax.vmap(lambda value, slope: pieces(rule, value, slope))(*both)
-        heights = jnp.stack([found.high[0], -found.low[0]])
-        heights = jnp.concatenate([jnp.repeat(heights, 2, axis=0), -found.low[1:]])
-        heights = heights.at[1::2].set(jax.vmap(_without_best)(heights[:4:2]))
-        which = jnp.asarray([0, 0, 0, 0, 1])
-        best = jax.vmap(lambda i, height: best_piece(jax.tree.map(lambda leaf: taken(leaf, i), found), height))
-        speed = jax.tree.map(lambda leaf: leaf[0], found)
-        return Spots(*best(which, heights), speed, doubt(rule, *(part[0] for part in both)))
+        speed, light = (jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in (0, 1))
+        first = jnp.stack([speed.high, -speed.low])
+        second = jax.vmap(_without_best)(first)
+        heights = jnp.concatenate([first[:1], second[:1], first[1:], second[1:]])
+        best, least = jax.vmap(lambda height: best_piece(speed, height))(heights), best_piece(light, -light.low)
+        panel, x, bend = (jnp.concatenate([four, one[None]]) for four, one in zip(best, least, strict=True))
+        return Spots(panel, x, bend, speed, doubt(rule, *(part[0] for part in both)))
 
     def tilt(self, panel: Array, x: Array, energy: Array, here: Reduced) -> tuple[Array, Array, Array]:
         """At places: (E₀ + W) / J, its slope with respect to x, and the reduced inertia, at least `floor`."""

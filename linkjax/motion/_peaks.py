@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import nearest_turn, safe_divide, safe_sqrt, taken, wrapped
+from linkjax._numerics import nearest_turn, once, safe_divide, safe_sqrt, taken, wrapped
 from linkjax.motion._extremum import Summit, climb, search, settle
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import polynomials
@@ -47,7 +47,7 @@ def peaks(
     """
     machine, grid, still = regime.machine, regime.grid, regime.still
     at_nodes = node_vectors(still, components) if at_nodes is None else at_nodes
-    spots, heights, hidden = machine.run(_two_summits, still.grid, at_nodes)
+    spots, heights, hidden = machine.run(_two_summits, still.grid, at_nodes, rolled=not machine.traced)
     spot, three = machine.run(_higher, still.grid, spots, components(still, still.at(spots.place)))
     x, gained, place = machine.run(_parabola, grid, spot, components(still, still.at(three)))
     return machine.run(_peaked, grid, x, gained, place, components(regime, regime.at(place)), heights, hidden)
@@ -63,16 +63,18 @@ class Spots(NamedTuple):
 
 def spots_at(grid: Grid, panel: Array, x: Array) -> Spots:
     """Places to look at, from their panels and coordinates."""
-    return Spots(grid.at(panel.ravel(), x.ravel()), panel, x)
+    return Spots(grid.at(panel.ravel(), once(x.ravel())), panel, x)
 
 
 def own_rows(found: Array, like: Array) -> Array:
     """Of the vectors of all quantities at all places, those of each quantity at its own places; shape (*like.shape,
     parts)."""
     quantities, size = like.shape[0], like.size
-    every = found[:size].reshape((quantities, size // quantities, *found.shape[1:]))
-    own = every[:, :, 0] if quantities == 1 else jnp.moveaxis(jnp.diagonal(every, axis1=0, axis2=2), -1, 0)
-    return own.reshape((*like.shape, found.shape[-1]))
+    parts = found.shape[1]
+    if quantities == 1:
+        return found[0, :, :size].T.reshape((*like.shape, parts))
+    every = found[..., :size].reshape((quantities, parts, quantities, size // quantities))
+    return jnp.moveaxis(jnp.diagonal(every, axis1=0, axis2=2), (-1, 0), (0, -1)).reshape((*like.shape, parts))
 
 
 def squares(vectors: Array) -> Array:
@@ -80,8 +82,8 @@ def squares(vectors: Array) -> Array:
     return jnp.sum(vectors * vectors, axis=-1)
 
 
-@compiled_soon
-def _two_summits(grid: Grid, at_nodes: Array) -> tuple[Spots, Array, Array]:
+@compiled_soon(static=("rolled",))
+def _two_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Array, Array]:
     """The highest summits of every quantity, the squared lengths on the search grid, and by how much the interpolants
     may hide another summit: by as much as their last terms."""
     heights, series = interpolated(grid, jax.lax.stop_gradient(at_nodes))
@@ -91,8 +93,8 @@ def _two_summits(grid: Grid, at_nodes: Array) -> tuple[Spots, Array, Array]:
             found = search(jnp.asarray(grid.rule.fine), height, tops)
             return jnp.where(jnp.arange(tops.size, dtype=jnp.int32) == found.panel, -jnp.inf, tops), found
 
-        summit = jax.lax.scan(following, jnp.max(height, axis=1), length=RIVALS)[1]
-        return summit.panel, jax.vmap(lambda one: follow(rows[:, one.panel], one))(summit)
+        summit = jax.lax.scan(following, jnp.max(height, axis=1), length=RIVALS, unroll=1 if rolled else RIVALS)[1]
+        return summit.panel, jax.vmap(lambda one: follow(rows[:, one.panel], one, rolled))(summit)
 
     last = at_nodes @ jnp.asarray(grid.rule.spectrum[-2:].T)
     hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(jax.lax.stop_gradient(last)), axis=-1) ** 2, axis=1))
@@ -156,14 +158,14 @@ def interpolated(grid: Grid, at_nodes: Array) -> tuple[Array, Array]:
     return heights, at_nodes @ jnp.asarray(grid.rule.series.T)
 
 
-def follow(rows: Array, summit: Summit) -> Array:
+def follow(rows: Array, summit: Summit, rolled: bool) -> Array:
     """Refine a summit of the search grid on the interpolant, whose series are `rows`."""
 
     def slope(x):
         value, rate = jax.jvp(lambda x: rows @ polynomials(rows.shape[-1], x), (x,), (jnp.ones_like(x),))
         return 2 * jnp.sum(value * rate)
 
-    return climb(slope, summit, FOLLOW)
+    return climb(slope, summit, FOLLOW, rolled)
 
 
 def node_vectors(regime: Regime, components: Components) -> Array:
@@ -173,7 +175,6 @@ def node_vectors(regime: Regime, components: Components) -> Array:
 
 
 @compiled_soon
-def by_node(grid: Grid, found: Float[Array, "places quantities parts"]) -> Float[Array, "quantities parts panels n"]:
+def by_node(grid: Grid, found: Float[Array, "quantities parts places"]) -> Float[Array, "quantities parts panels n"]:
     """Vectors at the nodes, first of all places, in the order of the grid."""
-    flat = jnp.moveaxis(found[: grid.size], 0, -1)
-    return flat.reshape((*flat.shape[:2], *grid.nodes.shape))
+    return found[..., : grid.size].reshape((*found.shape[:2], *grid.nodes.shape))

@@ -87,7 +87,7 @@ class At:
         return self.regime.machine.sample(self.place.phi, self.place.side, fixed=self.regime.fixed, **what)
 
 
-Components = Callable[[Regime, At], Float[Array, "places quantities parts"]]
+Components = Callable[[Regime, At], Float[Array, "quantities parts places"]]
 
 
 @compiled_soon

@@ -92,13 +92,11 @@ def _joined(grid: Grid, at_nodes: Array, tops: Summits) -> Rows:
 def summits(wanted: Sequence[Wanted], at_nodes: Sequence[Any]) -> list[Summits]:
     """Vectors at both ends of every panel (both limits at every jump) and at the two highest summits of every panel.
     Each summit is found as in `peaks` and refined to rounding. Differentiable, but not with respect to `at_nodes`."""
-    machine, grid = wanted[0].regime.machine, wanted[0].regime.grid
-    begun = [
-        machine.run(_all_summits, each.regime.still.grid, nodes) for each, nodes in zip(wanted, at_nodes, strict=True)
-    ]
+    machine, grid, still = wanted[0].regime.machine, wanted[0].regime.grid, wanted[0].regime.still.grid
+    begun = [machine.run(_all_summits, still, nodes, rolled=not machine.traced) for nodes in at_nodes]
     spots, three = zip(*begun, strict=True)
     again = _together(wanted, three, still=True)
-    begun = [machine.run(_again, grid, *each) for each in zip(spots, again, strict=True)]
+    begun = [machine.run(_again, still, *each) for each in zip(spots, again, strict=True)]
     spots, three = zip(*begun, strict=True)
     # twice, to rounding: an optimiser is sensitive to the error
     again = _together(wanted, three, still=True)
@@ -132,18 +130,18 @@ def _part(sample: Sample, which: slice) -> Sample:
     return jax.tree.map(lambda leaf: leaf[which], sample)
 
 
-@compiled_soon
-def _all_summits(grid: Grid, at_nodes: Array) -> tuple[Spots, Place]:
+@compiled_soon(static=("rolled",))
+def _all_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Place]:
     """The two highest summits of every panel, and three places around each; shape (quantities, panels, 2)."""
     heights, series = interpolated(grid, jax.lax.stop_gradient(at_nodes))
     fine, number = jnp.asarray(grid.rule.fine), jnp.arange(grid.panels, dtype=jnp.int32)
 
     def two(height, coefficients, panel):
-        first = follow(coefficients, highest_in(fine, height, panel))
+        first = follow(coefficients, highest_in(fine, height, panel), rolled)
         rises = jnp.concatenate([jnp.ones(1, bool), height[1:] >= height[:-1]])
         falls = jnp.concatenate([height[:-1] >= height[1:], jnp.ones(1, bool)])
         other = jnp.where(rises & falls & (jnp.abs(fine - first) > 2.5 / grid.n), height, 0.0)
-        return jnp.stack([first, follow(coefficients, highest_in(fine, other, panel))])
+        return jnp.stack([first, follow(coefficients, highest_in(fine, other, panel), rolled)])
 
     x = jax.vmap(jax.vmap(two, in_axes=(0, 1, 0)), in_axes=(0, 0, None))(heights, series, number)
     panel = jnp.broadcast_to(number[None, :, None], x.shape)

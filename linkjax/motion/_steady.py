@@ -26,7 +26,7 @@ from linkjax.motion._error import AtEdges, delta_error
 from linkjax.motion._extremum import newton
 from linkjax.motion._flow import LEAST, SIGNS, Duty, Ends, Flow, Primitive, Spots, primitive
 from linkjax.motion._grid import Grid, Place, grid_of
-from linkjax.reduction import Reduced, of_crank, reduce_pose
+from linkjax.reduction import Reduced, loaded, of_crank, reduce_pose
 from linkjax.sampling import Sample, Sampler
 
 
@@ -124,12 +124,14 @@ def node_places(grid: Grid, edges: bool) -> Place:
 
 @compiled_soon(static=("edges",))
 def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtEdges | None]:
-    number = jnp.arange(grid.panels, dtype=jnp.int32)
-    flat = grid.reduced(dynamics, jnp.repeat(number, grid.n), grid.order)
-    flat = flat._replace(inertia=once(flat.inertia), slope=once(flat.slope), torque=once(flat.torque))
-    here = jax.tree.map(lambda leaf: leaf.reshape(grid.nodes.shape), flat)
+    shape = grid.nodes.shape
+    inertia, slope, shares = jax.tree.map(lambda leaf: leaf[: grid.size].reshape(shape), dynamics)
+    order = jnp.broadcast_to(grid.order[:, None], (*shape, len(grid.loads)))
+    here = of_crank(loaded(inertia, slope, shares, grid.loads, order), grid.prescribed)
+    here = here._replace(inertia=once(here.inertia), slope=once(here.slope), torque=once(here.torque))
     if not edges:
         return here, None
+    number = jnp.arange(grid.panels, dtype=jnp.int32)
     rest = jax.tree.map(lambda leaf: leaf[grid.size :], dynamics)
     after, before = grid.reduced(rest, number), grid.reduced(rest, jnp.roll(number, 1))
     return here, AtEdges(after.inertia, after.torque, before.torque)
@@ -229,7 +231,7 @@ def _moved(flow: Flow, energy: Array, spots: tuple[Array, Array, Array], dynamic
     panel, x, bend = spots
     here = fixed.reduced(dynamics, panel)
     slope = fixed.tilt(panel, x, energy, here)[1]
-    slope = slope.at[-1].set(taken(flow.grid.half, panel[-1]) * here.slope[-1])
+    slope = jnp.concatenate([slope[:-1], (taken(fixed.grid.half, panel) * here.slope)[-1:]])
     move = newton(x, jnp.asarray(SIGNS, x.dtype) * slope, bend)
     move = jnp.concatenate([jax.lax.stop_gradient(move[:-1]), move[-1:]])
     return Moved(bend, move, slope, flow.grid.at(panel, x + move))

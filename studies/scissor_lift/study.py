@@ -106,7 +106,7 @@ def peak(anchors) -> Peak:
 
     def push(regime, at):
         force = regime.forces(at).reactions["rod.drive"]["rod"]
-        return jnp.stack([force.fx, force.fy], axis=-1)[:, None]
+        return jnp.stack([force.fx, force.fy])[None]
 
     return jax.tree.map(lambda x: x[0], peaks(Parts(lift(anchors)).constant_speed, push))
 
