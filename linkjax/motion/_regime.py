@@ -100,6 +100,6 @@ def _driven(
 def crank_at(grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any) -> tuple[Array, Array]:
     """Crank speed (rad/s) and acceleration (rad/s²) at places, in the actual motion or, without one, at constant
     nominal speed."""
-    if steady is None:
+    if steady is None or grid.prescribed:
         return nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
     return steady.crank(nominal, grid.reduced(dynamics, place.panel), place)
