@@ -69,7 +69,11 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     at = at_nodes(machine, grid)
     motion, wheels = None, None
     if moves:
-        motion = machine.run(_by_diffrax, scene, nodes=nodes) if method == "diffrax" else steady_on(machine, grid, at)
+        if method == "diffrax":
+            motion = machine.run(_by_diffrax, scene, nodes=nodes)
+            grid, at = motion.grid, at_nodes(machine, motion.grid)
+        else:
+            motion = steady_on(machine, grid, at)
         target = scene.target_delta
         wheels = None if target is None else flywheel_on(machine, target, grid, at, motion.delta)
     regime = Regime(machine, grid, motion)
