@@ -296,7 +296,10 @@ def test_rows_where_windows_switch_together(name):
 
     @compiled_soon
     def found(scene):
-        rows = lambda scene: every_row([all_rows(measures.Parts(scene, 48))])[0].size()  # noqa: E731
+
+        def rows(scene):
+            return every_row([all_rows(measures.Parts(scene, 48))])[0].size()
+
         value, pull = jax.vjp(rows, scene)
         best = jax.nn.one_hot(jnp.argmin(value) if measure.smallest else jnp.argmax(value), value.size)
         return value, measure(scene, 48), pull(best)[0], pull(jnp.ones_like(value))[0]
