@@ -5,11 +5,8 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import math
-import os
-import subprocess
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -58,18 +55,3 @@ def ratio(name: str, values: np.ndarray) -> None:
     line(name, middle, "times")
     line(f"{name}.quartile_low", low, "times")
     line(f"{name}.quartile_high", high, "times")
-
-
-def processes(runs: dict[str, tuple[list[str], Path | None]], rounds: int) -> dict[str, np.ndarray]:
-    """Wall times (s) of programs run alternately, each with its cache folder (always a new one for names in `cold`)."""
-    times: dict[str, list[float]] = {name: [] for name in runs}
-    for number in range(rounds + 1):
-        for name, (command, cache) in runs.items():
-            env = dict(os.environ)
-            if cache is not None:
-                env["XDG_CACHE_HOME"] = str(cache / f"round{number}" if name.endswith("cold") else cache)
-            begin = time.perf_counter()
-            subprocess.run(command, env=env, check=True, stdout=subprocess.DEVNULL)
-            if number:  # the first round fills the caches
-                times[name].append(time.perf_counter() - begin)
-    return {name: np.asarray(taken) for name, taken in times.items()}

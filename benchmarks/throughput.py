@@ -1,17 +1,15 @@
 """Speed compared with peers, one line per result: `name value unit`.
 
-Run: python -m benchmarks.throughput [ROW ...]      rows: kinematics cycle one gradient start demo (default: all)
+Run: python -m benchmarks.throughput [ROW ...]      rows: kinematics cycle one gradient (default: all)
 
 Every result is printed with its baseline from the same run. Ratios are medians of paired rounds, with quartiles: they
-are the speed-up of linkjax over the peer (for `gradient` and `start`: its time over that of the reference).
+are the speed-up of linkjax over the peer (for `gradient`: its time over that of the value).
 """
 
 from __future__ import annotations
 
 import os
 import sys
-import tempfile
-from pathlib import Path
 
 os.environ.setdefault("NUMBA_THREADING_LAYER", "omp")
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # else idle threads of one program occupy the cores of the other
@@ -22,7 +20,7 @@ import numpy as np
 
 import linkjax as lj
 from benchmarks import press
-from benchmarks._timing import by_turns, line, processes, ratio
+from benchmarks._timing import by_turns, line, ratio
 from linkjax._config import use_compilation_cache
 from linkjax.measures import delta, evaluate, peak_shaking_force_constant_speed
 
@@ -114,33 +112,7 @@ def gradient() -> None:
     ratio("gradient.times_value", a / b)
 
 
-def start() -> None:
-    """Start-up: `import linkjax`, and `linkjax analyse hay-press` with an empty and a filled compilation cache."""
-    with tempfile.TemporaryDirectory() as folder:
-        warm = Path(folder) / "warm"
-        analyse = [sys.executable, "-m", "linkjax", "analyse", "hay-press", "--quiet"]
-        runs = {
-            "import_jax": ([sys.executable, "-c", "import jax"], None),
-            "import_linkjax": ([sys.executable, "-c", "import linkjax"], None),
-            "analyse_warm": (analyse, warm),
-            "analyse_cold": (analyse, Path(folder)),  # a new folder inside for every round
-        }
-        times = processes(runs, rounds=5)
-    for name, taken in times.items():
-        line(f"start.{name}", np.median(taken), "s")
-    for name in ("import_linkjax", "analyse_cold", "analyse_warm"):
-        ratio(f"start.{name}.times_import_jax", times[name] / times["import_jax"])
-
-
-def demo() -> None:
-    """`make demo` without its set-up, with empty caches."""
-    with tempfile.TemporaryDirectory() as folder:
-        optimise = [sys.executable, "-m", "linkjax", "optimise", "hay-press", "--quiet", "--out", f"{folder}/out"]
-        times = processes({"demo": (optimise, Path(folder))}, rounds=1)
-    line("demo.cold", np.median(times["demo"]), "s")
-
-
-ROWS = {row.__name__: row for row in (kinematics, cycle, one, gradient, start, demo)}
+ROWS = {row.__name__: row for row in (kinematics, cycle, one, gradient)}
 
 
 def main(names: list[str]) -> None:
