@@ -7,7 +7,7 @@ analyse: the first and the second `lj.analyse`, programs asked for and their equ
   those of every inner jaxpr once. kept: `linkjax analyse` for the first time and again, with kept programs.
 optimise: `linkjax optimise hay-press` likewise. problem: the problem of `make demo` in Python, with programs kept, then
   in the same process again, then with other bounds and other numbers; and its evaluations by themselves.
-unseen: a four-bar and a six-bar that no process has met, ten free numbers, until the optimiser's first step.
+unseen: a four-bar and a six-bar that no process has met, ten design variables, until the optimiser's first step.
 gradient: the gradient of the peak reaction of kozhevnikov-press, and its memory.
 designs: compiling a map over designs of hay-press, for four measures, and for their Jacobian by five lengths.
 """
@@ -135,7 +135,7 @@ def bounds(variables: Any) -> dict[str, tuple[float, float]]:
 
 
 def unseen(scene: str) -> dict[str, float]:
-    """A machine that no process has met, ten free numbers: until the optimiser's first step, and one evaluation."""
+    """A machine that no process has met, ten design variables: until the optimiser's first step, and one evaluation."""
     import linkjax as lj
 
     lj.enable_x64()
@@ -155,7 +155,7 @@ def unseen(scene: str) -> dict[str, float]:
 
 
 def gradient_of_peak(scene: str) -> dict[str, float]:
-    """The gradient of the largest joint force by every number of the scene."""
+    """The gradient of the largest joint force by every scene parameter."""
     import jax
 
     import linkjax as lj

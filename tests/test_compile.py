@@ -4,17 +4,22 @@ import dataclasses
 import functools
 import gc
 import pickle
+import re
 import subprocess
 import sys
 import weakref
+from pathlib import Path
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import linkjax as lj
 from linkjax import _compile
+from linkjax.machine import CHOICES
+from linkjax.measures import peak_names
 from linkjax.reduction import reduced_model
 
 
@@ -259,18 +264,72 @@ def test_linear_algebra_in_a_program_that_is_read_first(tmp_path):
     assert len(list(tmp_path.glob("linkjax-*"))) == 1
 
 
-def test_other_numbers_and_another_title_compile_nothing(monkeypatch):
+@pytest.fixture
+def made(monkeypatch) -> list[str]:
+    """Names of the functions for which a program is read or compiled from now on."""
+    found: list[str] = []
+    program = _compile._program
+    monkeypatch.setattr(
+        _compile, "_program", lambda function, *rest: found.append(function.__name__) or program(function, *rest)
+    )
+    return found
+
+
+def test_other_numbers_and_another_title_compile_nothing(made):
     """Neither analyses nor problems: bounds, starts and numbers of the scene are arguments of the programs."""
     scene = lj.load("slider-crank")
     free = {"links.rod.length": ("0.15 m", "0.35 m")}
     lj.analyse(scene, angles=24, nodes=24)
     lj.optimise(scene, free, "mean_drive_torque", nodes=24)
-    made: list[str] = []
-    trace = _compile._made
-    monkeypatch.setattr(
-        _compile, "_made", lambda function, *rest: made.append(function.__name__) or trace(function, *rest)
-    )
+    made.clear()
     other = eqx.tree_at(lambda s: s.speed, dataclasses.replace(scene, title="Another one"), jnp.asarray(20.0))
     lj.analyse(other, angles=24, nodes=24)
     lj.optimise(other, {"links.rod.length": ("0.16 m", "0.3 m")}, "mean_drive_torque", nodes=24, seed=3, starts=2)
     assert made == []
+
+
+OTHERS = {"rod": "n1", "piston": "alpha", "O": "zero", "C": "B", "P": "A", "gas": "pull"}
+
+
+def test_other_names_compile_nothing(made, tmp_path):
+    """Analyses, measures and problems; whatever the alphabetical order of the names."""
+    text = (Path(lj.scenes.__file__).parent / "builtin" / "slider-crank.toml").read_text()
+    for old, new in OTHERS.items():
+        text = re.sub(rf'(?<=["\.]){old}(?=["\]])|^{old}(?= = \[)', new, text, flags=re.M)
+    (tmp_path / "other.toml").write_text(text)
+    scene, other = lj.load("slider-crank"), lj.load(tmp_path / "other.toml")
+    assert set(other.mechanism.links) == {"crank", "n1", "alpha"}
+    one = lj.analyse(scene, angles=24, nodes=24)
+    slope = lj.measures.peak_reaction(scene, 24)
+    best = lj.optimise(scene, {"links.rod.length": (0.15, 0.35)}, "mean_drive_torque", nodes=24)
+    assert made
+    made.clear()
+    two = lj.analyse(other, angles=24, nodes=24)
+    np.testing.assert_allclose(lj.measures.peak_reaction(other, 24), slope, rtol=1e-14)
+    same = lj.optimise(other, {"links.n1.length": (0.15, 0.35)}, "mean_drive_torque", nodes=24)
+    assert made == []
+    assert two.scene.mechanism.link_names == other.mechanism.link_names
+    np.testing.assert_allclose(same.x, best.x, rtol=1e-14)
+    assert all(name not in str(same) for name in ("<0", "rod"))
+    ours, theirs = one.table(), two.table()
+    assert len(ours) == len(theirs) > 50
+    for name, column in ours.items():
+        as_other = "_".join(OTHERS.get(part, part) for part in name.split("_"))
+        as_other = as_other.replace("piston.guide", "alpha.guide")
+        np.testing.assert_allclose(theirs[as_other], column, rtol=1e-12, atol=1e-12 * np.max(np.abs(column)))
+    for name, peak in zip(peak_names(scene), one.peaks.value, strict=True):
+        as_other = ".".join(OTHERS.get(part, part) for part in name.split("."))
+        np.testing.assert_allclose(two.peaks.value[peak_names(other).index(as_other)], peak, rtol=1e-12)
+
+
+def test_strings_in_structures_are_names_or_choices():
+    """A new field that is a string in a group, load or link is a name unless it is listed as a choice."""
+    rooms = (lj.groups, lj.mechanism, lj.loads)
+    classes = {c for room in rooms for c in vars(room).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
+    names = {"link", "links", "block", "blocks", "from_", "to", "end", "meet", "about", "pivot", "centre", "carrier"}
+    names |= {"through", "on", "at", "members", "outer", "link_names", "centre_name", "pins", "name", "point"}
+    kinds = ("str", "Literal", "Rotation", "Mass")
+    static = (field for each in classes for field in dataclasses.fields(each) if field.metadata.get("static"))
+    texts = {field.name for field in static if any(kind in str(field.type) for kind in kinds)}
+    assert texts - names <= CHOICES
+    assert texts & CHOICES == CHOICES - {"mean"}  # of the scene

@@ -18,7 +18,7 @@ from linkjax.analysis._cycle import Cycle, explain, explain_start
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.analysis._stages import staged
-from linkjax.machine import Scene, check_scene, ready
+from linkjax.machine import Scene, check_scene, nameless, ready
 from linkjax.mechanism import StructureError
 from linkjax.sampling import Ahead, Sampler
 
@@ -81,7 +81,7 @@ analyze = analyse
 
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, method: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, in other threads."""
-    scene = ready(jax.tree.map(as_float, scene))
+    scene = ready(nameless(jax.tree.map(as_float, scene))[0])
     _ahead(scene, _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
 
 
@@ -102,25 +102,28 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, method: str, throw: bool) -> Cycle:
     """The analysis in stages. The actual motion is omitted at constant speed, and if nothing has a mass."""
-    given, scene = scene, ready(scene)
+    given, (scene, names) = scene, nameless(scene)
+    scene = ready(scene)
     moves = _moves(scene, constant_speed)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
         if throw:
-            explain_start(scene)
+            explain_start(scene if names is None else names.back(scene))
         _ahead(scene, angles, nodes, method, moves)
     found = staged(Sampler(scene, _size(angles)), angles, nodes, method, moves)
     shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
-    return Cycle(
-        scene=given, angles=angles, pose=shown.pose, transmission=shown.transmission, transmission_ends=found.spans,
-        margins=found.limits, dead_centres=found.dead, strokes=found.covered, reduced=shown.reduced, steady=motion,
-        speed=shown.speed[0] if moves else None, acceleration=shown.acceleration[0] if moves else None,
-        time=shown.time, forces=None if still else shown.forces[-1 if constant_speed else 0],
-        forces_constant_speed=shown.forces[-1], peaks=found.peaks[0] if moves else None,
-        peaks_constant_speed=found.peaks[-1], rms_shaking_force_constant_speed=found.rms, flywheel=found.wheels,
-        work=found.work, checks=found.checks, assembled=shown.assembled,
-        result=merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), constant_speed=constant_speed, method=method,
-        nodes=found.grid.size,
-    )  # fmt: skip
+    results = {
+        "pose": shown.pose, "transmission": shown.transmission, "transmission_ends": found.spans,
+        "margins": found.limits, "dead_centres": found.dead, "strokes": found.covered, "reduced": shown.reduced,
+        "steady": motion, "speed": shown.speed[0] if moves else None,
+        "acceleration": shown.acceleration[0] if moves else None, "time": shown.time,
+        "forces": None if still else shown.forces[-1 if constant_speed else 0],
+        "forces_constant_speed": shown.forces[-1], "peaks": found.peaks[0] if moves else None,
+        "peaks_constant_speed": found.peaks[-1], "rms_shaking_force_constant_speed": found.rms,
+        "flywheel": found.wheels, "work": found.work, "checks": found.checks, "assembled": shown.assembled,
+        "result": merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), "nodes": found.grid.size,
+    }  # fmt: skip
+    results = results if names is None else names.back(results)
+    return Cycle(scene=given, angles=angles, constant_speed=constant_speed, method=method, **results)
 
 
 def _ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) -> None:

@@ -17,7 +17,7 @@ from linkjax.analysis import LIGHTEST, massless
 from linkjax.design._names import DesignError, Number, changed, in_si_of, number, numbers
 from linkjax.design._needs import Needs, needs, rows_for
 from linkjax.design._terms import INITIAL, Limit, Sense, Term, at_least, made_again
-from linkjax.machine import Scene, untitled
+from linkjax.machine import Names, Scene, nameless, untitled
 from linkjax.measures import NODES, Parts, min_margin, steady_state_margin
 from linkjax.motion import Rows
 
@@ -153,6 +153,43 @@ def outputs(x: Array, scene: Scene, ratios: list[list[Any]], changes: list[list[
     return Outputs([rows for rows, _ in found], slopes, [value for _, value in found], light)
 
 
+def _program(
+    task: Task, scene: Scene, ratios: list[list[Any]], changes: list[list[Any]], start: Array
+) -> Callable[[Array], Outputs]:
+    """The compiled function from a design to all outputs of a problem. It is compiled without the names of the machine,
+    unless a term is a user-defined function, which may use them."""
+    if all(isinstance(term, tuple) and len(term) == 1 for term, _ in task.asked):
+        plain, names = nameless(scene)
+        if names is not None:
+            scene, task = plain, _renamed(task, plain, names)
+    else:
+        names = None
+    given = Whole(scene), ratios, changes
+    try:
+        outputs.ahead(start, *given, task=task)
+    except DesignError as error:
+        if names is None:
+            raise
+        told = (names.in_text(part) for part in (error.element, error.problem, error.remedy))
+        raise DesignError(*told) from error
+    return lambda x: outputs(x, *given, task=task)
+
+
+def _renamed(task: Task, scene: Scene, names: Names) -> Task:
+    """The task of the scene without names."""
+    own = {names.in_text(name): name for name in numbers(scene)}
+
+    def each(given: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(own.get(name, name) for name in given)
+
+    return task._replace(
+        variables=each(task.variables),
+        linked=tuple(each(linked) for linked in task.linked),
+        asked=tuple((each(term), sense) for term, sense in task.asked if isinstance(term, tuple)),
+        changes=tuple(each(changes) for changes in task.changes),
+    )
+
+
 class Problem:
     """Variables, objective, constraints and cases of a scene; `at(x)` evaluates a design in one compiled call.
 
@@ -200,9 +237,9 @@ class Problem:
             self._true_motion,
         )
         values = [[in_si_of(scene, *pair) for pair in case.changes.items()] for case in self.cases]
-        self._given = Whole(untitled(scene)), [[ratio for _, ratio in ties] for ties in self._ties], values
-        outputs.ahead(jnp.asarray(self.start), *self._given, task=self._task)
-        self._run: Callable[[Array], Outputs] = lambda x: outputs(x, *self._given, task=self._task)
+        ratios = [[ratio for _, ratio in ties] for ties in self._ties]
+        self._given = untitled(scene), ratios, values
+        self._run = _program(self._task, *self._given, jnp.asarray(self.start))
         if meanwhile is not None:
             meanwhile()
         self.evaluations = 0

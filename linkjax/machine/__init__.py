@@ -1,5 +1,8 @@
 """The scene: mechanism, loads, gravity and mean speed."""
 
+from linkjax.machine._names import CHOICES as CHOICES
+from linkjax.machine._names import Names as Names
+from linkjax.machine._names import nameless as nameless
 from linkjax.machine._scene import Scene as Scene
 from linkjax.machine._scene import check_scene as check_scene
 from linkjax.machine._scene import ready as ready

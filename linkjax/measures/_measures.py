@@ -17,7 +17,7 @@ from linkjax._numerics import largest, safe_divide, wrapped
 from linkjax._numerics import smallest as least_of
 from linkjax.groups import General
 from linkjax.kinematics import Least, find_margins
-from linkjax.machine import Scene
+from linkjax.machine import Scene, nameless
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
 from linkjax.mechanism import Mechanism, StructureError
@@ -54,7 +54,7 @@ class Measure:
     motion: bool = False  # whether it needs the actual motion
 
     def __call__(self, scene: Scene, nodes: int = NODES) -> Array:
-        return self.function(Parts(scene, nodes))
+        return self.function(Parts(nameless(scene)[0], nodes))
 
 
 MEASURES: dict[str, Measure] = {}
@@ -98,7 +98,7 @@ def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> d
         if not isinstance(one, Measure):
             example = f"linkjax.measures.{one}" if one in MEASURES else "linkjax.measures.delta"
             raise TypeError(f"evaluate: {one!r} is not a measure; write the measures, e.g. [{example}]")
-    parts = Parts(scene, nodes)
+    parts = Parts(nameless(scene)[0], nodes)
     return {one.name: one.function(parts) for one in asked}
 
 
