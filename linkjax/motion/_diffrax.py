@@ -25,6 +25,7 @@ from linkjax.mechanism import StructureError
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, grid_of, make_grid
 from linkjax.motion._steady import Begun, Steady, at_nodes, conclude, duty_of, reduced_in, spotted, steady_on
+from linkjax.motion._torque import Torque, fixed_torque, torque_at
 from linkjax.reduction import of_crank, reduced_model
 from linkjax.sampling import Sampler
 
@@ -61,7 +62,7 @@ def run_in_angle(
     scene: Scene,
     angles: Float[Array, " points"],
     start_speed: Scalar,
-    drive_torque: Scalar,
+    drive_torque: Scalar | Torque,
     *,
     tolerance: float = 1e-10,
     solver: Any = None,
@@ -69,8 +70,9 @@ def run_in_angle(
 ) -> Run:
     """Motion over increasing crank `angles` (rad), starting at the first with `start_speed` (rad/s, positive).
 
-    `drive_torque` (N m) is constant. `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed
-    reverse mode; `diffrax.ForwardMode()` is for `jvp`. A start from rest counts as a stall: use `run_in_time`. Raises
+    `drive_torque` (N m) is constant, or a JAX function of crank angle (rad), speed (rad/s) and acceleration (rad/s²).
+    `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed reverse mode;
+    `diffrax.ForwardMode()` is for `jvp`. A start from rest counts as a stall: use `run_in_time`. Raises
     `StructureError` if the driver has a motion law.
     """
     scene = _free(ready(scene))
@@ -114,15 +116,16 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
         at = grid.edges[panel] + (s - jnp.floor(s)) * width
-        return width, reduced_in(scene, grid, at, panel)
+        return width, jnp.floor(s / panels) * scene.cycle + at, reduced_in(scene, grid, at, panel)
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
-    first = jax.lax.stop_gradient(at(fixed[0])[1].inertia)
+    first = jax.lax.stop_gradient(at(fixed[0])[2].inertia)
 
     def rate(s, state, _):
-        width, here = at(s)
+        width, phi, here = at(s)
         speed = safe_sqrt(jnp.maximum(state[0], least), 1e-100)
-        gain = (2 * (here.torque + drive_torque) / unit**2 - here.slope * state[0]) / here.inertia
+        torque = here.torque + torque_at(here, drive_torque, phi, speed * unit)
+        gain = (2 * torque / unit**2 - here.slope * state[0]) / here.inertia
         slower = -first / (here.inertia * speed**3)
         return width * jnp.stack([gain, 1 / speed, slower, here.torque / (first * unit**2)])
 
@@ -162,7 +165,7 @@ def run_in_time(
     times: Float[Array, " points"],
     start_angle: Scalar,
     start_speed: Scalar,
-    drive_torque: Scalar,
+    drive_torque: Scalar | Torque,
     *,
     tolerance: float = 1e-10,
     solver: Any = None,
@@ -170,12 +173,13 @@ def run_in_time(
 ) -> Run:
     """Motion over increasing `times` (s) from `start_angle` (rad) and `start_speed` (rad/s, may be zero) at the first.
 
-    `drive_torque` (N m) is constant; `solver` and `adjoint` are as in `run_in_angle`. Where a load switches at an
+    `drive_torque`, `solver` and `adjoint` are as in `run_in_angle`. Where a load switches at an
     angle, the time of the switch depends on the design, and steps in time cannot represent this. So first derivatives
     are those of a run in angle through the same states. Raises `StructureError` if the driver has a motion law.
     """
     scene = _free(scene)
-    found = _in_time(*jax.lax.stop_gradient((scene, times, start_angle, start_speed, drive_torque)), tolerance, solver)
+    given = jax.lax.stop_gradient((scene, times, start_angle, start_speed))
+    found = _in_time(*given, fixed_torque(drive_torque), tolerance, solver)
     least = jax.lax.stop_gradient(REST * scene.speed)
     start_speed = start_speed + jnp.where(start_speed < least, least, 0.0)
     return _through_angle(scene, found, times, start_angle, start_speed, drive_torque, tolerance, solver, adjoint)
@@ -223,10 +227,11 @@ def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, 
     return Run(carry(found.angle, angles, pace), carry(found.speed, run.speed, gain), times, found.stalled, where, when)
 
 
-def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar) -> Scalar:
+def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar | Torque) -> Scalar:
     """Angular acceleration of the crank (rad/s²)."""
     here = of_crank(reduced_model(scene, phi), scene.mechanism.prescribed)
-    return (here.torque + drive_torque - 0.5 * here.slope * speed**2) / here.inertia
+    torque = here.torque + torque_at(here, drive_torque, phi, speed)
+    return (torque - 0.5 * here.slope * speed**2) / here.inertia
 
 
 def _controller(tolerance: Scalar | float, jumps: Array | None):

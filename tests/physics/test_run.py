@@ -195,3 +195,38 @@ def test_derivatives_of_the_steady_regime_by_diffrax(adjoint):
     known = jax.jit(jax.grad(lambda x: delta(x, steady_motion, nodes=160)))(origin)
     got = jax.jit(lambda x: _sensitivity(lambda x, adjoint: delta(x, steady_by_diffrax, adjoint=adjoint), adjoint, x))
     np.testing.assert_allclose(got(origin), known, rtol=1e-6)
+
+
+def decaying(x: jax.Array, start: jax.Array, times: np.ndarray) -> tuple[jax.Array, jax.Array]:
+    """Speed and angle of a wheel of 0.3 kg m² alone with T = a - b ω - c ε: (J + c) ε = a - b ω."""
+    final, pace = x[0] / x[1], x[1] / (0.3 + x[2])
+    gone = (start - final) * jnp.exp(-pace * times)
+    return final + gone, final * times + (start - final - gone) / pace
+
+
+@pytest.mark.parametrize("over", ["angle", pytest.param("time", marks=pytest.mark.slow)])
+def test_a_drive_torque_that_depends_on_speed_and_acceleration(over):
+    """With the derivatives by a, b and c."""
+    scene = lj.Scene(lj.Mechanism({"O": lj.Vec(0.0, 0.0)}, {"disc": lj.Link(length=0.1, mass=2.0, inertia=0.3)},
+                                  (lj.Crank("disc", "O", "E"),)), speed=10.0)  # fmt: skip
+    x, times, start = jnp.asarray([6.0, 0.4, 0.2]), np.linspace(0.0, 2.0, 5), jnp.asarray(3.0)
+    speeds, angles = decaying(x, start, times)
+
+    def run(x):
+        def torque(phi, speed, acceleration):
+            return x[0] - x[1] * speed - x[2] * acceleration
+
+        if over == "time":
+            found = run_in_time(scene, jnp.asarray(times), jnp.zeros(()), start, torque, adjoint=diffrax.ForwardMode())
+            return jnp.stack([found.speed, found.angle])
+        found = run_in_angle(scene, angles, start, torque, adjoint=diffrax.ForwardMode())
+        return jnp.stack([found.speed, found.time])
+
+    other = angles if over == "time" else times
+    value, slope = run(x), jax.jacfwd(run)(x)
+    np.testing.assert_allclose(value, np.stack([speeds, other]), rtol=1e-8, atol=1e-9)
+    by_speed, by_angle = jax.jacfwd(lambda x: decaying(x, start, times))(x)
+    late = -by_angle / speeds[:, None]  # at a fixed angle the time changes by -dφ / ω, and the speed by ε times that
+    gain = (x[0] - x[1] * speeds) / (0.3 + x[2])
+    known = (by_speed, by_angle) if over == "time" else (by_speed + gain[:, None] * late, late)
+    np.testing.assert_allclose(slope, np.stack(known), rtol=1e-6, atol=1e-7)
