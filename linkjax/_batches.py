@@ -15,7 +15,7 @@ import numpy as np
 
 from linkjax._types import Tracer
 
-PLACES = 512  # places of a batch; a larger one takes this many, doubled as often as necessary
+PLACES = 128  # places of a batch; more are taken in several batches
 
 
 @jax.tree_util.register_pytree_node_class
@@ -39,7 +39,7 @@ class Batches:
     """A design evaluated at many places at once by `program(design, *places)`, a function made by `compiled_soon`.
 
     Results have a leading axis of places. Outside of jax transformations they are padded: only as many as were asked
-    for are meaningful. `size` is the number of places that a batch is padded to.
+    for are meaningful. `size` is the number of places of a batch.
     """
 
     def __init__(self, design: Any, size: int = PLACES):
@@ -60,7 +60,26 @@ class Batches:
         """The results of a program at these places, each of shape (places,); without derivatives with respect to the
         design if `fixed`."""
         design = self.still if fixed and self.traced else self.whole_design
-        return self.run(program, design, *self.padded(places), **static)
+        return joined(self.parts(program, (design,), self.padded(places), **static))
+
+    def parts(self, program: Any, given: tuple[Any, ...], places: tuple[Any, ...], **static: Any) -> list[Any]:
+        """The results of a program that takes what is given, and arrays with a leading axis of places, batch by batch;
+        all together inside of jax transformations."""
+        leaves, tree = jax.tree.flatten(places)
+        count = leaves[0].shape[0]
+        if count == self.size or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((given, leaves))):
+            return [self.run(program, *given, *places, **static)]
+        leaves, found = self._at_hand(leaves), []
+        for first in range(0, count, self.size):
+            part = jax.tree.unflatten(tree, [self._slice(leaf, first) for leaf in leaves])
+            found.append(self.run(program, *given, *part, **static))
+        return found
+
+    def _at_hand(self, leaves: list[Any]) -> list[Any]:
+        return [np.asarray(leaf) for leaf in leaves]
+
+    def _slice(self, leaf: Any, first: int) -> Any:
+        return leaf[first : first + self.size]
 
     def run(self, stage: Any, *args: Any, **static: Any) -> Any:
         """The result of a stage of the numerics, a function made by `compiled_soon`."""
@@ -107,11 +126,27 @@ class Batches:
         return jax.device_put(jax.tree.map(lambda leaf: np.asarray(leaf)[:count], results))
 
     def whole(self, count: int) -> int:
-        """The size of the batch for this many places."""
-        size = self.size
-        while size < count:
-            size *= 2
-        return size
+        """The number of places in the batches for this many."""
+        return -(-count // self.size) * self.size
+
+
+def joined(parts: list[Any], axis: int = 0) -> Any:
+    """Results of several batches as one; their places are along an axis."""
+    if len(parts) == 1:
+        return parts[0]
+    trees = [jax.tree.flatten(part) for part in parts]
+    if isinstance(trees[0][0][0], jax.ShapeDtypeStruct):
+        leaves = [_lengthened(leaf, axis, len(parts)) for leaf in trees[0][0]]
+    else:
+        leaves = [np.concatenate([np.asarray(leaf) for leaf in leaves], axis)
+                  for leaves in zip(*(leaves for leaves, _ in trees), strict=True)]  # fmt: skip
+    return jax.tree.unflatten(trees[0][1], leaves)
+
+
+def _lengthened(leaf: Any, axis: int, times: int) -> Any:
+    shape = list(leaf.shape)
+    shape[axis] *= times
+    return jax.ShapeDtypeStruct(tuple(shape), leaf.dtype)
 
 
 class Ahead(Batches):
@@ -122,6 +157,12 @@ class Ahead(Batches):
 
     def until(self, going: Callable[[Any], Any], step: Callable[[Any], Any], state: Any, *given: Any) -> Any:
         return step(state)
+
+    def _at_hand(self, leaves: list[Any]) -> list[Any]:
+        return leaves
+
+    def _slice(self, leaf: Any, first: int) -> Any:
+        return jax.ShapeDtypeStruct((self.size, *leaf.shape[1:]), leaf.dtype)
 
     def _padded(self, place: Any) -> Any:
         return jax.ShapeDtypeStruct((self.whole(place.shape[0]),), place.dtype)

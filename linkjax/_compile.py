@@ -14,6 +14,7 @@ import functools
 import gc
 import hashlib
 import inspect
+import operator
 import os
 import pickle
 import platform
@@ -71,7 +72,7 @@ class CompiledSoon:
 
     def __call__(self, *args, **kwargs):
         fixed, leaves, tree = self._flat(args, kwargs)
-        if leaves is None or jax.config.values["jax_disable_jit"]:
+        if leaves is None or _disabled(jax.config):
             return self.plain(*args, **kwargs)
         key, program = self._program(fixed, leaves, tree)
         try:
@@ -100,6 +101,8 @@ class CompiledSoon:
             given = dict(self.signature.bind(*args, **kwargs).arguments)
             fixed = {name: given.pop(name) for name in self.static if name in given}
         leaves, tree = jax.tree.flatten(given)
+        if _at_hand().issuperset(map(type, leaves)):
+            return fixed, leaves, tree
         for i, leaf in enumerate(leaves):
             if isinstance(leaf, Tracer):
                 return fixed, None, tree
@@ -108,12 +111,14 @@ class CompiledSoon:
         return fixed, leaves, tree
 
     def _program(self, fixed: dict[str, Any], leaves: list, tree: Any) -> tuple[Any, Program]:
-        key = tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), tuple(fixed.items())
+        key = tree, tuple(map(_kind, leaves)), tuple(fixed.items())
         if key not in self.programs:
             self.programs[key] = _program(self.function, fixed, leaves, tree)
         return key, self.programs[key]
 
 
+_disabled = operator.attrgetter("jax_disable_jit")
+_kind = operator.attrgetter("shape", "dtype")
 _READY = (jax.Array, np.ndarray, jax.ShapeDtypeStruct)
 
 
@@ -121,6 +126,12 @@ _READY = (jax.Array, np.ndarray, jax.ShapeDtypeStruct)
 def _several() -> bool:
     """Whether there are several devices, so that arrays may lie on another one."""
     return jax.device_count() > 1
+
+
+@functools.cache
+def _at_hand() -> set[type]:
+    """The classes of leaves that programs take as they are."""
+    return set() if _several() else {type(jax.numpy.zeros(())), np.ndarray}
 
 
 def _here(leaf: Any) -> Any:

@@ -332,4 +332,4 @@ def test_strings_in_structures_are_names_or_choices():
     static = (field for each in classes for field in dataclasses.fields(each) if field.metadata.get("static"))
     texts = {field.name for field in static if any(kind in str(field.type) for kind in kinds)}
     assert texts - names <= CHOICES
-    assert texts & CHOICES == CHOICES - {"mean"}  # of the scene
+    assert texts & CHOICES == CHOICES - {"mean", "title"}  # of the scene

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._batches import PLACES
 from linkjax._compile import planned
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
@@ -21,8 +20,6 @@ from linkjax.analysis._stages import staged
 from linkjax.machine import Scene, check_scene, nameless, ready
 from linkjax.mechanism import StructureError
 from linkjax.sampling import Ahead, Sampler
-
-ENOUGH = 192  # crank angles that make a batch
 
 
 def analyse(
@@ -109,7 +106,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
         if throw:
             explain_start(scene if names is None else names.back(scene))
         _ahead(scene, angles, nodes, method, moves)
-    found = staged(Sampler(scene, _size(angles)), angles, nodes, method, moves)
+    found = staged(Sampler(scene), angles, nodes, method, moves)
     shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
     results = {
         "pose": shown.pose, "transmission": shown.transmission, "transmission_ends": found.spans,
@@ -130,12 +127,7 @@ def _ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) ->
     """Start compiling all stages at once, each from the shapes of the results before."""
     leaves, tree = jax.tree.flatten(scene)
     if not planned((tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), angles.size, nodes, method, moves)):
-        staged(Ahead(scene, _size(angles)), angles, nodes, method, moves)
-
-
-def _size(angles: Array) -> int:
-    """Places of a batch: as many as crank angles, so that these results are not padded."""
-    return angles.size if ENOUGH <= angles.size <= 2 * PLACES else PLACES
+        staged(Ahead(scene), angles, nodes, method, moves)
 
 
 def _moves(scene: Scene, constant_speed: bool) -> bool:

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._batches import joined
 from linkjax._compile import compiled_soon
 from linkjax._numerics import taken, wrapped
 from linkjax.analysis._blunt import continued, singular, without_joints
@@ -119,7 +120,9 @@ class Driven(NamedTuple):
 def _driven(regime: Regime, at: At) -> Driven:
     """The machine at many places in both motions, in one program."""
     machine = regime.machine
-    return machine.run(_every_motion, machine.whole_design, regime.grid, regime.steady, at.place, at.sample)
+    parts = machine.parts(_every_motion, (machine.whole_design, regime.grid, regime.steady), (at.place, at.sample))
+    together = joined([part._replace(vectors=()) for part in parts])
+    return together._replace(vectors=joined([part.vectors for part in parts], axis=-1))
 
 
 @compiled_soon

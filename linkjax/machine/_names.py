@@ -18,7 +18,14 @@ from linkjax.groups import FRAME
 from linkjax.machine._scene import Scene, untitled
 
 TOKEN = re.compile("<[0-9]+>")
-CHOICES = {"branch", "mass_properties", "mean", "rotation", "reacts_on"}  # strings in a structure that are no names
+CHOICES = {
+    "branch",
+    "mass_properties",
+    "mean",
+    "rotation",
+    "reacts_on",
+    "title",
+}  # strings in a structure that are no names
 MOST = 64  # structures whose names are remembered
 
 
@@ -44,7 +51,7 @@ _KNOWN: dict[Any, tuple[Names | None, dict[Any, tuple[list[int], Any]]]] = {}
 def nameless(scene: Scene) -> tuple[Scene, Names | None]:
     """The scene without title and names, and the names; unchanged, with None, inside of jax transformations, which
     compile for every structure, and with loads or groups of the user's, which may use a name in their own way."""
-    leaves, tree = jax.tree.flatten(untitled(scene))
+    leaves, tree = jax.tree.flatten(scene)
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         return scene, None
     if tree not in _KNOWN:
@@ -55,8 +62,12 @@ def nameless(scene: Scene) -> tuple[Scene, Names | None]:
     names, known = _KNOWN[tree]
     if names is None:
         return scene, None
+    return _moved(scene, known, lambda tree: _without(tree, names)), names
+
+
+def _without(scene: Scene, names: Names) -> Scene:
     tokens = {name: token for token, name in names.of.items()}
-    return _moved(untitled(scene), known, lambda tree: _changed(tree, lambda text: tokens.get(text, text))), names
+    return untitled(_changed(scene, lambda name: tokens.get(name, name)))
 
 
 def _moved(tree: Any, known: dict[Any, tuple[list[int], Any]], change: Callable[[Any], Any]) -> Any:

@@ -135,7 +135,12 @@ class Scene(eqx.Module):
 
 def untitled(scene: Scene) -> Scene:
     """The scene without its title, which is no part of a compiled program."""
-    return dataclasses.replace(scene, title="") if scene.title else scene
+    if not scene.title:
+        return scene
+    plain = object.__new__(Scene)  # without the checks of the constructor: nothing else changes
+    for field in dataclasses.fields(scene):
+        object.__setattr__(plain, field.name, "" if field.name == "title" else getattr(scene, field.name))
+    return plain
 
 
 def check_scene(scene: object) -> None:

@@ -8,7 +8,7 @@ import jax
 from jaxtyping import Array
 
 from linkjax import _batches
-from linkjax._batches import PLACES, Batches
+from linkjax._batches import PLACES, Batches, joined
 from linkjax._compile import compiled_soon
 from linkjax._types import Tracer
 from linkjax.forces import Forces, forces_of_pose
@@ -65,7 +65,7 @@ class Sampler(Batches):
         """Forces at places with this pose, at these crank speeds (rad/s) and accelerations (rad/s²); `active` says
         which loads act, shape (places, loads). Without derivatives with respect to the scene if `fixed`."""
         scene = self.still if fixed else self.whole_design
-        return self.run(_forces, scene, phi, side, pose, active, speed, acceleration)
+        return joined(self.parts(_forces, (scene,), (phi, side, pose, active, speed, acceleration)))
 
 
 class Ahead(_batches.Ahead, Sampler):
