@@ -131,7 +131,8 @@ def _several() -> bool:
 @functools.cache
 def _at_hand() -> set[type]:
     """The classes of leaves that programs take as they are."""
-    return set() if _several() else {type(jax.numpy.zeros(())), np.ndarray}
+    with jax.ensure_compile_time_eval():  # it may be asked for during tracing
+        return set() if _several() else {type(jax.numpy.zeros(())), np.ndarray}
 
 
 def _here(leaf: Any) -> Any:

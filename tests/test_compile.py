@@ -188,6 +188,14 @@ def test_what_users_write_is_never_kept(folder):
     assert not _compile._ours(scene.with_mechanism, jax.tree.structure(scene))  # a method depends on more than its name
 
 
+def test_called_first_during_tracing():
+    """What is remembered of arrays is not that of the tracers."""
+    _compile._at_hand.cache_clear()
+    doubled = _compile.compiled_soon(lambda x: 2 * x)
+    assert float(jax.jit(lambda x: doubled(x) + doubled(2 * x))(jnp.asarray(4.0))) == 24.0
+    assert float(doubled(jnp.asarray(4.0))) == 8.0
+
+
 def test_arrays_on_another_device():
     """As they come out of a population: put on the first device."""
     doubled = _compile.compiled_soon(lambda x: 2 * x)
