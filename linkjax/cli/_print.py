@@ -20,7 +20,7 @@ from linkjax.analysis import (
     uneven,
 )
 from linkjax.cli._console import console
-from linkjax.groups import Crank, General, Harmonic
+from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes
 from linkjax.machine import PERMANENT, Scene, load_size, speed_text
 from linkjax.mechanism import Mechanism, Structure
@@ -78,7 +78,7 @@ def _drive(mechanism: Mechanism, show: Numbers) -> str:
     """The driving link and its position at crank angle zero."""
     driver, law = mechanism.driver, mechanism.driver.follows()
     drive = getattr(driver, "drive", None)
-    slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
+    slides = driver.drive_slides()
     on = "" if drive is None or drive.on == "frame" else f" on {drive.on}"
     phase = 0.0 if slides else float(getattr(drive or driver, "phase", None) or 0.0)
     begins = phase + (0.0 if law is None else law.begins())

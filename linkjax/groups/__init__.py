@@ -15,7 +15,6 @@ from linkjax.groups._course import course_of as course_of
 from linkjax.groups._drawn import Drive as Drive
 from linkjax.groups._drawn import GearPair as GearPair
 from linkjax.groups._drawn import RackPair as RackPair
-from linkjax.groups._drawn import Slot as Slot
 from linkjax.groups._driver import AbstractDriver as AbstractDriver
 from linkjax.groups._driver import Crank as Crank
 from linkjax.groups._driver import LinearDriver as LinearDriver
@@ -26,17 +25,18 @@ from linkjax.groups._followed import without_path as without_path
 from linkjax.groups._gear import Gear as Gear
 from linkjax.groups._general import General as General
 from linkjax.groups._guide import Guide as Guide
+from linkjax.groups._guide import Slot as Slot
 from linkjax.groups._law import AbstractLaw as AbstractLaw
 from linkjax.groups._law import Harmonic as Harmonic
 from linkjax.groups._law import Rotation as Rotation
 from linkjax.groups._law import Spline as Spline
+from linkjax.groups._lost import Lost as Lost
 from linkjax.groups._mesh import PRESSURE as PRESSURE
 from linkjax.groups._mesh import Belt as Belt
 from linkjax.groups._mesh import Mesh as Mesh
 from linkjax.groups._mesh import Teeth as Teeth
 from linkjax.groups._pairs import FRAME as FRAME
 from linkjax.groups._pairs import Pair as Pair
-from linkjax.groups._passive import FITS as FITS
 from linkjax.groups._passive import RedundantLink as RedundantLink
 from linkjax.groups._passive import RedundantSlider as RedundantSlider
 from linkjax.groups._prp import PRP as PRP

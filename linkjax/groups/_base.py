@@ -15,8 +15,9 @@ from jaxtyping import Array
 
 from linkjax._vec import Vec
 from linkjax.groups._class import classified
-from linkjax.groups._guide import Guide
+from linkjax.groups._guide import Guide, Slot
 from linkjax.groups._law import AbstractLaw
+from linkjax.groups._lost import Lost, Told
 from linkjax.groups._pairs import FRAME, Pair
 from linkjax.groups._state import LinkState, PointState
 
@@ -61,10 +62,11 @@ class Joint(NamedTuple):
 
 class Coupling(NamedTuple):
     """What gears in mesh keep constant: the sum of link angles (rad) and of slider displacements along their guides
-    (m), each times its factor."""
+    (m), each times its factor. The `constant` is None where a sketch gives it."""
 
     angles: dict[str, Array]
     ways: dict[str, Array]
+    constant: Any
 
 
 def named(kind: str) -> str:
@@ -139,6 +141,21 @@ class AbstractGroup(eqx.Module):
         """The motion law of its drive, independent of the loads; None for a drive whose speed depends on the loads."""
         return None
 
+    def drive_slides(self) -> bool:
+        """Whether its drive moves a link along a guide (m), and does not turn it (rad)."""
+        link = self.driving()
+        return link is not None and any(joint.slides and joint.link == link for joint in self.joints())
+
+    def shaft(self) -> int | None:
+        """Sense of rotation of a driving crank on the frame, whose shaft can carry a flywheel: +1 for
+        counter-clockwise, -1 for clockwise. None for any other group."""
+        return None
+
+    def turning(self, sense: int) -> AbstractGroup | None:
+        """A driving crank on the frame without its motion law: it turns in this sense from where the law begins. None
+        for any other group."""
+        return None
+
     def on_frame(self) -> tuple[str, ...]:
         """Points that must belong to the frame."""
         return ()
@@ -146,6 +163,22 @@ class AbstractGroup(eqx.Module):
     def passive(self) -> bool:
         """Whether its constraints are redundant."""
         return False
+
+    def numerical(self) -> bool:
+        """Whether it is a group of higher class, solved numerically from a sketch as `General` is."""
+        return False
+
+    def spots(self) -> Mapping[str, Vec]:
+        """Approximate positions of its points at crank angle zero (m), which select its assembly mode."""
+        return {}
+
+    def continues(self) -> bool:
+        """Whether its motion continues smoothly through change points, where its assembly modes coincide."""
+        return False
+
+    def continued(self) -> AbstractGroup | None:
+        """The same group with a motion that continues through change points; None for a kind without this choice."""
+        return None
 
     def wheels(self) -> tuple[Any, ...]:
         """The gears and racks of the group, each as a separate `Gear`, `Rack` or `Pinion`."""
@@ -157,6 +190,10 @@ class AbstractGroup(eqx.Module):
 
     def slides_on(self) -> tuple[tuple[str, str], ...]:
         """Which links must slide along which others, as (link, link or "frame")."""
+        return ()
+
+    def sliding(self) -> tuple[Slot, ...]:
+        """Its sliding joints: each block with its guide, which may be on a link of the group itself."""
         return ()
 
     def guides(self) -> tuple[Guide, ...]:
@@ -187,6 +224,18 @@ class AbstractGroup(eqx.Module):
         self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
     ) -> dict[str, Margin]:
         """Signed margins by the name of the singular position."""
+
+    def lost(self, at: Lost) -> Told | None:
+        """The problem and the remedy, for messages, where its least margin is not positive; None where the general
+        message says enough: it cannot be assembled there, because of its `shortfall`, or has a change point."""
+        return at.returning()
+
+    def shortfall(
+        self, side: str, links: Mapping[str, Any], states: Mapping[str, LinkState], points: Mapping[str, PointState]
+    ) -> str:
+        """A phrase for messages: why it cannot be assembled at a crank angle, in its own lengths; "" where its margin
+        has to say enough."""
+        return ""
 
     def returns(self) -> Array | None:
         """Whether the group returns to its initial position after `cycle_turns`; None without a reference path."""

@@ -9,8 +9,9 @@ from jaxtyping import Array
 from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Joint
 from linkjax.groups._class import classified
-from linkjax.groups._drawn import Drive, Slot, check_drawn, check_drive, check_gears, driven_slot, mesh_names, undrawn
+from linkjax.groups._drawn import Drive, check_drawn, check_drive, check_gears, driven_slot, mesh_names, undrawn
 from linkjax.groups._gear import Gear
+from linkjax.groups._guide import Slot
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._rack import Rack
 
@@ -89,6 +90,9 @@ class AbstractChain(AbstractGroup):
     def wheels(self):
         return self.gears
 
+    def _geared_pairs(self) -> list[Gear]:
+        return [gear for gear in self.gears if isinstance(gear, Gear)]
+
     def mates(self) -> tuple[str, ...]:
         """The existing links whose angles its gears follow."""
         names = [name for gear in self.gears for name in gear.mates()]
@@ -114,6 +118,26 @@ class AbstractChain(AbstractGroup):
 
     def driving(self):
         return None if self.drive is None else self.drive.link
+
+    def drive_slides(self):
+        return self.driven_slot() is not None
+
+    def numerical(self):
+        return True
+
+    def spots(self):
+        return self.sketch
+
+    def sliding(self):
+        return self.slots
+
+    def lost(self, at):
+        if at.side == "apart":
+            return at.apart()
+        if (told := super().lost(at)) is None and at.trouble == "change point":
+            what = "it has a change point or a singular position there"
+            return f"passes to another assembly mode near {at.place}: {what}", ""
+        return told
 
     def follows(self):
         return None if self.drive is None else self.drive.law

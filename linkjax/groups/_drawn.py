@@ -13,18 +13,11 @@ from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec, unit
-from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._guide import Guide, Slot
 from linkjax.groups._law import SENSES, AbstractLaw, Rotation, check_law, check_rotation
 from linkjax.groups._mesh import PRESSURE, Mesh
 from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState
-
-
-class Slot(eqx.Module):
-    """A sliding joint: the `block` moves along the `guide`, on the frame or on a link."""
-
-    block: str = eqx.field(static=True)
-    guide: Guide = eqx.field(converter=as_guide)
 
 
 class GearPair(eqx.Module):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -10,7 +11,7 @@ import jax.numpy as jnp
 from linkjax._types import as_float
 from linkjax._vec import unit, zero
 from linkjax.groups._base import AbstractGroup, Joint, Wrench
-from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._guide import Guide, Slot, as_guide
 from linkjax.groups._law import SENSES, AbstractLaw, Rotation, check_law, check_rotation
 from linkjax.groups._state import LinkState, PointState
 
@@ -62,6 +63,14 @@ class Crank(AbstractDriver):
 
     def follows(self):
         return self.law
+
+    def shaft(self):
+        return self.sense
+
+    def turning(self, sense):
+        rotation = next(name for name, value in SENSES.items() if value == sense)
+        phase = self.phase if self.law is None else self.phase + self.law.begins()
+        return dataclasses.replace(self, rotation=rotation, phase=phase, law=None)
 
     def link_names(self):
         return (self.link,)
@@ -128,6 +137,9 @@ class LinearDriver(AbstractDriver):
 
     def on_frame(self):
         return (self.guide.through,)
+
+    def sliding(self):
+        return (Slot(self.link, self.guide),)
 
     def guides(self):
         return (self.guide,)

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
-from linkjax.groups._guide import Guide, as_guide, crossing
+from linkjax.groups._guide import Guide, Slot, as_guide, crossing
 
 
 def _guides(slots: tuple[Guide | str, Guide | str]) -> tuple[Guide, Guide]:
@@ -49,6 +49,9 @@ class PRP(AbstractGroup):
     def needs(self):
         return tuple(slot.through for slot in self.slots)
 
+    def sliding(self):
+        return tuple(Slot(block, guide) for block, guide in zip(self.blocks, self.slots, strict=True))
+
     def guides(self):
         return self.slots
 
@@ -75,6 +78,9 @@ class PRP(AbstractGroup):
         sine, cosine, turn = one.u.cross(two.u), one.u.dot(two.u), two.w - one.w
         d, dd = cosine * turn, cosine * (two.e - one.e) - sine * turn * turn
         return {"parallel": Margin(self.side * sine, self.side * d, self.side * dd)}
+
+    def lost(self, at):
+        return at.parallel() if at.side == "parallel" else super().lost(at)
 
     def transmission(self, states, points):
         u, v = (states[block].u for block in self.blocks)

@@ -17,7 +17,7 @@ from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float, known
 from linkjax._vec import unit
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
-from linkjax.groups._guide import Guide, Line, as_guide, crossing
+from linkjax.groups._guide import Guide, Line, Slot, as_guide, crossing
 
 
 class RPP(AbstractGroup):
@@ -49,6 +49,9 @@ class RPP(AbstractGroup):
     def needs(self):
         return (self.from_, self.guide.through)
 
+    def sliding(self):
+        return Slot(self.link, self.guide), Slot(self.block, Guide(self.end, self.slot, self.offset, self.link))
+
     def guides(self):
         return (self.guide,)
 
@@ -70,6 +73,9 @@ class RPP(AbstractGroup):
         sine = unit(self.slot).y
         none = jnp.zeros_like(points[self.from_].r.x)
         return {"parallel": Margin(safe_sqrt(sine * sine) + none, none, none)}
+
+    def lost(self, at):
+        return at.parallel() if at.side == "parallel" else super().lost(at)
 
     def transmission(self, states, points):
         u, v = states[self.link].u, states[self.block].u

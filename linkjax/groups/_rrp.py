@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -10,7 +11,7 @@ import jax.numpy as jnp
 from linkjax._numerics import once, safe_sqrt
 from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
 from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
-from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._guide import Guide, Slot, as_guide
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -45,6 +46,9 @@ class RRP(AbstractGroup):
 
     def needs(self):
         return (self.from_, self.guide.through)
+
+    def sliding(self):
+        return (Slot(self.block, self.guide),)
 
     def guides(self):
         return (self.guide,)
@@ -112,6 +116,17 @@ class RRP(AbstractGroup):
             "left": Margin((length - q) / length + beyond, -dq / length, -ddq / length),
             "right": Margin((length + q) / length + beyond, dq / length, ddq / length),
         }
+
+    def continues(self):
+        return self.branch == "continue"
+
+    def continued(self):
+        return dataclasses.replace(self, branch="continue")
+
+    def shortfall(self, side, links, states, points):
+        off = abs(float(self.guide.line(states, points).height(points[self.from_]).value))
+        rod = f"{self.link!r} ({float(links[self.link].length):.4g} m) does not reach that far"
+        return f"its pin {self.from_!r} is {off:.4g} m off the path of {self.end!r}, and {rod}"
 
     def returns(self):
         return None if self.path is None else self.path.comes_back()

@@ -6,6 +6,7 @@ ch. 13 (reactions); the crossing height in product form is Heron's formula.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -122,6 +123,19 @@ class RRR(AbstractGroup):
             "stretched": Margin((total - r) / total + beyond, -dr / total, -ddr / total),
             "folded": Margin((r - jnp.abs(l1 - l2)) / total + beyond, dr / total, ddr / total),
         }
+
+    def continues(self):
+        return self.branch == "continue"
+
+    def continued(self):
+        return dataclasses.replace(self, branch="continue")
+
+    def shortfall(self, side, links, states, points):
+        away = float(safe_sqrt((points[self.to].r - points[self.from_].r).squared()))
+        one, two = (f"{link!r} ({float(links[link].length):.4g} m)" for link in self.links)
+        pins = f"its pins {self.from_!r} and {self.to!r} are {away:.4g} m apart"
+        far = side == "stretched"
+        return f"{pins}, and {one} and {two} {'do not reach that far' if far else 'differ in length by more'}"
 
     def returns(self):
         return None if self.path is None else self.path.comes_back()

@@ -8,7 +8,7 @@ C(2 k, k) modes: Wampler, Solving the kinematics of planar mechanisms by Dixon d
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -61,13 +61,13 @@ def assembly_modes(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str,
     mechanism, found = prepared(mechanism), {}
     angle = jnp.asarray(phi, dtype=float)
     for number, group in enumerate(mechanism.groups):
-        if isinstance(group, General) and not group.gears:
+        if group.numerical() and not group.wheels():
             states, points = before_group(mechanism, number, angle)
             found["-".join(group.link_names())] = _assemblies(group, mechanism.links, states, points, angle)
     return found
 
 
-def _assemblies(group: General, links, states, points, phi) -> AssemblyModes:
+def _assemblies(group: Any, links, states, points, phi) -> AssemblyModes:
     places = {link: {p: complex(at.x, at.y) for p, at in spots.items()} for link, spots in group.places(links).items()}
     pairs = group.pairs()
     loops = len(pairs) - len(group.members)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from linkjax._display import NONE, Numbers, aligned
-from linkjax.groups import Crank, General, Harmonic, Spline
+from linkjax.groups import Harmonic, Spline
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
 from linkjax.mechanism import Mechanism
 
@@ -90,8 +90,7 @@ def drive_text(mechanism: Mechanism, show: Numbers) -> str:
     """What drives, and how it moves: its rotation, or its motion law."""
     driver, law = mechanism.driver, mechanism.driver.follows()
     drive: Any = getattr(driver, "drive", None) or driver
-    slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
-    on = getattr(drive, "on", "frame")
+    slides, on = driver.drive_slides(), getattr(drive, "on", "frame")
     who = mechanism.driving_link if on == "frame" else f"{mechanism.driving_link} on {on}"
     phase = 0.0 if slides else float(getattr(drive, "phase", None) or 0.0)
     if law is None:

@@ -10,7 +10,7 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, Crank, without_path
+from linkjax.groups import AbstractGroup, without_path
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._structure import Structure, structure_of
 from linkjax.mechanism._text import structure_text
@@ -124,7 +124,7 @@ def check_structure(mechanism: Mechanism) -> None:
             "groups", "the first group must be the driver", 'begin with kind = "crank" or "linear_driver"'
         )
     flywheel = number_of(mechanism.flywheel.inertia)
-    if not isinstance(mechanism.groups[0], Crank) and flywheel is not None and np.any(flywheel != 0):
+    if mechanism.driver.shaft() is None and flywheel is not None and np.any(flywheel != 0):
         raise StructureError("flywheel", "needs a crank as the driver: it is on the crankshaft", "delete it")
     known, placed = set(mechanism.fixed), set()
     everywhere = _all_points(mechanism)
