@@ -16,7 +16,7 @@ from linkjax._compile import compiled_soon
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups import PRP, RPP, RPR, RRP, AbstractGroup, General, Guide, Joint, LinearDriver, Rack, RedundantSlider
+from linkjax.groups import AbstractGroup, Guide, Joint
 from linkjax.kinematics import Pose, margins, pose
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -107,25 +107,13 @@ def ways_of(group: AbstractGroup, places: Places, owners: Mapping[str, str], her
         along = complex(np.exp(1j * float(guide.along)))
         return Way(guide.on, places[guide.on][guide.through] + 1j * float(guide.offset) * along, along)
 
-    if isinstance(group, RRP | RedundantSlider):
-        return {group.block: way(group.guide)}
-    if isinstance(group, LinearDriver | Rack):
-        return {group.link: way(group.guide)}
-    if isinstance(group, PRP):
-        return {block: way(slot) for block, slot in zip(group.blocks, group.slots, strict=True)}
-    if isinstance(group, RPR):
-        return {group.block: Way(group.link, 1j * float(group.offset), 1 + 0j)}
-    if isinstance(group, RPP):
-        slot = complex(np.exp(1j * float(group.slot)))
-        return {group.link: way(group.guide), group.block: Way(group.link, 1j * float(group.offset) * slot, slot)}
-    if isinstance(group, General):
-        return {slot.block: way(slot.guide) for slot in group.slots}
+    told = {slot.block: way(slot.guide) for slot in group.sliding()}
     slides = [(joint.link, joint.by or owners[joint.point]) for joint in group.joints() if joint.slides]
-    return {block: _as_it_stands(block, on, here) for block, on in slides}
+    return told | {block: _as_it_stands(block, on, here) for block, on in slides if block not in told}
 
 
 def _as_it_stands(block: str, on: str, here: Stand) -> Way:
-    """The path of a block of any other kind of group: a block has the axes of its guide."""
+    """The path of a block whose guide the group does not tell: a block has the axes of its guide."""
     return Way(on, (here.at[block] - here.at[on]) / here.u[on], here.u[block] / here.u[on])
 
 

@@ -12,9 +12,9 @@ from linkjax.groups._class import classified as classified
 from linkjax.groups._course import TOUCHING as TOUCHING
 from linkjax.groups._course import Course as Course
 from linkjax.groups._course import course_of as course_of
-from linkjax.groups._drawn import Drive as Drive
 from linkjax.groups._drawn import GearPair as GearPair
 from linkjax.groups._drawn import RackPair as RackPair
+from linkjax.groups._drive import Drive as Drive
 from linkjax.groups._driver import AbstractDriver as AbstractDriver
 from linkjax.groups._driver import Crank as Crank
 from linkjax.groups._driver import LinearDriver as LinearDriver

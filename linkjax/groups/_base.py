@@ -15,6 +15,7 @@ from jaxtyping import Array
 
 from linkjax._vec import Vec
 from linkjax.groups._class import classified
+from linkjax.groups._drive import Drive
 from linkjax.groups._guide import Guide, Slot
 from linkjax.groups._law import AbstractLaw
 from linkjax.groups._lost import Lost, Told
@@ -140,6 +141,11 @@ class AbstractGroup(eqx.Module):
     def follows(self) -> AbstractLaw | None:
         """The motion law of its drive, independent of the loads; None for a drive whose speed depends on the loads."""
         return None
+
+    def as_drive(self) -> Drive | None:
+        """Its drive, as in a drawing; None for a group without one."""
+        link = self.driving()
+        return None if link is None else Drive(link, law=self.follows())
 
     def drive_slides(self) -> bool:
         """Whether its drive moves a link along a guide (m), and does not turn it (rad)."""

@@ -9,7 +9,8 @@ from jaxtyping import Array
 from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Joint
 from linkjax.groups._class import classified
-from linkjax.groups._drawn import Drive, check_drawn, check_drive, check_gears, driven_slot, mesh_names, undrawn
+from linkjax.groups._drawn import check_drawn, check_gears, mesh_names, undrawn
+from linkjax.groups._drive import Drive, check_drive, driven_slot
 from linkjax.groups._gear import Gear
 from linkjax.groups._guide import Slot
 from linkjax.groups._pairs import FRAME
@@ -118,6 +119,9 @@ class AbstractChain(AbstractGroup):
 
     def driving(self):
         return None if self.drive is None else self.drive.link
+
+    def as_drive(self):
+        return self.drive
 
     def drive_slides(self):
         return self.driven_slot() is not None

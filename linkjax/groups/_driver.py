@@ -11,8 +11,10 @@ import jax.numpy as jnp
 from linkjax._types import as_float
 from linkjax._vec import unit, zero
 from linkjax.groups._base import AbstractGroup, Joint, Wrench
+from linkjax.groups._drive import Drive
 from linkjax.groups._guide import Guide, Slot, as_guide
 from linkjax.groups._law import SENSES, AbstractLaw, Rotation, check_law, check_rotation
+from linkjax.groups._pairs import FRAME
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -63,6 +65,9 @@ class Crank(AbstractDriver):
 
     def follows(self):
         return self.law
+
+    def as_drive(self):
+        return Drive(self.link, FRAME, self.rotation, self.phase, self.law)
 
     def shaft(self):
         return self.sense
