@@ -201,17 +201,17 @@ def explain(cycle: Cycle) -> None:
 def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, str]:
     """The problem of a group whose margin is not positive, and the remedy; "" for the general remedy."""
     here, of = named_groups(cycle.scene.mechanism)[group], cycle.scene.mechanism
-    lost = Lost(side, float(at.value), float(jnp.degrees(at.angle)), _trouble(cycle, group))
-    if (told := here.lost(lost)) is not None:
+    found = Lost(side, float(at.value), float(jnp.degrees(at.angle)), _trouble(cycle, group))
+    if (told := here.lost(found)) is not None:
         return told
-    if -lost.value > (NEARLY if here.numerical() else CHANGE_POINT) or lost.trouble == "ends":
-        what = f"cannot be assembled at {lost.place}: {shortfall(of, group, side, at.angle)}"
+    if -found.value > (NEARLY if here.numerical() else CHANGE_POINT) or found.trouble == "ends":
+        what = f"cannot be assembled at {found.place}: {shortfall(of, group, side, at.angle)}"
         return what, _where_it_can(cycle)
     remedy = ""
     if here.continued() is not None:
         where = "at the top of the scene" if any(link.pins for link in of.links.values()) else "in the group"
         remedy = f'Set branch = "continue" {where} for a smooth motion, or change a length.'
-    what = f"has a change point at {lost.place}: its two assembly modes coincide there, so the motion is undetermined"
+    what = f"has a change point at {found.place}: its two assembly modes coincide there, so the motion is undetermined"
     return what, remedy
 
 

@@ -23,7 +23,8 @@ from linkjax.cli._console import console
 from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes
 from linkjax.machine import PERMANENT, Scene, load_size, speed_text
-from linkjax.mechanism import Mechanism, Structure
+from linkjax.mechanism import Mechanism
+from linkjax.topology import Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
 EVEN = 1e-9  # error of δ below which nothing is advised

@@ -81,11 +81,6 @@ def places_of(mechanism: Mechanism) -> dict[str, dict[str, complex]]:
     return found
 
 
-def is_pin(joint: Joint) -> bool:
-    """Whether a joint is a pin, and not a slide, gear mesh or drive."""
-    return not joint.slides and not joint.meshes and joint.name == joint.point
-
-
 class Stand(NamedTuple):
     """Origins and directions of links at one crank angle, including "frame"."""
 
@@ -113,7 +108,7 @@ def ways_of(group: AbstractGroup, places: Places, owners: Mapping[str, str], her
 
 
 def _as_it_stands(block: str, on: str, here: Stand) -> Way:
-    """The path of a block whose guide the group does not tell: a block has the axes of its guide."""
+    """The path of a block whose guide the group does not give: a block has the axes of its guide."""
     return Way(on, (here.at[block] - here.at[on]) / here.u[on], here.u[block] / here.u[on])
 
 
@@ -144,7 +139,7 @@ def tree_of(mechanism: Mechanism, here: Stand) -> Tree:
     placed = {"frame"}
     for group in mechanism.groups:
         tree.ways.update(ways_of(group, places, owners, here))
-        joints = [(j, j.by or owners[j.point]) for j in group.joints() if j.slides or is_pin(j)]
+        joints = [(j, j.by or owners[j.point]) for j in group.joints() if j.slides or j.pins]
         while not placed.issuperset(group.link_names()):
             reaching = [(j, by) for j, by in joints if (j.link in placed) != (by in placed)]
             joint, by = min(reaching, key=lambda pair: _order(*pair, placed, tree.ways))

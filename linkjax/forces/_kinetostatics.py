@@ -119,7 +119,7 @@ def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
 
 def driven_by_joint(mechanism: Mechanism) -> bool:
     """Whether the drive is a joint of its own, whose reaction is among the others."""
-    return any(joint.name.endswith(".drive") for joint in mechanism.driver.joints())
+    return any(joint.drives for joint in mechanism.driver.joints())
 
 
 def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, acceleration):

@@ -14,12 +14,11 @@ import equinox as eqx
 from jaxtyping import Array
 
 from linkjax._vec import Vec
-from linkjax.groups._class import classified
 from linkjax.groups._drive import Drive
 from linkjax.groups._guide import Guide, Slot
 from linkjax.groups._law import AbstractLaw
 from linkjax.groups._lost import Lost, Told
-from linkjax.groups._pairs import FRAME, Pair
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._state import LinkState, PointState
 
 BEYOND = 1e-6  # minus this is the margin where a group closes, but not in the assembly mode it was followed in
@@ -38,27 +37,6 @@ class Margin(NamedTuple):
     value: Array
     d: Array
     dd: Array
-
-
-class Joint(NamedTuple):
-    """A joint of a group: its name, the reference point of its moments, and the two links that it joins.
-
-    `by` is "frame", a link, or None for the link that the point belongs to. In a joint that `slides`, called
-    `<link>.guide`, the link moves along a straight line of the other. In one that `meshes`, called `<link>.mesh`, both
-    are in mesh. In any other joint the link turns about the point.
-    """
-
-    name: str
-    point: str
-    link: str
-    by: str | None = None
-    slides: bool = False
-    meshes: bool = False
-
-    @property
-    def letter(self) -> str:
-        """P for a sliding joint, G for gears in mesh, otherwise R."""
-        return "P" if self.slides else "G" if self.meshes else "R"
 
 
 class Coupling(NamedTuple):
@@ -96,19 +74,11 @@ class AbstractGroup(eqx.Module):
     def link_names(self) -> tuple[str, ...]:
         """Links of the group, in order."""
 
-    def pairs(self) -> list[Pair]:
-        """The outer pairs, as if attached to the frame, and the inner pairs."""
-        inside = self.link_names()
-        return [Pair(j.letter, j.name, j.link, j.by if j.by in inside else FRAME)
-                for j in self.joints() if not j.name.endswith(".drive")]  # fmt: skip
-
-    def classified(self) -> tuple[str, str]:
-        """Class and kind, e.g. II1, and its pairs as letters, e.g. RRR; see `classified`."""
-        return classified(self.link_names(), self.pairs())
-
-    @abc.abstractmethod
     def needs(self) -> tuple[str, ...]:
-        """Points that must exist before the group is attached."""
+        """Points that must exist before the group is attached: those of its outer pins, of its guides and of gears."""
+        pinned = [joint.point for joint in self.joints() if joint.pins and joint.by is None]
+        guided = [guide.through for guide in self.guides()]
+        return tuple(dict.fromkeys([*pinned, *guided, *(point for _, point in self.lies_on())]))
 
     @abc.abstractmethod
     def pins(self) -> Mapping[str, tuple[str, str | None]]:
@@ -121,9 +91,9 @@ class AbstractGroup(eqx.Module):
 
     def brings(self) -> tuple[str, ...]:
         """Pins that the group creates."""
-        ends, needed = self.pins().values(), self.needs()
-        new = [*(far for _, far in ends if far is not None), *(first for first, _ in ends if first not in needed)]
-        return tuple(dict.fromkeys(new))
+        ends, needed, shared = self.pins().values(), self.needs(), self.shared()
+        far = [far for _, far in ends if far is not None and shared.get(far) != ""]
+        return tuple(dict.fromkeys([*far, *(first for first, _ in ends if first not in needed)]))
 
     def shared(self) -> Mapping[str, str]:
         """Pins that may be coupler points of its links, each with the link that it belongs to ("" for a point that
@@ -204,11 +174,15 @@ class AbstractGroup(eqx.Module):
 
     def guides(self) -> tuple[Guide, ...]:
         """Guides on the frame or on existing links; each must pass through a point of its link."""
-        return ()
+        inside = self.link_names()
+        return tuple(slot.guide for slot in self.sliding() if slot.guide.on not in inside)
 
     def translating(self) -> tuple[str, ...]:
-        """Links of the group that never turn."""
-        return ()
+        """Links of the group that never turn: blocks on the frame, and blocks on these."""
+        slots, still = self.sliding(), {FRAME}
+        for _ in slots:
+            still |= {slot.block for slot in slots if slot.guide.on in still}
+        return tuple(name for name in self.link_names() if name in still)
 
     @abc.abstractmethod
     def joints(self) -> tuple[Joint, ...]:

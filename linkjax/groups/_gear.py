@@ -16,9 +16,9 @@ from jaxtyping import Array
 
 from linkjax._types import as_float
 from linkjax._vec import Vec, unit
-from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench
+from linkjax.groups._base import AbstractGroup, Coupling, Wrench
 from linkjax.groups._mesh import Belt, Mesh, Teeth
-from linkjax.groups._pairs import FRAME
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._state import LinkState, carried
 from linkjax.groups._winding import Winding, always, counted, nothing
 
@@ -34,9 +34,6 @@ class AbstractWheel(AbstractGroup):
 
     def wheels(self):
         return (self,)
-
-    def classified(self):
-        return "G", "RG"
 
     def transmission(self, states, points):
         return None
@@ -94,9 +91,6 @@ class Gear(AbstractWheel):
     def mates(self) -> tuple[str, str]:
         """The links whose angles it follows."""
         return self.to, self.carrier
-
-    def needs(self):
-        return self.pivot, self.centre
 
     def lies_on(self):
         return ((self.carrier, self.pivot), (self.carrier, self.centre), (self.to, self.centre))

@@ -14,9 +14,10 @@ import jax.numpy as jnp
 
 from linkjax._numerics import largest, safe_divide, safe_sqrt
 from linkjax._vec import zero
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_apart
 from linkjax.groups._guide import Guide, Slot, as_guide
 from linkjax.groups._lost import Lost
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState
 
 FITS = 1e-6  # largest misfit of a redundant link, relative to its length or to the longest link
@@ -56,17 +57,8 @@ class RedundantLink(AbstractGroup):
     def passive(self):
         return True
 
-    def classified(self):
-        return "passive", self.kind
-
-    def needs(self):
-        return self.from_, self.to
-
     def pins(self):
         return {self.link: (self.from_, self.to)}
-
-    def brings(self):
-        return ()
 
     def shared(self):
         return {self.from_: "", self.to: ""}
@@ -127,23 +119,11 @@ class RedundantSlider(AbstractGroup):
     def passive(self):
         return True
 
-    def classified(self):
-        return "passive", self.kind
-
-    def needs(self):
-        return self.from_, self.guide.through
-
     def sliding(self):
         return (Slot(self.block, self.guide),)
 
-    def guides(self):
-        return (self.guide,)
-
     def pins(self):
         return {self.block: (self.from_, None)}
-
-    def brings(self):
-        return ()
 
     def shared(self):
         return {self.from_: ""}

@@ -15,11 +15,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._types import as_float, known
-from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench, check_side
+from linkjax.groups._base import AbstractGroup, Coupling, Wrench, check_side
 from linkjax.groups._gear import AbstractWheel
 from linkjax.groups._guide import Guide, Line, Slot, as_guide
 from linkjax.groups._mesh import PRESSURE, check_pressure, push
-from linkjax.groups._pairs import FRAME
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._winding import Winding, always, counted, nothing
 
 
@@ -68,29 +68,14 @@ class Rack(AbstractGroup):
     def link_names(self):
         return (self.link,)
 
-    def classified(self):
-        return "G", "PG"
-
-    def needs(self):
-        return self.guide.through, self.centre
-
     def lies_on(self):
         return ((self.guide.on, self.centre), (self.to, self.centre))
 
     def sliding(self):
         return (Slot(self.link, self.guide),)
 
-    def guides(self):
-        return (self.guide,)
-
     def pins(self):
         return {self.link: (self.end, None)}
-
-    def brings(self):
-        return (self.end,)
-
-    def translating(self):
-        return (self.link,) if self.guide.on == FRAME else ()
 
     def wheels(self):
         return (self,)
@@ -191,14 +176,8 @@ class Pinion(AbstractWheel):
         """The links whose angles it follows."""
         return (self.carrier,)
 
-    def needs(self):
-        return (self.pivot, self.at, *self._through())
-
-    def _through(self) -> tuple[str, ...]:
-        return (self.through,) if self.through else ()
-
     def lies_on(self):
-        return (*((self.carrier, p) for p in (self.pivot, *self._through())), (self.to, self.at))
+        return (*((self.carrier, p) for p in (self.pivot, self.through) if p), (self.to, self.at))
 
     def slides_on(self):
         return ((self.to, self.carrier),)

@@ -16,8 +16,9 @@ import numpy as np
 from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float, known
 from linkjax._vec import unit
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
+from linkjax.groups._base import AbstractGroup, Margin, Wrench
 from linkjax.groups._guide import Guide, Line, Slot, as_guide, crossing
+from linkjax.groups._pairs import Joint
 
 
 class RPP(AbstractGroup):
@@ -46,20 +47,11 @@ class RPP(AbstractGroup):
     def link_names(self):
         return (self.link, self.block)
 
-    def needs(self):
-        return (self.from_, self.guide.through)
-
     def sliding(self):
         return Slot(self.link, self.guide), Slot(self.block, Guide(self.end, self.slot, self.offset, self.link))
 
-    def guides(self):
-        return (self.guide,)
-
     def pins(self):
         return {self.link: (self.end, None), self.block: (self.from_, None)}
-
-    def translating(self):
-        return (self.link, self.block) if self.guide.on == "frame" else ()
 
     def solve(self, links, states, points, phi):
         path = self.guide.line(states, points)

@@ -14,8 +14,9 @@ import jax.numpy as jnp
 from linkjax._numerics import once, safe_divide, safe_sqrt
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_apart, check_side
 from linkjax.groups._guide import Guide, Slot
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -43,9 +44,6 @@ class RPR(AbstractGroup):
 
     def link_names(self):
         return (self.link, self.block)
-
-    def needs(self):
-        return (self.from_, self.about)
 
     def pins(self):
         return {self.link: (self.about, self.end), self.block: (self.from_, None)}

@@ -9,9 +9,10 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_sqrt
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_side
 from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
 from linkjax.groups._guide import Guide, Slot, as_guide
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -44,20 +45,11 @@ class RRP(AbstractGroup):
     def link_names(self):
         return (self.link, self.block)
 
-    def needs(self):
-        return (self.from_, self.guide.through)
-
     def sliding(self):
         return (Slot(self.block, self.guide),)
 
-    def guides(self):
-        return (self.guide,)
-
     def pins(self):
         return {self.link: (self.from_, self.end), self.block: (self.end, None)}
-
-    def translating(self):
-        return (self.block,) if self.guide.on == "frame" else ()
 
     def solve(self, links, states, points, phi):
         length = links[self.link].length

@@ -14,8 +14,9 @@ import jax.numpy as jnp
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_apart, check_side
 from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -45,9 +46,6 @@ class RRR(AbstractGroup):
 
     def link_names(self):
         return self.links
-
-    def needs(self):
-        return (self.from_, self.to)
 
     def pins(self):
         return {self.links[0]: (self.from_, self.meet), self.links[1]: (self.to, self.meet)}

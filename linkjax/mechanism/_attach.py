@@ -28,7 +28,6 @@ from linkjax.groups import (
     General,
     LinearDriver,
     LinkState,
-    Pair,
     Slot,
     at_rest,
     closed_to,
@@ -38,6 +37,7 @@ from linkjax.mechanism._geared import Wheels
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._sketched import UNSURE
 from linkjax.mechanism._start import number
+from linkjax.topology import Pair
 
 PARALLEL = 1e-9  # sine of the angle between two guides of an RPP that count as parallel, as in that group
 Path = tuple[complex, complex]

@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from linkjax._units import nearest
-from linkjax.groups import FRAME, AbstractGroup, Drive, Gear, GearPair, General, Pair, Pinion, Rack, RackPair, Slot
+from linkjax.groups import FRAME, AbstractGroup, Drive, Gear, GearPair, General, Pinion, Rack, RackPair, Slot
 from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._start import degrees, metres, number
+from linkjax.topology import Pair
 
 ASTRAY = 0.5  # rad: largest misfit of the sketched carrier of a gear that is not sketched
 Pins = Mapping[str, Sequence[str]]

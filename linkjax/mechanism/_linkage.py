@@ -8,17 +8,17 @@ from typing import Literal
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import FRAME, Drive, GearPair, Pair, RackPair, Slot
+from linkjax.groups import FRAME, Drive, GearPair, RackPair, Slot
 from linkjax.mechanism._arguments import check_arguments, listed
 from linkjax.mechanism._attach import Attachment
 from linkjax.mechanism._drawing import Drawing, Place, complex_of
-from linkjax.mechanism._freedom import blocks, counted, freedom
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._mechanism import Mechanism, StructureError
 from linkjax.mechanism._passive import dispensable, misfit, passive_group
 from linkjax.mechanism._sides import Sides, with_sides
 from linkjax.mechanism._sketched import allowed, check_reach, check_sketch
 from linkjax.mechanism._start import check_fixed, check_guides, settled, spots_with_crank
+from linkjax.topology import Pair, blocks, counted, freedom
 
 MOST_TOLD = 6  # joints in a message
 
