@@ -164,6 +164,24 @@ def test_no_import_of_the_package_is_hidden_in_a_function():
     assert_none(wrong)
 
 
+def test_groups_say_themselves_what_others_ask():
+    """No other room asks for the class of a group; what follows a reference path still does."""
+    kinds = {group.__name__ for group in linkjax.groups.KINDS.values()} | {"General"}
+    paths = ("kinematics/_ranges.py", "kinematics/_fold.py", "kinematics/_path.py", "kinematics/_pose.py")
+    paths = (*paths, "analysis/_blunt.py", "analysis/_cycle.py")
+    calls = (
+        (path, node)
+        for path, tree in ROOMS.items()
+        if room(dotted(path)) != "groups" and not path.as_posix().endswith(paths)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance"
+    )
+    wrong = [
+        place(path, node.lineno) for path, node in calls if kinds & set(re.findall(r"\w+", ast.unparse(node.args[1])))
+    ]
+    assert_none(wrong)
+
+
 def test_third_party_packages_have_one_home():
     wrong = [
         f"{place(path, line)} imports {name}"
