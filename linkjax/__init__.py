@@ -121,6 +121,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "Spline",
         "Teeth",
     ),
+    "topology": (),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError", "linkage", "structure"),
     "kinematics": (
         "assembly_modes",

@@ -40,18 +40,19 @@ RANKS = {
     ),
     **{
         "groups": 1,
-        "mechanism": 2,
-        "kinematics": 3,
-        "loads": 4,
-        "machine": 5,
-        "library": 6,
-        "reduction": 6,
-        "forces": 7,
-        "sampling": 8,
-        "motion": 9,
+        "topology": 2,
+        "mechanism": 3,
+        "kinematics": 4,
+        "loads": 5,
+        "machine": 6,
+        "library": 7,
+        "reduction": 7,
+        "forces": 8,
+        "sampling": 9,
+        "motion": 10,
     },
-    **{"measures": 10, "rolling": 10, "analysis": 11, "exchange": 12, "design": 13},
-    **{"scenes": 14, "viz": 15, "report": 16, "cli": 17, "__main__": 18},
+    **{"measures": 11, "rolling": 11, "analysis": 12, "exchange": 13, "design": 14},
+    **{"scenes": 15, "viz": 16, "report": 17, "cli": 18, "__main__": 19},
 }
 ONLY_IN = {"matplotlib": {"viz"}, "typer": {"cli"}, "rich": {"cli"}}  # third-party packages with one home
 HEAVY = ("matplotlib", "pint", "typer", "rich", "jinja2", "scipy")  # not needed by calculations
@@ -160,6 +161,24 @@ def test_no_import_of_the_package_is_hidden_in_a_function():
             wrong += [place(path, line) for _, line in own_imports(function)]
         late = ("importlib", "importlib.import_module", "importlib.util")
         wrong += [place(path, line) for name, line in imports(tree) if name in late]
+    assert_none(wrong)
+
+
+def test_groups_say_themselves_what_others_ask():
+    """No other room asks for the class of a group; what follows a reference path still does."""
+    kinds = {group.__name__ for group in linkjax.groups.KINDS.values()} | {"General"}
+    paths = ("kinematics/_ranges.py", "kinematics/_fold.py", "kinematics/_path.py", "kinematics/_pose.py")
+    paths = (*paths, "analysis/_blunt.py", "analysis/_cycle.py")
+    calls = (
+        (path, node)
+        for path, tree in ROOMS.items()
+        if room(dotted(path)) != "groups" and not path.as_posix().endswith(paths)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "isinstance"
+    )
+    wrong = [
+        place(path, node.lineno) for path, node in calls if kinds & set(re.findall(r"\w+", ast.unparse(node.args[1])))
+    ]
     assert_none(wrong)
 
 

@@ -8,8 +8,9 @@ import tomllib
 import pytest
 
 import linkjax
-from linkjax.groups import KINDS, KINDS_OF_II
+from linkjax.groups import KINDS
 from linkjax.measures import MEASURES
+from linkjax.topology import KINDS_OF_II
 from tests.helpers import PACKAGE, ROOT
 
 FOLDERS = ("docs", "studies", "notebooks")

@@ -16,7 +16,7 @@ from linkjax.mechanism import Mechanism
 
 def continued(mechanism: Mechanism) -> bool:
     """Whether a group continues through change points."""
-    return any(isinstance(group, RRR | RRP) and group.branch == "continue" for group in mechanism.groups)
+    return any(group.continues() for group in mechanism.groups)
 
 
 def without_joints(mechanism: Mechanism, here: Pose, forces: Forces) -> Forces:

@@ -15,16 +15,12 @@ from linkjax.analysis._table import table_of
 from linkjax.analysis._text import cycle_text
 from linkjax.forces import Forces
 from linkjax.groups import (
-    FITS,
-    RRP,
-    RRR,
     Course,
-    Crank,
     Gear,
     General,
+    Lost,
     Pinion,
     Rack,
-    RedundantSlider,
     Track,
     followed,
     slow,
@@ -204,40 +200,18 @@ def explain(cycle: Cycle) -> None:
 
 def _what_is_lost(cycle: Cycle, group: str, side: str, at: Least) -> tuple[str, str]:
     """The problem of a group whose margin is not positive, and the remedy; "" for the general remedy."""
-    degrees, short, trouble = float(jnp.degrees(at.angle)), -float(at.value), _trouble(cycle, group)
-    place = f"{degrees:.2f} degrees of crank angle ({side})"
-    if side == "parallel":
-        return (
-            f"cannot be assembled over the cycle: at {place} the directions of its slots are parallel, or on "
-            "the other side than given; change the side, or the slots so that they are never parallel"
-        ), ""
-    if side == "apart":
-        return (
-            "has pulleys that are too close to each other for their belt, or gears with the same axis in mesh; change "
-            "radii, or the distance"
-        ), ""
-    if side == "fits":
-        what, off = f"does not fit: at {degrees:.2f} degrees", f"{(short + 1) * FITS:.3g}"
-        if isinstance(named_groups(cycle.scene.mechanism)[group], RedundantSlider):
-            return f"{what} the distance of its pin from the guide is {off} of the longest link", ""
-        return f"{what} its error is {off} of its length", ""
-    if trouble == "too fast":
-        what = "has gears driven by a link that turns too fast to count its revolutions"
-        return what, "Make that link turn more evenly, or less often per turn of the crank."
-    if side == "turns" or trouble == "astray":
-        what = "does not return to its initial position within cycle_turns"
-        return what, "Increase cycle_turns, or choose another ratio." if side == "turns" else ""
-    if side == "loops" and trouble == "change point":
-        return f"passes to another assembly mode near {place}: it has a change point or a singular position there", ""
-    if short > (NEARLY if side == "loops" else CHANGE_POINT) or trouble == "ends":
-        what = f"cannot be assembled at {place}: {shortfall(cycle.scene.mechanism, group, side, at.angle)}"
+    here, of = named_groups(cycle.scene.mechanism)[group], cycle.scene.mechanism
+    found = Lost(side, float(at.value), float(jnp.degrees(at.angle)), _trouble(cycle, group))
+    if (told := here.lost(found)) is not None:
+        return told
+    if -found.value > (NEARLY if here.numerical() else CHANGE_POINT) or found.trouble == "ends":
+        what = f"cannot be assembled at {found.place}: {shortfall(of, group, side, at.angle)}"
         return what, _where_it_can(cycle)
     remedy = ""
-    if isinstance(named_groups(cycle.scene.mechanism)[group], RRR | RRP):
-        drawn = any(link.pins for link in cycle.scene.mechanism.links.values())
-        where = "at the top of the scene" if drawn else "in the group"
+    if here.continued() is not None:
+        where = "at the top of the scene" if any(link.pins for link in of.links.values()) else "in the group"
         remedy = f'Set branch = "continue" {where} for a smooth motion, or change a length.'
-    what = f"has a change point at {place}: its two assembly modes coincide there, so the motion is undetermined"
+    what = f"has a change point at {found.place}: its two assembly modes coincide there, so the motion is undetermined"
     return what, remedy
 
 
@@ -246,8 +220,8 @@ def _where_it_can(cycle: Cycle) -> str:
     assembled, and an oscillation inside the first, which begins, if possible, where the mechanism is drawn and phases
     and sides hold."""
     mechanism = cycle.scene.mechanism
-    crank = mechanism.groups[0]
-    if not isinstance(crank, Crank):
+    crank, law = mechanism.driver, mechanism.driver.follows()
+    if (sense := crank.shaft()) is None:
         return LENGTHS
     ranges = crank_ranges(mechanism, cycle.scene.cycle_turns)
     if not ranges:
@@ -259,22 +233,21 @@ def _where_it_can(cycle: Cycle) -> str:
     inset = INSIDE * (high - low)
     ends, drawn = (low + inset, high - inset), ""
     if followed(mechanism.groups):
-        begin = 0.0 if crank.law is None else crank.law.begins()
+        begin = 0.0 if law is None else law.begins()
         if low < begin < high:
             ends = begin, max(ends, key=lambda end: abs(end - begin))
         else:
-            general = any(isinstance(group, General) and group.sketch for group in mechanism.groups)
+            general = any(group.spots() for group in mechanism.groups)
             drawn = f", and {'draw it' if general else 'give phases and sides'} at its start"
-    law = ", ".join(
-        f'{key} = "{math.degrees(end * crank.sense) + 0.0:.4f} deg"'
-        for key, end in zip(("start", "stop"), ends, strict=True)
+    swing = ", ".join(
+        f'{key} = "{math.degrees(end * sense) + 0.0:.4f} deg"' for key, end in zip(("start", "stop"), ends, strict=True)
     )
     key = "drive.law" if any(link.pins for link in mechanism.links.values()) else "groups[0].law"
-    has = "its motion law exceeds that range" if crank.law is not None else "its crank cannot rotate fully"
+    has = "its motion law exceeds that range" if law is not None else "its crank cannot rotate fully"
     inside = "this range" if len(ranges) == 1 else "the first range"
     return (
         f"It can be assembled from {between} of crank angle, and {has}: prescribe an oscillation within {inside}, "
-        f"e.g. {key} = {{ {law} }}{drawn}, or change lengths of its links until every margin is positive."
+        f"e.g. {key} = {{ {swing} }}{drawn}, or change lengths of its links until every margin is positive."
     )
 
 

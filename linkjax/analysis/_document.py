@@ -13,6 +13,7 @@ from linkjax.forces import Forces, JointForce, indeterminate, other_sides
 from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import peak_names
 from linkjax.motion import Peak
+from linkjax.topology import class_of
 
 SAME = 1e-6  # rad: dead centres so close are one
 WHY = {
@@ -154,7 +155,7 @@ def _points(cycle: Any):
 def _groups(cycle: Any) -> dict[str, Any]:
     found = {}
     for name, group in named_groups(cycle.scene.mechanism).items():
-        entry: dict[str, Any] = {"kind": group.kind, "formula": group.classified()[0]}
+        entry: dict[str, Any] = {"kind": group.kind, "formula": class_of(group)[0]}
         sides = cycle.margins.get(name, {})
         if sides:
             worst = min(sides.values(), key=lambda least: float(least.value))

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from linkjax._results import MESSAGES, Result
 from linkjax._types import Tracer, known
 from linkjax.analysis._cycle import Cycle, NoMotion
-from linkjax.groups import Crank
 from linkjax.machine import Scene
 
 NONE = (Result.INTEGRATION_FAILED, Result.NO_PERIODIC_REGIME, Result.NO_INERTIA)
@@ -57,7 +56,7 @@ def _needed(cycle: Cycle, needed: float) -> str:
 
 def _reason(cycle: Cycle, code: Result, flywheel: str) -> str:
     """Why there is no actual motion, and a remedy, in one line."""
-    shaft, steady = isinstance(cycle.scene.mechanism.groups[0], Crank), cycle.steady
+    shaft, steady = cycle.scene.mechanism.driver.shaft() is not None, cycle.steady
     if code is Result.NO_INERTIA:
         if steady is None or not bool(jnp.any(cycle.reduced.inertia > 0)):
             why = "no actual motion: nothing has a mass; forces at constant speed are static"

@@ -20,10 +20,11 @@ from linkjax.analysis import (
     uneven,
 )
 from linkjax.cli._console import console
-from linkjax.groups import Crank, General, Harmonic
+from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes
 from linkjax.machine import PERMANENT, Scene, load_size, speed_text
-from linkjax.mechanism import Mechanism, Structure
+from linkjax.mechanism import Mechanism
+from linkjax.topology import Structure
 
 COARSE = 1e-4  # relative error of δ above which more nodes are advised
 EVEN = 1e-9  # error of δ below which nothing is advised
@@ -76,17 +77,16 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
 
 def _drive(mechanism: Mechanism, show: Numbers) -> str:
     """The driving link and its position at crank angle zero."""
-    driver, law = mechanism.driver, mechanism.driver.follows()
-    drive = getattr(driver, "drive", None)
-    slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
-    on = "" if drive is None or drive.on == "frame" else f" on {drive.on}"
-    phase = 0.0 if slides else float(getattr(drive or driver, "phase", None) or 0.0)
+    drive, slides = mechanism.driver.as_drive(), mechanism.driver.drive_slides()
+    assert drive is not None  # a mechanism has a driver
+    law, on = drive.law, "" if drive.on == "frame" else f" on {drive.on}"
+    phase = 0.0 if slides or drive.phase is None else float(drive.phase)
     begins = phase + (0.0 if law is None else law.begins())
     at = show.shown(begins, "m") if slides else show.turned(begins)
     ends = ""
     if isinstance(law, Harmonic):
         ends = f", to {show.shown(law.stop, 'm') if slides else show.turned(phase + float(law.stop))} and back"
-    return f"{mechanism.driving_link}{on}, at {at} at crank angle zero{ends}"
+    return f"{drive.link}{on}, at {at} at crank angle zero{ends}"
 
 
 def print_structure(found: Structure) -> None:

@@ -20,7 +20,7 @@ from jaxtyping import Array
 from linkjax._renamed import renamed
 from linkjax._units import DIMENSIONS, QuantityError, in_si, quantity
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, General, Guide, LinearDriver, Rack, Slot, Teeth
+from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, Guide, Slot, Teeth
 from linkjax.loads import AbstractLoad
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -178,7 +178,8 @@ def _numbers(scene: Scene) -> Iterator[Number]:
         yield from _link(f"links.{name}", link, lambda s, n=name: s.mechanism.links[n], name in bars)
     yield Number("flywheel.inertia", lambda s: s.mechanism.flywheel.inertia, "kg m^2", 0.0)
     for i, group in enumerate(scene.mechanism.groups):
-        yield from _group(f"groups.{'-'.join(group.link_names())}", group, lambda s, i=i: s.mechanism.groups[i])
+        yield from _group(f"groups.{'-'.join(group.link_names())}", group, lambda s, i=i: s.mechanism.groups[i],
+                          group.drive_slides())  # fmt: skip
     for i, load in enumerate(scene.loads):
         yield from _load(f"loads.{load.name}", load, lambda s, i=i: s.loads[i])
     yield Number("speed", lambda s: s.speed, "rad/s", 0.0)
@@ -213,14 +214,14 @@ def _group(
 ) -> Iterator[Number]:
     """The parameters of a group, of its guides and of its drive, by the keys of a scene file; `slides` says whether the
     drive is linear."""
-    slides = (
-        slides or isinstance(group, LinearDriver) or (isinstance(group, General) and group.driven_slot() is not None)
-    )
-    rack = isinstance(group, Rack) and ".gears[" in name  # its guide belongs to a slot
     for field in dataclasses.fields(group):
         value = getattr(group, field.name)
-        if field.name == "path" or (rack and field.name == "guide") or (field.name == "phase" and slides):
-            continue  # not a parameter of the design, or without effect
+        if (
+            field.name == "path"
+            or (isinstance(value, Guide) and ".gears[" in name)
+            or (field.name == "phase" and slides)
+        ):
+            continue  # not a parameter of the design, without effect, or the guide of a rack, which is that of a slot
         if isinstance(value, AbstractLaw):
             unit = "m" if slides else "rad"
             yield from _law(f"{name}.{field.name}", value, lambda s, f=field.name: getattr(where(s), f), unit)

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from linkjax.exchange._tree import Placed, Stand, Tree, ahead, assembled, plane, stand, tree_of
-from linkjax.groups import General
 from linkjax.kinematics import Pose, prepared
 from linkjax.machine import Scene, ready
 from linkjax.mechanism import Mechanism, StructureError
@@ -190,16 +189,15 @@ def _site(body: ET.Element, link: str, point: str, tree: Tree) -> str:
 
 def _drive(model: ET.Element, mechanism: Mechanism, bodies: dict[str, ET.Element], tree: Tree) -> None:
     """A motor on the driver, and the flywheel."""
-    driver, joint = mechanism.driver, mechanism.driving_link
+    driver, drive = mechanism.driver, mechanism.driver.as_drive()
+    assert drive is not None  # a mechanism has a driver
     motor = ET.SubElement(ET.SubElement(model, "actuator"), "motor", name="drive")
-    if isinstance(driver, General) and driver.drive is not None:
-        link, on = driver.drive.link, driver.drive.on
-        hung = [body.body for body in tree.bodies if {body.body, body.parent} == {link, on}]
-        if driver.driven_slot() is None and hung != [link]:  # its pin closes a loop, and is not a joint of the tree
-            _tendon(model, "drive", _hinges({link: 1.0, on: -1.0}, tree))
-            motor.set("tendon", "drive")
-            return
-        joint = hung[0] if hung else f"{link}.guide"
+    hung = [body.body for body in tree.bodies if {body.body, body.parent} == {drive.link, drive.on}]
+    if not driver.drive_slides() and hung != [drive.link]:  # its pin closes a loop, and is not a joint of the tree
+        _tendon(model, "drive", _hinges({drive.link: 1.0, drive.on: -1.0}, tree))
+        motor.set("tendon", "drive")
+        return
+    joint = hung[0] if hung else f"{drive.link}.guide"
     flywheel = float(mechanism.flywheel.inertia)
     if flywheel:
         hinge = bodies[joint].find("joint")

@@ -10,8 +10,7 @@ import cmath
 import math
 from typing import Any
 
-from linkjax.exchange._tree import assembled, places_of, plane
-from linkjax.groups import RRP, RRR, Crank
+from linkjax.exchange._tree import Places, assembled, places_of, plane
 from linkjax.kinematics import Pose
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -37,16 +36,15 @@ def to_pylinkage(mechanism: Mechanism, steps: int = 360, name: str = "") -> Docu
     links: list[Document] = [{"id": "frame", "type": "ground", "joints": list(mechanism.fixed)}]
     trackers: list[Document] = []
     for group in mechanism.groups:
-        if isinstance(group, Crank) and group.law is None:
-            joints.append(_joint(group.end, "revolute", here))
-            links.append(_driver(group, steps))
-        elif isinstance(group, RRR):
-            joints.append(_joint(group.meet, "revolute", here))
-        elif isinstance(group, RRP) and group.guide.on == "frame":
-            joints.append(_slide(group, places["frame"][group.guide.through], here))
-        else:
-            raise StructureError("-".join(group.link_names()), f"pylinkage has no such group ({_what(group)})",
+        made = JOINTS[group.kind](group, places, here) if group.kind in JOINTS else None
+        if made is None:
+            what = UNABLE.get(group.kind, group.kind)
+            raise StructureError("-".join(group.link_names()), f"pylinkage has no such group ({what})",
                                  "use only rotating cranks, RRR, and RRP on the frame")  # fmt: skip
+        joints.append(made)
+        drives = group.driving() is not None
+        if drives:
+            links.append(_driver(group, steps))
         bars: list[Document] = []
         for link, (origin, far) in group.pins().items():
             marked = [p for p in mechanism.links[link].point_names() if p not in (origin, far)]
@@ -54,8 +52,8 @@ def to_pylinkage(mechanism: Mechanism, steps: int = 360, name: str = "") -> Docu
                 raise StructureError(f"links.{link}.points.{marked[0]}", "pylinkage has no points on a slider",
                                      "delete this point")  # fmt: skip
             pinned = [p for p in marked if p in used]
-            if far is not None and (pinned or not isinstance(group, Crank)):
-                own = link if not isinstance(group, Crank) else f"{link}.{pinned[0]}"
+            if far is not None and (pinned or not drives):
+                own = f"{link}.{pinned[0]}" if drives else link
                 bars.append({"id": own, "type": "link", "joints": [origin, far, *pinned]})
             joints += [_joint(p, "revolute", here) for p in pinned]
             for point in (p for p in marked if p not in used):
@@ -68,12 +66,6 @@ def to_pylinkage(mechanism: Mechanism, steps: int = 360, name: str = "") -> Docu
     return found
 
 
-def _what(group) -> str:
-    if isinstance(group, Crank):
-        return "a crank that follows a law"
-    return "a guide on a moving link" if isinstance(group, RRP) else group.kind
-
-
 def _pair(at: complex) -> list[float]:
     return [at.real, at.imag]
 
@@ -82,17 +74,31 @@ def _joint(point: str, kind: str, here: Pose) -> Document:
     return {"id": point, "type": kind, "position": _pair(plane(here.points[point].r))}
 
 
-def _driver(crank: Crank, steps: int) -> Document:
+def _driver(crank: Any, steps: int) -> Document:
     return {
         "id": crank.link, "type": "driver", "joints": [crank.pivot, crank.end], "motor_joint": crank.pivot,
         "angular_velocity": crank.sense * math.tau / steps, "initial_angle": float(crank.phase),
     }  # fmt: skip
 
 
-def _slide(group: RRP, base: complex, here: Pose) -> Document:
-    along = cmath.exp(1j * float(group.guide.along))
+def _crank_pin(crank: Any, places: Places, here: Pose) -> Document | None:
+    return _joint(crank.end, "revolute", here) if crank.law is None else None
+
+
+def _inner_pin(dyad: Any, places: Places, here: Pose) -> Document | None:
+    return _joint(dyad.meet, "revolute", here)
+
+
+def _slide(group: Any, places: Places, here: Pose) -> Document | None:
+    if group.guide.on != "frame":
+        return None
+    along, base = cmath.exp(1j * float(group.guide.along)), places["frame"][group.guide.through]
     line = {"axis": _pair(along), "line_point": _pair(base + 1j * float(group.guide.offset) * along)}
     return {**_joint(group.end, "prismatic", here), "name": group.block, **line}
+
+
+JOINTS = {"crank": _crank_pin, "RRR": _inner_pin, "RRP": _slide}  # the joint that a kind of group adds, if it can
+UNABLE = {"crank": "a crank that follows a law", "RRP": "a guide on a moving link"}  # groups of these kinds that cannot
 
 
 def _tracker(point: str, place: complex, origin: str, far: str, here: Pose) -> Document:

@@ -16,7 +16,7 @@ from linkjax._compile import compiled_soon
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups import PRP, RPP, RPR, RRP, AbstractGroup, General, Guide, Joint, LinearDriver, Rack, RedundantSlider
+from linkjax.groups import AbstractGroup, Guide, Joint
 from linkjax.kinematics import Pose, margins, pose
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -81,11 +81,6 @@ def places_of(mechanism: Mechanism) -> dict[str, dict[str, complex]]:
     return found
 
 
-def is_pin(joint: Joint) -> bool:
-    """Whether a joint is a pin, and not a slide, gear mesh or drive."""
-    return not joint.slides and not joint.meshes and joint.name == joint.point
-
-
 class Stand(NamedTuple):
     """Origins and directions of links at one crank angle, including "frame"."""
 
@@ -107,25 +102,13 @@ def ways_of(group: AbstractGroup, places: Places, owners: Mapping[str, str], her
         along = complex(np.exp(1j * float(guide.along)))
         return Way(guide.on, places[guide.on][guide.through] + 1j * float(guide.offset) * along, along)
 
-    if isinstance(group, RRP | RedundantSlider):
-        return {group.block: way(group.guide)}
-    if isinstance(group, LinearDriver | Rack):
-        return {group.link: way(group.guide)}
-    if isinstance(group, PRP):
-        return {block: way(slot) for block, slot in zip(group.blocks, group.slots, strict=True)}
-    if isinstance(group, RPR):
-        return {group.block: Way(group.link, 1j * float(group.offset), 1 + 0j)}
-    if isinstance(group, RPP):
-        slot = complex(np.exp(1j * float(group.slot)))
-        return {group.link: way(group.guide), group.block: Way(group.link, 1j * float(group.offset) * slot, slot)}
-    if isinstance(group, General):
-        return {slot.block: way(slot.guide) for slot in group.slots}
+    told = {slot.block: way(slot.guide) for slot in group.sliding()}
     slides = [(joint.link, joint.by or owners[joint.point]) for joint in group.joints() if joint.slides]
-    return {block: _as_it_stands(block, on, here) for block, on in slides}
+    return told | {block: _as_it_stands(block, on, here) for block, on in slides if block not in told}
 
 
 def _as_it_stands(block: str, on: str, here: Stand) -> Way:
-    """The path of a block of any other kind of group: a block has the axes of its guide."""
+    """The path of a block whose guide the group does not give: a block has the axes of its guide."""
     return Way(on, (here.at[block] - here.at[on]) / here.u[on], here.u[block] / here.u[on])
 
 
@@ -156,7 +139,7 @@ def tree_of(mechanism: Mechanism, here: Stand) -> Tree:
     placed = {"frame"}
     for group in mechanism.groups:
         tree.ways.update(ways_of(group, places, owners, here))
-        joints = [(j, j.by or owners[j.point]) for j in group.joints() if j.slides or is_pin(j)]
+        joints = [(j, j.by or owners[j.point]) for j in group.joints() if j.slides or j.pins]
         while not placed.issuperset(group.link_names()):
             reaching = [(j, by) for j, by in joints if (j.link in placed) != (by in placed)]
             joint, by = min(reaching, key=lambda pair: _order(*pair, placed, tree.ways))

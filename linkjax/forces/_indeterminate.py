@@ -6,9 +6,9 @@ import math
 
 import jax.numpy as jnp
 
-from linkjax.groups import place_name
 from linkjax.kinematics import pose, prepared
-from linkjax.mechanism import Mechanism, shared_forces, structure
+from linkjax.mechanism import Mechanism, structure
+from linkjax.topology import place_name, shared_forces
 
 ANGLES = (1.0, 2.3)  # rad: crank angles at which equilibrium is examined
 

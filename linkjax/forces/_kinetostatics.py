@@ -15,7 +15,7 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
-from linkjax.groups import RRP, RRR, Joint, Wrench
+from linkjax.groups import Joint, Wrench
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Applied, Instant, power
 from linkjax.machine import Scene
@@ -112,17 +112,14 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
 def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
     """Whether joint forces have no digits left, because a group that continues through change points is at one; None if
     no group does."""
-    sines = [
-        jnp.abs(jnp.sin(group.transmission(here.links, here.points)))
-        for group in mechanism.groups
-        if isinstance(group, RRR | RRP) and group.branch == "continue"
-    ]
+    angles = (group.transmission(here.links, here.points) for group in mechanism.groups if group.continues())
+    sines = [jnp.abs(jnp.sin(angle)) for angle in angles if angle is not None]
     return jnp.min(jnp.stack(sines), axis=0) < BLUNT if sines else None
 
 
 def driven_by_joint(mechanism: Mechanism) -> bool:
     """Whether the drive is a joint of its own, whose reaction is among the others."""
-    return any(joint.name.endswith(".drive") for joint in mechanism.driver.joints())
+    return any(joint.drives for joint in mechanism.driver.joints())
 
 
 def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, acceleration):

@@ -14,10 +14,11 @@ import equinox as eqx
 from jaxtyping import Array
 
 from linkjax._vec import Vec
-from linkjax.groups._class import classified
-from linkjax.groups._guide import Guide
+from linkjax.groups._drive import Drive
+from linkjax.groups._guide import Guide, Slot
 from linkjax.groups._law import AbstractLaw
-from linkjax.groups._pairs import FRAME, Pair
+from linkjax.groups._lost import Lost, Told
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._state import LinkState, PointState
 
 BEYOND = 1e-6  # minus this is the margin where a group closes, but not in the assembly mode it was followed in
@@ -38,33 +39,13 @@ class Margin(NamedTuple):
     dd: Array
 
 
-class Joint(NamedTuple):
-    """A joint of a group: its name, the reference point of its moments, and the two links that it joins.
-
-    `by` is "frame", a link, or None for the link that the point belongs to. In a joint that `slides`, called
-    `<link>.guide`, the link moves along a straight line of the other. In one that `meshes`, called `<link>.mesh`, both
-    are in mesh. In any other joint the link turns about the point.
-    """
-
-    name: str
-    point: str
-    link: str
-    by: str | None = None
-    slides: bool = False
-    meshes: bool = False
-
-    @property
-    def letter(self) -> str:
-        """P for a sliding joint, G for gears in mesh, otherwise R."""
-        return "P" if self.slides else "G" if self.meshes else "R"
-
-
 class Coupling(NamedTuple):
     """What gears in mesh keep constant: the sum of link angles (rad) and of slider displacements along their guides
-    (m), each times its factor."""
+    (m), each times its factor. The `constant` is None where a sketch gives it."""
 
     angles: dict[str, Array]
     ways: dict[str, Array]
+    constant: Any
 
 
 def named(kind: str) -> str:
@@ -93,19 +74,11 @@ class AbstractGroup(eqx.Module):
     def link_names(self) -> tuple[str, ...]:
         """Links of the group, in order."""
 
-    def pairs(self) -> list[Pair]:
-        """The outer pairs, as if attached to the frame, and the inner pairs."""
-        inside = self.link_names()
-        return [Pair(j.letter, j.name, j.link, j.by if j.by in inside else FRAME)
-                for j in self.joints() if not j.name.endswith(".drive")]  # fmt: skip
-
-    def classified(self) -> tuple[str, str]:
-        """Class and kind, e.g. II1, and its pairs as letters, e.g. RRR; see `classified`."""
-        return classified(self.link_names(), self.pairs())
-
-    @abc.abstractmethod
     def needs(self) -> tuple[str, ...]:
-        """Points that must exist before the group is attached."""
+        """Points that must exist before the group is attached: those of its outer pins, of its guides and of gears."""
+        pinned = [joint.point for joint in self.joints() if joint.pins and joint.by is None]
+        guided = [guide.through for guide in self.guides()]
+        return tuple(dict.fromkeys([*pinned, *guided, *(point for _, point in self.lies_on())]))
 
     @abc.abstractmethod
     def pins(self) -> Mapping[str, tuple[str, str | None]]:
@@ -118,9 +91,9 @@ class AbstractGroup(eqx.Module):
 
     def brings(self) -> tuple[str, ...]:
         """Pins that the group creates."""
-        ends, needed = self.pins().values(), self.needs()
-        new = [*(far for _, far in ends if far is not None), *(first for first, _ in ends if first not in needed)]
-        return tuple(dict.fromkeys(new))
+        ends, needed, shared = self.pins().values(), self.needs(), self.shared()
+        far = [far for _, far in ends if far is not None and shared.get(far) != ""]
+        return tuple(dict.fromkeys([*far, *(first for first, _ in ends if first not in needed)]))
 
     def shared(self) -> Mapping[str, str]:
         """Pins that may be coupler points of its links, each with the link that it belongs to ("" for a point that
@@ -139,6 +112,26 @@ class AbstractGroup(eqx.Module):
         """The motion law of its drive, independent of the loads; None for a drive whose speed depends on the loads."""
         return None
 
+    def as_drive(self) -> Drive | None:
+        """Its drive, as in a drawing; None for a group without one."""
+        link = self.driving()
+        return None if link is None else Drive(link, law=self.follows())
+
+    def drive_slides(self) -> bool:
+        """Whether its drive moves a link along a guide (m), and does not turn it (rad)."""
+        link = self.driving()
+        return link is not None and any(joint.slides and joint.link == link for joint in self.joints())
+
+    def shaft(self) -> int | None:
+        """Sense of rotation of a driving crank on the frame, whose shaft can carry a flywheel: +1 for
+        counter-clockwise, -1 for clockwise. None for any other group."""
+        return None
+
+    def turning(self, sense: int) -> AbstractGroup | None:
+        """A driving crank on the frame without its motion law: it turns in this sense from where the law begins. None
+        for any other group."""
+        return None
+
     def on_frame(self) -> tuple[str, ...]:
         """Points that must belong to the frame."""
         return ()
@@ -146,6 +139,22 @@ class AbstractGroup(eqx.Module):
     def passive(self) -> bool:
         """Whether its constraints are redundant."""
         return False
+
+    def numerical(self) -> bool:
+        """Whether it is a group of higher class, solved numerically from a sketch as `General` is."""
+        return False
+
+    def spots(self) -> Mapping[str, Vec]:
+        """Approximate positions of its points at crank angle zero (m), which select its assembly mode."""
+        return {}
+
+    def continues(self) -> bool:
+        """Whether its motion continues smoothly through change points, where its assembly modes coincide."""
+        return False
+
+    def continued(self) -> AbstractGroup | None:
+        """The same group with a motion that continues through change points; None for a kind without this choice."""
+        return None
 
     def wheels(self) -> tuple[Any, ...]:
         """The gears and racks of the group, each as a separate `Gear`, `Rack` or `Pinion`."""
@@ -159,13 +168,21 @@ class AbstractGroup(eqx.Module):
         """Which links must slide along which others, as (link, link or "frame")."""
         return ()
 
-    def guides(self) -> tuple[Guide, ...]:
-        """Guides on the frame or on existing links; each must pass through a point of its link."""
+    def sliding(self) -> tuple[Slot, ...]:
+        """Its sliding joints: each block with its guide, which may be on a link of the group itself."""
         return ()
 
+    def guides(self) -> tuple[Guide, ...]:
+        """Guides on the frame or on existing links; each must pass through a point of its link."""
+        inside = self.link_names()
+        return tuple(slot.guide for slot in self.sliding() if slot.guide.on not in inside)
+
     def translating(self) -> tuple[str, ...]:
-        """Links of the group that never turn."""
-        return ()
+        """Links of the group that never turn: blocks on the frame, and blocks on these."""
+        slots, still = self.sliding(), {FRAME}
+        for _ in slots:
+            still |= {slot.block for slot in slots if slot.guide.on in still}
+        return tuple(name for name in self.link_names() if name in still)
 
     @abc.abstractmethod
     def joints(self) -> tuple[Joint, ...]:
@@ -187,6 +204,18 @@ class AbstractGroup(eqx.Module):
         self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
     ) -> dict[str, Margin]:
         """Signed margins by the name of the singular position."""
+
+    def lost(self, at: Lost) -> Told | None:
+        """The problem and the remedy, for messages, where its least margin is not positive; None where the general
+        message says enough: it cannot be assembled there, because of its `shortfall`, or has a change point."""
+        return at.returning()
+
+    def shortfall(
+        self, side: str, links: Mapping[str, Any], states: Mapping[str, LinkState], points: Mapping[str, PointState]
+    ) -> str:
+        """A phrase for messages: why it cannot be assembled at a crank angle, in its own lengths; "" where its margin
+        has to say enough."""
+        return ""
 
     def returns(self) -> Array | None:
         """Whether the group returns to its initial position after `cycle_turns`; None without a reference path."""

@@ -7,11 +7,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._vec import Vec
-from linkjax.groups._base import AbstractGroup, Joint
-from linkjax.groups._class import classified
-from linkjax.groups._drawn import Drive, Slot, check_drawn, check_drive, check_gears, driven_slot, mesh_names, undrawn
+from linkjax.groups._base import AbstractGroup
+from linkjax.groups._drawn import check_drawn, check_gears, mesh_names, undrawn
+from linkjax.groups._drive import Drive, check_drive, driven_slot
 from linkjax.groups._gear import Gear
-from linkjax.groups._pairs import FRAME
+from linkjax.groups._guide import Slot
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._rack import Rack
 
 
@@ -41,9 +42,6 @@ class AbstractChain(AbstractGroup):
         """Number of the slot that the drive moves; None for a rotary drive and without a drive."""
         return None if self.drive is None else driven_slot(self.drive, self.slots)
 
-    def translating(self):
-        return tuple(slot.block for slot in self.slots if slot.guide.on == FRAME)
-
     def _pins(self) -> dict[str, list[str]]:
         """Every pinned point with the members that share it."""
         found: dict[str, list[str]] = {}
@@ -52,26 +50,11 @@ class AbstractChain(AbstractGroup):
                 found.setdefault(point, []).append(link)
         return {p: links for p, links in found.items() if len(links) > 1 or p in self.outer}
 
-    def classified(self):
-        names, pairs = self.link_names(), self.pairs()
-        if self.drive is None:
-            return classified(names, pairs)
-        one, on = self.drive.link, self.drive.on  # one link while the drive is locked
-        held = [p._replace(one=on if p.one == one else p.one, other=on if p.other == one else p.other) for p in pairs]
-        rest = tuple(name for name in names if name != one)
-        found, letters = classified(rest, list(dict.fromkeys(p for p in held if p.one != p.other)))
-        return f"I1+{found}", letters
-
     def link_names(self):
         return tuple(link for link, _ in self.members)
 
     def needs(self):
-        inside = set(self.link_names())
-        guided = (slot.guide.through for slot in self.slots if slot.guide.on not in inside)
-        return tuple(dict.fromkeys((*self.outer, *guided, *(point for _, point in self.lies_on()))))
-
-    def guides(self):
-        return tuple(slot.guide for slot in self.slots if slot.guide.on not in self.link_names())
+        return tuple(dict.fromkeys((*self.outer, *super().needs())))  # the first is a reference point
 
     def pins(self):
         return {link: (points[0], points[1] if len(points) > 1 else None) for link, points in self.members}
@@ -79,15 +62,14 @@ class AbstractChain(AbstractGroup):
     def holds(self):
         return {link: (points[0], None) for link, points in self.members}
 
-    def brings(self):
-        ends = [p for pair in self.pins().values() for p in pair if p is not None]
-        return tuple(dict.fromkeys(p for p in ends if p not in self.outer))
-
     def shared(self):
         return {p: "" if p in self.outer else links[0] for p, links in self._pins().items()}
 
     def wheels(self):
         return self.gears
+
+    def _geared_pairs(self) -> list[Gear]:
+        return [gear for gear in self.gears if isinstance(gear, Gear)]
 
     def mates(self) -> tuple[str, ...]:
         """The existing links whose angles its gears follow."""
@@ -114,6 +96,29 @@ class AbstractChain(AbstractGroup):
 
     def driving(self):
         return None if self.drive is None else self.drive.link
+
+    def as_drive(self):
+        return self.drive
+
+    def drive_slides(self):
+        return self.driven_slot() is not None
+
+    def numerical(self):
+        return True
+
+    def spots(self):
+        return self.sketch
+
+    def sliding(self):
+        return self.slots
+
+    def lost(self, at):
+        if at.side == "apart":
+            return at.apart()
+        if (told := super().lost(at)) is None and at.trouble == "change point":
+            what = "it has a change point or a singular position there"
+            return f"passes to another assembly mode near {at.place}: {what}", ""
+        return told
 
     def follows(self):
         return None if self.drive is None else self.drive.law

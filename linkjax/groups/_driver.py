@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -9,20 +10,22 @@ import jax.numpy as jnp
 
 from linkjax._types import as_float
 from linkjax._vec import unit, zero
-from linkjax.groups._base import AbstractGroup, Joint, Wrench
-from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._base import AbstractGroup, Wrench
+from linkjax.groups._drive import Drive
+from linkjax.groups._guide import Guide, Slot, as_guide
 from linkjax.groups._law import SENSES, AbstractLaw, Rotation, check_law, check_rotation
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._state import LinkState, PointState
 
 
 class AbstractDriver(AbstractGroup):
     """The link that the drive moves."""
 
-    def classified(self):
-        return "I1", self.pairs()[0].letter
-
     def driving(self):
         return self.link_names()[0]
+
+    def on_frame(self):
+        return self.needs()
 
     def singular_positions(self):
         return ()
@@ -63,14 +66,19 @@ class Crank(AbstractDriver):
     def follows(self):
         return self.law
 
+    def as_drive(self):
+        return Drive(self.link, FRAME, self.rotation, self.phase, self.law)
+
+    def shaft(self):
+        return self.sense
+
+    def turning(self, sense):
+        rotation = next(name for name, value in SENSES.items() if value == sense)
+        phase = self.phase if self.law is None else self.phase + self.law.begins()
+        return dataclasses.replace(self, rotation=rotation, phase=phase, law=None)
+
     def link_names(self):
         return (self.link,)
-
-    def needs(self):
-        return (self.pivot,)
-
-    def on_frame(self):
-        return (self.pivot,)
 
     def pins(self):
         return {self.link: (self.pivot, self.end)}
@@ -123,23 +131,11 @@ class LinearDriver(AbstractDriver):
     def link_names(self):
         return (self.link,)
 
-    def needs(self):
-        return (self.guide.through,)
-
-    def on_frame(self):
-        return (self.guide.through,)
-
-    def guides(self):
-        return (self.guide,)
+    def sliding(self):
+        return (Slot(self.link, self.guide),)
 
     def pins(self):
         return {self.link: (self.end, None)}
-
-    def brings(self):
-        return (self.end,)
-
-    def translating(self):
-        return (self.link,)
 
     def solve(self, links, states, points, phi):
         line, (s, d, dd) = self.guide.line(states, points), self.law.at(phi)

@@ -6,6 +6,8 @@ ch. 7.
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -14,9 +16,9 @@ from jaxtyping import Array
 
 from linkjax._types import as_float
 from linkjax._vec import Vec, unit
-from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench
+from linkjax.groups._base import AbstractGroup, Coupling, Wrench
 from linkjax.groups._mesh import Belt, Mesh, Teeth
-from linkjax.groups._pairs import FRAME
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._state import LinkState, carried
 from linkjax.groups._winding import Winding, always, counted, nothing
 
@@ -33,10 +35,11 @@ class AbstractWheel(AbstractGroup):
     def wheels(self):
         return (self,)
 
-    def classified(self):
-        return "G", "RG"
-
     def transmission(self, states, points):
+        return None
+
+    def crossed(self) -> bool | None:
+        """Whether the strands of its belt cross; None without a belt."""
         return None
 
     def in_gear(self, to: str) -> tuple[Joint, Joint]:
@@ -89,9 +92,6 @@ class Gear(AbstractWheel):
         """The links whose angles it follows."""
         return self.to, self.carrier
 
-    def needs(self):
-        return self.pivot, self.centre
-
     def lies_on(self):
         return ((self.carrier, self.pivot), (self.carrier, self.centre), (self.to, self.centre))
 
@@ -104,7 +104,19 @@ class Gear(AbstractWheel):
     def coupling(self) -> Coupling:
         """The quantity that the mesh keeps constant."""
         ratio = self.mesh.ratio()
-        return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {})
+        return Coupling({self.link: jnp.ones_like(ratio), self.to: -ratio, self.carrier: ratio - 1}, {}, self.phase)
+
+    def with_constant(self, value: float) -> Gear:
+        """The same with another constant of its mesh."""
+        return dataclasses.replace(self, phase=value)
+
+    def pitch_circles(self, apart: Callable[[str, str], float]) -> tuple[tuple[str, str, float], ...]:
+        """Circles to draw, as (link, centre, radius in m), from the distance `apart` of two points (m)."""
+        own, other = self.mesh.radii(apart(self.pivot, self.centre))
+        return (self.link, self.pivot, own), (self.to, self.centre, other)
+
+    def crossed(self):
+        return self.mesh.crossed if isinstance(self.mesh, Belt) else None
 
     def solve(self, links, states, points, phi):
         there, on = (counted(name, k, states, self.path, phi, self.cycle_turns) for k, name in enumerate(self.mates()))
@@ -118,6 +130,9 @@ class Gear(AbstractWheel):
     def margins(self, links, states, points, phi):
         apart = self.mesh.apart(points[self.centre].r - points[self.pivot].r)
         return {"turns": always(phi), "apart": apart}
+
+    def lost(self, at):
+        return at.apart() if at.side == "apart" else super().lost(at)
 
     def returns(self):
         if self.path is None:

@@ -52,9 +52,6 @@ class General(AbstractChain):
     path: Track | None = None
     cycle_turns: int = eqx.field(static=True, default=1)
 
-    def _geared_pairs(self) -> list[Gear]:
-        return [gear for gear in self.gears if isinstance(gear, Gear)]
-
     # ---- closure
 
     def _outside(self, known: Known) -> tuple[Array, Array]:
@@ -88,12 +85,12 @@ class General(AbstractChain):
         names, still = self.link_names(), jnp.zeros_like(size)
         rows = []
         for gear in self.gears:
-            held, per = gear.coupling(), size if isinstance(gear, Gear) else jnp.ones_like(size)
+            held, per = gear.coupling(), jnp.ones_like(size) if gear.sliding() else size
             outside = [held.angles[name] * known.angles[name] for name in held.angles if name in known.angles]
             rows.append(Geared(
                 per * jnp.stack([held.angles.get(name, still) for name in names]),
                 jnp.stack([still, *(held.ways.get(slot.block, still) for slot in self.slots)])[1:],
-                per * ((gear.phase if isinstance(gear, Gear) else gear.start) - sum(outside, still)),
+                per * (held.constant - sum(outside, still)),
             ))  # fmt: skip
         if not rows:
             return None
@@ -331,6 +328,10 @@ class General(AbstractChain):
             least = jnp.where(lost, jnp.maximum(least, value), least)  # unknown where the group does not close
             found["apart"] = Margin(least, jnp.zeros_like(least), jnp.zeros_like(least))
         return found
+
+    def shortfall(self, side, links, states, points):
+        ends = self.path is not None and bool(self.path.ends())
+        return "its loops do not close there, or only in another assembly mode" if ends and side == "loops" else ""
 
     def returns(self):
         if self.path is None:

@@ -43,6 +43,13 @@ def as_guide(guide: Guide | str) -> Guide:
     return Guide(guide) if isinstance(guide, str) else guide
 
 
+class Slot(eqx.Module):
+    """A sliding joint: the `block` moves along the `guide`, on the frame or on a link."""
+
+    block: str = eqx.field(static=True)
+    guide: Guide = eqx.field(converter=as_guide)
+
+
 class Seen(NamedTuple):
     """A coordinate of a point relative to a line, with its derivatives with respect to the crank angle."""
 

@@ -71,6 +71,12 @@ class Teeth(eqx.Module):
         """The same mesh, as that of the other gear."""
         return Teeth((self.teeth[1], self.teeth[0]), self.internal, self.pressure_angle)
 
+    def radii(self, apart: float) -> tuple[float, float]:
+        """Pitch radii of the gear and of the other one (m), from the distance of their axes."""
+        mine, other = self.teeth
+        whole = abs(mine - other) if self.internal else mine + other
+        return apart * mine / whole, apart * other / whole
+
     def apart(self, span: Vec) -> Margin:
         """Positive unless the axes coincide: pitch circles exist for any other centre distance."""
         gap = jnp.where(span.squared() > 0, 1.0, -1.0).astype(span.x.dtype)
@@ -115,6 +121,10 @@ class Belt(eqx.Module):
     def turned_round(self) -> Belt:
         """The same belt, as that of the other pulley."""
         return Belt(self.other, self.radius, self.crossed, self.tension)
+
+    def radii(self, apart: float) -> tuple[float, float]:
+        """Radii of the pulley and of the other one (m), for any distance of their axes."""
+        return float(self.radius), float(self.other)
 
     def _slope(self, span: Vec) -> Array:
         """Sine of the angle between the strands and the line of centres."""

@@ -1,4 +1,4 @@
-"""The kinematic pairs of a group."""
+"""The joints of a group."""
 
 from __future__ import annotations
 
@@ -7,18 +7,32 @@ from typing import NamedTuple
 FRAME = "frame"
 
 
-class Pair(NamedTuple):
-    """A pair between two links, or a link and the frame: "R" turns about the point, "P" slides along a guide, "G" is a
-    mesh of gears carried by `on`, the first of them a rack if `rack`."""
+class Joint(NamedTuple):
+    """A joint of a group: its name, the reference point of its moments, and the two links that it joins.
 
-    letter: str
+    `by` is "frame", a link, or None for the link that the point belongs to. In a joint that `slides`, called
+    `<link>.guide`, the link moves along a straight line of the other. In one that `meshes`, called `<link>.mesh`, both
+    are in mesh. In any other joint the link turns about the point.
+    """
+
     name: str
-    one: str
-    other: str
-    on: str = FRAME
-    rack: bool = False
+    point: str
+    link: str
+    by: str | None = None
+    slides: bool = False
+    meshes: bool = False
 
     @property
-    def ends(self) -> tuple[str, str]:
-        """The two links that it joins."""
-        return self.one, self.other
+    def drives(self) -> bool:
+        """Whether it is the drive and no joint: called `<link>.drive`, it only transmits the force of the drive."""
+        return self.name.endswith(".drive")
+
+    @property
+    def pins(self) -> bool:
+        """Whether the link turns about the point."""
+        return not (self.slides or self.meshes or self.drives)
+
+    @property
+    def letter(self) -> str:
+        """P for a sliding joint, G for gears in mesh, otherwise R."""
+        return "P" if self.slides else "G" if self.meshes else "R"

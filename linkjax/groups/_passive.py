@@ -14,8 +14,10 @@ import jax.numpy as jnp
 
 from linkjax._numerics import largest, safe_divide, safe_sqrt
 from linkjax._vec import zero
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart
-from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_apart
+from linkjax.groups._guide import Guide, Slot, as_guide
+from linkjax.groups._lost import Lost
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState
 
 FITS = 1e-6  # largest misfit of a redundant link, relative to its length or to the longest link
@@ -26,6 +28,11 @@ def fit(off, size) -> Margin:
     value, d, dd = (safe_divide(part, FITS * size) for part in off)
     sign = jnp.sign(value)
     return Margin(1 - jnp.abs(value), -sign * d, -sign * dd)
+
+
+def misfit(at: Lost, what: str, of: str) -> str:
+    """The problem of a redundant link that does not fit."""
+    return f"does not fit: at {at.degrees:.2f} degrees {what} {(1 - at.value) * FITS:.3g} of {of}"
 
 
 class RedundantLink(AbstractGroup):
@@ -50,17 +57,8 @@ class RedundantLink(AbstractGroup):
     def passive(self):
         return True
 
-    def classified(self):
-        return "passive", self.kind
-
-    def needs(self):
-        return self.from_, self.to
-
     def pins(self):
         return {self.link: (self.from_, self.to)}
-
-    def brings(self):
-        return ()
 
     def shared(self):
         return {self.from_: "", self.to: ""}
@@ -85,6 +83,9 @@ class RedundantLink(AbstractGroup):
         length, r = links[self.link].length, safe_sqrt(s.squared())
         d = safe_divide(s.dot(ds), r)
         return {"fits": fit((r - length, d, safe_divide(s.dot(dds) + ds.squared() - d * d, r)), length)}
+
+    def lost(self, at):
+        return misfit(at, "its error is", "its length"), ""
 
     def transmission(self, states, points):
         return None
@@ -118,20 +119,11 @@ class RedundantSlider(AbstractGroup):
     def passive(self):
         return True
 
-    def classified(self):
-        return "passive", self.kind
-
-    def needs(self):
-        return self.from_, self.guide.through
-
-    def guides(self):
-        return (self.guide,)
+    def sliding(self):
+        return (Slot(self.block, self.guide),)
 
     def pins(self):
         return {self.block: (self.from_, None)}
-
-    def brings(self):
-        return ()
 
     def shared(self):
         return {self.from_: ""}
@@ -145,6 +137,9 @@ class RedundantSlider(AbstractGroup):
     def margins(self, links, states, points, phi):
         size = largest(jnp.stack([link.length for link in links.values()]))
         return {"fits": fit(self.guide.line(states, points).height(points[self.from_]), size)}
+
+    def lost(self, at):
+        return misfit(at, "the distance of its pin from the guide is", "the longest link"), ""
 
     def transmission(self, states, points):
         return None

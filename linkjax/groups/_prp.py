@@ -11,8 +11,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
-from linkjax.groups._guide import Guide, as_guide, crossing
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_side
+from linkjax.groups._guide import Guide, Slot, as_guide, crossing
+from linkjax.groups._pairs import Joint
 
 
 def _guides(slots: tuple[Guide | str, Guide | str]) -> tuple[Guide, Guide]:
@@ -46,17 +47,11 @@ class PRP(AbstractGroup):
     def link_names(self):
         return self.blocks
 
-    def needs(self):
-        return tuple(slot.through for slot in self.slots)
-
-    def guides(self):
-        return self.slots
+    def sliding(self):
+        return tuple(Slot(block, guide) for block, guide in zip(self.blocks, self.slots, strict=True))
 
     def pins(self):
         return dict.fromkeys(self.blocks, (self.meet, None))
-
-    def translating(self):
-        return tuple(block for block, slot in zip(self.blocks, self.slots, strict=True) if slot.on == "frame")
 
     def _lines(self, states, points):
         one, two = self.slots
@@ -75,6 +70,9 @@ class PRP(AbstractGroup):
         sine, cosine, turn = one.u.cross(two.u), one.u.dot(two.u), two.w - one.w
         d, dd = cosine * turn, cosine * (two.e - one.e) - sine * turn * turn
         return {"parallel": Margin(self.side * sine, self.side * d, self.side * dd)}
+
+    def lost(self, at):
+        return at.parallel() if at.side == "parallel" else super().lost(at)
 
     def transmission(self, states, points):
         u, v = (states[block].u for block in self.blocks)

@@ -6,6 +6,8 @@ Source: rolling of the pitch circle on the pitch line of the rack, e.g. Artobole
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
@@ -13,11 +15,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._types import as_float, known
-from linkjax.groups._base import AbstractGroup, Coupling, Joint, Wrench, check_side
+from linkjax.groups._base import AbstractGroup, Coupling, Wrench, check_side
 from linkjax.groups._gear import AbstractWheel
-from linkjax.groups._guide import Guide, Line, as_guide
+from linkjax.groups._guide import Guide, Line, Slot, as_guide
 from linkjax.groups._mesh import PRESSURE, check_pressure, push
-from linkjax.groups._pairs import FRAME
+from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._winding import Winding, always, counted, nothing
 
 
@@ -66,26 +68,14 @@ class Rack(AbstractGroup):
     def link_names(self):
         return (self.link,)
 
-    def classified(self):
-        return "G", "PG"
-
-    def needs(self):
-        return self.guide.through, self.centre
-
     def lies_on(self):
         return ((self.guide.on, self.centre), (self.to, self.centre))
 
-    def guides(self):
-        return (self.guide,)
+    def sliding(self):
+        return (Slot(self.link, self.guide),)
 
     def pins(self):
         return {self.link: (self.end, None)}
-
-    def brings(self):
-        return (self.end,)
-
-    def translating(self):
-        return (self.link,) if self.guide.on == FRAME else ()
 
     def wheels(self):
         return (self,)
@@ -93,7 +83,19 @@ class Rack(AbstractGroup):
     def coupling(self) -> Coupling:
         """The quantity that the mesh keeps constant."""
         rolled = self.side * self.radius
-        return Coupling({self.to: -rolled, self.guide.on: rolled}, {self.link: jnp.ones_like(rolled)})
+        return Coupling({self.to: -rolled, self.guide.on: rolled}, {self.link: jnp.ones_like(rolled)}, self.start)
+
+    def with_constant(self, value: float) -> Rack:
+        """The same with another constant of its mesh."""
+        return dataclasses.replace(self, start=value)
+
+    def pitch_circles(self, apart: Callable[[str, str], float]) -> tuple[tuple[str, str, float], ...]:
+        """Circles to draw, as (link, centre, radius in m), from the distance `apart` of two points (m)."""
+        return ((self.to, self.centre, float(self.radius)),)
+
+    def crossed(self) -> bool | None:
+        """Whether the strands of its belt cross; None without a belt."""
+        return None
 
     def solve(self, links, states, points, phi):
         there, on = (counted(name, k, states, self.path, phi, self.cycle_turns) for k, name in enumerate(self.mates()))
@@ -174,14 +176,8 @@ class Pinion(AbstractWheel):
         """The links whose angles it follows."""
         return (self.carrier,)
 
-    def needs(self):
-        return (self.pivot, self.at, *self._through())
-
-    def _through(self) -> tuple[str, ...]:
-        return (self.through,) if self.through else ()
-
     def lies_on(self):
-        return (*((self.carrier, p) for p in (self.pivot, *self._through())), (self.to, self.at))
+        return (*((self.carrier, p) for p in (self.pivot, self.through) if p), (self.to, self.at))
 
     def slides_on(self):
         return ((self.to, self.carrier),)
@@ -194,8 +190,12 @@ class Pinion(AbstractWheel):
 
     def coupling(self) -> Coupling:
         """The quantity that the mesh keeps constant."""
-        one = jnp.ones_like(self.radius)
-        return Coupling({self.link: one, self.carrier: -one}, {self.to: -self.side / self.radius})
+        one, per = jnp.ones_like(self.radius), self.side / self.radius
+        return Coupling({self.link: one, self.carrier: -one}, {self.to: -per}, self.phase - per * self.start)
+
+    def pitch_circles(self, apart: Callable[[str, str], float]) -> tuple[tuple[str, str, float], ...]:
+        """Circles to draw, as (link, centre, radius in m), from the distance `apart` of two points (m)."""
+        return ((self.link, self.pivot, float(self.radius)),)
 
     def solve(self, links, states, points, phi):
         rack, base = states[self.to], points[self.through or self.pivot]

@@ -16,8 +16,9 @@ import numpy as np
 from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float, known
 from linkjax._vec import unit
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench
-from linkjax.groups._guide import Guide, Line, as_guide, crossing
+from linkjax.groups._base import AbstractGroup, Margin, Wrench
+from linkjax.groups._guide import Guide, Line, Slot, as_guide, crossing
+from linkjax.groups._pairs import Joint
 
 
 class RPP(AbstractGroup):
@@ -46,17 +47,11 @@ class RPP(AbstractGroup):
     def link_names(self):
         return (self.link, self.block)
 
-    def needs(self):
-        return (self.from_, self.guide.through)
-
-    def guides(self):
-        return (self.guide,)
+    def sliding(self):
+        return Slot(self.link, self.guide), Slot(self.block, Guide(self.end, self.slot, self.offset, self.link))
 
     def pins(self):
         return {self.link: (self.end, None), self.block: (self.from_, None)}
-
-    def translating(self):
-        return (self.link, self.block) if self.guide.on == "frame" else ()
 
     def solve(self, links, states, points, phi):
         path = self.guide.line(states, points)
@@ -70,6 +65,9 @@ class RPP(AbstractGroup):
         sine = unit(self.slot).y
         none = jnp.zeros_like(points[self.from_].r.x)
         return {"parallel": Margin(safe_sqrt(sine * sine) + none, none, none)}
+
+    def lost(self, at):
+        return at.parallel() if at.side == "parallel" else super().lost(at)
 
     def transmission(self, states, points):
         u, v = states[self.link].u, states[self.block].u

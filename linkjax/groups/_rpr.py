@@ -14,7 +14,9 @@ import jax.numpy as jnp
 from linkjax._numerics import once, safe_divide, safe_sqrt
 from linkjax._types import as_float
 from linkjax._vec import Vec
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_apart, check_side
+from linkjax.groups._guide import Guide, Slot
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -43,11 +45,11 @@ class RPR(AbstractGroup):
     def link_names(self):
         return (self.link, self.block)
 
-    def needs(self):
-        return (self.from_, self.about)
-
     def pins(self):
         return {self.link: (self.about, self.end), self.block: (self.from_, None)}
+
+    def sliding(self):
+        return (Slot(self.block, Guide(self.about, 0.0, self.offset, self.link)),)
 
     def _span(self, points):
         """From the lever's pivot to the block's pin; of length one where they coincide (no positive margin)."""
@@ -84,6 +86,11 @@ class RPR(AbstractGroup):
         ddr = safe_divide(d.dot(c) + v.squared() - dr * dr, r)
         off = safe_sqrt(self.offset * self.offset)  # with derivative zero at zero
         return {"pivot": Margin((r - off) / length, dr / length, ddr / length)}
+
+    def shortfall(self, side, links, states, points):
+        away = float(safe_sqrt((points[self.from_].r - points[self.about].r).squared()))
+        offset = f"less than its offset of {abs(float(self.offset)):.4g} m"
+        return f"its pins {self.about!r} and {self.from_!r} are {away:.4g} m apart, {offset}"
 
     def transmission(self, states, points):
         d = self._span(points)

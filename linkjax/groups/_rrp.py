@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_sqrt
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_side
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_side
 from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
-from linkjax.groups._guide import Guide, as_guide
+from linkjax.groups._guide import Guide, Slot, as_guide
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -43,17 +45,11 @@ class RRP(AbstractGroup):
     def link_names(self):
         return (self.link, self.block)
 
-    def needs(self):
-        return (self.from_, self.guide.through)
-
-    def guides(self):
-        return (self.guide,)
+    def sliding(self):
+        return (Slot(self.block, self.guide),)
 
     def pins(self):
         return {self.link: (self.from_, self.end), self.block: (self.end, None)}
-
-    def translating(self):
-        return (self.block,) if self.guide.on == "frame" else ()
 
     def solve(self, links, states, points, phi):
         length = links[self.link].length
@@ -112,6 +108,17 @@ class RRP(AbstractGroup):
             "left": Margin((length - q) / length + beyond, -dq / length, -ddq / length),
             "right": Margin((length + q) / length + beyond, dq / length, ddq / length),
         }
+
+    def continues(self):
+        return self.branch == "continue"
+
+    def continued(self):
+        return dataclasses.replace(self, branch="continue")
+
+    def shortfall(self, side, links, states, points):
+        off = abs(float(self.guide.line(states, points).height(points[self.from_]).value))
+        rod = f"{self.link!r} ({float(links[self.link].length):.4g} m) does not reach that far"
+        return f"its pin {self.from_!r} is {off:.4g} m off the path of {self.end!r}, and {rod}"
 
     def returns(self):
         return None if self.path is None else self.path.comes_back()

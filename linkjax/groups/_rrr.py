@@ -6,6 +6,7 @@ ch. 13 (reactions); the crossing height in product form is Heron's formula.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -13,8 +14,9 @@ import jax.numpy as jnp
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec
-from linkjax.groups._base import AbstractGroup, Joint, Margin, Wrench, check_apart, check_side
+from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_apart, check_side
 from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
+from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
 
 
@@ -44,9 +46,6 @@ class RRR(AbstractGroup):
 
     def link_names(self):
         return self.links
-
-    def needs(self):
-        return (self.from_, self.to)
 
     def pins(self):
         return {self.links[0]: (self.from_, self.meet), self.links[1]: (self.to, self.meet)}
@@ -122,6 +121,19 @@ class RRR(AbstractGroup):
             "stretched": Margin((total - r) / total + beyond, -dr / total, -ddr / total),
             "folded": Margin((r - jnp.abs(l1 - l2)) / total + beyond, dr / total, ddr / total),
         }
+
+    def continues(self):
+        return self.branch == "continue"
+
+    def continued(self):
+        return dataclasses.replace(self, branch="continue")
+
+    def shortfall(self, side, links, states, points):
+        away = float(safe_sqrt((points[self.to].r - points[self.from_].r).squared()))
+        one, two = (f"{link!r} ({float(links[link].length):.4g} m)" for link in self.links)
+        pins = f"its pins {self.from_!r} and {self.to!r} are {away:.4g} m apart"
+        far = side == "stretched"
+        return f"{pins}, and {one} and {two} {'do not reach that far' if far else 'differ in length by more'}"
 
     def returns(self):
         return None if self.path is None else self.path.comes_back()

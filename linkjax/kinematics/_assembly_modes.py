@@ -8,7 +8,7 @@ C(2 k, k) modes: Wampler, Solving the kinematics of planar mechanisms by Dixon d
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +20,7 @@ from linkjax._vec import Vec
 from linkjax.groups import General, closed_to
 from linkjax.kinematics._pose import before_group, prepared
 from linkjax.mechanism import Mechanism
+from linkjax.topology import pairs_of
 
 STARTS = 60  # random starts per possible mode
 SAME = 1e-6  # of directions: two modes that differ by less are the same
@@ -61,16 +62,15 @@ def assembly_modes(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str,
     mechanism, found = prepared(mechanism), {}
     angle = jnp.asarray(phi, dtype=float)
     for number, group in enumerate(mechanism.groups):
-        if isinstance(group, General) and not group.gears:
+        if group.numerical() and not group.wheels():
             states, points = before_group(mechanism, number, angle)
             found["-".join(group.link_names())] = _assemblies(group, mechanism.links, states, points, angle)
     return found
 
 
-def _assemblies(group: General, links, states, points, phi) -> AssemblyModes:
+def _assemblies(group: Any, links, states, points, phi) -> AssemblyModes:
     places = {link: {p: complex(at.x, at.y) for p, at in spots.items()} for link, spots in group.places(links).items()}
-    pairs = group.pairs()
-    loops = len(pairs) - len(group.members)
+    loops = len(pairs_of(group)) - len(group.members)
     upper_bound = math.comb(2 * loops, loops)
     outer = {name: complex(at.r.x, at.r.y) for name, at in points.items()}
     starts = _of_triad(group, places, outer)

@@ -27,7 +27,7 @@ from linkjax._search import (
     towards_least,
 )
 from linkjax._vec import Vec
-from linkjax.groups import BEYOND, Crank, Margin, Track
+from linkjax.groups import BEYOND, Margin, Track
 from linkjax.kinematics._pose import Pose, check_mechanism, margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
@@ -178,7 +178,7 @@ def _at(ends: dict[str, bool], here: Pose) -> list[Vec]:
 
 def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
     """Pins of sliders (True) and links pivoted on the frame (False), without a driving crank that has no motion law."""
-    ends, turning = {}, isinstance(mechanism.driver, Crank) and not mechanism.prescribed
+    ends, turning = {}, mechanism.driver.shaft() is not None and not mechanism.prescribed
     for group in mechanism.groups[turning:]:
         ends |= {joint.point: True for joint in group.joints() if joint.slides and joint.by == "frame"}
         for link, pins in group.pins().items():

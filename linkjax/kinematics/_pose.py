@@ -86,6 +86,7 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
         states, pins = group.solve(mechanism.held_by(group), links, points, phi)
         links |= states
         points |= pins
+        still = group.translating()
         for name, (origin, far) in group.holds().items():
             link = mechanism.links[name]
             body, held = link.actual(), link.held(origin, far)
@@ -97,7 +98,7 @@ def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scala
                 if point in points and (point in group.shared() or point in link.pins):
                     continue  # a joint: the link is pinned there
                 at = at if held is None else at - held.origin
-                points[point] = carried(points[origin], links[name], at, name in group.translating())
+                points[point] = carried(points[origin], links[name], at, name in still)
     return Pose(points, links, bodies)
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkjax.groups import Crank, General, Track, closed_to
+from linkjax.groups import AbstractGroup, General, Track, closed_to
 from linkjax.kinematics._crossings import crossings, margins_at, sound
 from linkjax.kinematics._cycle import scan_angles
 from linkjax.kinematics._fold import folded
@@ -69,22 +69,20 @@ def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange
     ch. 2.
     """
     check_mechanism(mechanism)
-    crank, law, begin = mechanism.groups[0], mechanism.driver.follows(), 0.0
-    if isinstance(crank, Crank) and law is not None:
+    driver, law, begin = mechanism.driver, mechanism.driver.follows(), 0.0
+    crank = None if (sense := driver.shaft()) is None else driver.turning(sense)
+    if crank is not None and law is not None:
         begin = law.begins()  # the angle of the sketch
-        crank = dataclasses.replace(crank, law=None, phase=crank.phase + begin)
     elif law is not None:
         cycle_turns = max(cycle_turns, round(law.period() / (2 * math.pi)))
-    mechanism, whole = dataclasses.replace(mechanism, groups=(crank, *mechanism.groups[1:])), 2 * math.pi * cycle_turns
+    mechanism = dataclasses.replace(mechanism, groups=(crank or driver, *mechanism.groups[1:]))
+    whole = 2 * math.pi * cycle_turns
     if not any(group.singular_positions() for group in mechanism.groups):
         return (CrankRange(0.0, whole, "", ""),)
     ready = prepared(mechanism, cycle_turns)  # again: a new mechanism has no paths
-    if (
-        isinstance(crank, Crank)
-        and any(group.wheels() for group in mechanism.groups)
-        and not _repeats(ready, cycle_turns)
-    ):
-        found = _on_a_line(mechanism, crank, cycle_turns)
+    back = None if sense is None else driver.turning(-sense)
+    if back is not None and any(group.wheels() for group in mechanism.groups) and not _repeats(ready, cycle_turns):
+        found = _on_a_line(mechanism, back, cycle_turns)
     else:
         found = _turn_by_turn(mechanism, ready, cycle_turns)
     if found and not (found[0].at_start or found[0].at_stop) and found[0].start == 0.0:
@@ -98,7 +96,7 @@ def _repeats(mechanism: Mechanism, cycle_turns: int) -> bool:
     singular position may leave no digits. A group of higher class that is not assembled there does not count."""
     at = np.arange(SEEN) * (2 * math.pi / SEEN)
     first, after = np.split(margins_at(mechanism, np.append(at, at + 2 * math.pi * cycle_turns))[0], 2)
-    general = [isinstance(group, General) for group in mechanism.groups for _ in group.singular_positions()]
+    general = [group.numerical() for group in mechanism.groups for _ in group.singular_positions()]
     seen = np.all(first[:, general] > 0, axis=1) | np.all(after[:, general] > 0, axis=1)
     same = np.all(abs(after - first) < closed_to(first.dtype), axis=1)
     return bool(np.sum(seen & same) >= np.sum(seen & ~same))
@@ -149,12 +147,11 @@ def _on_a_circle(mechanism: Mechanism, cycle_turns: int) -> tuple[CrankRange, ..
     return _in_order(ranges)
 
 
-def _on_a_line(mechanism: Mechanism, crank: Crank, cycle_turns: int) -> tuple[CrankRange, ...]:
+def _on_a_line(mechanism: Mechanism, back: AbstractGroup, cycle_turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a mechanism whose motion is not periodic, up and down from zero. Paths are followed upwards only, so
-    the ranges below zero are found with reversed rotation of the crank."""
-    longest = LONGEST if any(isinstance(group, General) for group in mechanism.groups) else SLOW
-    ways = [dataclasses.replace(crank, rotation="cw" if crank.rotation == "ccw" else "ccw"), crank]
-    both = [dataclasses.replace(mechanism, groups=(way, *mechanism.groups[1:])) for way in ways]
+    the ranges below zero are found with the crank that turns `back`."""
+    longest = LONGEST if any(group.numerical() for group in mechanism.groups) else SLOW
+    both = [dataclasses.replace(mechanism, groups=(back, *mechanism.groups[1:])), mechanism]
     at_zero = _margin_names(mechanism)[int(np.argmin(margins_at(prepared(mechanism, cycle_turns), np.zeros(1))[0]))]
     nothing = CrankRange(0.0, 0.0, "", at_zero)
     while True:
@@ -248,7 +245,7 @@ def _in_order(ranges: Sequence[CrankRange]) -> tuple[CrankRange, ...]:
 
 def _sharpened(mechanism: Mechanism, owner: int, end: float, inwards: float) -> float:
     """An end of a range, refined if a group of higher class causes it; `inwards` leads to the middle of the range."""
-    if not isinstance(mechanism.groups[owner], General):
+    if not mechanism.groups[owner].numerical():
         return end
     inside = end + math.copysign(min(CLOSE, abs(inwards)), inwards)
     return folded(mechanism, owner, inside, end, min(STEP, abs(inwards)))

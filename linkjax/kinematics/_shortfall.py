@@ -1,11 +1,10 @@
-"""The shortfall of a dyad that cannot be assembled, in its own lengths."""
+"""The shortfall of a group that cannot be assembled, in its own lengths."""
 
 from __future__ import annotations
 
 import jax.numpy as jnp
 
 from linkjax._types import Scalar
-from linkjax.groups import RPR, RRP, RRR, General
 from linkjax.kinematics._pose import margins, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
@@ -14,27 +13,11 @@ OPEN = 1e-6  # a margin below minus this cannot be assembled; closer to zero the
 
 def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -> str:
     """A phrase for messages: the distance of the pins of this group at the crank angle `phi` (rad) and the reach of its
-    links, or the margin of a group of another kind. Not for use under JAX transformations."""
+    links, or its margin. Not for use under JAX transformations."""
     mechanism = prepared(mechanism)
     group, here = named_groups(mechanism)[name], pose(mechanism, jnp.asarray(phi))
-    links, points = mechanism.held_by(group), here.points
-    if isinstance(group, RRR):
-        away = float(jnp.sqrt((points[group.to].r - points[group.from_].r).squared()))
-        one, two = (f"{link!r} ({float(links[link].length):.4g} m)" for link in group.links)
-        pins = f"its pins {group.from_!r} and {group.to!r} are {away:.4g} m apart"
-        far = side == "stretched"
-        return f"{pins}, and {one} and {two} {'do not reach that far' if far else 'differ in length by more'}"
-    if isinstance(group, RRP):
-        off = abs(float(group.guide.line(here.links, points).height(points[group.from_]).value))
-        rod = f"{group.link!r} ({float(links[group.link].length):.4g} m) does not reach that far"
-        return f"its pin {group.from_!r} is {off:.4g} m off the path of {group.end!r}, and {rod}"
-    if isinstance(group, RPR):
-        away = float(jnp.sqrt((points[group.from_].r - points[group.about].r).squared()))
-        offset = f"less than its offset of {abs(float(group.offset)):.4g} m"
-        return f"its pins {group.about!r} and {group.from_!r} are {away:.4g} m apart, {offset}"
-    if side == "loops" and isinstance(group, General) and group.path is not None and bool(group.path.ends()):
-        return "its loops do not close there, or only in another assembly mode"
-    return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
+    told = group.shortfall(side, mechanism.held_by(group), here.links, here.points)
+    return told or f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
 
 
 def not_assembled_at_start(mechanism: Mechanism) -> tuple[str, str] | None:

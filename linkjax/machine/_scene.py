@@ -15,7 +15,6 @@ from jaxtyping import Array
 from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import Crank
 from linkjax.kinematics import prepared
 from linkjax.loads import AbstractLoad, Window
 from linkjax.machine._text import scene_text
@@ -75,7 +74,7 @@ class Scene(eqx.Module):
         if law is not None and self.target_delta is not None:
             problem = "has no effect: the driver follows a law, so its speed does not fluctuate"
             raise StructureError("target_delta", problem, "delete target_delta or the law")
-        if self.target_delta is not None and not isinstance(self.mechanism.driver, Crank):
+        if self.target_delta is not None and self.mechanism.driver.shaft() is None:
             problem = "has no effect: a flywheel needs a driving crank on the frame, and there is none"
             raise StructureError("target_delta", problem, "delete it")
         if not isinstance(self.loads, tuple) or not all(isinstance(load, AbstractLoad) for load in self.loads):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from linkjax._display import NONE, Numbers, aligned
-from linkjax.groups import Crank, General, Harmonic, Spline
+from linkjax.groups import Harmonic, Spline
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
 from linkjax.mechanism import Mechanism
 
@@ -88,12 +88,10 @@ def speed_text(scene: Any, show: Numbers) -> str:
 
 def drive_text(mechanism: Mechanism, show: Numbers) -> str:
     """What drives, and how it moves: its rotation, or its motion law."""
-    driver, law = mechanism.driver, mechanism.driver.follows()
-    drive: Any = getattr(driver, "drive", None) or driver
-    slides = driver.driven_slot() is not None if isinstance(driver, General) else not isinstance(driver, Crank)
-    on = getattr(drive, "on", "frame")
-    who = mechanism.driving_link if on == "frame" else f"{mechanism.driving_link} on {on}"
-    phase = 0.0 if slides else float(getattr(drive, "phase", None) or 0.0)
+    drive, slides = mechanism.driver.as_drive(), mechanism.driver.drive_slides()
+    assert drive is not None  # see `check_structure`
+    law, who = drive.law, drive.link if drive.on == "frame" else f"{drive.link} on {drive.on}"
+    phase = 0.0 if slides or drive.phase is None else float(drive.phase)
     if law is None:
         return f"{who} rotates {ROTATION[drive.rotation]}, phase {show.turned(phase)}"
     if not isinstance(law, Harmonic | Spline):

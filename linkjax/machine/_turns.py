@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from linkjax._types import known
-from linkjax.groups import AbstractGroup, Crank, Gear, Pinion, Rack
+from linkjax.groups import AbstractGroup
 from linkjax.mechanism import Mechanism, StructureError
 
 WHOLE = 1e-9  # largest difference of a number of turns from an integer
@@ -17,8 +18,8 @@ MOST = 1000  # cycles tried for the remedy
 def check_turns(mechanism: Mechanism, cycle_turns: int) -> None:
     """Raise `StructureError` if a gear does not return to its initial position after the cycle, or a rack does not."""
     crank, turns = mechanism.driver, {"frame": 0.0}
-    if isinstance(crank, Crank):
-        turns[crank.link] = float(cycle_turns * crank.sense) if crank.law is None else 0.0
+    if (sense := crank.shaft()) is not None:
+        turns[mechanism.driving_link] = 0.0 if mechanism.prescribed else float(cycle_turns * sense)
     for group in mechanism.groups:
         rows = [_angles(wheel) for wheel in group.wheels()]
         if all(row is not None for row in rows):
@@ -36,7 +37,7 @@ def _near(count: float) -> bool:
     return abs(count - round(count)) < WHOLE
 
 
-def _angles(wheel: Gear | Rack | Pinion) -> dict[str, float] | None:
+def _angles(wheel: Any) -> dict[str, float] | None:
     """Factors of the angles in the constraint of a gear, rack or pinion, scaled to a maximum of one, as plain numbers;
     None if they are traced or batched."""
     values = {name: known(factor) for name, factor in wheel.coupling().angles.items()}
@@ -55,7 +56,7 @@ def _solved(group: AbstractGroup, rows: Sequence[Mapping[str, float]], turns: Ma
         return {}
     matrix = np.array([[row.get(name, 0.0) for name in unknown] for row in rows]).reshape(len(rows), len(unknown))
     right = -np.array([sum(factor * turns[name] for name, factor in row.items() if name in turns) for row in rows])
-    racks = [i for i, wheel in enumerate(group.wheels()) if isinstance(wheel, Rack)]
+    racks = [i for i, wheel in enumerate(group.wheels()) if wheel.sliding()]
     gears = [i for i in range(len(rows)) if i not in racks]
     counts, _, rank, _ = np.linalg.lstsq(matrix[gears], right[gears])
     if rank < len(unknown):

@@ -15,7 +15,6 @@ from jaxtyping import Array
 
 from linkjax._numerics import largest, safe_divide, wrapped
 from linkjax._numerics import smallest as least_of
-from linkjax.groups import General
 from linkjax.kinematics import Least, find_margins
 from linkjax.machine import Scene, nameless
 from linkjax.measures import _forces
@@ -249,8 +248,8 @@ def min_margin(of: Parts) -> Rows:
 
 
 def no_transmission_angle(mechanism: Mechanism) -> bool:
-    """Whether all groups are of higher class (`General`), which have no transmission angle."""
-    driver, *groups = (isinstance(group, General) for group in mechanism.groups)
+    """Whether all groups are of higher class, which have no transmission angle."""
+    driver, *groups = (group.numerical() for group in mechanism.groups)
     return all(groups) and (driver or len(groups) > 0)
 
 

@@ -1,6 +1,5 @@
 """Links and their composition: plain data, no mechanics."""
 
-from linkjax.mechanism._freedom import shared_forces as shared_forces
 from linkjax.mechanism._link import Body as Body
 from linkjax.mechanism._link import Counterweight as Counterweight
 from linkjax.mechanism._link import Flywheel as Flywheel
@@ -11,5 +10,3 @@ from linkjax.mechanism._linkage import linkage as linkage
 from linkjax.mechanism._mechanism import Mechanism as Mechanism
 from linkjax.mechanism._mechanism import StructureError as StructureError
 from linkjax.mechanism._mechanism import structure as structure
-from linkjax.mechanism._structure import Part as Part
-from linkjax.mechanism._structure import Structure as Structure

@@ -8,6 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import jax.numpy as jnp
 
@@ -27,7 +28,6 @@ from linkjax.groups import (
     General,
     LinearDriver,
     LinkState,
-    Pair,
     Slot,
     at_rest,
     closed_to,
@@ -37,6 +37,7 @@ from linkjax.mechanism._geared import Wheels
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._sketched import UNSURE
 from linkjax.mechanism._start import number
+from linkjax.topology import Pair
 
 PARALLEL = 1e-9  # sine of the angle between two guides of an RPP that count as parallel, as in that group
 Path = tuple[complex, complex]
@@ -63,7 +64,7 @@ class Attachment:
                 raise StructureError("links", problem, remedy or "change these links or their joints") from error
             made.append(group)
             placed |= set(part)
-            if isinstance(group, General) and part != parts[-1]:
+            if group.numerical() and part != parts[-1]:
                 self._settle(group)
         return made
 
@@ -107,7 +108,7 @@ class Attachment:
         self.wheels.check_phases(group)
         return group
 
-    def _settle(self, group: General) -> None:
+    def _settle(self, group: Any) -> None:
         """Find the places of the links of a numerically solved group if its loops close."""
         drawing = self.drawing
         points = {p: at_rest(Vec(drawing.spots[p].real, drawing.spots[p].imag)) for p in group.needs()}

@@ -12,12 +12,12 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import FRAME, Drive, GearPair, Guide, Pair, RackPair, Slot
-from linkjax.mechanism._freedom import freedom
+from linkjax.groups import FRAME, Drive, GearPair, Guide, RackPair, Slot
 from linkjax.mechanism._geared import pairs_of
 from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._passive import passive_links
+from linkjax.topology import Pair, freedom
 
 Place = Vec | Sequence[float | int]
 

@@ -10,10 +10,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from linkjax._units import nearest
-from linkjax.groups import FRAME, AbstractGroup, Drive, Gear, GearPair, General, Pair, Pinion, Rack, RackPair, Slot
+from linkjax.groups import FRAME, AbstractGroup, Drive, Gear, GearPair, General, Pinion, Rack, RackPair, Slot
 from linkjax.mechanism._link import Link
 from linkjax.mechanism._mechanism import StructureError
 from linkjax.mechanism._start import degrees, metres, number
+from linkjax.topology import Pair
 
 ASTRAY = 0.5  # rad: largest misfit of the sketched carrier of a gear that is not sketched
 Pins = Mapping[str, Sequence[str]]
@@ -45,27 +46,32 @@ def pairs_of(
 ) -> list[Pair]:
     """The gear pairs. Raises `StructureError` for gears and racks that form no pair."""
     found = []
-    for gear in (*gears, *racks):
-        for name in (gear.link, gear.to):
-            if gear.link == gear.to:
-                raise StructureError(f"gear of {gear.link}", "it is in mesh with itself", "name another link")
-            if name not in (FRAME, *links):
-                raise StructureError(f"gear of {gear.link}", f"link {name!r} is not defined", nearest(name, links))
-        if isinstance(gear, GearPair):
-            found.append(Pair("G", f"{gear.link}.mesh", gear.link, gear.to, carried_on(gear, pins)[0]))
-            continue
-        guide = next((slot.guide for slot in slots if slot.block == gear.link), None)
+    for gear in gears:
+        _check_ends(gear, links)
+        found.append(Pair("G", f"{gear.link}.mesh", gear.link, gear.to, carried_on(gear, pins)[0]))
+    for rack in racks:
+        _check_ends(rack, links)
+        guide = next((slot.guide for slot in slots if slot.block == rack.link), None)
         if guide is None:
-            problem = f"link {gear.link!r} is a rack, but is not the block of any slot"
-            raise StructureError(f"rack {gear.link}", problem, "add a slot with this link as its block")
-        if gear.to == guide.on:
-            problem = f"it slides on {gear.to!r}, the gear that it meshes with"
-            raise StructureError(f"rack {gear.link}", problem, "let it slide on the carrier of the gear")
-        if not any({gear.to, guide.on} <= set(ends) for ends in pins.values()):
-            problem = f"its gear {gear.to!r} is not pinned to {guide.on!r}, along which the rack slides"
-            raise StructureError(f"rack {gear.link}", problem, f"pin {gear.to!r} to {guide.on!r}")
-        found.append(Pair("G", f"{gear.link}.mesh", gear.link, gear.to, guide.on, rack=True))
+            problem = f"link {rack.link!r} is a rack, but is not the block of any slot"
+            raise StructureError(f"rack {rack.link}", problem, "add a slot with this link as its block")
+        if rack.to == guide.on:
+            problem = f"it slides on {rack.to!r}, the gear that it meshes with"
+            raise StructureError(f"rack {rack.link}", problem, "let it slide on the carrier of the gear")
+        if not any({rack.to, guide.on} <= set(ends) for ends in pins.values()):
+            problem = f"its gear {rack.to!r} is not pinned to {guide.on!r}, along which the rack slides"
+            raise StructureError(f"rack {rack.link}", problem, f"pin {rack.to!r} to {guide.on!r}")
+        found.append(Pair("G", f"{rack.link}.mesh", rack.link, rack.to, guide.on, rack=True))
     return found
+
+
+def _check_ends(gear: GearPair | RackPair, links: Mapping[str, Link]) -> None:
+    """Raise `StructureError` unless a pair in mesh names two links."""
+    if gear.link == gear.to:
+        raise StructureError(f"gear of {gear.link}", "it is in mesh with itself", "name another link")
+    for name in (gear.link, gear.to):
+        if name not in (FRAME, *links):
+            raise StructureError(f"gear of {gear.link}", f"link {name!r} is not defined", nearest(name, links))
 
 
 class Wheels:
@@ -147,8 +153,7 @@ class Wheels:
                 given = 0.0 if given is None else given
                 angles[more[0]] = (given - total) / float(held.angles[more[0]])
             if _given(gear) is None:
-                key = "phase" if isinstance(gear, Gear) else "start"
-                done[i] = dataclasses.replace(gear, **{key: given if more else total})
+                done[i] = gear.with_constant(total if given is None else given)
             left.remove(i)
         return tuple(done)
 
@@ -165,7 +170,7 @@ class Wheels:
         spun, still = inverse @ left, np.eye(len(rows)) - at[:, : len(free)] @ inverse
         left = still @ left  # the part that gears cannot compensate
         off = np.linalg.pinv(still @ at[:, len(free) :]) @ left
-        racks = {gear.link for gear in gears if isinstance(gear, Rack)}
+        racks = {gear.link for gear in gears if gear.sliding()}
         drawn = {name: cmath.phase(axis) for name in free if (axis := self.drawing.drawn_axis(name)) is not None}
         off = dict(zip(told, off, strict=True)) | {name: spun[free.index(name)] - drawn[name] for name in drawn}
         for name, more in off.items():
@@ -184,9 +189,9 @@ class Wheels:
         divided by its gear's radius), and the sketched angles and displacements."""
         rows, left, seen, wheels = [], [], {FRAME: 0.0}, group.spinning()
         for gear in group.gears:
-            held, radius = gear.coupling(), 1.0 if isinstance(gear, Gear) else float(gear.radius)
+            held, radius = gear.coupling(), _per_radian(gear)
             rows.append({name: float(factor) / radius for name, factor in (*held.angles.items(), *held.ways.items())})
-            left.append(float(gear.phase if isinstance(gear, Gear) else gear.start) / radius)
+            left.append(number(held.constant) / radius)
             seen |= {name: self.angle(name) for name in held.angles if name not in wheels}
             seen |= {name: self._way(name) for name in held.ways}
         drive, whole = group.drive, [group.in_whole_turns(gear) for gear in group.gears]
@@ -207,13 +212,12 @@ class Wheels:
         more = -float(left @ share) / much if much > 1e-12 else math.inf
         if not np.abs(left + more * share).max() <= ASTRAY:
             return ""
-        if isinstance(gear, Rack):
-            start = float(gear.start) + more * float(gear.radius)
-            return f'write start = "{metres(start)}" for the rack {gear.link!r}, or '
-        pair = GearPair(gear.link, gear.to, gear.mesh, gear.phase + more)
-        if all((given.link, given.to) != (gear.link, gear.to) for given in self.gears):
-            pair = turned_round(pair)  # in the order given
-        return f'write phase = "{degrees(number(pair.phase))}" for the pair {pair.link!r} and {pair.to!r}, or '
+        constant = number(gear.coupling().constant) + more * _per_radian(gear)
+        if gear.sliding():
+            return f'write start = "{metres(constant)}" for the rack {gear.link!r}, or '
+        pair = next(given for given in self.gears if {given.link, given.to} == {gear.link, gear.to})
+        phase = constant if pair.link == gear.link else -constant * float(pair.mesh.ratio())
+        return f'write phase = "{degrees(phase)}" for the pair {pair.link!r} and {pair.to!r}, or '
 
     def _way(self, rack: str) -> float:
         """The displacement of a rack along its guide in the sketch (m)."""
@@ -308,8 +312,13 @@ def turned_round(gear: GearPair) -> GearPair:
 
 def _given(gear: Gear | Rack) -> float | None:
     """The given phase of a gear, or the given start of a rack."""
-    value = gear.phase if isinstance(gear, Gear) else gear.start
+    value = gear.coupling().constant
     return None if value is None else float(value)
+
+
+def _per_radian(gear: Gear | Rack) -> float:
+    """The displacement of a rack per radian of its gear (m); one for a gear."""
+    return abs(float(gear.coupling().angles[gear.to])) if gear.sliding() else 1.0
 
 
 def _unknown(gear: Gear | Rack, angles: Mapping[str, float]) -> list[str]:

@@ -8,17 +8,17 @@ from typing import Literal
 
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import FRAME, RRP, RRR, AbstractGroup, Drive, GearPair, Pair, RackPair, Slot
+from linkjax.groups import FRAME, Drive, GearPair, RackPair, Slot
 from linkjax.mechanism._arguments import check_arguments, listed
 from linkjax.mechanism._attach import Attachment
 from linkjax.mechanism._drawing import Drawing, Place, complex_of
-from linkjax.mechanism._freedom import blocks, counted, freedom
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._mechanism import Mechanism, StructureError
 from linkjax.mechanism._passive import dispensable, misfit, passive_group
 from linkjax.mechanism._sides import Sides, with_sides
 from linkjax.mechanism._sketched import allowed, check_reach, check_sketch
 from linkjax.mechanism._start import check_fixed, check_guides, settled, spots_with_crank
+from linkjax.topology import Pair, blocks, counted, freedom
 
 MOST_TOLD = 6  # joints in a message
 
@@ -93,7 +93,7 @@ def linkage(
         drawing.measure(name)
     groups = Attachment(drawing, drive).groups(parts)
     if passive or branch == "continue":
-        groups = [_through(group) for group in groups]
+        groups = [group.continued() or group for group in groups]  # as redundant links enforce it
     if passive:
         whole.spots = drawing.spots
         for link in passive:
@@ -108,11 +108,6 @@ def _of_block(drive: Drive, slots: Sequence[Slot]) -> Drive:
     other = (drive.on, drive.link)
     turned_round = any((slot.block, slot.guide.on) == other for slot in slots)
     return dataclasses.replace(drive, link=drive.on, on=drive.link) if turned_round else drive
-
-
-def _through(group: AbstractGroup) -> AbstractGroup:
-    """A dyad that passes smoothly where its assembly modes coincide, as redundant links enforce it."""
-    return dataclasses.replace(group, branch="continue") if isinstance(group, RRR | RRP) else group
 
 
 def _check_freedom(drawing: Drawing, drive: Drive, found: Sequence[Pair], driven: Pair) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, Crank, without_path
+from linkjax.groups import AbstractGroup, without_path
 from linkjax.mechanism._link import Flywheel, Link
-from linkjax.mechanism._structure import Structure, structure_of
 from linkjax.mechanism._text import structure_text
+from linkjax.topology import Structure, origins, owners, structure_of
 
 
 class StructureError(ValueError):
@@ -68,23 +68,11 @@ class Mechanism(eqx.Module):
 
     def owners(self) -> dict[str, str]:
         """The link that each point belongs to: "frame", or the link that introduced the point."""
-        owner = dict.fromkeys(self.fixed, "frame")
-        for group in self.groups:
-            new = group.brings()
-            owner |= {pin: link for pin, link in group.shared().items() if link}
-            for link, ends in group.pins().items():
-                for pin in ends:
-                    if pin in new:
-                        owner.setdefault(pin, link)
-            for link in group.link_names():
-                for point in (*self.links[link].point_names(), *self.links[link].counterweights):
-                    owner.setdefault(point, link)
-                owner.setdefault(self.links[link].centre_name, link)
-        return owner
+        return owners(self.fixed, self.groups, self.links)
 
     def origins(self) -> dict[str, str]:
         """The point at the origin of each link's axes."""
-        return {link: first for group in self.groups for link, (first, _) in group.pins().items()}
+        return origins(self.groups)
 
     def points_on(self, link: str) -> set[str]:
         """Points fixed to a link, including the pins that it shares; the points of the frame for "frame"."""
@@ -124,7 +112,7 @@ def check_structure(mechanism: Mechanism) -> None:
             "groups", "the first group must be the driver", 'begin with kind = "crank" or "linear_driver"'
         )
     flywheel = number_of(mechanism.flywheel.inertia)
-    if not isinstance(mechanism.groups[0], Crank) and flywheel is not None and np.any(flywheel != 0):
+    if mechanism.driver.shaft() is None and flywheel is not None and np.any(flywheel != 0):
         raise StructureError("flywheel", "needs a crank as the driver: it is on the crankshaft", "delete it")
     known, placed = set(mechanism.fixed), set()
     everywhere = _all_points(mechanism)

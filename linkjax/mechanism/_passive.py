@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from linkjax.groups import FRAME, AbstractGroup, Pair, RedundantLink, RedundantSlider
-from linkjax.mechanism._freedom import freedom
+from linkjax.groups import FRAME, AbstractGroup, RedundantLink, RedundantSlider
+from linkjax.topology import Pair, freedom
 
 STEPS = (0.05, 0.1)  # rad, or of the size: trial displacements of the drive
 CLOSED = 1e-9  # of the size: largest closure error of a closed chain

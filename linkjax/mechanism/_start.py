@@ -10,8 +10,9 @@ from collections.abc import Mapping
 import jax
 from jaxtyping import Array
 
-from linkjax.groups import FRAME, Drive, Harmonic, Pair
+from linkjax.groups import FRAME, Drive, Harmonic
 from linkjax.mechanism._mechanism import StructureError
+from linkjax.topology import Pair
 
 SAME = 1e-9  # rad, or of the drawing's size: a law with a smaller stroke moves nothing
 DIGITS = {True: 10, False: 6}  # of a number in a message, in double and in single precision

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from linkjax._display import NONE, aligned
-from linkjax.groups import Pair
-from linkjax.mechanism._structure import Structure
+from linkjax.topology import Pair, Structure
 
 
 def structure_text(found: Structure) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from linkjax.scenes._explain import fault
-from linkjax.scenes._groups import CrankTable, GroupTable, LinearDriverTable
+from linkjax.scenes._groups import GroupTable
 from linkjax.scenes._guides import Fault
 from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
 from linkjax.scenes._wheels import steep
@@ -141,18 +141,16 @@ def _centre_names(model: SceneFile) -> Iterator[Fault]:
 
 def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
     path = ("groups", number)
-    if isinstance(group, CrankTable | LinearDriverTable) == bool(number):
+    if group.drives == bool(number):
         problem = "there is more than one driver" if number else "the first group must be the driver"
         one = "keep one: linkjax has one drive, for a mobility of one; a second crank may be coupled to it by gears"
         remedy = one if number else 'begin with kind = "crank" or "linear_driver"'
         yield (*path, "kind"), problem, remedy
-    if isinstance(group, CrankTable | LinearDriverTable) and group.law is not None and model.rotation == "cw":
+    if group.follows() and model.rotation == "cw":
         problem = "the driver follows a law, which gives its sense of motion"
         yield ("rotation",), problem, "delete rotation"
-    if isinstance(group, LinearDriverTable) and model.flywheel.inertia > 0:
+    if group.drives and not group.has_shaft and model.flywheel.inertia > 0:
         yield ("flywheel",), "there is no shaft for it: the driver is a slider", "delete it"
-    if isinstance(group, LinearDriverTable) and group.guide.on != "frame":
-        yield (*path, "guide", "on"), "the guide of a linear driver is on the frame", "delete `on`"
     for name in group.bars():
         if name in model.links and model.links[name].length == 0:
             problem = f"the length is zero, but groups[{number}] needs a bar with two pins"

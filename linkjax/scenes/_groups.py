@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag
 
@@ -33,6 +33,9 @@ def branch_keys(group: groups.RRR | groups.RRP) -> dict[str, Any]:
 class CrankTable(GroupTable):
     """The driving crank, the first group."""
 
+    drives: ClassVar[bool] = True
+    has_shaft: ClassVar[bool] = True
+
     kind: Literal["crank"] = Field(description="the driver, about a fixed point", examples=["crank"])
     link: Name = Field(description="the crank", examples=["crank"])
     pivot: Name = Field(description="the fixed point it turns about", examples=["A"])
@@ -54,6 +57,9 @@ class CrankTable(GroupTable):
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
         yield from () if self.law is None else self.law.faults(("law",))
 
+    def follows(self) -> bool:
+        return self.law is not None
+
     def pins(self) -> tuple[str, ...]:
         return (self.end,)
 
@@ -63,6 +69,8 @@ class CrankTable(GroupTable):
 
 class LinearDriverTable(GroupTable):
     """A driving slider, the first group."""
+
+    drives: ClassVar[bool] = True
 
     kind: Literal["linear_driver"] = Field(
         description="the driver, along a guide of the frame", examples=["linear_driver"]
@@ -89,7 +97,12 @@ class LinearDriverTable(GroupTable):
     def sliding(self) -> tuple[str, ...]:
         return (self.link,)
 
+    def follows(self) -> bool:
+        return True
+
     def faults(self, fixed: Mapping[str, Any]) -> Iterator[Fault]:
+        if self.guide.on != "frame":
+            yield ("guide", "on"), "the guide of a linear driver is on the frame", "delete `on`"
         yield from self.guide.faults(("guide",), fixed)
         yield from self.law.faults(("law",))
 

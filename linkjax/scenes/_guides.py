@@ -6,7 +6,7 @@ import abc
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field
 
@@ -32,6 +32,9 @@ def in_length(value: Any) -> str:
 class GroupTable(Table, abc.ABC):
     """A group of any kind."""
 
+    drives: ClassVar[bool] = False  # whether it is a driver
+    has_shaft: ClassVar[bool] = False  # whether it is a driver on a shaft that can carry a flywheel
+
     @abc.abstractmethod
     def build(self, rotation: groups.Rotation) -> groups.AbstractGroup:
         """The group itself; `rotation` is the sense of the crank."""
@@ -48,6 +51,10 @@ class GroupTable(Table, abc.ABC):
     @abc.abstractmethod
     def bars(self) -> tuple[str, ...]:
         """Links that need a length."""
+
+    def follows(self) -> bool:
+        """Whether its drive follows a motion law."""
+        return False
 
     def sliding(self) -> tuple[str, ...]:
         """Sliders: links without length."""

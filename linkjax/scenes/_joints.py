@@ -82,9 +82,7 @@ class Drive(Table):
 
 def is_drawn(mechanism: Mechanism) -> bool:
     """Whether a mechanism was drawn by links and joints, or has groups that can only be drawn."""
-    return any(isinstance(group, groups.General) for group in mechanism.groups) or any(
-        link.pins for link in mechanism.links.values()
-    )
+    return any(group.numerical() for group in mechanism.groups) or any(link.pins for link in mechanism.links.values())
 
 
 def sketched_keys(table: Mapping[str, Any]) -> set[tuple[str, ...]]:
@@ -121,89 +119,78 @@ def drawn_keys(mechanism: Mechanism, as_sketched: bool = True) -> dict[str, Any]
     """The tables `drive`, `slots` and `sketch` of a mechanism, in its present position, or `as_sketched` for groups of
     higher class."""
     first = mechanism.driver
-    slots = [slot for group in mechanism.groups for slot in _slots(group)]
+    slots = [slot for group in mechanism.groups for slot in group.sliding()]
     table: dict[str, Any] = {"drive": {"link": mechanism.driving_link}}
-    drive, law = getattr(first, "drive", None), first.follows()
-    slides = isinstance(first, groups.LinearDriver)
-    if drive is not None:
+    drive, slides = first.as_drive(), first.drive_slides()
+    assert drive is not None  # a mechanism has a driver
+    if first.numerical():
         table["drive"]["on"] = drive.on
-        slides = any((slot.block, slot.guide.on) == (drive.link, drive.on) for slot in slots)
     if not slides:
-        table["drive"]["phase"] = in_angle(_phase(mechanism) if drive is None else drive.phase or 0.0)
-    if law is not None:
-        table["drive"]["stroke" if slides else "law"] = law_keys(law, in_length if slides else in_angle)
-    passive = any(
-        isinstance(group, groups.RedundantLink | groups.RedundantSlider) for group in mechanism.groups
-    )  # with redundant links, dyads always continue
-    if not passive and any(getattr(group, "branch", "fixed") == "continue" for group in mechanism.groups):
+        table["drive"]["phase"] = in_angle(_phase(mechanism, drive))
+    if drive.law is not None:
+        table["drive"]["stroke" if slides else "law"] = law_keys(drive.law, in_length if slides else in_angle)
+    passive = any(group.passive() for group in mechanism.groups)  # with redundant links, dyads always continue
+    if not passive and any(group.continues() for group in mechanism.groups):
         table["branch"] = "continue"
     if slots:
         table["slots"] = [{"block": slot.block, "guide": Guide.keys_of(slot.guide)} for slot in slots]
     wheels = [wheel for group in mechanism.groups for wheel in group.wheels()]
-    gears = [wheel for wheel in wheels if isinstance(wheel, groups.Gear)]
-    if gears:
-        table["gears"] = [{"link": g.link, "to": g.to, **mesh_keys(g.mesh), "phase": in_angle(g.phase)} for g in gears]
-    racks = [_rack(g, slots, mechanism) for g in wheels if isinstance(g, groups.Rack | groups.Pinion)]
-    if racks:
-        table["racks"] = racks
+    for key in ("gears", "racks"):
+        rows = [PAIRS[w.kind][1](w, slots, mechanism) for w in wheels if PAIRS[w.kind][0] == key]
+        if rows:
+            table[key] = rows
     sketch = _sketch(mechanism, as_sketched)
     table["sketch"] = {name: [in_length(at.x), in_length(at.y)] for name, at in sketch.items()}
     return table
 
 
-def _rack(group: groups.Rack | groups.Pinion, slots: list[groups.Slot], mechanism: Mechanism) -> dict[str, Any]:
-    """The keys of a rack and its gear."""
-    if isinstance(group, groups.Rack):
-        rack, wheel, start = group.link, group.to, group.start
-    else:
-        rack, wheel, start = group.to, group.link, group.start
-        through = next(slot.guide.through for slot in slots if slot.block == rack)
-        first = pins_of(mechanism)[rack][0]
-        if (group.through, group.at) != (through, first) or float(group.phase) != 0:
-            here = pose(mechanism, jnp.zeros(()))
-            base = here.points[group.through or group.pivot].r - here.points[through].r
-            shift = base - (here.points[group.at].r - here.points[first].r)
-            start = start + shift.dot(here.links[rack].u) - group.side * group.phase * group.radius
+def _gear(gear: Any, slots: list[groups.Slot], mechanism: Mechanism) -> dict[str, Any]:
+    """The keys of two gears."""
+    return {"link": gear.link, "to": gear.to, **mesh_keys(gear.mesh), "phase": in_angle(gear.phase)}
+
+
+def _rack(rack: Any, slots: list[groups.Slot], mechanism: Mechanism) -> dict[str, Any]:
+    """The keys of a rack that is moved by its gear."""
+    return _rack_keys(rack.link, rack.to, rack.start, rack)
+
+
+def _pinion(pinion: Any, slots: list[groups.Slot], mechanism: Mechanism) -> dict[str, Any]:
+    """The keys of a rack that moves its gear."""
+    rack, start = pinion.to, pinion.start
+    through = next(slot.guide.through for slot in slots if slot.block == rack)
+    first = pins_of(mechanism)[rack][0]
+    if (pinion.through, pinion.at) != (through, first) or float(pinion.phase) != 0:
+        here = pose(mechanism, jnp.zeros(()))
+        base = here.points[pinion.through or pinion.pivot].r - here.points[through].r
+        shift = base - (here.points[pinion.at].r - here.points[first].r)
+        start = start + shift.dot(here.links[rack].u) - pinion.side * pinion.phase * pinion.radius
+    return _rack_keys(rack, pinion.link, start, pinion)
+
+
+def _rack_keys(rack: str, wheel: str, start: Any, group: Any) -> dict[str, Any]:
     return {"link": rack, "to": wheel, "radius": in_length(group.radius), "side": "left" if group.side > 0 else "right",
             "start": in_length(start), "pressure_angle": in_angle(group.pressure_angle)}  # fmt: skip
 
 
-def _phase(mechanism: Mechanism) -> float:
-    """Angle of the crank's own axis at crank angle zero, without its law."""
-    crank = mechanism.driver
-    assert isinstance(crank, groups.Crank)
-    held = mechanism.links[crank.link].held(crank.pivot, crank.end)
-    return float(crank.phase) - (0.0 if held is None else math.atan2(held.axis.y, held.axis.x))
+PAIRS = {"gear": ("gears", _gear), "rack": ("racks", _rack), "pinion": ("racks", _pinion)}  # table and keys of a kind
+
+
+def _phase(mechanism: Mechanism, drive: groups.Drive) -> float:
+    """Angle of the driving link's own axis at crank angle zero, without its law."""
+    pins, phase = mechanism.driver.holds()[drive.link], 0.0 if drive.phase is None else float(drive.phase)
+    held = mechanism.links[drive.link].held(*pins)
+    return phase - (0.0 if held is None else math.atan2(held.axis.y, held.axis.x))
 
 
 def _sketch(mechanism: Mechanism, as_sketched: bool) -> Mapping[str, Vec]:
     """The positions of the moving pins at crank angle zero."""
-    sketches = [getattr(group, "sketch", {}) for group in mechanism.groups] if as_sketched else []
+    sketches = [group.spots() for group in mechanism.groups] if as_sketched else []
     given = {p: at for sketch in sketches for p, at in sketch.items()}
     here = pose(prepared(mechanism), jnp.zeros(())).points
-    chains = [group for group in mechanism.groups if isinstance(group, groups.General)] if as_sketched else []
+    chains: list[Any] = [group for group in mechanism.groups if group.numerical()] if as_sketched else []
     blank = {
         p for group in chains for _, pins in group.members for p in pins if p not in given
     }  # these stay unsketched
     every = dict.fromkeys(pin for pins in pins_of(mechanism).values() for pin in pins)
     names = [pin for pin in every if pin not in mechanism.fixed and pin not in blank]
     return {name: given.get(name, here[name].r) for name in names} | {n: a for n, a in given.items() if n not in names}
-
-
-def _slots(group: groups.AbstractGroup) -> tuple[groups.Slot, ...]:
-    """The sliding joints of a group."""
-    if isinstance(group, groups.General):
-        return group.slots
-    if isinstance(group, groups.RRP | groups.RedundantSlider):
-        return (groups.Slot(group.block, group.guide),)
-    if isinstance(group, groups.LinearDriver | groups.Rack):
-        return (groups.Slot(group.link, group.guide),)
-    if isinstance(group, groups.PRP):
-        one, two = (groups.Slot(block, guide) for block, guide in zip(group.blocks, group.slots, strict=True))
-        return one, two
-    if isinstance(group, groups.RPR):
-        return (groups.Slot(group.block, groups.Guide(group.about, 0.0, group.offset, group.link)),)
-    if isinstance(group, groups.RPP):
-        slot = groups.Slot(group.block, groups.Guide(group.end, group.slot, group.offset, group.link))
-        return groups.Slot(group.link, group.guide), slot
-    return ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, General
+from linkjax.groups import AbstractGroup
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Counterweight, Link, StructureError
@@ -42,7 +42,8 @@ def table_of(scene: Scene) -> Table:
         table["constant_speed"] = True
     if scene.cycle_turns != 1:
         table["cycle_turns"] = scene.cycle_turns
-    if getattr(getattr(mechanism.driver, "drive", None) or mechanism.driver, "rotation", "ccw") == "cw":
+    drive = mechanism.driver.as_drive()
+    if drive is not None and drive.rotation == "cw":
         table["rotation"] = "cw"
     if scene.target_delta is not None:
         table["target_delta"] = _number(scene.target_delta)
@@ -53,7 +54,7 @@ def table_of(scene: Scene) -> Table:
         for name, pins in pins_of(mechanism).items():
             table["links"][name] = {"pins": pins, **table["links"][name]}
         table |= drawn_keys(mechanism)
-        if any(isinstance(group, General) for group in mechanism.groups) and not _fits(table):
+        if any(group.numerical() for group in mechanism.groups) and not _fits(table):
             table |= drawn_keys(mechanism, as_sketched=False)
     else:
         table["groups"] = [_group(group) for group in mechanism.groups]

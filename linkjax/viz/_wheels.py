@@ -10,7 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from linkjax.groups import FRAME, Belt, Gear, Pinion, Rack
+from linkjax.groups import FRAME
 from linkjax.machine import Scene
 
 
@@ -45,24 +45,16 @@ class Strands(NamedTuple):
 def wheels_of(scene: Scene, paths) -> tuple[tuple[Wheel, ...], tuple[Strands, ...]]:
     """Gears, pulleys and belts of a machine, from the paths of its points (each of shape (2, angles))."""
     wheels, belts = [], []
-    for group in (wheel for each in scene.mechanism.groups for wheel in each.wheels()):
-        if isinstance(group, Gear):
-            apart = np.hypot(*(paths(group.centre) - paths(group.pivot)))
-            apart = float(apart[np.isfinite(apart)].mean()) if np.isfinite(apart).any() else 0.0
-            if isinstance(group.mesh, Belt):
-                radii = float(group.mesh.radius), float(group.mesh.other)
-            else:
-                mine, other = group.mesh.teeth
-                whole = abs(mine - other) if group.mesh.internal else mine + other
-                radii = apart * mine / whole, apart * other / whole
-            pair = Wheel(group.link, group.pivot, radii[0]), Wheel(group.to, group.centre, radii[1])
-            wheels += pair
-            if isinstance(group.mesh, Belt):
-                belts.append(Strands(*pair, group.mesh.crossed))
-        elif isinstance(group, Rack):
-            wheels.append(Wheel(group.to, group.centre, float(group.radius)))
-        elif isinstance(group, Pinion):
-            wheels.append(Wheel(group.link, group.pivot, float(group.radius)))
+
+    def apart(one: str, other: str) -> float:
+        gap = np.hypot(*(paths(other) - paths(one)))
+        return float(gap[np.isfinite(gap)].mean()) if np.isfinite(gap).any() else 0.0
+
+    for wheel in (wheel for group in scene.mechanism.groups for wheel in group.wheels()):
+        circles = [Wheel(link, point, radius) for link, point, radius in wheel.pitch_circles(apart)]
+        wheels += circles
+        if wheel.crossed() is not None:
+            belts.append(Strands(circles[0], circles[1], wheel.crossed()))
     return tuple(dict.fromkeys(wheels)), tuple(belts)
 
 

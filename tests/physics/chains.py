@@ -11,7 +11,8 @@ import functools
 import itertools
 from collections.abc import Iterable, Sequence
 
-from linkjax.groups import FRAME, Pair
+from linkjax.groups import FRAME
+from linkjax.topology import Pair
 
 Edge = tuple[int, int]
 Chain = tuple[Edge, ...]

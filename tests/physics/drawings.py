@@ -16,7 +16,7 @@ import numpy as np
 import linkjax as lj
 from linkjax.groups import FRAME, Belt, Drive, GearPair, Guide, RackPair, Slot, Teeth
 from linkjax.mechanism import Link, linkage
-from linkjax.mechanism._freedom import blocks, freedom
+from linkjax.topology import blocks, freedom
 from tests.physics.chains import driven_chains, links_of, named
 
 PUSH = 0.05  # m, or rad: amplitude of a motion law

@@ -17,10 +17,10 @@ import pytest
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import FRAME, Drive, Guide, Pair, Slot
+from linkjax.groups import FRAME, Drive, Guide, Slot
 from linkjax.kinematics import pose, prepared
 from linkjax.mechanism import Link, linkage
-from linkjax.mechanism._freedom import blocks, rates
+from linkjax.topology import Pair, blocks, rates
 from tests.physics.chains import Chain, Edge, driven_chains, links_of, named, sliding
 
 SPEED, ACCELERATION = 3.0, -4.0

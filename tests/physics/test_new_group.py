@@ -20,8 +20,8 @@ from linkjax import RRP, Crank, Flywheel, Link, Mechanism, OpposingForce, Vec, W
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_sqrt
 from linkjax.analysis import document
-from linkjax.groups import AbstractGroup, Joint, LinkState, Margin, PointState, Wrench
-from linkjax.kinematics import pose, transmission_angles
+from linkjax.groups import AbstractGroup, Joint, LinkState, Lost, Margin, PointState, Wrench
+from linkjax.kinematics import pose, shortfall, transmission_angles
 from linkjax.measures import peak_names
 from tests.exchange.mujoco_road import compared
 
@@ -128,6 +128,40 @@ def test_it_can_be_drawn(shaper, tmp_path):
         "reaction.B.block",
         "reaction.block.guide.block",
     ]
+
+
+class Told(SlottedLever):
+    """The same with messages."""
+
+    kind: ClassVar[str] = "slotted lever with messages"
+
+    def lost(self, at):
+        return f"is on its pivot at {at.degrees:.1f} degrees", "Move the pivot."
+
+    def shortfall(self, side, links, states, points):
+        return f"its block is on {self.about!r}"
+
+
+def test_what_follows_from_its_joints(shaper):
+    lever = shaper.mechanism.groups[1]
+    told = Told(lever.block, lever.lever, lever.from_, lever.about, lever.end)
+    assert AbstractGroup.needs(told) == told.needs() == ("B", "P")
+    assert (told.brings(), told.guides(), told.translating()) == (("E",), (), ())
+    assert lj.topology.class_of(told) == lj.topology.class_of(lever) == ("II3", "RPR")
+    assert told.driving() is told.as_drive() is told.shaft() is None
+    assert not (told.numerical() or told.continues() or told.drive_slides())
+
+
+def test_its_own_messages(shaper):
+    """Where it cannot be assembled, the group itself says why and what to change."""
+    driver, lever, ram = shaper.mechanism.groups
+    told = Told(lever.block, lever.lever, lever.from_, lever.about, lever.end)
+    fixed = {**shaper.mechanism.fixed, "P": Vec(0.0, -0.12)}
+    mechanism = Mechanism(fixed, shaper.mechanism.links, (driver, told, ram))
+    assert shortfall(mechanism, "block-lever", "pivot", 4.7) == "its block is on 'P'"
+    assert told.lost(Lost("pivot", -0.1, 270.0))[1] == "Move the pivot."
+    assert lever.lost(Lost("pivot", -0.1, 270.0)) is None  # the general message
+    assert lever.lost(Lost("pivot", -0.1, 270.0, "astray"))[0].startswith("does not return")
 
 
 def test_positions_and_rates(shaper):

@@ -15,11 +15,11 @@ from scipy.optimize import brentq, fsolve
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.analysis import analyse
-from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Crank, Drive, General, Guide, Pair, Slot, classified
+from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Crank, Drive, General, Guide, Slot
 from linkjax.kinematics import assembly_modes, pose, prepared
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage, structure
-from linkjax.mechanism._freedom import blocks, freedom
 from linkjax.scenes import load, loads_text, text_of
+from linkjax.topology import Pair, blocks, classified, freedom
 from tests.physics.chains import chains, driven_chains, grounded, links_of, named, sliding
 from tests.physics.machines import machine
 
@@ -181,7 +181,9 @@ def test_composed_machines_are_found_again(name):
     """The same groups, in their own order."""
     given = machine(name).mechanism
     again = drawn(given)
-    assert sorted(g.classified()[0] for g in again.groups) == sorted(g.classified()[0] for g in given.groups)
+    assert sorted(lj.topology.class_of(g)[0] for g in again.groups) == sorted(
+        lj.topology.class_of(g)[0] for g in given.groups
+    )
     phi = jnp.asarray([0.3, 2.1, 4.4])
     one, two = (compiled_soon(lambda m: jax.vmap(lambda p: pose(m, p).points)(phi))(m) for m in (given, again))
     for point in one:
@@ -416,7 +418,7 @@ def test_formulas():
     assert found.formula(numbers=True) == "I1(0,1) → II2(2,3) → II1(4,5)"
     assert found.formula(letters=True) == "R(crank) → RRP(rod, slider) → RRR(link4, rocker)"
     assert structure(machine("triad").mechanism).formula(letters=True).split(" → ")[1].startswith("RRR-RRR(")
-    assert RRR(("a", "b"), "P", "Q", "M").classified() == ("II1", "RRR")
+    assert lj.topology.class_of(RRR(("a", "b"), "P", "Q", "M")) == ("II1", "RRR")
 
 
 def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:

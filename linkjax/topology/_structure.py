@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from linkjax.groups import FRAME, AbstractGroup, Pair
-from linkjax.mechanism._freedom import counted, mobility
+from linkjax.groups import FRAME, AbstractGroup
+from linkjax.topology._class import class_of
+from linkjax.topology._freedom import counted, mobility
+from linkjax.topology._pairs import Pair, pairs_of, parted
 
 
 class Part(NamedTuple):
@@ -60,11 +62,8 @@ def structure_of(links: Sequence[str], groups: Sequence[AbstractGroup], owners: 
     parts: list[Part] = []
     moving: dict[str, int] = {}  # the number of the part of each moving link
     for number, group in enumerate(groups):
-        kind, letters = group.classified()
-        pairs = [Pair(j.letter, j.name, j.link, j.by or owners[j.point])
-                 for j in group.joints() if not j.name.endswith(".drive")]  # fmt: skip
-        inner = [pair for pair in pairs if set(pair.ends) <= set(group.link_names())]
-        outer = [pair for pair in pairs if pair not in inner]
+        (kind, letters), pairs = class_of(group), pairs_of(group, owners)
+        outer, inner = parted(group.link_names(), pairs)
         by = [moving[end] for pair in outer for end in pair.ends if end in moving]
         if by or number == 0:
             moving |= dict.fromkeys(group.link_names(), number)

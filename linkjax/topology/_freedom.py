@@ -11,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkjax.groups import FRAME, GENERIC, Lies, Pair, null_space, rates, taken
+from linkjax.groups import FRAME
+from linkjax.topology._pairs import Pair
+from linkjax.topology._rates import GENERIC, Lies, null_space, rates, taken
 
 
 def mobility(links: int, pairs: Sequence[Pair]) -> int:

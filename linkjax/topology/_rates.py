@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from linkjax.groups._pairs import FRAME, Pair
+from linkjax.groups import FRAME
+from linkjax.topology._pairs import Pair
 
 GENERIC = 1e-9  # smaller singular values, relative to the largest, count as zero at random positions
 Lies = Mapping[str, tuple[float, float, float]]

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from linkjax.groups._pairs import Pair
-from linkjax.groups._rates import bodies
+from linkjax.groups import FRAME, AbstractGroup
+from linkjax.topology._pairs import Pair, pairs_of, parted
+from linkjax.topology._rates import bodies
 
 KINDS_OF_II = {"RRR": "II1", "RRP": "II2", "RPR": "II3", "PRP": "II4", "RPP": "II5"}
 ROMAN = {3: "III", 4: "IV", 5: "V", 6: "VI", 7: "VII", 8: "VIII", 9: "IX"}
@@ -18,7 +19,7 @@ def contours(links: Sequence[str], pairs: Sequence[Pair]) -> int:
     """Class of an Assur group: the number of sides of its largest contour, II for a dyad. A link with three or more
     pairs is a contour with that number of sides; so is a loop of links of the group."""
     sides = [2, *(n for name in links if (n := sum(name in pair.ends for pair in pairs)) > 2)]
-    inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
+    inner = parted(links, pairs)[1]
     for edge in inner:
         reach, length = {edge.one}, 1
         while reach and edge.other not in reach:  # breadth first, without the pair itself
@@ -31,6 +32,23 @@ def contours(links: Sequence[str], pairs: Sequence[Pair]) -> int:
     return max(sides)
 
 
+def class_of(group: AbstractGroup) -> tuple[str, str]:
+    """Class and kind of a group, e.g. II1, and its pairs as letters, e.g. RRR. A driver of one link is I1; with other
+    links it is I1 and the class of these, as one link while the drive is locked."""
+    if group.passive():
+        return "passive", group.kind
+    names, pairs, one = group.link_names(), pairs_of(group), group.driving()
+    if one is None:
+        return classified(names, pairs)
+    rest = tuple(name for name in names if name != one)
+    if not rest:
+        return "I1", pairs[0].letter
+    on = next((joint.by or FRAME for joint in group.joints() if joint.drives), FRAME)
+    held = [p._replace(one=on if p.one == one else p.one, other=on if p.other == one else p.other) for p in pairs]
+    found, letters = classified(rest, list(dict.fromkeys(p for p in held if p.one != p.other)))
+    return f"I1+{found}", letters
+
+
 def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
     """Class of an Assur group and its pairs as letters.
 
@@ -40,8 +58,7 @@ def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
     class of a group with gears in mesh is G.
     """
     links, pairs = _as_bodies(links, pairs)
-    inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
-    outer = [pair for pair in pairs if pair not in inner]
+    outer, inner = parted(links, pairs)
     if len(links) == 2 and len(pairs) == 3:
         first, last = (next(p.letter for p in outer if name in p.ends) for name in links)
         letters = first + inner[0].letter + last
@@ -50,13 +67,13 @@ def classified(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[str, str]:
     sides = contours(links, pairs)
     ends, within = ("".join(sorted((p.letter for p in some), reverse=True)) for some in (outer, inner))
     if any(pair.letter == "G" for pair in pairs):
-        return "G", f"{ends}-{within}"
+        return "G", f"{ends}-{within}" if inner else ends
     return f"{ROMAN.get(sides, 'II' if sides == 2 else str(sides))}{len(outer)}", f"{ends}-{within}"
 
 
 def _as_bodies(links: Sequence[str], pairs: Sequence[Pair]) -> tuple[Sequence[str], Sequence[Pair]]:
     """The same with one link for each rigid chain of links."""
-    inner = [pair for pair in pairs if set(pair.ends) <= set(links)]
+    inner = parted(links, pairs)[1]
     if len(links) < 3 or any(pair.letter == "G" for pair in pairs):
         return links, pairs
     body = bodies(links, inner)
