@@ -18,7 +18,7 @@ from linkjax.analysis._cycle import Cycle, explain, explain_start
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.analysis._stages import staged
-from linkjax.machine import Scene, check_scene, ready
+from linkjax.machine import ReadyScene, Scene, check_scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.sampling import Ahead, Sampler
 
@@ -81,8 +81,8 @@ analyze = analyse
 
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, method: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, in other threads."""
-    scene = ready(jax.tree.map(as_float, scene))
-    _ahead(scene, _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
+    scene = jax.tree.map(as_float, scene)
+    _ahead(ready(scene), _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
 
 
 def _angles(scene: Scene, angles: Any) -> Array:
@@ -102,16 +102,15 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, method: str, throw: bool) -> Cycle:
     """The analysis in stages. The actual motion is omitted at constant speed, and if nothing has a mass."""
-    given, scene = scene, ready(scene)
-    moves = _moves(scene, constant_speed)
-    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
+    made, moves = ready(scene), _moves(scene, constant_speed)
+    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((made, angles))):
         if throw:
-            explain_start(scene)
-        _ahead(scene, angles, nodes, method, moves)
-    found = staged(Sampler(scene, _size(angles)), angles, nodes, method, moves)
+            explain_start(made)
+        _ahead(made, angles, nodes, method, moves)
+    found = staged(Sampler(made, _size(angles)), angles, nodes, method, moves)
     shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
     return Cycle(
-        scene=given, angles=angles, pose=shown.pose, transmission=shown.transmission, transmission_ends=found.spans,
+        scene=scene, angles=angles, pose=shown.pose, transmission=shown.transmission, transmission_ends=found.spans,
         margins=found.limits, dead_centres=found.dead, strokes=found.covered, reduced=shown.reduced, steady=motion,
         speed=shown.speed[0] if moves else None, acceleration=shown.acceleration[0] if moves else None,
         time=shown.time, forces=None if still else shown.forces[-1 if constant_speed else 0],
@@ -123,11 +122,11 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
     )  # fmt: skip
 
 
-def _ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) -> None:
+def _ahead(made: ReadyScene, angles: Array, nodes: int, method: str, moves: bool) -> None:
     """Start compiling all stages at once, each from the shapes of the results before."""
-    leaves, tree = jax.tree.flatten(scene)
+    leaves, tree = jax.tree.flatten(made)
     if not planned((tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), angles.size, nodes, method, moves)):
-        staged(Ahead(scene, _size(angles)), angles, nodes, method, moves)
+        staged(Ahead(made, _size(angles)), angles, nodes, method, moves)
 
 
 def _size(angles: Array) -> int:

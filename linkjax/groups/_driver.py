@@ -63,6 +63,9 @@ class Crank(AbstractDriver):
     def follows(self):
         return self.law
 
+    def counts(self):
+        return (self.link,)
+
     def link_names(self):
         return (self.link,)
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 import jax.numpy as jnp
 
 from linkjax._types import Scalar
-from linkjax.groups import RPR, RRP, RRR, General
-from linkjax.kinematics._pose import margins, named_groups, pose, prepared
-from linkjax.mechanism import Mechanism
+from linkjax.groups import RPR, RRP, RRR, ReferencePath
+from linkjax.kinematics._pose import Prepared, margins, pose, prepared
+from linkjax.mechanism import Mechanism, links_of
 
 OPEN = 1e-6  # a margin below minus this cannot be assembled; closer to zero there may be a change point
 
 
-def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -> str:
+def shortfall(mechanism: Mechanism | Prepared, name: str, side: str, phi: Scalar | float) -> str:
     """A phrase for messages: the distance of the pins of this group at the crank angle `phi` (rad) and the reach of its
     links, or the margin of a group of another kind. Not for use under JAX transformations."""
-    mechanism = prepared(mechanism)
-    group, here = named_groups(mechanism)[name], pose(mechanism, jnp.asarray(phi))
-    links, points = mechanism.held_by(group), here.points
+    ready = prepared(mechanism)
+    (group, path), here = ready.along()[name], pose(ready, jnp.asarray(phi))
+    links, points = links_of(ready.mechanism, group), here.points
     if isinstance(group, RRR):
         away = float(jnp.sqrt((points[group.to].r - points[group.from_].r).squared()))
         one, two = (f"{link!r} ({float(links[link].length):.4g} m)" for link in group.links)
@@ -32,23 +32,24 @@ def shortfall(mechanism: Mechanism, name: str, side: str, phi: Scalar | float) -
         away = float(jnp.sqrt((points[group.from_].r - points[group.about].r).squared()))
         offset = f"less than its offset of {abs(float(group.offset)):.4g} m"
         return f"its pins {group.about!r} and {group.from_!r} are {away:.4g} m apart, {offset}"
-    if side == "loops" and isinstance(group, General) and group.path is not None and bool(group.path.ends()):
+    if side == "loops" and isinstance(path, ReferencePath) and bool(path.ends()):
         return "its loops do not close there, or only in another assembly mode"
-    return f"its margin is {float(margins(mechanism, jnp.asarray(phi))[name][side].value):.3g}"
+    return f"its margin is {float(margins(ready, jnp.asarray(phi))[name][side].value):.3g}"
 
 
-def not_assembled_at_start(mechanism: Mechanism) -> tuple[str, str] | None:
+def not_assembled_at_start(mechanism: Mechanism | Prepared) -> tuple[str, str] | None:
     """The first group that cannot be assembled at crank angle zero, and the side of its least margin; None if none."""
-    for name, sides in margins(prepared(mechanism), jnp.zeros(())).items():
+    for name, sides in margins(mechanism, jnp.zeros(())).items():
         side = min(sides, key=lambda side, sides=sides: float(sides[side].value), default=None)
         if side is not None and float(sides[side].value) < -OPEN:
             return name, side
     return None
 
 
-def open_at_start(mechanism: Mechanism) -> str:
+def open_at_start(mechanism: Mechanism | Prepared) -> str:
     """Which group cannot be assembled at crank angle zero, and why; "" if all can. Not for use under JAX
     transformations."""
+    mechanism = prepared(mechanism)
     lost = not_assembled_at_start(mechanism)
     if lost is None:
         return ""

@@ -1,5 +1,6 @@
 """The scene: mechanism, loads, gravity and mean speed."""
 
+from linkjax.machine._scene import ReadyScene as ReadyScene
 from linkjax.machine._scene import Scene as Scene
 from linkjax.machine._scene import check_scene as check_scene
 from linkjax.machine._scene import ready as ready
