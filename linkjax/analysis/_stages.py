@@ -123,8 +123,8 @@ def _driven(regime: Regime, at: At) -> Driven:
 
 
 @compiled_soon
-def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, place: Place, sample: Sample) -> Driven:
-    active = taken(grid.active, place.panel)
+def _every_motion(made: ReadyScene, grid: Grid, steady: Steady | None, place: Place, sample: Sample) -> Driven:
+    scene, active = made.scene, taken(grid.active, place.panel)
     motions = [crank_at(grid, None, scene.speed, place, sample.dynamics)]
     if steady is not None:
         motions.insert(0, crank_at(grid, steady, scene.speed, place, sample.dynamics))
