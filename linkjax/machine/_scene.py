@@ -143,6 +143,7 @@ def check_scene(scene: object) -> None:
     """Raise `TypeError` if `scene` is not a `Scene`."""
     if not isinstance(scene, Scene):
         remedy = "write Scene(mechanism, loads, speed=...)" if isinstance(scene, Mechanism) else "write lj.load(name)"
+        remedy = "write its .scene" if isinstance(scene, ReadyScene) else remedy
         raise TypeError(f"a Scene is needed, not {type(scene).__name__}; {remedy}")
 
 
