@@ -264,8 +264,7 @@ def judged(
         lambda at, d: 0 * d if "reference_length" in jax.tree_util.keystr(at) else d * rng.normal(size=d.shape),
         batch.scene.mechanism,
     )
-    general = any(isinstance(g, General) for g in batch.scene.mechanism.groups)
-    paths = jax.device_get(paths_of(batch.scene.mechanism)) if general else {}
+    paths = jax.device_get(paths_of(batch.scene.mechanism))
     program = at_once if compiled else computed
     with contextlib.nullcontext() if compiled else jax.disable_jit():
         if slopes:
