@@ -50,10 +50,11 @@ def row(name: str, found: dict[str, float]) -> str:
 
 def reactions(scene: lj.Scene) -> Any:
     """Forces at all joints at constant nominal speed, one row per joint."""
-    scene = ready(jax.tree.map(as_float, scene))
+    made = ready(jax.tree.map(as_float, scene))
+    scene = made.scene
 
     def at(phi):
-        found = kinetostatics(scene, phi, scene.speed, jnp.zeros_like(phi)).reactions
+        found = kinetostatics(made, phi, scene.speed, jnp.zeros_like(phi)).reactions
         return jnp.stack([jnp.stack(found[joint][link][:2]) for joint, link in reaction_names(scene)])
 
     phi = scan_angles(scene.cycle_turns, STEPS)

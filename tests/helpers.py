@@ -13,7 +13,7 @@ from jax.flatten_util import ravel_pytree
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
-from linkjax.kinematics import pose, prepared
+from linkjax.kinematics import Prepared, pose, prepared
 from linkjax.scenes import loads_text, text_of
 
 ANGLES = np.linspace(0.0, 2 * np.pi, 25)
@@ -64,7 +64,7 @@ def ulps(value: Any, exact: Any) -> np.ndarray:
     return np.asarray([abs(float((float(v) - e) / float(np.spacing(abs(float(e)))))) for v, e in pairs])
 
 
-def at(mechanism: lj.Mechanism, angles: Any = ANGLES) -> Any:
+def at(mechanism: lj.Mechanism | Prepared, angles: Any = ANGLES) -> Any:
     """Poses over crank angles."""
     return compiled_soon(lambda m: jax.vmap(lambda phi: pose(m, phi))(jnp.asarray(angles)))(prepared(mechanism))
 

@@ -17,7 +17,7 @@ from linkjax.analysis._cycle import Cycle, explain, explain_start
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.analysis._stages import staged
-from linkjax.machine import Scene, check_scene, nameless, ready
+from linkjax.machine import ReadyScene, Scene, check_scene, nameless, ready
 from linkjax.mechanism import StructureError
 from linkjax.sampling import Ahead, Sampler
 
@@ -78,8 +78,8 @@ analyze = analyse
 
 def compile_ahead(scene: Scene, *, angles: Any = 360, nodes: int = 96, method: str = "quadrature") -> None:
     """Start compiling what `analyse` needs for scenes of this topology, in other threads."""
-    scene = ready(nameless(jax.tree.map(as_float, scene))[0])
-    _ahead(scene, _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
+    scene = nameless(jax.tree.map(as_float, scene))[0]
+    _ahead(ready(scene), _angles(scene, angles), nodes, method, _moves(scene, scene.constant_speed))
 
 
 def _angles(scene: Scene, angles: Any) -> Array:
@@ -99,14 +99,13 @@ def _angles(scene: Scene, angles: Any) -> Array:
 
 def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, method: str, throw: bool) -> Cycle:
     """The analysis in stages. The actual motion is omitted at constant speed, and if nothing has a mass."""
-    given, (scene, names) = scene, nameless(scene)
-    scene = ready(scene)
-    moves = _moves(scene, constant_speed)
-    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((scene, angles))):
+    plain, names = nameless(scene)
+    made, moves = ready(plain), _moves(scene, constant_speed)
+    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((made, angles))):
         if throw:
-            explain_start(scene if names is None else names.back(scene))
-        _ahead(scene, angles, nodes, method, moves)
-    found = staged(Sampler(scene), angles, nodes, method, moves)
+            explain_start(made.of(scene))
+        _ahead(made, angles, nodes, method, moves)
+    found = staged(Sampler(made), angles, nodes, method, moves)
     shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
     results = {
         "pose": shown.pose, "transmission": shown.transmission, "transmission_ends": found.spans,
@@ -120,14 +119,14 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
         "result": merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), "nodes": found.grid.size,
     }  # fmt: skip
     results = results if names is None else names.back(results)
-    return Cycle(scene=given, angles=angles, constant_speed=constant_speed, method=method, **results)
+    return Cycle(scene=scene, angles=angles, constant_speed=constant_speed, method=method, **results)
 
 
-def _ahead(scene: Scene, angles: Array, nodes: int, method: str, moves: bool) -> None:
+def _ahead(made: ReadyScene, angles: Array, nodes: int, method: str, moves: bool) -> None:
     """Start compiling all stages at once, each from the shapes of the results before."""
-    leaves, tree = jax.tree.flatten(scene)
+    leaves, tree = jax.tree.flatten(made)
     if not planned((tree, tuple((leaf.shape, leaf.dtype) for leaf in leaves), angles.size, nodes, method, moves)):
-        staged(Ahead(scene), angles, nodes, method, moves)
+        staged(Ahead(made), angles, nodes, method, moves)
 
 
 def _moves(scene: Scene, constant_speed: bool) -> bool:

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax.forces import Forces, at_change_point
-from linkjax.groups import RRP, RRR
-from linkjax.kinematics import Pose
+from linkjax.groups import BranchPath
+from linkjax.kinematics import Pose, Prepared
 from linkjax.mechanism import Mechanism
 
 
@@ -27,14 +27,14 @@ def without_joints(mechanism: Mechanism, here: Pose, forces: Forces) -> Forces:
     return forces._replace(reactions=jax.tree.map(lambda x: jnp.where(lost, jnp.nan, x), forces.reactions))
 
 
-def singular(mechanism: Mechanism, names: list[str]) -> Array:
+def singular(ready: Prepared, names: list[str]) -> Array:
     """Which of these peaks are unbounded: reactions at the joints of a group with a change point, and of the groups
     that carry it."""
     found = {name: jnp.asarray(False) for name in names}
-    for number, group in enumerate(mechanism.groups):
-        if isinstance(group, RRR | RRP) and group.path is not None:
-            joints = {joint.name for before in mechanism.groups[: number + 1] for joint in before.joints()}
+    for number, path in enumerate(ready.paths):
+        if isinstance(path, BranchPath):
+            joints = {joint.name for before in ready.mechanism.groups[: number + 1] for joint in before.joints()}
             for name in names:
                 if name.startswith("reaction.") and any(name.startswith(f"reaction.{joint}.") for joint in joints):
-                    found[name] = found[name] | group.path.touches()
+                    found[name] = found[name] | path.touches()
     return jnp.stack(list(found.values()))

@@ -15,18 +15,15 @@ from linkjax.analysis._table import table_of
 from linkjax.analysis._text import cycle_text
 from linkjax.forces import Forces
 from linkjax.groups import (
-    Course,
-    Gear,
-    General,
+    BranchPath,
+    CountedTurns,
     Lost,
-    Pinion,
-    Rack,
-    Track,
+    ReferencePath,
     followed,
     slow,
 )
 from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, named_groups, not_assembled_at_start, shortfall
-from linkjax.machine import Scene, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
 
@@ -160,26 +157,24 @@ class Cycle(eqx.Module):
         return self.forces.reactions
 
 
-def explain_start(scene: Scene) -> None:
-    """Raise `MachineError` if a group of higher class of a prepared scene does not close at crank angle zero, before
-    any analysis."""
-    for name, group in named_groups(scene.mechanism).items():
-        if not isinstance(group, General) or group.path is None:
+def explain_start(made: ReadyScene) -> None:
+    """Raise `MachineError` if a group of higher class does not close at crank angle zero, before any analysis."""
+    scene = made.scene
+    for name, (group, path) in made.mechanism.along().items():
+        if not isinstance(path, ReferencePath):
             continue
-        if not float(group.path.gap[0]) > slow(group.path.gap.dtype):
+        if not float(path.gap[0]) > slow(path.gap.dtype):
             continue
-        lost = not_assembled_at_start(scene.mechanism)
+        lost = not_assembled_at_start(made.mechanism)
         if lost is not None and lost[0] != name:
             return  # it is attached to a group that does not close; the analysis reports where that one closes
         title = f"Scene {scene.title!r}: " if scene.title else ""
-        assert group.path.size is not None
-        left = float(group.path.gap[0] * group.path.size)
+        left = float(path.gap[0] * path.size)
         joints = ", ".join(sorted({joint.name for joint in group.joints()}))
         law = group.follows()
         remedy = "Change lengths or the phase of the crank, or sketch its pins at their positions at crank angle zero."
         if law is not None:
-            slides = group.driven_slot() is not None
-            begins = law.begins()
+            slides, begins = group.drive_slides(), law.begins()
             which = f"stroke, which begins at {begins:.4g} m" if slides else f"law, which begins at {begins:.4g} rad"
             remedy = f"Change its {which}, or lengths, or sketch its pins at their positions there."
         raise MachineError(
@@ -253,13 +248,11 @@ def _where_it_can(cycle: Cycle) -> str:
 
 def _trouble(cycle: Cycle, name: str) -> str:
     """The problem of a group with a reference path that closes everywhere, or of the turns that gears follow."""
-    group = named_groups(ready(cycle.scene).mechanism)[name]
-    path = getattr(group, "path", None)
-    if isinstance(group, General | Gear | Rack | Pinion):
-        wound = path.wound if isinstance(path, Track) else path
-        if wound is not None and bool(wound.too_fast(group.cycle_turns)):
-            return "too fast"
-    return path.trouble() if isinstance(path, Course | Track) else ""
+    path = ready(cycle.scene).mechanism.along()[name].path
+    turns = path.meshing.turns if isinstance(path, ReferencePath) else path
+    if isinstance(turns, CountedTurns) and bool(turns.too_fast()):
+        return "too fast"
+    return path.trouble() if isinstance(path, BranchPath | ReferencePath) else ""
 
 
 def _first_lost(cycle: Cycle) -> tuple[str, str, Least]:

@@ -42,13 +42,14 @@ def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
 
 def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
     """The quantities compared, each of shape (quantities, angles) except the last."""
-    scene = ready(jax.tree.map(as_float, scene))
+    made = ready(jax.tree.map(as_float, scene))
+    scene = made.scene
     phi = scan_angles(scene.cycle_turns, SCAN)
 
     def at(phi):
-        here = pose(scene.mechanism, phi)
+        here = pose(made.mechanism, phi)
         points, links = here.points.values(), here.links.values()
-        torque = kinetostatics(scene, phi, scene.speed, jnp.zeros_like(phi)).drive_torque
+        torque = kinetostatics(made, phi, scene.speed, jnp.zeros_like(phi)).drive_torque
         return (
             jnp.stack([x for p in points for x in (p.r.x, p.r.y)]),
             jnp.stack([x for p in points for v in (p.dr, p.ddr) for x in (v.x, v.y)]
@@ -57,7 +58,7 @@ def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
         )  # fmt: skip
 
     rows = jax.jit(jax.vmap(at, out_axes=1))(phi)
-    return (*rows, jax.jit(lambda scene: steady_motion(scene, nodes).delta)(scene)[None, None])
+    return (*rows, jax.jit(lambda made: steady_motion(made, nodes).delta)(made)[None, None])
 
 
 def _digits(exact: np.ndarray, rough: np.ndarray) -> float:

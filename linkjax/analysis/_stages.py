@@ -17,7 +17,7 @@ from linkjax.analysis._cycle import Checks, Flywheels, Margins
 from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import SCAN, Pose, Reversals, find_dead_centres, find_margins, find_strokes, scan_angles
 from linkjax.loads import Instant
-from linkjax.machine import Scene
+from linkjax.machine import ReadyScene, Scene
 from linkjax.measures import peak_names, table
 from linkjax.motion import (
     At,
@@ -71,7 +71,7 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     motion, wheels = None, None
     if moves:
         if method == "diffrax":
-            motion = machine.run(_by_diffrax, scene, nodes=nodes)
+            motion = machine.run(_by_diffrax, machine.ready, nodes=nodes)
             grid, at = motion.grid, at_nodes(machine, motion.grid)
         else:
             motion = steady_on(machine, grid, at)
@@ -92,8 +92,8 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
 
 
 @compiled_soon(static=("nodes",))
-def _by_diffrax(scene: Scene, nodes: int) -> Steady:
-    return steady_by_diffrax(scene, nodes)
+def _by_diffrax(made: ReadyScene, nodes: int) -> Steady:
+    return steady_by_diffrax(made, nodes)
 
 
 @compiled_soon
@@ -126,8 +126,8 @@ def _driven(regime: Regime, at: At) -> Driven:
 
 
 @compiled_soon
-def _every_motion(scene: Scene, grid: Grid, steady: Steady | None, place: Place, sample: Sample) -> Driven:
-    active = taken(grid.active, place.panel)
+def _every_motion(made: ReadyScene, grid: Grid, steady: Steady | None, place: Place, sample: Sample) -> Driven:
+    scene, active = made.scene, taken(grid.active, place.panel)
     motions = [crank_at(grid, None, scene.speed, place, sample.dynamics)]
     if steady is not None:
         motions.insert(0, crank_at(grid, steady, scene.speed, place, sample.dynamics))
@@ -193,7 +193,7 @@ def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
     found = vectors(regime, regime.at(at.place, at.sample))
     at_nodes, rms = machine.run(_by_quantity, regime.grid, found, motions=motions)
     found = peaks(regime, vectors, at_nodes)
-    return machine.run(_told, machine.scene, regime.steady, found, motions=motions), rms
+    return machine.run(_told, machine.ready, regime.steady, found, motions=motions), rms
 
 
 @compiled_soon(static=("motions",))
@@ -205,12 +205,12 @@ def _by_quantity(grid: Grid, found: Array, motions: int) -> tuple[Array, Array]:
 
 
 @compiled_soon(static=("motions",))
-def _told(scene: Scene, motion: Steady | None, found: Peak, motions: int) -> tuple[Peak, ...]:
+def _told(made: ReadyScene, motion: Steady | None, found: Peak, motions: int) -> tuple[Peak, ...]:
     """The peaks by motion: infinite where a group passes through a singular position, in the actual motion with the
     error of the motion."""
-    names = peak_names(scene)
+    names = peak_names(made.scene)
     count = len(names)
-    boundless = jnp.tile(singular(scene.mechanism, names), motions)
+    boundless = jnp.tile(singular(made.mechanism, names), motions)
     found = found._replace(value=jnp.where(boundless, jnp.inf, found.value))
     if motion is not None:  # in it, forces depend on the square of the speed and its slope
         inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * found.value, 0.0)

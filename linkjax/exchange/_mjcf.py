@@ -40,11 +40,10 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
     ideal counterweight leaves it without positive inertia, and for machines that are traced or batched.
     """
     if isinstance(machine, Scene):
-        machine = ready(machine)
-        mechanism, gravity, title = machine.mechanism, plane(machine.gravity), machine.title
+        made, gravity, title = ready(machine).mechanism, plane(machine.gravity), machine.title
     else:
-        mechanism, gravity, title = prepared(machine), 0j, ""
-    here = assembled(mechanism, phi)
+        made, gravity, title = prepared(machine), 0j, ""
+    mechanism, here = made.mechanism, assembled(made, phi)
     at = stand(mechanism, here)
     tree = tree_of(mechanism, at)
     size = max(abs(place) for link in mechanism.links for place in tree.places[link].values()) or 1.0

@@ -17,7 +17,7 @@ from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, Guide, Joint
-from linkjax.kinematics import Pose, margins, pose
+from linkjax.kinematics import Pose, Prepared, margins, plain, pose
 from linkjax.mechanism import Mechanism, StructureError
 
 Places = Mapping[str, Mapping[str, complex]]
@@ -113,13 +113,13 @@ def _as_it_stands(block: str, on: str, here: Stand) -> Way:
 
 
 @compiled_soon
-def _at(mechanism: Mechanism, phi):
+def _at(mechanism: Mechanism | Prepared, phi):
     return pose(mechanism, phi), margins(mechanism, phi)
 
 
-def assembled(mechanism: Mechanism, phi: float) -> Pose:
+def assembled(mechanism: Mechanism | Prepared, phi: float) -> Pose:
     """The pose at a crank angle (rad). Raises `MachineError` where the mechanism cannot be assembled."""
-    places_of(mechanism)  # raises for traced or batched numbers
+    places_of(plain(mechanism))  # raises for traced or batched numbers
     here, sides = _at(mechanism, as_float(phi))
     for group, by_side in sides.items():
         for side, margin in by_side.items():

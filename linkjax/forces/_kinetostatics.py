@@ -18,7 +18,7 @@ from linkjax._vec import Vec, zero
 from linkjax.groups import Joint, Wrench
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Applied, Instant, power
-from linkjax.machine import Scene
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import Mechanism
 
 BLUNT = 1e-5  # sine of the transmission angle below which joint forces are not given: ten digits cancel there
@@ -65,7 +65,9 @@ class Forces(NamedTuple):
     loads: JointForce
 
 
-def kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar | None = None) -> Forces:
+def kinetostatics(
+    scene: Scene | ReadyScene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar | None = None
+) -> Forces:
     """All forces at the crank angle `phi` (rad), crank speed (rad/s) and crank acceleration (rad/s²).
 
     Arguments and results are scalars; use `jax.vmap` for many. At a jump of a load the value is the one-sided limit on
@@ -73,12 +75,12 @@ def kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar
     those named by `indeterminate`.
     """
     phi = jnp.asarray(phi)
-    return _kinetostatics(scene, phi, speed, acceleration, phi if side is None else jnp.asarray(side))
+    return _kinetostatics(ready(scene), phi, speed, acceleration, phi if side is None else jnp.asarray(side))
 
 
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
-def _kinetostatics(scene: Scene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar) -> Forces:
-    here = pose(scene.mechanism, phi)
+def _kinetostatics(made: ReadyScene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar) -> Forces:
+    scene, here = made.scene, pose(made.mechanism, phi)
     return forces_of_pose(scene, here, Instant(phi, jnp.asarray(side)), scene.active(side), speed, acceleration)
 
 

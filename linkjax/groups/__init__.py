@@ -6,19 +6,21 @@ from linkjax.groups._base import AbstractGroup as AbstractGroup
 from linkjax.groups._base import Coupling as Coupling
 from linkjax.groups._base import Margin as Margin
 from linkjax.groups._base import Wrench as Wrench
-from linkjax.groups._course import TOUCHING as TOUCHING
-from linkjax.groups._course import Course as Course
-from linkjax.groups._course import course_of as course_of
+from linkjax.groups._branch_path import TOUCHING as TOUCHING
+from linkjax.groups._branch_path import BranchPath as BranchPath
+from linkjax.groups._branch_path import branch_path as branch_path
+from linkjax.groups._closure import Found as Found
+from linkjax.groups._counted_turns import CountedTurns as CountedTurns
+from linkjax.groups._counted_turns import counted_turns as counted_turns
 from linkjax.groups._drawn import GearPair as GearPair
 from linkjax.groups._drawn import RackPair as RackPair
 from linkjax.groups._drive import Drive as Drive
 from linkjax.groups._driver import AbstractDriver as AbstractDriver
 from linkjax.groups._driver import Crank as Crank
 from linkjax.groups._driver import LinearDriver as LinearDriver
+from linkjax.groups._followed import Along as Along
 from linkjax.groups._followed import Path as Path
 from linkjax.groups._followed import followed as followed
-from linkjax.groups._followed import with_path as with_path
-from linkjax.groups._followed import without_path as without_path
 from linkjax.groups._gear import Gear as Gear
 from linkjax.groups._general import General as General
 from linkjax.groups._guide import Guide as Guide
@@ -39,6 +41,10 @@ from linkjax.groups._passive import RedundantSlider as RedundantSlider
 from linkjax.groups._prp import PRP as PRP
 from linkjax.groups._rack import Pinion as Pinion
 from linkjax.groups._rack import Rack as Rack
+from linkjax.groups._reference_path import Meshing as Meshing
+from linkjax.groups._reference_path import ReferencePath as ReferencePath
+from linkjax.groups._reference_path import closed_to as closed_to
+from linkjax.groups._reference_path import slow as slow
 from linkjax.groups._rpp import RPP as RPP
 from linkjax.groups._rpr import RPR as RPR
 from linkjax.groups._rrp import RRP as RRP
@@ -47,11 +53,6 @@ from linkjax.groups._state import LinkState as LinkState
 from linkjax.groups._state import PointState as PointState
 from linkjax.groups._state import at_rest as at_rest
 from linkjax.groups._state import carried as carried
-from linkjax.groups._track import Track as Track
-from linkjax.groups._track import closed_to as closed_to
-from linkjax.groups._track import slow as slow
-from linkjax.groups._winding import Winding as Winding
-from linkjax.groups._winding import unwound as unwound
 
 KINDS = {
     group.kind: group

@@ -7,7 +7,7 @@ joint reactions (`react`). A new kind is a new file; nothing else changes.
 from __future__ import annotations
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -217,8 +217,18 @@ class AbstractGroup(eqx.Module):
         has to say enough."""
         return ""
 
-    def returns(self) -> Array | None:
-        """Whether the group returns to its initial position after `cycle_turns`; None without a reference path."""
+    def followed(self, counted: Set[str]) -> bool:
+        """Whether it must be followed along the cycle, given the links whose turns are `counted` in closed form. The
+        `solve` and `margins` of such a group take its reference path (`kinematics.prepared`) as a last argument."""
+        return False
+
+    def counts(self) -> tuple[str, ...]:
+        """Its links whose turns are counted in closed form unless the group is followed."""
+        return ()
+
+    def returns(self, path: Any) -> Array | None:
+        """Whether the group returns to its initial position after the cycle that its path covers; None where nothing
+        shows it."""
         return None
 
     @abc.abstractmethod

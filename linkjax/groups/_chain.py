@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._vec import Vec
-from linkjax.groups._base import AbstractGroup
+from linkjax.groups._base import AbstractGroup, Wrench
 from linkjax.groups._drawn import check_drawn, check_gears, mesh_names, undrawn
 from linkjax.groups._drive import Drive, check_drive, driven_slot
 from linkjax.groups._gear import Gear
@@ -179,3 +179,27 @@ class AbstractChain(AbstractGroup):
         if self.drive is not None:
             found.append(Joint(f"{self.drive.link}.drive", origins[self.drive.link], self.drive.link, self.drive.on))
         return tuple(found)
+
+    def _teeth(self, x: Array, size: Array, pins: list[Wrench], slots: list[Wrench], states, points) -> list[Wrench]:
+        """Forces of the meshes from their multipliers (couples on gears, forces along racks); the difference to the
+        actual tooth forces is added to the `pins` of gears and the `slots` of racks."""
+        found = []
+        for gear, much in zip(self.gears, x, strict=False):
+            if isinstance(gear, Gear):
+                mesh = gear.mesh.exerted(points[gear.centre].r - points[gear.pivot].r, much * size)
+                self._carry(pins, gear.pivot, gear.link, gear.carrier, -mesh.force)
+            else:
+                k = next(i for i, slot in enumerate(self.slots) if slot.block == gear.link)
+                mesh = gear.exerted(much, states, points)
+                along = states[gear.link].u * much
+                slots[k] = Wrench(slots[k].force + along - mesh.force, slots[k].moment - mesh.moment)
+            self._carry(pins, gear.centre, gear.to, gear.mates()[1], mesh.force)
+            found.append(mesh)
+        return found
+
+    def _carry(self, pins: list[Wrench], point: str, wheel: str, carrier: str, force: Vec) -> None:
+        """Add the tooth force on a gear to the pin between the gear and its carrier, as a force on the gear."""
+        for k, (at, link, _) in enumerate(self._pairs()):
+            if at == point and link in (wheel, carrier):
+                more = force if link == wheel else -force
+                pins[k] = Wrench(pins[k].force + more, pins[k].moment)

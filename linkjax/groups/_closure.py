@@ -16,7 +16,14 @@ from linkjax._vec import Vec, unit
 
 NEAR = 3  # Newton steps from the reference path
 
-Found = tuple[Array, Array, Array]  # a configuration, the mean of its Jacobian's determinant, and its closure error
+
+class Found(NamedTuple):
+    """A configuration, the mean of its Jacobian's determinant, and its closure error relative to the size of the
+    group."""
+
+    z: Array
+    sense: Array
+    gap: Array
 
 
 class Known(NamedTuple):
@@ -96,7 +103,7 @@ class Closure(NamedTuple):
     geared: Geared | None = None
 
 
-class Web(NamedTuple):
+class ClosureEquations(NamedTuple):
     """The closure equations of a group: the bodies that every pin joins (pins, bodies), the body of every slot's block
     and that of its guide (slots, bodies), and the slot that the drive moves, or the two links that it turns (None for
     the frame)."""

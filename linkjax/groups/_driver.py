@@ -77,6 +77,9 @@ class Crank(AbstractDriver):
         phase = self.phase if self.law is None else self.phase + self.law.begins()
         return dataclasses.replace(self, rotation=rotation, phase=phase, law=None)
 
+    def counts(self):
+        return (self.link,)
+
     def link_names(self):
         return (self.link,)
 

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from linkjax.groups._base import AbstractGroup
-from linkjax.groups._course import Course
-from linkjax.groups._driver import Crank
-from linkjax.groups._gear import Gear
-from linkjax.groups._general import General
-from linkjax.groups._mesh import Belt
+from jaxtyping import Array
+
+from linkjax.groups._base import AbstractGroup, Margin
+from linkjax.groups._branch_path import BranchPath
+from linkjax.groups._counted_turns import CountedTurns
 from linkjax.groups._pairs import FRAME
-from linkjax.groups._rack import Pinion, Rack
-from linkjax.groups._rrp import RRP
-from linkjax.groups._rrr import RRR
-from linkjax.groups._track import Track
-from linkjax.groups._winding import Winding
+from linkjax.groups._reference_path import ReferencePath
+from linkjax.groups._state import LinkState, PointState
 
-Path = Track | Course | Winding
+Path = ReferencePath | BranchPath | CountedTurns
 
 
 def followed(groups: Sequence[AbstractGroup]) -> list[int]:
@@ -26,25 +22,34 @@ def followed(groups: Sequence[AbstractGroup]) -> list[int]:
     cranks and other such gears, in a ratio of integer numbers of teeth."""
     found, counted = [], {FRAME}
     for number, group in enumerate(groups):
-        if isinstance(group, Gear | Rack | Pinion):
-            exact = set(group.mates()) <= counted and not (isinstance(group, Gear) and isinstance(group.mesh, Belt))
-            found += [number] * (not exact)
-            counted |= {group.link} if exact else set()
-        elif isinstance(group, RRR | RRP):
-            found += [number] * (group.branch == "continue")
-        elif isinstance(group, General):
+        if group.followed(counted):
             found.append(number)
-        elif isinstance(group, Crank):
-            counted.add(group.link)
+        else:
+            counted |= {*group.counts()}
     return found
 
 
-def with_path(group: AbstractGroup, path: Path | None, cycle_turns: int = 1) -> AbstractGroup:
-    """A followed group with another reference path over `cycle_turns` turns, or with none."""
-    assert isinstance(group, General | RRR | RRP | Gear | Rack | Pinion)
-    return dataclasses.replace(group, **{"path": path, "cycle_turns": cycle_turns})
+class Along(NamedTuple):
+    """A group and its reference path, which is None for a group that needs none."""
 
+    group: AbstractGroup
+    path: Path | None
 
-def without_path(group: AbstractGroup) -> AbstractGroup:
-    """The group without its reference path, if it has one."""
-    return with_path(group, None) if getattr(group, "path", None) is not None else group
+    def solve(
+        self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
+    ) -> tuple[dict[str, LinkState], dict[str, PointState]]:
+        """See `AbstractGroup.solve`."""
+        return self._asked(self.group.solve, links, states, points, phi)
+
+    def margins(
+        self, links: Mapping[str, Any], states: dict[str, LinkState], points: dict[str, PointState], phi: Array
+    ) -> dict[str, Margin]:
+        """See `AbstractGroup.margins`."""
+        return self._asked(self.group.margins, links, states, points, phi)
+
+    def _asked(self, kernel: Callable, *known: Any) -> Any:
+        return kernel(*known) if self.path is None else kernel(*known, self.path)
+
+    def returns(self) -> Array | None:
+        """Whether the group returns to its initial position after the cycle; None without a reference path."""
+        return None if self.path is None else self.group.returns(self.path)

@@ -17,10 +17,10 @@ from jaxtyping import Array
 from linkjax._types import as_float
 from linkjax._vec import Vec, unit
 from linkjax.groups._base import AbstractGroup, Coupling, Wrench
+from linkjax.groups._counted_turns import always, counted, nothing
 from linkjax.groups._mesh import Belt, Mesh, Teeth
 from linkjax.groups._pairs import FRAME, Joint
 from linkjax.groups._state import LinkState, carried
-from linkjax.groups._winding import Winding, always, counted, nothing
 
 
 class AbstractWheel(AbstractGroup):
@@ -62,8 +62,7 @@ class Gear(AbstractWheel):
     Both points belong to the `carrier`, the frame or an existing link. Relative to it, the gear is at `phase` (rad)
     when `to` is at zero, and turns in the ratio of the `mesh`. If `to` is neither a crank nor a gear, its angle at
     crank angle zero is taken within half a turn of zero. `end` names a pin of the gear at its length, if it has one.
-    `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for an invalid mesh, and for a
-    gear in mesh with its own carrier.
+    Raises `ValueError` for an invalid mesh, and for a gear in mesh with its own carrier.
     """
 
     kind: ClassVar[str] = "gear"
@@ -76,8 +75,6 @@ class Gear(AbstractWheel):
     end: str | None = eqx.field(static=True, default=None)
     phase: Array = eqx.field(converter=as_float, default=0.0)
     carrier: str = eqx.field(static=True, default=FRAME)
-    path: Winding | None = None
-    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         if not isinstance(self.mesh, Teeth | Belt):
@@ -118,8 +115,8 @@ class Gear(AbstractWheel):
     def crossed(self):
         return self.mesh.crossed if isinstance(self.mesh, Belt) else None
 
-    def solve(self, links, states, points, phi):
-        there, on = (counted(name, k, states, self.path, phi, self.cycle_turns) for k, name in enumerate(self.mates()))
+    def solve(self, links, states, points, phi, path=None):
+        there, on = (counted(name, k, states, path, phi) for k, name in enumerate(self.mates()))
         ratio = self.mesh.ratio()
         angle, w, e = (b + ratio * (a - b) for a, b in zip(there, on, strict=True))
         return self.placed(self.end, links, points, angle + self.phase, w, e)
@@ -127,18 +124,22 @@ class Gear(AbstractWheel):
     def singular_positions(self):
         return ("turns", "apart")
 
-    def margins(self, links, states, points, phi):
+    def margins(self, links, states, points, phi, path=None):
         apart = self.mesh.apart(points[self.centre].r - points[self.pivot].r)
         return {"turns": always(phi), "apart": apart}
 
     def lost(self, at):
         return at.apart() if at.side == "apart" else super().lost(at)
 
-    def returns(self):
-        if self.path is None:
-            return None
-        there, on = self.path.covered()
-        return nothing(self.path.missed(on + self.mesh.ratio() * (there - on), self.cycle_turns))
+    def followed(self, counted):
+        return isinstance(self.mesh, Belt) or not set(self.mates()) <= counted
+
+    def counts(self):
+        return (self.link,)
+
+    def returns(self, path):
+        there, on = path.covered()
+        return nothing(path.missed(on + self.mesh.ratio() * (there - on)))
 
     def react(self, loads, states, points):
         load = loads[self.link]

@@ -8,10 +8,8 @@ Source: any text on constrained planar systems, e.g. Haug, Computer Aided Kinema
 
 from __future__ import annotations
 
-import dataclasses
 from typing import ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,17 +20,28 @@ from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest
 from linkjax._vec import Vec, unit, zero
 from linkjax.groups._base import BEYOND, Margin, Wrench
 from linkjax.groups._chain import AbstractChain
-from linkjax.groups._closure import Closure, Found, Geared, Known, Placed, Web, array, least_singular, placed
+from linkjax.groups._closure import (
+    Closure,
+    ClosureEquations,
+    Found,
+    Geared,
+    Known,
+    Placed,
+    array,
+    least_singular,
+    placed,
+)
+from linkjax.groups._counted_turns import CountedTurns, counted, uncounted
 from linkjax.groups._drawn import from_sketch
-from linkjax.groups._gear import Gear
 from linkjax.groups._pairs import FRAME
+from linkjax.groups._reference_path import Meshing, closed_to, met
 from linkjax.groups._state import LinkState, PointState, carried
-from linkjax.groups._track import Track, closed_to, met
-from linkjax.groups._winding import counted
 
 FAR = 60  # damped steps from a sketch
-LAST = 2  # steps with one inverse, after those of `Web.near`
+LAST = 2  # steps with one inverse, after those of `ClosureEquations.near`
 SWING = 0.2  # largest motion of links in these steps, relative to the size
+
+Places = dict[str, dict[str, Vec]]  # of every member: positions of its points in its own axes
 
 
 class General(AbstractChain):
@@ -43,14 +52,13 @@ class General(AbstractChain):
     exist already. `slots` are the sliding joints: a block has one point, its origin, and the axes of its guide. `gears`
     are the gears and racks whose `link` is a member, written as separate groups; a rack is the block of a slot.
     `sketch` selects the assembly mode by approximate positions at crank angle zero: two points of every link, one of a
-    block, and one of a gear that is pinned once and not driven. A group with a `drive` comes first. `path` and
-    `cycle_turns` are filled in by `kinematics.prepared`.
+    block, and one of a gear that is pinned once and not driven. A group with a `drive` comes first.
     """
 
     kind: ClassVar[str] = "general"
 
-    path: Track | None = None
-    cycle_turns: int = eqx.field(static=True, default=1)
+    def followed(self, counted):
+        return True
 
     # ---- closure
 
@@ -61,7 +69,7 @@ class General(AbstractChain):
         along += [known.links[g.on] if g.on != "frame" else Vec(jnp.ones(()), jnp.zeros(())) for g in guides]
         return array([known.points[p] for p in (*points, *(g.through for g in guides))]), array(along)
 
-    def _web(self) -> Web:
+    def _equations(self) -> ClosureEquations:
         """The closure equations."""
         names, pairs, outer = list(self.link_names()), self._pairs(), self._outer_points()
         inside = [slot.guide.on in names for slot in self.slots]
@@ -78,9 +86,9 @@ class General(AbstractChain):
         if self.drive is not None and self.driven_slot() is None:
             against = None if self.drive.on == FRAME else names.index(self.drive.on)
             turns = (names.index(self.drive.link), against)
-        return Web(len(names), one, two, block, on, self.driven_slot(), turns)
+        return ClosureEquations(len(names), one, two, block, on, self.driven_slot(), turns)
 
-    def _geared(self, known: Known, size: Array) -> Geared | None:
+    def _geared(self, known: Known, size: Array, meshing: Meshing | None) -> Geared | None:
         """What its gears keep constant."""
         names, still = self.link_names(), jnp.zeros_like(size)
         rows = []
@@ -95,11 +103,11 @@ class General(AbstractChain):
         if not rows:
             return None
         held = Geared(*(jnp.stack(parts) for parts in zip(*rows, strict=True)))
-        if self.path is None or self.path.whole is None:
+        if meshing is None:
             return held
-        return held._replace(wanted=held.wanted + 2 * jnp.pi * size * self.path.whole)
+        return held._replace(wanted=held.wanted + 2 * jnp.pi * size * meshing.whole)
 
-    def _closure(self, places, known: Known, drive: Array) -> Closure:
+    def _closure(self, places, known: Known, drive: Array, meshing: Meshing | None = None) -> Closure:
         """The values in the closure equations."""
         pairs, none, names = self._pairs(), Vec(jnp.zeros(()), jnp.zeros(())), self.link_names()
         through = [places[s.guide.on][s.guide.through] if s.guide.on in names else none for s in self.slots]
@@ -109,7 +117,7 @@ class General(AbstractChain):
             array([places[to][p] if to else none for p, _, to in pairs]),
             array(through), array([unit(slot.guide.along) for slot in self.slots]),
             jnp.stack([slot.guide.offset for slot in self.slots]) if self.slots else jnp.zeros(0),
-            *self._outside(known), size, drive, self._geared(known, size),
+            *self._outside(known), size, drive, self._geared(known, size, meshing),
         )  # fmt: skip
 
     def size(self, links, points) -> Array:
@@ -123,32 +131,29 @@ class General(AbstractChain):
             arms += [(at - spots[0]).squared() for at in spots] + [slot.guide.offset**2 for slot in self.slots]
         return safe_sqrt(largest(jnp.stack(arms)), 1.0)
 
-    def _known(self, states, points, phi: Array | None = None, t: Array | float = 0.0) -> Known:
+    def _known(self, states, points, phi=None, meshing: Meshing | None = None, t: Array | float = 0.0) -> Known:
         """Existing points and links, a crank angle `t` later (to second order); angles only where `phi` is given."""
         half = 0.5 * t * t
         links = {g.on: states[g.on] for g in self.guides() if g.on != "frame"}
-        wound = None if self.path is None else self.path.wound
-        angles = {}
+        turns, angles = None if meshing is None else meshing.turns, {}
         if phi is not None:
-            angles = {
-                name: counted(name, k, states, wound, phi, self.cycle_turns) for k, name in enumerate(self.mates())
-            }
+            angles = {name: counted(name, k, states, turns, phi) for k, name in enumerate(self.mates())}
         return Known(
             {name: points[name].r + points[name].dr * t + points[name].ddr * half for name in self.needs()},
             {name: s.u + s.u.perp() * (s.w * t + s.e * half) - s.u * (s.w * s.w * half) for name, s in links.items()},
             {name: angle + w * t + e * half for name, (angle, w, e) in angles.items()},
         )
 
-    def _at(self, links, states, points, phi: Array) -> tuple[dict[str, dict[str, Vec]], Closure]:
+    def _at(self, links, states, points, phi: Array, meshing: Meshing | None = None) -> tuple[Places, Closure]:
         """Positions of points on the members, and the values in the closure equations, at a crank angle."""
         places = self.places(links)
-        return places, self._closure(places, self._known(states, points, phi), self._drive(phi))
+        return places, self._closure(places, self._known(states, points, phi, meshing), self._drive(phi), meshing)
 
-    def _moved_on(self, c: Closure, states, points, phi: Array, t: Array) -> Closure:
+    def _moved_on(self, c: Closure, states, points, phi: Array, meshing: Meshing, t: Array) -> Closure:
         """The closure equations a crank angle `t` later (to second order)."""
-        known = self._known(states, points, phi, t)
-        at, u = self._outside(known)
-        return c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t), geared=self._geared(known, c.size))
+        known = self._known(states, points, phi, meshing, t)
+        (at, u), geared = self._outside(known), self._geared(known, c.size, meshing)
+        return c._replace(outer_at=at, outer_u=u, drive=self._drive(phi, t), geared=geared)
 
     def _drive(self, phi: Array, t: Array | float = 0.0) -> Array:
         if self.drive is None:
@@ -166,14 +171,16 @@ class General(AbstractChain):
             return jnp.concatenate([drawn[:, :2], jnp.atan2(drawn[:, 3:], drawn[:, 2:3])], axis=1)
         return drawn
 
-    def wound(self, links, states, points, phi: Array, at: Array, angle: Array) -> tuple[Array, Array]:
+    def wound(
+        self, links, states, points, phi: Array, at: Array, angle: Array, turns: CountedTurns | None = None
+    ) -> tuple[Array, Array]:
         """A configuration from origins (links, 2) and angles (links,) within half a turn of zero, with free gears
         turned into mesh; also the offset of other meshes in whole turns (see `in_whole_turns`)."""
-        places, c = self._at(links, states, points, phi)
+        places, c = self._at(links, states, points, phi, Meshing(turns or uncounted(), jnp.zeros(len(self.gears))))
         assert c.geared is not None
         angle = jnp.where(self.loose(), angle, nearest_turn(angle, 2 * jnp.pi))
         tied = np.asarray([self.in_whole_turns(gear) for gear in self.gears])
-        whole = jnp.where(tied, jnp.round(self._web().gears_open(at, angle, c) / (2 * jnp.pi * c.size)), 0.0)
+        whole = jnp.where(tied, jnp.round(self._equations().gears_open(at, angle, c) / (2 * jnp.pi * c.size)), 0.0)
         c = c._replace(geared=c.geared._replace(wanted=c.geared.wanted + 2 * jnp.pi * c.size * whole))
         return self._following(jnp.concatenate([at, angle[:, None]], axis=1), places, c), whole
 
@@ -186,16 +193,22 @@ class General(AbstractChain):
         if not (self.gears and self.loose().any()):
             return z
         seen = [places[name][self._seen(name, pins, places)[0]] for name, pins in self.members]
-        return self._web().following(z, c, np.flatnonzero(self.loose()), array(seen))
+        return self._equations().following(z, c, np.flatnonzero(self.loose()), array(seen))
 
-    def off_by(self, whole: Array) -> General:
-        """The group with its meshes offset by these whole turns."""
-        return dataclasses.replace(self, path=(self.path or Track(z := jnp.zeros(0), z, z))._replace(whole=whole))
-
-    def closed(self, links, states, points, phi: Array, start: Array, steps: int = FAR, grow: float = 1.0) -> Found:
+    def closed(
+        self,
+        links,
+        states,
+        points,
+        phi: Array,
+        start: Array,
+        meshing: Meshing | None = None,
+        steps: int = FAR,
+        grow: float = 1.0,
+    ) -> Found:
         """The configuration near `start` that closes the joints, by damped least squares (`grow`: largest growth of the
-        closure error), the mean of its Jacobian's determinant, and its closure error over the size. No derivatives."""
-        web, (_, c) = self._web(), self._at(links, states, points, phi)
+        closure error). No derivatives."""
+        web, (_, c) = self._equations(), self._at(links, states, points, phi, meshing)
         c, start = jax.lax.stop_gradient((c, start))
 
         def step(_, carry):
@@ -213,38 +226,44 @@ class General(AbstractChain):
         first = jnp.minimum(jnp.sum(web.opened(placed(start), c) ** 2) / c.size**2, 0.1)
         z = placed(jax.lax.fori_loop(0, steps, step, (placed(start).flat(), first))[0])
         sense = mean_of_determinant(web.jacobian(z, c))
-        return z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size
+        return Found(z.flat(), sense, jnp.max(jnp.abs(web.opened(z, c))) / c.size)
 
-    def assembled(self, links, states, points, phi: Array) -> tuple[Array, Array, Array, Array | None]:
-        """The same from the sketch, and the offset of meshes in whole turns, if any. With gears it runs twice:
-        a carrier near half a turn may first be one turn off."""
+    def assembled(
+        self, links, states, points, phi: Array, turns: CountedTurns | None = None
+    ) -> tuple[Array, Array, Array, Array]:
+        """The same from the sketch, and the offset of meshes in whole turns. With gears it runs twice: a carrier near
+        half a turn may first be one turn off."""
 
         def again(_, there):
-            z, whole = self.wound(links, states, points, phi, there[0][:, :2], there[0][:, 2])
-            return *self.off_by(whole).closed(links, states, points, phi, z), whole
+            z, whole = self.wound(links, states, points, phi, there[0][:, :2], there[0][:, 2], turns)
+            return *self.closed(links, states, points, phi, z, Meshing(turns or uncounted(), whole)), whole
 
         start, none = self.sketched(links, states, points, phi), jnp.zeros_like(phi)
+        whole = jnp.zeros(len(self.gears), dtype=start.dtype)
         if self.gears:
-            return jax.lax.fori_loop(0, 2, again, (start, none, none, jnp.zeros(len(self.gears), dtype=start.dtype)))
-        return *self.closed(links, states, points, phi, start), None
+            return jax.lax.fori_loop(0, 2, again, (start, none, none, whole))
+        z, sense, gap = self.closed(links, states, points, phi, start)
+        return z, sense, gap, whole
 
-    def opened(self, links, states, points, phi: Array, z: Array, move: Array) -> tuple[Array, Array]:
+    def opened(
+        self, links, states, points, phi: Array, z: Array, move: Array, meshing: Meshing | None = None
+    ) -> tuple[Array, Array]:
         """Closure errors (m) of a configuration moved by x, y and angle times size of every link (m), and their
         derivatives with respect to these."""
-        web, (_, c) = self._web(), self._at(links, states, points, phi)
+        web, (_, c) = self._equations(), self._at(links, states, points, phi, meshing)
         here = placed(z).moved(move, c.size)
         return web.opened(here, c), web.jacobian(here, c)
 
     def reversed(self, links, states, points, phi: Array, z: Array) -> Array:
         """Whether a block, or the link that the drive turns, is reversed by half a turn in a configuration."""
-        return self._web().reversed(placed(z), self._at(links, states, points, phi)[1])
+        return self._equations().reversed(placed(z), self._at(links, states, points, phi)[1])
 
-    def solve(self, links, states, points, phi):
-        assert self.path is not None  # see `kinematics.prepared`
-        web, (places, c) = self._web(), self._at(links, states, points, phi)
-        still, path, at = jax.lax.stop_gradient((c, self.path, phi))
-        start = self._following(path.at(at, self.cycle_turns), jax.lax.stop_gradient(places), still)
-        here = web.near(placed(start), still, path.sense_at(at, self.cycle_turns))
+    def solve(self, links, states, points, phi, path=None):
+        assert path is not None  # see `kinematics.prepared`
+        web, (places, c) = self._equations(), self._at(links, states, points, phi, path.meshing)
+        still, fixed, at = jax.lax.stop_gradient((c, path, phi))
+        start = self._following(fixed.at(at), jax.lax.stop_gradient(places), still)
+        here = web.near(placed(start), still, fixed.sense_at(at))
         here, sound = self._polished(web, here, still)
         here = web.implicit(here, c, sound)
         matrix = jnp.where(sound, web.jacobian(here, c), jnp.eye(3 * web.links))
@@ -255,14 +274,14 @@ class General(AbstractChain):
             return x - inverse @ (matrix @ x + push)  # corrects rounding, which matters near singular positions
 
         def along(t, v):
-            return web.opened(here.later(v, t, c.size), self._moved_on(c, states, points, phi, t))
+            return web.opened(here.later(v, t, c.size), self._moved_on(c, states, points, phi, path.meshing, t))
 
         none, zero, one = jnp.zeros(3 * web.links), jnp.zeros_like(phi), jnp.ones_like(phi)
         v = rate(jax.jvp(lambda t: along(t, none), (zero,), (one,))[1])
         bend = jax.jvp(lambda t: jax.jvp(lambda s: along(s, v), (t,), (one,))[1], (zero,), (one,))[1]
         return self._states(here, v, rate(bend), places, c.size)
 
-    def _polished(self, web: Web, here: Placed, c: Closure) -> tuple[Placed, Array]:
+    def _polished(self, web: ClosureEquations, here: Placed, c: Closure) -> tuple[Placed, Array]:
         """The root near a configuration and whether there is one; otherwise the configuration itself. No derivatives:
         all steps use one inverse."""
         first, inverse, there = web.opened(here, c), inverted(web.jacobian(here, c)), here
@@ -304,13 +323,14 @@ class General(AbstractChain):
     def singular_positions(self):
         return ("loops", "apart") if self._geared_pairs() else ("loops",)
 
-    def margins(self, links, states, points, phi):
+    def margins(self, links, states, points, phi, path=None):
+        assert path is not None
         here, none = self._here(states, points), jnp.zeros_like(states[self.members[0][0]].w)
-        web, (_, c) = self._web(), self._at(links, states, points, phi)
+        web, (_, c) = self._equations(), self._at(links, states, points, phi, path.meshing)
         v, a = (self._rates(states, points, c.size, *names) for names in (("dr", "w"), ("ddr", "e")))
 
         def jacobian(t):
-            return web.jacobian(here.later(v, t, c.size, a), self._moved_on(c, states, points, phi, t))
+            return web.jacobian(here.later(v, t, c.size, a), self._moved_on(c, states, points, phi, path.meshing, t))
 
         one = jnp.ones_like(none)
         matrix, first = jax.jvp(jacobian, (none,), (one,))
@@ -318,7 +338,7 @@ class General(AbstractChain):
         value, d, dd = least_singular(matrix, *jax.lax.stop_gradient((first, second)))
         gap = safe_sqrt(jnp.sum(web.opened(here, c) ** 2)) / c.size
         lost, astern = gap > closed_to(gap.dtype), web.reversed(here, c)
-        beyond = jnp.asarray(False) if self.path is None else self.path.elsewhere(phi, self.cycle_turns)
+        beyond = path.elsewhere(phi)
         value = jnp.where(value < met(value.dtype), value - met(value.dtype), value)
         value = jnp.where(lost, -gap, jnp.where(astern, -1.0, jnp.where(beyond, -BEYOND, value)))
         found = {"loops": Margin(value, *(jnp.where(lost | astern | beyond, 0.0, rate) for rate in (d, dd)))}
@@ -330,14 +350,11 @@ class General(AbstractChain):
         return found
 
     def shortfall(self, side, links, states, points):
-        ends = self.path is not None and bool(self.path.ends())
-        return "its loops do not close there, or only in another assembly mode" if ends and side == "loops" else ""
+        return "its loops do not close there, or only in another assembly mode" if side == "loops" else ""
 
-    def returns(self):
-        if self.path is None:
-            return None
-        fast = jnp.asarray(False) if self.path.wound is None else self.path.wound.too_fast(self.cycle_turns)
-        return ~(self.path.ends() | self.path.astray() | fast)
+    def returns(self, path):
+        astray = path.ends() | path.astray()
+        return ~(astray | path.meshing.turns.too_fast() if self.mates() else astray)
 
     def transmission(self, states, points):
         return None
@@ -356,7 +373,7 @@ class General(AbstractChain):
         c = self._closure(places, self._known(states, points), none if turns is None else turns.angle(states))
         on = [(loads[link].force, loads[link].moment / c.size) for link in names]
         load = jnp.concatenate([jnp.stack([force.x, force.y, moment]) for force, moment in on])
-        x = solve(self._web().jacobian(here, c).T, -load)  # multipliers: forces of the joints
+        x = solve(self._equations().jacobian(here, c).T, -load)  # multipliers: forces of the joints
         pairs = self._pairs()
         pins = [Wrench(Vec(x[2 * k], x[2 * k + 1]), none) for k in range(len(pairs))]
         slots = []
@@ -374,27 +391,3 @@ class General(AbstractChain):
             on = none if self.drive.on == "frame" else states[self.drive.on].w
             torque = x[-1] * c.size * (states[self.drive.link].w - on)
         return (*pins, *slots, *meshes, *drive), torque
-
-    def _teeth(self, x: Array, size: Array, pins: list[Wrench], slots: list[Wrench], states, points) -> list[Wrench]:
-        """Forces of the meshes from their multipliers (couples on gears, forces along racks); the difference to the
-        actual tooth forces is added to the `pins` of gears and the `slots` of racks."""
-        found = []
-        for gear, much in zip(self.gears, x, strict=False):
-            if isinstance(gear, Gear):
-                mesh = gear.mesh.exerted(points[gear.centre].r - points[gear.pivot].r, much * size)
-                self._carry(pins, gear.pivot, gear.link, gear.carrier, -mesh.force)
-            else:
-                k = next(i for i, slot in enumerate(self.slots) if slot.block == gear.link)
-                mesh = gear.exerted(much, states, points)
-                along = states[gear.link].u * much
-                slots[k] = Wrench(slots[k].force + along - mesh.force, slots[k].moment - mesh.moment)
-            self._carry(pins, gear.centre, gear.to, gear.mates()[1], mesh.force)
-            found.append(mesh)
-        return found
-
-    def _carry(self, pins: list[Wrench], point: str, wheel: str, carrier: str, force: Vec) -> None:
-        """Add the tooth force on a gear to the pin between the gear and its carrier, as a force on the gear."""
-        for k, (at, link, _) in enumerate(self._pairs()):
-            if at == point and link in (wheel, carrier):
-                more = force if link == wheel else -force
-                pins[k] = Wrench(pins[k].force + more, pins[k].moment)

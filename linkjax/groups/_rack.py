@@ -16,11 +16,11 @@ from jaxtyping import Array
 
 from linkjax._types import as_float, known
 from linkjax.groups._base import AbstractGroup, Coupling, Wrench, check_side
+from linkjax.groups._counted_turns import always, counted, nothing
 from linkjax.groups._gear import AbstractWheel
 from linkjax.groups._guide import Guide, Line, Slot, as_guide
 from linkjax.groups._mesh import PRESSURE, check_pressure, push
 from linkjax.groups._pairs import FRAME, Joint
-from linkjax.groups._winding import Winding, always, counted, nothing
 
 
 def check_radius(kind: str, radius: Array) -> None:
@@ -36,8 +36,8 @@ class Rack(AbstractGroup):
     The gear's centre is a point of the link (or frame) that carries the guide. It is to the left of the guide's
     direction for `side` +1, to the right for -1. The rack's own point `end`, the origin of its axes, is `start` (m)
     ahead of the foot of `through` on the path when the gear, relative to the carrier, is at zero. For a slider pulled
-    by a belt or cable, the `pressure_angle` is zero. `path` and `cycle_turns` are filled in by `kinematics.prepared`.
-    Raises `ValueError` for an invalid radius, side or pressure angle.
+    by a belt or cable, the `pressure_angle` is zero. Raises `ValueError` for an invalid radius, side or pressure
+    angle.
     """
 
     kind: ClassVar[str] = "rack"
@@ -51,8 +51,6 @@ class Rack(AbstractGroup):
     side: int = eqx.field(static=True, default=1)
     start: Array = eqx.field(converter=as_float, default=0.0)
     pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
-    path: Winding | None = None
-    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -97,8 +95,8 @@ class Rack(AbstractGroup):
         """Whether the strands of its belt cross; None without a belt."""
         return None
 
-    def solve(self, links, states, points, phi):
-        there, on = (counted(name, k, states, self.path, phi, self.cycle_turns) for k, name in enumerate(self.mates()))
+    def solve(self, links, states, points, phi, path=None):
+        there, on = (counted(name, k, states, path, phi) for k, name in enumerate(self.mates()))
         rolled = [self.side * self.radius * (a - b) for a, b in zip(there, on, strict=True)]
         line = self.guide.line(states, points)
         return {self.link: line.state}, {self.end: line.point(self.start + rolled[0], rolled[1], rolled[2])}
@@ -106,14 +104,18 @@ class Rack(AbstractGroup):
     def singular_positions(self):
         return ("turns",)
 
-    def margins(self, links, states, points, phi):
+    def margins(self, links, states, points, phi, path=None):
         return {"turns": always(phi)}
 
-    def returns(self):
-        if self.path is None:
-            return None
-        there, on = self.path.covered()
-        return nothing(jnp.where(self.path.too_fast(self.cycle_turns), jnp.inf, jnp.abs(there - on)))
+    def followed(self, counted):
+        return not set(self.mates()) <= counted
+
+    def counts(self):
+        return (self.link,)
+
+    def returns(self, path):
+        there, on = path.covered()
+        return nothing(jnp.where(path.too_fast(), jnp.inf, jnp.abs(there - on)))
 
     def transmission(self, states, points):
         return None
@@ -146,8 +148,7 @@ class Pinion(AbstractWheel):
     rack's direction for `side` +1, to the right for -1. Relative to the carrier, the gear is at `phase` (rad) when the
     rack's point `at` is `start` (m) ahead of `through` along the rack. `through` is another point of the carrier, by
     default the pivot. The turns are counted as those of a `Gear`. `end` names a pin of the gear at its length, if it
-    has one. `path` and `cycle_turns` are filled in by `kinematics.prepared`. Raises `ValueError` for an invalid radius,
-    side or pressure angle.
+    has one. Raises `ValueError` for an invalid radius, side or pressure angle.
     """
 
     kind: ClassVar[str] = "pinion"
@@ -164,8 +165,6 @@ class Pinion(AbstractWheel):
     pressure_angle: Array = eqx.field(converter=as_float, default=PRESSURE)
     through: str = eqx.field(static=True, default="")
     start: Array = eqx.field(converter=as_float, default=0.0)
-    path: Winding | None = None
-    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -197,18 +196,24 @@ class Pinion(AbstractWheel):
         """Circles to draw, as (link, centre, radius in m), from the distance `apart` of two points (m)."""
         return ((self.link, self.pivot, float(self.radius)),)
 
-    def solve(self, links, states, points, phi):
+    def solve(self, links, states, points, phi, path=None):
         rack, base = states[self.to], points[self.through or self.pivot]
         s, d, dd = Line(base, rack.u, jnp.zeros_like(phi), rack).along(points[self.at])
         s, d, dd = (self.side * x / self.radius for x in (s - self.start, d, dd))
-        on, w, e = counted(self.carrier, 0, states, self.path, phi, self.cycle_turns)
+        on, w, e = counted(self.carrier, 0, states, path, phi)
         return self.placed(self.end, links, points, on + self.phase + s, w + d, e + dd)
 
     def singular_positions(self):
         return ()
 
-    def margins(self, links, states, points, phi):
+    def margins(self, links, states, points, phi, path=None):
         return {}
+
+    def followed(self, counted):
+        return not set(self.mates()) <= counted
+
+    def counts(self):
+        return (self.link,)
 
     def react(self, loads, states, points):
         t, load = states[self.to].u, loads[self.link]

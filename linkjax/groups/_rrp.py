@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from linkjax._numerics import once, safe_sqrt
 from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_side
-from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
+from linkjax.groups._branch_path import IN_LINE, TOUCHING, check_branch
 from linkjax.groups._guide import Guide, Slot, as_guide
 from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
@@ -22,8 +22,7 @@ class RRP(AbstractGroup):
     The `guide` is the path of the pin. It may be the name of a frame point; the path then passes through this point,
     parallel to x. `side` is +1 when the pin is ahead of the foot of the perpendicular from `from_` on the path, -1 when
     it is behind. The block's axes are along the path and to its left. With `branch` "continue", `side` applies just
-    after crank angle zero; the motion continues smoothly through change points, where the side changes. `path` and
-    `cycle_turns` are then filled in by `kinematics.prepared`.
+    after crank angle zero; the motion continues smoothly through change points, where the side changes.
     """
 
     kind: ClassVar[str] = "RRP"
@@ -35,8 +34,6 @@ class RRP(AbstractGroup):
     guide: Guide = eqx.field(converter=as_guide)
     side: int = eqx.field(static=True, default=1)
     branch: str = eqx.field(static=True, default="fixed")
-    path: Course | None = None
-    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -51,22 +48,20 @@ class RRP(AbstractGroup):
     def pins(self):
         return {self.link: (self.from_, self.end), self.block: (self.end, None)}
 
-    def solve(self, links, states, points, phi):
+    def solve(self, links, states, points, phi, path=None):
         length = links[self.link].length
         line, b = self.guide.line(states, points), points[self.from_]
         t, n = line.t, line.t.perp()
         height, along = line.height(b), line.along(b)
         q = once(height.value)
-        h = self._reach(length, q) * (
-            self.side if self.path is None else self.side * self.path.flips(phi, self.cycle_turns)
-        )
+        h = self._reach(length, q) * (self.side if path is None else self.side * path.flips(phi))
         over = h
-        if self.path is not None:  # zero at a change point
+        if path is not None:  # zero at a change point
             over = jnp.where(jnp.abs(h) < 1e-12 * length, 1e-12 * length, h)
         w = -height.d / over  # relative to the guide the pin does not move across it: height' + w h = 0
         e = -(height.dd + w * w * q) / over
-        if self.path is not None:
-            near = self.path.near(phi, self.cycle_turns)
+        if path is not None:
+            near = path.near(phi)
             turning = (q * near.d[0] - near.value[0] * height.d) / length**2
             bending = (q * near.dd[0] - near.value[0] * height.dd) / length**2
             h, w, e = near.instead((h, w, e), (near.value[0], turning, bending))
@@ -100,7 +95,7 @@ class RRP(AbstractGroup):
     def singular_positions(self):
         return ("left", "right")
 
-    def margins(self, links, states, points, phi):
+    def margins(self, links, states, points, phi, path=None):
         length = links[self.link].length
         q, dq, ddq = self.guide.line(states, points).height(points[self.from_])
         beyond = TOUCHING if self.branch == "continue" else 0.0  # motion passes through change points
@@ -120,8 +115,11 @@ class RRP(AbstractGroup):
         rod = f"{self.link!r} ({float(links[self.link].length):.4g} m) does not reach that far"
         return f"its pin {self.from_!r} is {off:.4g} m off the path of {self.end!r}, and {rod}"
 
-    def returns(self):
-        return None if self.path is None else self.path.comes_back()
+    def followed(self, counted):
+        return self.continues()
+
+    def returns(self, path):
+        return path.comes_back()
 
     def transmission(self, states, points):
         u, t = points[self.end].r - points[self.from_].r, states[self.block].u
@@ -141,7 +139,7 @@ class RRP(AbstractGroup):
         on_rod, on_block = loads[self.link], loads[self.block]
         push = on_block.force.dot(t)
         reach = rod.dot(t)
-        if self.path is not None:  # zero at a change point, where reactions are unbounded
+        if self.branch == "continue":  # zero at a change point, where reactions are unbounded
             least = IN_LINE * safe_sqrt(rod.squared(), 1.0)
             reach = jnp.where(jnp.abs(reach) < least, least, reach)
         lift = -(on_rod.moment + push * rod.cross(t)) / reach

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec
 from linkjax.groups._base import AbstractGroup, Margin, Wrench, check_apart, check_side
-from linkjax.groups._course import IN_LINE, TOUCHING, Course, check_branch
+from linkjax.groups._branch_path import IN_LINE, TOUCHING, check_branch
 from linkjax.groups._pairs import Joint
 from linkjax.groups._state import LinkState, PointState
 
@@ -25,7 +25,7 @@ class RRR(AbstractGroup):
 
     `side` is +1 when `meet` lies to the left of the directed line from `from_` to `to`, -1 when to the right. With
     `branch` "continue", `side` applies just after crank angle zero; the motion continues smoothly through change
-    points, where the side changes. `path` and `cycle_turns` are then filled in by `kinematics.prepared`.
+    points, where the side changes.
     """
 
     kind: ClassVar[str] = "RRR"
@@ -36,8 +36,6 @@ class RRR(AbstractGroup):
     meet: str = eqx.field(static=True)
     side: int = eqx.field(static=True, default=1)
     branch: str = eqx.field(static=True, default="fixed")
-    path: Course | None = None
-    cycle_turns: int = eqx.field(static=True, default=1)
 
     def __check_init__(self):
         check_side(self.kind, self.side)
@@ -50,21 +48,21 @@ class RRR(AbstractGroup):
     def pins(self):
         return {self.links[0]: (self.from_, self.meet), self.links[1]: (self.to, self.meet)}
 
-    def solve(self, links, states, points, phi):
+    def solve(self, links, states, points, phi, path=None):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
-        side = self.side if self.path is None else self.side * self.path.flips(phi, self.cycle_turns)
+        side = self.side if path is None else self.side * path.flips(phi)
         p, q, h, r = self._crossing(links, points, side)
         det = side * h * r
-        if self.path is not None:  # zero at a change point
+        if path is not None:  # zero at a change point
             least = 1e-12 * l1 * l2
             det = jnp.where(jnp.abs(det) < least, least, det)
         dv = a.dr - b.dr
         w1, w2 = -dv.dot(q) / det, -dv.dot(p) / det
         da = a.ddr - b.ddr - p * (w1 * w1) + q * (w2 * w2)
         e1, e2 = -da.dot(q) / det, -da.dot(p) / det
-        if self.path is not None:
-            near, span = self.path.near(phi, self.cycle_turns), b.r - a.r
+        if path is not None:
+            near, span = path.near(phi), b.r - a.r
             arm, first, second = (Vec(*part) for part in (near.value, near.d, near.dd))
             other = arm - span, first + dv, second - (b.ddr - a.ddr)
             turning = arm.cross(first) / l1**2, other[0].cross(other[1]) / l2**2
@@ -109,7 +107,7 @@ class RRR(AbstractGroup):
     def singular_positions(self):
         return ("stretched", "folded")
 
-    def margins(self, links, states, points, phi):
+    def margins(self, links, states, points, phi, path=None):
         l1, l2 = links[self.links[0]].length, links[self.links[1]].length
         a, b = points[self.from_], points[self.to]
         s, ds, dds = b.r - a.r, b.dr - a.dr, b.ddr - a.ddr
@@ -135,8 +133,11 @@ class RRR(AbstractGroup):
         far = side == "stretched"
         return f"{pins}, and {one} and {two} {'do not reach that far' if far else 'differ in length by more'}"
 
-    def returns(self):
-        return None if self.path is None else self.path.comes_back()
+    def followed(self, counted):
+        return self.continues()
+
+    def returns(self, path):
+        return path.comes_back()
 
     def transmission(self, states, points):
         u, v = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
@@ -150,7 +151,7 @@ class RRR(AbstractGroup):
         one, two = self.links
         p, q = points[self.meet].r - points[self.from_].r, points[self.meet].r - points[self.to].r
         det = p.cross(q)
-        if self.path is not None:  # zero at a change point, where reactions are unbounded
+        if self.branch == "continue":  # zero at a change point, where reactions are unbounded
             least = IN_LINE * safe_sqrt(p.squared() * q.squared(), 1.0)
             det = jnp.where(jnp.abs(det) < least, least, det)
         m1, m2 = loads[one].moment, loads[two].moment

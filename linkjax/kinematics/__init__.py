@@ -16,11 +16,15 @@ from linkjax.kinematics._cycle import find_strokes as find_strokes
 from linkjax.kinematics._cycle import min_margin as min_margin
 from linkjax.kinematics._cycle import strokes as strokes
 from linkjax.kinematics._pose import Pose as Pose
+from linkjax.kinematics._pose import Prepared as Prepared
 from linkjax.kinematics._pose import margins as margins
+from linkjax.kinematics._pose import margins_of_pose as margins_of_pose
 from linkjax.kinematics._pose import named_groups as named_groups
+from linkjax.kinematics._pose import plain as plain
 from linkjax.kinematics._pose import pose as pose
 from linkjax.kinematics._pose import prepared as prepared
 from linkjax.kinematics._pose import transmission_angles as transmission_angles
+from linkjax.kinematics._pose import transmission_of_pose as transmission_of_pose
 from linkjax.kinematics._ranges import CrankRange as CrankRange
 from linkjax.kinematics._ranges import crank_ranges as crank_ranges
 from linkjax.kinematics._shortfall import not_assembled_at_start as not_assembled_at_start

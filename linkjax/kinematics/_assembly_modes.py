@@ -18,7 +18,7 @@ from linkjax._lapack import svd
 from linkjax._types import Scalar
 from linkjax._vec import Vec
 from linkjax.groups import General, closed_to
-from linkjax.kinematics._pose import before_group, prepared
+from linkjax.kinematics._pose import Prepared, before_group, prepared
 from linkjax.mechanism import Mechanism
 from linkjax.topology import pairs_of
 
@@ -48,7 +48,7 @@ class AssemblyModes(NamedTuple):
         return f"{found}; the group has positions in which it can move with the crank fixed" if self.moves else found
 
 
-def assembly_modes(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str, AssemblyModes]:
+def assembly_modes(mechanism: Mechanism | Prepared, phi: Scalar | float = 0.0) -> dict[str, AssemblyModes]:
     """The assembly modes of every group of higher class without gears, at the crank angle `phi` (rad).
 
     The keys are the names of the groups, e.g. "plate-leg1-leg2-leg3". Dyads and groups with gears are not included. The
@@ -59,12 +59,12 @@ def assembly_modes(mechanism: Mechanism, phi: Scalar | float = 0.0) -> dict[str,
     starts, the same in every call. If the group can move with the crank fixed, only the modes in which it cannot are
     listed. Not for use under JAX transformations: dimensions must be numbers, neither traced nor batched.
     """
-    mechanism, found = prepared(mechanism), {}
+    ready, found = prepared(mechanism), {}
     angle = jnp.asarray(phi, dtype=float)
-    for number, group in enumerate(mechanism.groups):
+    for number, group in enumerate(ready.mechanism.groups):
         if group.numerical() and not group.wheels():
-            states, points = before_group(mechanism, number, angle)
-            found["-".join(group.link_names())] = _assemblies(group, mechanism.links, states, points, angle)
+            states, points = before_group(ready, number, angle)
+            found["-".join(group.link_names())] = _assemblies(group, ready.mechanism.links, states, points, angle)
     return found
 
 

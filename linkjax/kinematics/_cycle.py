@@ -27,8 +27,8 @@ from linkjax._search import (
     towards_least,
 )
 from linkjax._vec import Vec
-from linkjax.groups import BEYOND, Margin, Track
-from linkjax.kinematics._pose import Pose, check_mechanism, margins, named_groups, pose, prepared
+from linkjax.groups import BEYOND, Margin, ReferencePath
+from linkjax.kinematics._pose import Pose, Prepared, margins, margins_of_pose, named_groups, pose, prepared
 from linkjax.mechanism import Mechanism
 
 DEAD_CENTRES = 8  # slots per link and crank turn
@@ -46,24 +46,33 @@ class Positions(NamedTuple):
 
 
 @compiled_soon
-def _positions(mechanism: Mechanism, phi: Array) -> Positions:
-    return jax.vmap(lambda phi: Positions(pose(mechanism, phi), margins(mechanism, phi)))(phi)
+def _positions(ready: Prepared, phi: Array) -> Positions:
+    def at(phi):
+        here = pose(ready, phi)
+        return Positions(here, margins_of_pose(ready, here, phi))
+
+    return jax.vmap(at)(phi)
 
 
 class Positioned(Batches):
-    """A mechanism evaluated at many crank angles at once; it must be `prepared`."""
+    """A prepared mechanism evaluated at many crank angles at once."""
 
     def sample(self, phi: Any, *, fixed: bool = False, **_: Any) -> Positions:
         """Pose and margins at the crank angles `phi` (rad)."""
         return self.ask(_positions, phi, fixed=fixed)
 
     @property
-    def mechanism(self) -> Mechanism:
-        """The mechanism."""
+    def prepared(self) -> Prepared:
+        """The mechanism with its paths."""
         return self.design
 
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism."""
+        return self.design.mechanism
 
-def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Reversals]:
+
+def dead_centres(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> dict[str, Reversals]:
     """Dead centres of sliders and limit positions of rockers, over `cycle_turns` turns of the crank.
 
     Returns {name: `Reversals`} for the pin of every slider on a guide of the frame and for every link pivoted on the
@@ -71,7 +80,6 @@ def dead_centres(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, Revers
     8 `cycle_turns` slots each; `Reversals.true` selects the used ones. If the mechanism cannot be assembled over the
     whole cycle, the values are finite but meaningless. Differentiable with respect to the design.
     """
-    check_mechanism(mechanism)
     return find_dead_centres(Positioned(prepared(mechanism, cycle_turns)), cycle_turns)
 
 
@@ -122,7 +130,7 @@ def _refined_ends(angle: Array, motions: tuple[Motion, ...], found: Found) -> li
     return [Reversals(*(leaf[i] for leaf in every)) for i in range(angle.shape[0])]
 
 
-def strokes(mechanism: Mechanism, found: dict[str, Reversals], cycle_turns: int = 1) -> dict[str, Array]:
+def strokes(mechanism: Mechanism | Prepared, found: dict[str, Reversals], cycle_turns: int = 1) -> dict[str, Array]:
     """Strokes of sliders (m) and swing angles of rockers (rad), by the names of `dead_centres`.
 
     `found` is the result of `dead_centres` for the same `mechanism` and `cycle_turns`. The stroke of a slider is the
@@ -207,13 +215,12 @@ class Least(NamedTuple):
     angle: Array
 
 
-def assembly_margins(mechanism: Mechanism, cycle_turns: int = 1) -> dict[str, dict[str, Least]]:
+def assembly_margins(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> dict[str, dict[str, Least]]:
     """Least signed margin of every group to each of its singular positions over the continuous cycle.
 
     Returns {group: {side: `Least`}}. Margins are dimensionless; a negative one is the shortfall of a group that cannot
     be assembled. Values and gradients are always finite, and the gradient points towards designs that can be assembled.
     """
-    check_mechanism(mechanism)
     return find_margins(Positioned(prepared(mechanism, cycle_turns)), cycle_turns)
 
 
@@ -222,8 +229,8 @@ def find_margins(
 ) -> dict[str, dict[str, Least]]:
     """The same, asked of a machine in batches; `scanned` are the margins at `points` angles per turn, a multiple of
     `MARGIN_SCAN`, if known."""
-    groups = named_groups(machine.mechanism)
-    names = [(name, side) for name, group in groups.items() for side in group.singular_positions()]
+    groups = machine.prepared.along()
+    names = [(name, side) for name, along in groups.items() for side in along.group.singular_positions()]
     if not names:
         return {}
 
@@ -232,10 +239,8 @@ def find_margins(
 
     scanned = asked(scan_angles(cycle_turns, MARGIN_SCAN)) if scanned is None else _listed(names, scanned)
     loops = tuple(side == "loops" for _, side in names)  # singular values, which have no sign
-    paths = [
-        getattr(groups[group], "path", None) if loop else None for (group, _), loop in zip(names, loops, strict=True)
-    ]
-    paths = [jax.lax.stop_gradient(path) if isinstance(path, Track) else None for path in paths]
+    paths = [groups[group].path if loop else None for (group, _), loop in zip(names, loops, strict=True)]
+    paths = [jax.lax.stop_gradient(path) if isinstance(path, ReferencePath) else None for path in paths]
     start = machine.run(_scanned_margins, scanned, paths, turns=cycle_turns, every=points // MARGIN_SCAN)
 
     def step(phi):
@@ -255,7 +260,7 @@ def _listed(names: list[tuple[str, str]], margins: dict[str, dict[str, Margin]])
 
 
 @compiled_soon(static=("turns", "every"))
-def _scanned_margins(scanned: list[Margin], paths: list[Track | None], turns: int, every: int) -> Array:
+def _scanned_margins(scanned: list[Margin], paths: list[ReferencePath | None], turns: int, every: int) -> Array:
     scan = scan_angles(turns, MARGIN_SCAN)
     at = Values(*(jnp.stack(part)[:, : every * scan.size : every] for part in zip(*scanned, strict=True)))
     start = scan_least(at, scan)
@@ -283,14 +288,14 @@ def _least_margins(phi: Array, here: list[Margin], back: list[Array | None], tur
     ]
 
 
-def stacked(mechanism: Mechanism, phi: Array) -> Margin:
+def stacked(ready: Prepared, phi: Array) -> Margin:
     """All margins at one crank angle, leaves of shape (margins,)."""
-    at, groups = margins(mechanism, phi), named_groups(mechanism)
+    at, groups = margins(ready, phi), named_groups(ready.mechanism)
     every = [at[name][side] for name, group in groups.items() for side in group.singular_positions()]
     return Margin(*(jnp.stack(part) for part in zip(*every, strict=True)))
 
 
-def min_margin(mechanism: Mechanism, cycle_turns: int = 1) -> Array:
+def min_margin(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> Array:
     """The smallest of all assembly margins over the continuous cycle; positive if the machine can be assembled."""
     every = [least.value for sides in assembly_margins(mechanism, cycle_turns).values() for least in sides.values()]
     return smallest(jnp.stack(every)) if every else jnp.asarray(jnp.inf)

@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 from linkjax._lapack import pinv
 from linkjax._numerics import safe_divide
-from linkjax.groups import Gear, General, Track, closed_to
+from linkjax.groups import CountedTurns, Found, Gear, General, Meshing, ReferencePath, closed_to
 
 ALONG = 5  # damped Newton steps per step along the path
 GROW = 10.0  # factor by which the closure error may grow in one Newton step
@@ -24,8 +24,11 @@ DIP = 0.25  # of the larger end value: if the squared determinant may fall below
 FEW = 4  # places needed to interpolate the path
 
 
-def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: Array) -> Track:
-    """The configurations of a group at these crank angles, which cover whole turns from zero.
+def path_of(
+    group: General, links: Mapping[str, Any], before: Callable, angles: Array, turns: CountedTurns, cycle_turns: int
+) -> ReferencePath:
+    """The configurations of a group at these crank angles, which cover `cycle_turns` turns from zero. `turns` are those
+    of the links that its gears follow.
 
     `before` returns the states of the links and points that precede the group at a crank angle, and whether they can be
     assembled there; where they cannot, the group does not close either. Angles that are not reached upwards from zero,
@@ -33,20 +36,24 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     """
     states, points, began = before(angles[0])
 
-    def known(phi: Array):
-        states, points, closes = before(phi)
-        return states, points, closes | ~began
-
-    z, sense, gap, whole = group.assembled(links, states, points, angles[0])
+    *found, whole = group.assembled(links, states, points, angles[0], turns)
+    first, size, meshing = Found(*found), group.size(links, points), Meshing(turns, whole)
     shut = closed_to(angles.dtype)
-    first, group = Track(z, sense, gap, size=group.size(links, points)), group if whole is None else group.off_by(whole)
+    measure = jnp.ones_like(first.z).at[:, :2].set(size)
+    if group.gears:  # free gears may turn at any speed: their position is unique
+        measure = measure.at[group.loose(), 2].set(jnp.inf)
 
-    def along(done: Array, way: Array) -> tuple[Array, tuple[Track, Tip]]:
-        def step(last: tuple[Track, Seen], ends: tuple[Array, Array]):
-            now, tip, seen = _follow(group, links, known, *last, jnp.where(done, ends[1], ends[0]), ends[1], way)
+    def close(phi: Array, start: Array) -> Found:
+        states, points, closes = before(phi)
+        there = group.closed(links, states, points, phi, start, meshing, ALONG, GROW)
+        return there._replace(gap=jnp.where((closes | ~began) & jnp.isfinite(there.gap), there.gap, 1.0))
+
+    def along(done: Array, way: Array) -> tuple[Array, tuple[Found, Tip]]:
+        def step(last: tuple[Found, Seen], ends: tuple[Array, Array]):
+            now, tip, seen = _follow(close, measure, *last, jnp.where(done, ends[1], ends[0]), ends[1], way)
             return (now, seen), (now, tip)
 
-        _, (rest, tips) = jax.lax.scan(step, (first, Seen(angles[0], sense)), (angles[:-1], angles[1:]))
+        _, (rest, tips) = jax.lax.scan(step, (first, Seen(angles[0], first.sense)), (angles[:-1], angles[1:]))
         whole = jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, rest)
         lost = jnp.minimum(jnp.sum(jnp.cumprod(whole.gap < shut)), angles.size - 1) - 1
         return jnp.all(whole.gap < shut), (whole, jax.tree.map(lambda part: part[lost], tips))
@@ -54,11 +61,13 @@ def path_of(group: General, links: Mapping[str, Any], before: Callable, angles: 
     ways = jax.lax.scan(along, jnp.asarray(False), jnp.asarray([1.0, -1.0], dtype=angles.dtype))[1]
     (up, tip), (down, end) = (jax.tree.map(lambda part, k=k: part[k], ways) for k in (0, 1))
     if group.gears:
-        down, end = (part._replace(z=part.z.at[..., 2].add(_gained(group))) for part in (down, end))
-    return _joined(up, down, tip, end, angles)._replace(size=first.size, whole=whole)
+        down, end = (part._replace(z=part.z.at[..., 2].add(_gained(group, turns))) for part in (down, end))
+    return _joined(up, down, tip, end, angles, size, meshing, cycle_turns)
 
 
-def _joined(up: Track, down: Track, tip: Tip, end: Tip, angles: Array) -> Track:
+def _joined(
+    up: Found, down: Found, tip: Tip, end: Tip, angles: Array, size: Array, meshing: Meshing, cycle_turns: int
+) -> ReferencePath:
     """One path from the ways up and down, with their ends. Where the ways overlap, the range is longer than the path:
     one step between them is omitted, because their configurations there are unrelated."""
     count, step, span = angles.size, angles[1], angles[-1]
@@ -75,22 +84,26 @@ def _joined(up: Track, down: Track, tip: Tip, end: Tip, angles: Array) -> Track:
     path = jax.tree.map(lambda a, b: jnp.where(other.reshape((-1, *[1] * (a.ndim - 1))), b[::-1], a)[source], up, down)
     lost = jnp.where(ends, jnp.stack([until, since]), jnp.stack([span, -span]))
     firsts = _firsts(sound[0] | sound[1] | above | below, other)
-    return path._replace(
+    return ReferencePath(
+        z=path.z,
+        sense=path.sense,
         gap=jnp.where(above | below, 1.0, path.gap).at[0].set(up.gap[0]),
+        size=size,
+        meshing=meshing,
         first=firsts.astype(path.gap.dtype),
         lost=lost,
         tips=jnp.stack([tip.z, end.z]),
         tips_at=jnp.stack([tip.at, -end.at]),
+        cycle_turns=cycle_turns,
     )
 
 
-def _gained(group: General) -> Array:
+def _gained(group: General, turns: CountedTurns) -> Array:
     """The rotation that links of a group with gears gain (rad, (links,)) where the crank rotates fully but the group
     does not. Gears with a single pin follow the gears in mesh with them. Of each other pair of gears, one link gains
     whole turns, preferably the gear. All other links gain none."""
     names, free = group.link_names(), group.spinning()
-    wound = group.path.wound if group.path is not None else None
-    covered = {} if wound is None else dict(zip(group.mates(), wound.covered(), strict=True))
+    covered = dict(zip(group.mates(), turns.covered(), strict=True))
     gears = [gear for gear in group.gears if isinstance(gear, Gear)]
     turned = jnp.zeros(len(names))
     if not gears:
@@ -172,7 +185,7 @@ class _Going(NamedTuple):
     just beyond the end, and `most` the largest closure error.
     """
 
-    here: Track
+    here: Found
     seen: Seen
     tip: Array
     far: Array
@@ -186,17 +199,19 @@ class _Going(NamedTuple):
 
 
 def _follow(
-    group: General,
-    links: Mapping[str, Any],
-    before: Callable,
-    last: Track,
+    close: Callable[[Array, Array], Found],
+    measure: Array,
+    last: Found,
     seen: Seen,
     phi: Array,
     to: Array,
     way: Array,
-) -> tuple[Track, Tip, Seen]:
+) -> tuple[Found, Tip, Seen]:
     """Go from a configuration to the next crank angle, in as many steps as necessary; also return where the group was
     followed to, and the previous place.
+
+    `close` gives the configuration at a crank angle that is near another one; motions are relative to `measure`, which
+    has the shape of a configuration.
 
     Angles are counted along the `way`, 1 up or -1 down. A step is made smaller if it does not close, moves links far,
     changes the sign of the Jacobian's determinant, or may have crossed a fold. If the smallest step does not close, or
@@ -204,16 +219,10 @@ def _follow(
     closed, even if it closes in another assembly mode.
     """
     dtype, smallest, shut = last.z.dtype, (to - phi) / SMALLEST, closed_to(last.z.dtype)
-    assert last.size is not None
-    measure = jnp.ones_like(last.z).at[:, :2].set(last.size)
-    if last.z.shape[1] == 3:  # free gears may turn at any speed: their position is unique
-        measure = measure.at[group.loose(), 2].set(jnp.inf)
 
     def step(going: _Going) -> _Going:
         new, gone = jnp.minimum(going.at + going.width, to), going.most >= shut
-        states, points, whole = before(way * new)
-        there = Track(*group.closed(links, states, points, way * new, going.start, ALONG, GROW), size=last.size)
-        there = there._replace(gap=jnp.where(whole & jnp.isfinite(there.gap), there.gap, 1.0))
+        there = close(way * new, going.start)
         calm, closes = jnp.max(jnp.abs(there.z - going.here.z) / measure) < SWING, there.gap < shut
         again = ~closes & (going.tries < AGAIN)
         clear = going.seen.clear(Seen(going.at, going.here.sense), Seen(new, there.sense), 3 * len(last.z))

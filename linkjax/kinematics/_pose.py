@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax._vec import Vec
 from linkjax.groups import (
     RRP,
     RRR,
     AbstractGroup,
+    Along,
+    CountedTurns,
     Gear,
     General,
     LinkState,
@@ -27,22 +28,33 @@ from linkjax.groups import (
     Pinion,
     PointState,
     Rack,
-    Track,
-    Winding,
     at_rest,
+    branch_path,
     carried,
     closed_to,
-    course_of,
+    counted_turns,
     followed,
-    unwound,
-    with_path,
 )
 from linkjax.kinematics._path import path_of
-from linkjax.mechanism import Lump, Mechanism, lumps
+from linkjax.mechanism import Lump, Mechanism, links_of, lumps
 
 STEPS = 360  # per turn of the path of a group of higher class: five Newton steps then suffice near singular positions
 SCANNED = 120  # per turn, in the search for change points of a dyad
 COUNTS = 480  # per turn, to count the revolutions of a link
+
+
+@node
+class Prepared:
+    """A mechanism with the reference paths of its groups, one a group, None for those that need none; made by
+    `prepared`. Paths belong to the numbers of this mechanism, and have no derivatives."""
+
+    mechanism: Mechanism
+    paths: tuple[Path | None, ...]
+
+    def along(self) -> dict[str, Along]:
+        """The groups by name, each with its path."""
+        groups = named_groups(self.mechanism).items()
+        return {name: Along(group, path) for (name, group), path in zip(groups, self.paths, strict=True)}
 
 
 class Pose(NamedTuple):
@@ -61,7 +73,7 @@ class Pose(NamedTuple):
         return [(link, point, lump) for link, held in self.bodies.items() for point, lump in held.items()]
 
 
-def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
+def pose(mechanism: Mechanism | Prepared, phi: Scalar) -> Pose:
     """Positions and kinematic coefficients of every point and link at the crank angle `phi` (rad).
 
     `phi` and all results are scalars; use `jax.vmap` for many angles or designs. Kinematic coefficients are the first
@@ -73,17 +85,18 @@ def pose(mechanism: Mechanism, phi: Scalar) -> Pose:
 
 
 @jax.jit  # traced once per topology, however often it is used inside larger functions
-def _pose(mechanism: Mechanism, phi: Scalar) -> Pose:
-    return _of_groups(mechanism, mechanism.groups, phi)
+def _pose(ready: Prepared, phi: Scalar) -> Pose:
+    return _of_groups(ready.mechanism, list(ready.along().values()), phi)
 
 
-def _of_groups(mechanism: Mechanism, groups: Sequence[AbstractGroup], phi: Scalar) -> Pose:
+def _of_groups(mechanism: Mechanism, groups: Sequence[Along], phi: Scalar) -> Pose:
     """Pose of the first groups of a mechanism, in order of assembly."""
     points = {name: at_rest(at) for name, at in mechanism.fixed.items()}
     links: dict[str, LinkState] = {}
     bodies = {}
-    for group in groups:
-        states, pins = group.solve(mechanism.held_by(group), links, points, phi)
+    for along in groups:
+        group = along.group
+        states, pins = along.solve(links_of(mechanism, group), links, points, phi)
         links |= states
         points |= pins
         still = group.translating()
@@ -108,94 +121,75 @@ def _in_own_axes(link: LinkState, axis: Vec) -> LinkState:
     return link._replace(u=link.u.turned(Vec(axis.x, -axis.y)), angle=angle)
 
 
-def check_mechanism(given: Any) -> None:
-    """Raise `TypeError` for anything but a mechanism, such as a scene, with the remedy."""
-    if not isinstance(given, Mechanism):
-        whole = isinstance(getattr(given, "mechanism", None), Mechanism)
+def plain(given: Mechanism | Prepared) -> Mechanism:
+    """The mechanism, without paths. Raises `TypeError` for anything else, such as a scene, with the remedy."""
+    mechanism = given.mechanism if isinstance(given, Prepared) else given
+    if not isinstance(mechanism, Mechanism):
+        whole = isinstance(getattr(given, "mechanism", None), Mechanism | Prepared)
         remedy = "scene.mechanism" if whole else "a Mechanism, e.g. from lj.library"
         raise TypeError(f"a Mechanism is needed, not {type(given).__name__}; write {remedy}")
+    return mechanism
 
 
-def prepared(mechanism: Mechanism, cycle_turns: int | None = None) -> Mechanism:
-    """The mechanism with reference paths over `cycle_turns` turns of the crank; unchanged if it needs none or has them.
+def prepared(mechanism: Mechanism | Prepared, cycle_turns: int | None = None) -> Prepared:
+    """The mechanism with reference paths over `cycle_turns` turns of the crank; unchanged if it has them.
 
     Groups of higher class need a path, and so do dyads that continue through change points and gears in mesh with links
     whose revolutions must be counted. It leads from the sketch to crank angle zero and on in small steps. By default it
     takes as many turns as the motion law of the driver, or one.
 
-    Prepare a mechanism once if it is evaluated many times. A path has no derivatives: it only gives the start of
-    Newton's method. It belongs to the dimensions from which it was computed. A mechanism built by its constructor or
-    `dataclasses.replace` has no path; one whose leaves are replaced keeps the old path.
+    Prepare a mechanism once if it is evaluated many times: all functions of a mechanism also take it prepared. A path
+    has no derivatives: it only gives the start of Newton's method. It belongs to the dimensions from which it was
+    computed, so a mechanism with other numbers must be prepared again.
     """
-    check_mechanism(mechanism)
-    groups: list[Any] = [mechanism.groups[number] for number in followed(mechanism.groups)]
-    law = mechanism.driver.follows()
+    made = plain(mechanism)
+    law = made.driver.follows()
     cycle_turns = max(cycle_turns or 1, 1 if law is None else round(law.period() / (2 * math.pi)))
-    if all(group.path is not None and group.cycle_turns % cycle_turns == 0 for group in groups):
+    if isinstance(mechanism, Prepared) and all(
+        path is None or path.cycle_turns % cycle_turns == 0 for path in mechanism.paths
+    ):
         return mechanism
-    return _prepared(mechanism, cycle_turns)
+    needed = followed(made.groups)
+    return Prepared(made, _paths(made, cycle_turns) if needed else (None,) * len(made.groups))
 
 
 @functools.partial(jax.jit, static_argnames="cycle_turns")
-def _prepared(mechanism: Mechanism, cycle_turns: int) -> Mechanism:
-    groups: list[AbstractGroup] = []
-    paths: dict[int, Path] = {}
-    needed = followed(mechanism.groups)
-    fixed = jax.lax.stop_gradient(mechanism)
+def _paths(mechanism: Mechanism, cycle_turns: int) -> tuple[Path | None, ...]:
+    """The path of every group, None for those that need none."""
+    found: list[Along] = []
+    needed, fixed = followed(mechanism.groups), jax.lax.stop_gradient(mechanism)
+    for number, group in enumerate(fixed.groups):
+
+        def before(phi, so_far=tuple(found)):
+            here = _of_groups(fixed, so_far, phi)
+            return here.links, here.points, _closes(fixed, so_far, here, phi)
+
+        path = _path(group, fixed, before, cycle_turns) if number in needed else None
+        found.append(Along(group, jax.lax.stop_gradient(path)))
+    return tuple(along.path for along in found)
+
+
+def _path(group: AbstractGroup, fixed: Mechanism, before: Callable, cycle_turns: int) -> Path:
+    """The path of a followed group; `before` gives the states that precede it, and whether these can be assembled."""
     angles, counting = (
         jnp.linspace(0.0, 2 * math.pi * cycle_turns, steps * cycle_turns + 1) for steps in (STEPS, COUNTS)
     )
-    for group in fixed.groups:
-        if len(groups) in needed:
-
-            def before(phi, so_far=tuple(groups)):
-                here = _of_groups(fixed, so_far, phi)
-                return here.links, here.points, _closes(fixed, so_far, here, phi)
-
-            if isinstance(group, General):
-                wound = _winding(group, before, counting) if group.mates() else None
-                none = jnp.zeros(0)
-                begun = dataclasses.replace(group, path=Track(none, none, none, wound), cycle_turns=cycle_turns)
-                path = path_of(begun, fixed.links, before, angles)._replace(wound=wound)
-            elif isinstance(group, Gear | Rack | Pinion):
-                path = _winding(group, before, counting)
-            else:
-                path = _course(group, fixed, before, cycle_turns)
-            paths[len(groups)] = jax.lax.stop_gradient(path)
-            group = with_path(group, paths[len(groups)], cycle_turns)
-        groups.append(group)
-    made = [
-        with_path(group, paths[i], cycle_turns) if i in paths else group for i, group in enumerate(mechanism.groups)
-    ]
-    return eqx.tree_at(lambda m: m.groups, mechanism, tuple(made))  # the constructor would discard the paths
-
-
-def _closes(mechanism: Mechanism, groups: Sequence[AbstractGroup], here: Pose, phi: Array) -> Array:
-    """Whether these groups can be assembled, at least nearly, as at a change point."""
-    found = [group.margins(mechanism.held_by(group), here.links, here.points, phi) for group in groups]
-    every = [side.value > -closed_to(phi.dtype) for sides in found for side in sides.values()]
-    return jnp.all(jnp.stack(every)) if every else jnp.asarray(True)
-
-
-def before_group(mechanism: Mechanism, number: int, phi: Scalar) -> tuple[dict[str, LinkState], dict[str, PointState]]:
-    """States of the links and points that precede the group with this number."""
-    here = jax.jit(lambda m, phi: _of_groups(m, m.groups[:number], phi)[:2])(mechanism, phi)
-    return here[1], here[0]
-
-
-def _course(group: AbstractGroup, fixed: Mechanism, before: Callable, cycle_turns: int) -> Path:
-    """The path of a dyad through its change points."""
+    if isinstance(group, General):
+        turns = _turns(group, before, counting, cycle_turns)
+        return path_of(group, fixed.links, before, angles, turns, cycle_turns)
+    if isinstance(group, Gear | Rack | Pinion):
+        return _turns(group, before, counting, cycle_turns)
     assert isinstance(group, RRR | RRP)
-    held = fixed.held_by(group)
+    links = links_of(fixed, group)
 
     def coordinates(phi, sense):
         states, points, _ = before(phi)
-        return group.coordinates(held, states, points, sense)
+        return group.coordinates(links, states, points, sense)
 
-    return course_of(lambda phi: group.gaps(held, *before(phi)[:2]), coordinates, SCANNED, cycle_turns)
+    return branch_path(lambda phi: group.gaps(links, *before(phi)[:2]), coordinates, SCANNED, cycle_turns)
 
 
-def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Array) -> Winding:
+def _turns(group: General | Gear | Rack | Pinion, before: Callable, angles: Array, cycle_turns: int) -> CountedTurns:
     """The counted rotation of the links that gears or racks follow."""
 
     def mates(phi):
@@ -203,10 +197,27 @@ def _winding(group: General | Gear | Rack | Pinion, before: Callable, angles: Ar
         still = LinkState(Vec(jnp.ones_like(phi), none), none, none, none)
         return tuple(states.get(name, still) for name in group.mates()), closes
 
-    return unwound(*jax.vmap(mates)(angles), angles[1] - angles[0])
+    return counted_turns(*jax.vmap(mates)(angles), angles[1] - angles[0], cycle_turns)
 
 
-def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
+def _closes(mechanism: Mechanism, groups: Sequence[Along], here: Pose, phi: Array) -> Array:
+    """Whether these groups can be assembled, at least nearly, as at a change point."""
+    found = [_margins(mechanism, along, here, phi) for along in groups]
+    every = [side.value > -closed_to(phi.dtype) for sides in found for side in sides.values()]
+    return jnp.all(jnp.stack(every)) if every else jnp.asarray(True)
+
+
+def before_group(
+    mechanism: Mechanism | Prepared, number: int, phi: Scalar
+) -> tuple[dict[str, LinkState], dict[str, PointState]]:
+    """States of the links and points that precede the group with this number."""
+    here = jax.jit(lambda ready, phi: _of_groups(ready.mechanism, list(ready.along().values())[:number], phi)[:2])(
+        prepared(mechanism), phi
+    )
+    return here[1], here[0]
+
+
+def margins(mechanism: Mechanism | Prepared, phi: Scalar) -> dict[str, dict[str, Margin]]:
     """Signed margins of every group to its singular positions at the crank angle `phi` (rad).
 
     Returns {group: {side: `Margin`}}, e.g. `margins(mechanism, 0.5)["coupler-rocker"]["stretched"]`. A margin is
@@ -214,18 +225,25 @@ def margins(mechanism: Mechanism, phi: Scalar) -> dict[str, dict[str, Margin]]:
     group cannot be assembled. It comes with its first and second derivatives, `d` and `dd`, with respect to `phi`.
     `phi` and all results are scalars; use `jax.vmap` for many angles or designs.
     """
-    mechanism = prepared(mechanism)
-    here = pose(mechanism, phi)
-    groups = named_groups(mechanism).items()
-    return {name: group.margins(mechanism.held_by(group), here.links, here.points, phi) for name, group in groups}
+    ready = prepared(mechanism)
+    return margins_of_pose(ready, pose(ready, phi), phi)
 
 
-def named_groups(mechanism: Mechanism):
+def margins_of_pose(ready: Prepared, here: Pose, phi: Scalar) -> dict[str, dict[str, Margin]]:
+    """The margins for a given pose; see `margins`."""
+    return {name: _margins(ready.mechanism, along, here, phi) for name, along in ready.along().items()}
+
+
+def _margins(mechanism: Mechanism, along: Along, here: Pose, phi: Scalar) -> dict[str, Margin]:
+    return along.margins(links_of(mechanism, along.group), here.links, here.points, phi)
+
+
+def named_groups(mechanism: Mechanism) -> dict[str, AbstractGroup]:
     """The groups by name; a name joins the names of the links, e.g. `link4-rocker`."""
     return {"-".join(g.link_names()): g for g in mechanism.groups}
 
 
-def transmission_angles(mechanism: Mechanism, phi: Scalar) -> dict[str, Array]:
+def transmission_angles(mechanism: Mechanism | Prepared, phi: Scalar) -> dict[str, Array]:
     """Transmission angle (rad, 0…π) of every dyad at the crank angle `phi` (rad); π/2 is best, 0 and π are singular.
 
     Returns {group: angle}. The angle is measured between the two links of an RRR, between the rod and the normal of the
@@ -234,6 +252,10 @@ def transmission_angles(mechanism: Mechanism, phi: Scalar) -> dict[str, Array]:
     are scalars; use `jax.vmap` for many angles or designs. If a group cannot be assembled, its angle is a finite
     placeholder.
     """
-    here = pose(mechanism, phi)
+    return transmission_of_pose(plain(mechanism), pose(mechanism, phi))
+
+
+def transmission_of_pose(mechanism: Mechanism, here: Pose) -> dict[str, Array]:
+    """The transmission angles for a given pose; see `transmission_angles`."""
     angles = {name: group.transmission(here.links, here.points) for name, group in named_groups(mechanism).items()}
     return {name: angle for name, angle in angles.items() if angle is not None}

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from linkjax.groups import AbstractGroup, General, Track, closed_to
+from linkjax.groups import AbstractGroup, General, ReferencePath, closed_to
 from linkjax.kinematics._crossings import crossings, margins_at, sound
 from linkjax.kinematics._cycle import scan_angles
 from linkjax.kinematics._fold import folded
-from linkjax.kinematics._pose import check_mechanism, named_groups, prepared
+from linkjax.kinematics._pose import Prepared, named_groups, plain, prepared
 from linkjax.mechanism import Mechanism
 
 SCAN = 360  # crank angles per turn at which the margins are first evaluated
@@ -41,7 +41,7 @@ class CrankRange(NamedTuple):
     at_stop: str
 
 
-def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange, ...]:
+def crank_ranges(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> tuple[CrankRange, ...]:
     """The ranges of crank angle (rad) in which a mechanism can be assembled.
 
     A crank that rotates fully has one range, from 0 to 2π `cycle_turns`; a linkage that closes nowhere has none.
@@ -68,7 +68,7 @@ def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange
     Source: Grashof's rule says which cranks rotate fully, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
     ch. 2.
     """
-    check_mechanism(mechanism)
+    mechanism = plain(mechanism)
     driver, law, begin = mechanism.driver, mechanism.driver.follows(), 0.0
     crank = None if (sense := driver.shaft()) is None else driver.turning(sense)
     if crank is not None and law is not None:
@@ -79,45 +79,45 @@ def crank_ranges(mechanism: Mechanism, cycle_turns: int = 1) -> tuple[CrankRange
     whole = 2 * math.pi * cycle_turns
     if not any(group.singular_positions() for group in mechanism.groups):
         return (CrankRange(0.0, whole, "", ""),)
-    ready = prepared(mechanism, cycle_turns)  # again: a new mechanism has no paths
+    ready = prepared(mechanism, cycle_turns)
     back = None if sense is None else driver.turning(-sense)
     if back is not None and any(group.wheels() for group in mechanism.groups) and not _repeats(ready, cycle_turns):
         found = _on_a_line(mechanism, back, cycle_turns)
     else:
-        found = _turn_by_turn(mechanism, ready, cycle_turns)
+        found = _turn_by_turn(ready, cycle_turns)
     if found and not (found[0].at_start or found[0].at_stop) and found[0].start == 0.0:
         return (CrankRange(0.0, whole, "", ""),)
     near = [each for each in found if each.start < whole and each.stop > -whole]
     return tuple(each._replace(start=each.start + begin, stop=each.stop + begin) for each in near or found[:1])
 
 
-def _repeats(mechanism: Mechanism, cycle_turns: int) -> bool:
+def _repeats(ready: Prepared, cycle_turns: int) -> bool:
     """Whether the margins repeat after so many turns, at the majority of some angles of a turn: at one of them a
     singular position may leave no digits. A group of higher class that is not assembled there does not count."""
     at = np.arange(SEEN) * (2 * math.pi / SEEN)
-    first, after = np.split(margins_at(mechanism, np.append(at, at + 2 * math.pi * cycle_turns))[0], 2)
-    general = [group.numerical() for group in mechanism.groups for _ in group.singular_positions()]
+    first, after = np.split(margins_at(ready, np.append(at, at + 2 * math.pi * cycle_turns))[0], 2)
+    general = [group.numerical() for group in ready.mechanism.groups for _ in group.singular_positions()]
     seen = np.all(first[:, general] > 0, axis=1) | np.all(after[:, general] > 0, axis=1)
     same = np.all(abs(after - first) < closed_to(first.dtype), axis=1)
     return bool(np.sum(seen & same) >= np.sum(seen & ~same))
 
 
-def _turn_by_turn(mechanism: Mechanism, ready: Mechanism, cycle_turns: int) -> tuple[CrankRange, ...]:
+def _turn_by_turn(ready: Prepared, cycle_turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a mechanism that repeats after these turns, or whose groups of higher class take more turns."""
     found = first = _on_a_circle(ready, cycle_turns)
     while found and 2 * cycle_turns <= LONGEST and _goes_on(ready, cycle_turns, found[0]):
         cycle_turns *= 2
-        ready = prepared(mechanism, cycle_turns)
+        ready = prepared(ready, cycle_turns)
         found = _on_a_circle(ready, cycle_turns)
     return found or first
 
 
-def _goes_on(mechanism: Mechanism, cycle_turns: int, found: CrankRange) -> bool:
+def _goes_on(ready: Prepared, cycle_turns: int, found: CrankRange) -> bool:
     """Whether the range may be longer than these turns, or the range of a group, which is then at another place."""
-    groups = [group for group in mechanism.groups if isinstance(group, General)]
     ends = [end for end, why in ((found.start, found.at_start), (found.stop, found.at_stop)) if why]
-    for group, path in ((group, group.path) for group in groups):
-        assert path is not None
+    for group, path in ready.along().values():
+        if not (isinstance(group, General) and isinstance(path, ReferencePath)):
+            continue
         if path.trouble() == "astray" and (not ends or bool(path.astray(group.loose()))):
             return True
         if bool(path.ends()):  # only a narrow part of a longer range is omitted
@@ -127,21 +127,21 @@ def _goes_on(mechanism: Mechanism, cycle_turns: int, found: CrankRange) -> bool:
     return False
 
 
-def _on_a_circle(mechanism: Mechanism, cycle_turns: int) -> tuple[CrankRange, ...]:
+def _on_a_circle(ready: Prepared, cycle_turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a prepared mechanism that repeats after these turns."""
     half, whole = math.pi * cycle_turns, 2 * math.pi * cycle_turns
-    scan = np.append(_scan(mechanism, cycle_turns, half) - half, half)
-    found, none = sorted(crossings(mechanism, scan, True)), (CrankRange(0.0, whole, "", ""),)
+    scan = np.append(_scan(ready, cycle_turns, half) - half, half)
+    found, none = sorted(crossings(ready, scan, True)), (CrankRange(0.0, whole, "", ""),)
     if not found:
-        return none if bool(np.all(sound(mechanism, np.zeros(1)))) else ()
+        return none if bool(np.all(sound(ready, np.zeros(1)))) else ()
     angles = np.asarray([angle for angle, _ in found])
-    closes = _between(mechanism, np.append(angles, angles[0] + whole))
+    closes = _between(ready, np.append(angles, angles[0] + whole))
     if np.all(closes):
         return none
     on = int(np.argmin(closes)) + 1  # from where it cannot be assembled
     ends = [*found[on:], *((angle + whole, margin) for angle, margin in found[:on])]
     ranges = []
-    for each in _runs(mechanism, ends, np.roll(closes, -on)[:-1]):
+    for each in _runs(ready, ends, np.roll(closes, -on)[:-1]):
         shift = -whole if each.stop >= whole else whole if each.stop < 0 else 0.0
         ranges.append(each._replace(start=each.start + shift, stop=each.stop + shift))
     return _in_order(ranges)
@@ -176,47 +176,47 @@ def _back(found: CrankRange) -> CrankRange:
     return CrankRange(-found.stop, -found.start, found.at_stop, found.at_start)
 
 
-def _one_way(mechanism: Mechanism, cycle_turns: int) -> list[CrankRange]:
+def _one_way(ready: Prepared, cycle_turns: int) -> list[CrankRange]:
     """Ranges of a prepared mechanism from zero up to these turns; one that is cut off there has "" as its reason."""
     whole = 2 * math.pi * cycle_turns
-    found = crossings(mechanism, np.append(_scan(mechanism, cycle_turns), whole), False)
+    found = crossings(ready, np.append(_scan(ready, cycle_turns), whole), False)
     ends = [(0.0, None), *sorted(found), (whole, None)]
     angles = np.asarray([angle for angle, _ in ends])
-    closes = _between(mechanism, angles)
-    for path in _paths(mechanism):
+    closes = _between(ready, angles)
+    for path in _paths(ready):
         if bool(path.ends()):  # beyond, the way down counts
             closes &= angles[:-1] + angles[1:] < 2 * float(path.middle())
-    return _runs(mechanism, ends, closes)
+    return _runs(ready, ends, closes)
 
 
-def _scan(mechanism: Mechanism, cycle_turns: int, ahead: float = 0.0) -> np.ndarray:
+def _scan(ready: Prepared, cycle_turns: int, ahead: float = 0.0) -> np.ndarray:
     """Scan angles from zero up, `ahead` of the crank by so much (rad): equal steps, and the middles of the gaps in the
     paths of groups of higher class."""
-    gaps = np.asarray([float(path.middle()) for path in _paths(mechanism) if bool(path.ends())])
+    gaps = np.asarray([float(path.middle()) for path in _paths(ready) if bool(path.ends())])
     return np.unique(
         np.concatenate([np.asarray(scan_angles(cycle_turns, SCAN)), np.mod(gaps + ahead, 2 * math.pi * cycle_turns)])
     )
 
 
-def _paths(mechanism: Mechanism) -> list[Track]:
+def _paths(ready: Prepared) -> list[ReferencePath]:
     """The paths of groups of higher class."""
-    return [g.path for g in mechanism.groups if isinstance(g, General) and g.path is not None]
+    return [path for path in ready.paths if isinstance(path, ReferencePath)]
 
 
-def _between(mechanism: Mechanism, angles: np.ndarray) -> np.ndarray:
+def _between(ready: Prepared, angles: np.ndarray) -> np.ndarray:
     """Whether the mechanism can be assembled between each of these angles and the next."""
-    closes, wide = sound(mechanism, 0.5 * (angles[:-1] + angles[1:])), np.diff(angles) > NARROW
+    closes, wide = sound(ready, 0.5 * (angles[:-1] + angles[1:])), np.diff(angles) > NARROW
     known = np.flatnonzero(wide)
     next_one = np.searchsorted(known, np.arange(len(closes)))
     around = closes[known[next_one % len(known)]] & closes[known[next_one - 1]]  # for narrow intervals
     return np.where(wide, closes, around)
 
 
-def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes: np.ndarray) -> list[CrankRange]:
+def _runs(ready: Prepared, ends: Sequence[tuple[float, int | None]], closes: np.ndarray) -> list[CrankRange]:
     """The ranges in which the mechanism can be assembled, between angles at which the margins of these numbers change
     sign."""
-    names = _margin_names(mechanism)
-    owners = [number for number, group in enumerate(mechanism.groups) for _ in group.singular_positions()]
+    names = _margin_names(ready.mechanism)
+    owners = [number for number, group in enumerate(ready.mechanism.groups) for _ in group.singular_positions()]
     ranges, first = [], 0
     for last in range(len(closes)):
         first = first if closes[last] else last + 1
@@ -224,7 +224,7 @@ def _runs(mechanism: Mechanism, ends: Sequence[tuple[float, int | None]], closes
             (start, lower), (stop, upper) = ends[first], ends[last + 1]
             inwards, told = 0.5 * (stop - start), []
             for end, margin, way in ((start, lower, inwards), (stop, upper, -inwards)):
-                told.append(end if margin is None else _sharpened(mechanism, owners[margin], end, way))
+                told.append(end if margin is None else _sharpened(ready, owners[margin], end, way))
             for end, margin in ((start, lower), (stop, upper)):  # of a group and those attached to it, the first
                 those = [k for angle, k in ends if k is not None and abs(angle - end) < TOGETHER]
                 told.append("" if margin is None else names[min(those)])
@@ -243,9 +243,9 @@ def _in_order(ranges: Sequence[CrankRange]) -> tuple[CrankRange, ...]:
     return tuple(sorted(ranges, key=lambda r: (not r.start <= 0.0 <= r.stop, r.stop < 0.0, r.start)))
 
 
-def _sharpened(mechanism: Mechanism, owner: int, end: float, inwards: float) -> float:
+def _sharpened(ready: Prepared, owner: int, end: float, inwards: float) -> float:
     """An end of a range, refined if a group of higher class causes it; `inwards` leads to the middle of the range."""
-    if not mechanism.groups[owner].numerical():
+    if not ready.mechanism.groups[owner].numerical():
         return end
     inside = end + math.copysign(min(CLOSE, abs(inwards)), inwards)
-    return folded(mechanism, owner, inside, end, min(STEP, abs(inwards)))
+    return folded(ready, owner, inside, end, min(STEP, abs(inwards)))

@@ -3,6 +3,7 @@
 from linkjax.machine._names import CHOICES as CHOICES
 from linkjax.machine._names import Names as Names
 from linkjax.machine._names import nameless as nameless
+from linkjax.machine._scene import ReadyScene as ReadyScene
 from linkjax.machine._scene import Scene as Scene
 from linkjax.machine._scene import check_scene as check_scene
 from linkjax.machine._scene import ready as ready

@@ -15,7 +15,7 @@ import jax
 
 from linkjax._types import Tracer
 from linkjax.groups import FRAME
-from linkjax.machine._scene import Scene, untitled
+from linkjax.machine._scene import ReadyScene, Scene, untitled
 
 TOKEN = re.compile("<[0-9]+>")
 CHOICES = {
@@ -48,9 +48,14 @@ class Names:
 _KNOWN: dict[Any, tuple[Names | None, dict[Any, tuple[list[int], Any]]]] = {}
 
 
-def nameless(scene: Scene) -> tuple[Scene, Names | None]:
-    """The scene without title and names, and the names; unchanged, with None, inside of jax transformations, which
-    compile for every structure, and with loads or groups of the user's, which may use a name in their own way."""
+def nameless(scene: Any) -> tuple[Any, Names | None]:
+    """The scene, ready or not, without title and names, and the names.
+
+    It is unchanged, with None, inside of jax transformations, which compile for every structure, and with loads or
+    groups of the user's, which may use a name in their own way."""
+    if isinstance(scene, ReadyScene):
+        plain, names = nameless(scene.scene)
+        return scene.of(plain), names
     leaves, tree = jax.tree.flatten(scene)
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         return scene, None

@@ -12,10 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._tree import node
 from linkjax._types import as_float, known
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.kinematics import prepared
+from linkjax.groups import Path
+from linkjax.kinematics import Prepared, prepared
 from linkjax.loads import AbstractLoad, Window
 from linkjax.machine._text import scene_text
 from linkjax.machine._turns import check_turns
@@ -146,10 +148,29 @@ def check_scene(scene: object) -> None:
     """Raise `TypeError` if `scene` is not a `Scene`."""
     if not isinstance(scene, Scene):
         remedy = "write Scene(mechanism, loads, speed=...)" if isinstance(scene, Mechanism) else "write lj.load(name)"
+        remedy = "write its .scene" if isinstance(scene, ReadyScene) else remedy
         raise TypeError(f"a Scene is needed, not {type(scene).__name__}; {remedy}")
 
 
-def ready(scene: Scene) -> Scene:
-    """The scene with its mechanism `prepared`, for many evaluations."""
-    mechanism = prepared(scene.mechanism, scene.cycle_turns)
-    return scene if mechanism is scene.mechanism else scene.with_mechanism(mechanism)
+@node
+class ReadyScene:
+    """A scene with the reference paths of its mechanism, for many evaluations; made by `ready`."""
+
+    scene: Scene
+    paths: tuple[Path | None, ...]
+
+    @property
+    def mechanism(self) -> Prepared:
+        """The mechanism, prepared."""
+        return Prepared(self.scene.mechanism, self.paths)
+
+    def of(self, scene: Scene) -> ReadyScene:
+        """Another scene with the same paths, which is right if positions are the same."""
+        return ReadyScene(scene, self.paths)
+
+
+def ready(scene: Scene | ReadyScene) -> ReadyScene:
+    """The scene with its mechanism `prepared`, for many evaluations; unchanged if it is."""
+    if isinstance(scene, ReadyScene):
+        return scene
+    return ReadyScene(scene, prepared(scene.mechanism, scene.cycle_turns).paths)

@@ -16,7 +16,7 @@ from jaxtyping import Array
 from linkjax._numerics import largest, safe_divide, wrapped
 from linkjax._numerics import smallest as least_of
 from linkjax.kinematics import Least, find_margins
-from linkjax.machine import Scene, nameless
+from linkjax.machine import ReadyScene, Scene, nameless
 from linkjax.measures import _forces
 from linkjax.measures._parts import NODES, Parts
 from linkjax.mechanism import Mechanism, StructureError
@@ -52,7 +52,7 @@ class Measure:
     smallest: bool = False
     motion: bool = False  # whether it needs the actual motion
 
-    def __call__(self, scene: Scene, nodes: int = NODES) -> Array:
+    def __call__(self, scene: Scene | ReadyScene, nodes: int = NODES) -> Array:
         return self.function(Parts(nameless(scene)[0], nodes))
 
 
@@ -90,7 +90,7 @@ def smallest(unit: str) -> Callable[[Callable[[Parts], Rows | Wanted]], Measure]
     )
 
 
-def evaluate(scene: Scene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
+def evaluate(scene: Scene | ReadyScene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
     """Several measures of one scene by name. They share grid and node values, so they cost little more than one."""
     asked: list[Any] = [measures] if isinstance(measures, str) else list(measures)
     for one in asked:
@@ -212,7 +212,7 @@ def _flywheels(of: Parts) -> Rows:
     if of.scene.mechanism.prescribed:
         return Rows(needed[None, None], jnp.full(1, jnp.nan), signed=True)
     swings, still = _swings_with(needed, of), jax.lax.stop_gradient(needed)
-    fixed = Parts(of.scene, of.nodes, *jax.lax.stop_gradient((of.grid, of.at)))
+    fixed = Parts(of.ready, of.nodes, *jax.lax.stop_gradient((of.grid, of.at)))
     _, rate = jax.jvp(lambda inertia: _swings_with(inertia, fixed).vectors, (still,), (jnp.ones_like(still),))
     steep = jnp.maximum(-rate, SLOW * jnp.max(-rate))
     return Rows(needed + (swings.vectors - _target(of.scene)) / steep, swings.angle, signed=True)
@@ -224,7 +224,8 @@ def _swings_with(inertia: Array, of: Parts) -> Rows:
     here = of.at.here._replace(inertia=of.at.here.inertia + more)
     bare, *rest = of.at.sample.dynamics
     sample = of.at.sample._replace(dynamics=(bare + more, *rest))
-    parts = Parts(with_flywheel(of.scene, inertia), of.nodes, of.grid, of.at._replace(here=here, sample=sample))
+    scene = of.ready.of(with_flywheel(of.scene, inertia))  # a flywheel moves nothing
+    parts = Parts(scene, of.nodes, of.grid, of.at._replace(here=here, sample=sample))
     return every_row([_swings(parts)])[0]
 
 
@@ -289,7 +290,7 @@ def _all_shaking(of: Parts) -> Rows:
     any grid, and the square root of a panel of zero width, between loads that switch together, has no derivative. So
     the crank angles are kept fixed."""
     grid = jax.lax.stop_gradient(of.grid)
-    still = Parts(of.scene, of.nodes, grid)
+    still = Parts(of.ready, of.nodes, grid)
     share = grid.half[:, None] * grid.rule.w[None] / of.scene.cycle
     return Rows((jnp.sqrt(share)[None] * still.shaking(still.constant_speed)[0]).reshape((1, -1)), jnp.full(1, jnp.nan))
 

@@ -6,7 +6,7 @@ import functools
 
 from jaxtyping import Array, Float
 
-from linkjax.machine import Scene, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.measures._forces import shaking
 from linkjax.motion import AtNodes, Grid, Regime, Steady, at_nodes, by_node, grid_of, steady_on
 from linkjax.reduction import Reduced
@@ -19,13 +19,20 @@ class Parts:
     """A scene on a cycle grid of about `nodes` nodes per crank turn; attributes are computed on first use and kept.
     `grid` and node values `at` may be given."""
 
-    def __init__(self, scene: Scene, nodes: int = NODES, grid: Grid | None = None, at: AtNodes | None = None):
-        self.scene, self.nodes, self._grid, self._at = ready(scene), nodes, grid, at
+    def __init__(
+        self, scene: Scene | ReadyScene, nodes: int = NODES, grid: Grid | None = None, at: AtNodes | None = None
+    ):
+        self.ready, self.nodes, self._grid, self._at = ready(scene), nodes, grid, at
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.ready.scene
 
     @functools.cached_property
     def machine(self) -> Sampler:
         """The scene, evaluated in batches."""
-        return Sampler(self.scene)
+        return Sampler(self.ready)
 
     @functools.cached_property
     def grid(self) -> Grid:

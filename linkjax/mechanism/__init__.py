@@ -9,4 +9,5 @@ from linkjax.mechanism._link import lumps as lumps
 from linkjax.mechanism._linkage import linkage as linkage
 from linkjax.mechanism._mechanism import Mechanism as Mechanism
 from linkjax.mechanism._mechanism import StructureError as StructureError
+from linkjax.mechanism._mechanism import links_of as links_of
 from linkjax.mechanism._mechanism import structure as structure

@@ -10,7 +10,7 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, without_path
+from linkjax.groups import AbstractGroup
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._text import structure_text
 from linkjax.topology import Structure, origins, owners, structure_of
@@ -42,7 +42,7 @@ class Mechanism(eqx.Module):
         if link_names:  # given by `dataclasses.replace`: the original order of the links
             links = {name: links[name] for name in [*(n for n in link_names if n in links), *links]}
         self.fixed = dict(sorted(fixed.items()))  # sorted, as jax sorts the keys of dicts
-        self.groups = tuple(without_path(group) for group in groups)  # valid only for its own numbers
+        self.groups = tuple(groups)
         self.flywheel = Flywheel() if flywheel is None else flywheel
         named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
         self.links, self.link_names = dict(sorted(named.items())), tuple(named)
@@ -82,18 +82,19 @@ class Mechanism(eqx.Module):
         own = self.links[link]
         return {*ends, own.centre_name, *own.point_names(), *own.counterweights}
 
-    def held_by(self, group: AbstractGroup) -> dict[str, Link]:
-        """The links for a group: as length each has the distance between the two pins that the group uses."""
-        links = self.links
-        for name, ends in group.holds().items():
-            held = links[name].held(*ends)
-            if held is not None:
-                links = {**links, name: dataclasses.replace(links[name], length=held.length)}
-        return links
-
     def formula(self) -> str:
         """Structural formula, e.g. `I1(crank) → II2(rod, slider) → II1(link4, rocker)`; see `Structure.formula`."""
         return structure(self).formula()
+
+
+def links_of(mechanism: Mechanism, group: AbstractGroup) -> dict[str, Link]:
+    """The links as a group sees them: as length each has the distance between the two pins that the group uses."""
+    links = mechanism.links
+    for name, ends in group.holds().items():
+        held = links[name].held(*ends)
+        if held is not None:
+            links = {**links, name: dataclasses.replace(links[name], length=held.length)}
+    return links
 
 
 def structure(mechanism: Mechanism) -> Structure:

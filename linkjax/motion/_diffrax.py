@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
-from linkjax.machine import Scene, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion._flow import LEAST, Flow, Primitive
 from linkjax.motion._grid import Grid, grid_of, make_grid
@@ -50,16 +50,18 @@ class Run(NamedTuple):
     stall_time: Float[Array, ""]
 
 
-def _free(scene: Scene) -> Scene:
-    """The scene. Raises `StructureError` if its driver has a motion law: there is no equation of motion to solve."""
-    if scene.mechanism.prescribed:
+def _free(scene: Scene | ReadyScene) -> ReadyScene:
+    """The scene, made ready. Raises `StructureError` if its driver has a motion law: there is no equation of motion to
+    solve."""
+    made = ready(scene)
+    if made.scene.mechanism.prescribed:
         problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
-        raise StructureError(scene.mechanism.driving_link, problem, "use the quadrature, or delete the law")
-    return scene
+        raise StructureError(made.scene.mechanism.driving_link, problem, "use the quadrature, or delete the law")
+    return made
 
 
 def run_in_angle(
-    scene: Scene,
+    scene: Scene | ReadyScene,
     angles: Float[Array, " points"],
     start_speed: Scalar,
     drive_torque: Scalar | Torque,
@@ -75,12 +77,12 @@ def run_in_angle(
     `diffrax.ForwardMode()` is for `jvp`. A start from rest counts as a stall: use `run_in_time`. Raises
     `StructureError` if the driver has a motion law.
     """
-    scene = _free(ready(scene))
-    grid = make_grid(scene, 8)
+    made = _free(scene)
+    scene, grid = made.scene, make_grid(made, 8)
     place = jax.vmap(grid.place)(angles)
     cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
     along = cycles * grid.half.size + place.panel.astype(angles.dtype) + 0.5 * (place.x + 1)
-    states, stall = _in_angle(scene, grid, along, start_speed, drive_torque, tolerance, solver, adjoint)
+    states, stall = _in_angle(made, grid, along, start_speed, drive_torque, tolerance, solver, adjoint)
     unit = jax.lax.stop_gradient(scene.speed)
     turns, panel = jnp.floor(stall.along / grid.half.size), jnp.mod(stall.along, grid.half.size)
     number = jnp.clip(jnp.floor(panel), 0, grid.half.size - 1).astype(jnp.int32)
@@ -97,7 +99,7 @@ class Stall(NamedTuple):
     time: Array
 
 
-def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolerance, solver=None, adjoint=None):
+def _in_angle(made: ReadyScene, grid: Grid, along, start_speed, drive_torque, tolerance, solver=None, adjoint=None):
     """States at positions `along` the panels (panel k of the first cycle is from k to k + 1), and whether the motion
     stalled. Integration ends at a thousandth of the smaller of start and nominal speed; from there the square of the
     speed is extrapolated linearly to zero.
@@ -108,7 +110,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
     """
     import diffrax
 
-    panels, unit = grid.half.size, jax.lax.stop_gradient(scene.speed)
+    panels, unit = grid.half.size, jax.lax.stop_gradient(made.scene.speed)
     fixed = jax.lax.stop_gradient(along)
     jumps = jnp.floor(fixed[0]) + jnp.arange(1, MOST_CYCLES * panels + 1, dtype=float)
 
@@ -116,7 +118,7 @@ def _in_angle(scene: Scene, grid: Grid, along, start_speed, drive_torque, tolera
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
         at = grid.edges[panel] + (s - jnp.floor(s)) * width
-        return width, jnp.floor(s / panels) * scene.cycle + at, reduced_in(scene, grid, at, panel)
+        return width, jnp.floor(s / panels) * made.scene.cycle + at, reduced_in(made, grid, at, panel)
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
     first = jax.lax.stop_gradient(at(fixed[0])[2].inertia)
@@ -161,7 +163,7 @@ def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
 
 
 def run_in_time(
-    scene: Scene,
+    scene: Scene | ReadyScene,
     times: Float[Array, " points"],
     start_angle: Scalar,
     start_speed: Scalar,
@@ -177,23 +179,23 @@ def run_in_time(
     angle, the time of the switch depends on the design, and steps in time cannot represent this. So first derivatives
     are those of a run in angle through the same states. Raises `StructureError` if the driver has a motion law.
     """
-    scene = _free(scene)
-    given = jax.lax.stop_gradient((scene, times, start_angle, start_speed))
+    made = _free(scene)
+    given = jax.lax.stop_gradient((made, times, start_angle, start_speed))
     found = _in_time(*given, fixed_torque(drive_torque), tolerance, solver)
-    least = jax.lax.stop_gradient(REST * scene.speed)
+    least = jax.lax.stop_gradient(REST * made.scene.speed)
     start_speed = start_speed + jnp.where(start_speed < least, least, 0.0)
-    return _through_angle(scene, found, times, start_angle, start_speed, drive_torque, tolerance, solver, adjoint)
+    return _through_angle(made, found, times, start_angle, start_speed, drive_torque, tolerance, solver, adjoint)
 
 
-def _in_time(scene: Scene, times, start_angle, start_speed, drive_torque, tolerance, solver) -> Run:
+def _in_time(made: ReadyScene, times, start_angle, start_speed, drive_torque, tolerance, solver) -> Run:
     import diffrax
 
-    unit = scene.speed
+    unit = made.scene.speed
     least = 1e-3 * jnp.minimum(start_speed / unit, 1.0)
 
     def rate(_, state, __):
         phi, speed = state
-        return jnp.stack([speed, _acceleration(scene, phi, speed * unit, drive_torque) / unit**2])
+        return jnp.stack([speed, _acceleration(made, phi, speed * unit, drive_torque) / unit**2])
 
     start = jnp.stack([start_angle, start_speed / unit])
     solution = diffrax.diffeqsolve(
@@ -207,17 +209,17 @@ def _in_time(scene: Scene, times, start_angle, start_speed, drive_torque, tolera
     return Run(states[:, 0], states[:, 1] * unit, times, solution.result == diffrax.RESULTS.event_occurred, none, none)
 
 
-def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, tolerance, solver, adjoint) -> Run:
+def _through_angle(made: ReadyScene, found: Run, times, angle, speed, drive_torque, tolerance, solver, adjoint) -> Run:
     """The same motion with the derivatives of a run in angle: a delay dt of φ(t) changes it by -ω dt."""
     there = jnp.isfinite(found.angle)
-    further = MOST_CYCLES * scene.cycle / times.size * jnp.arange(times.size, dtype=float)
+    further = MOST_CYCLES * made.scene.cycle / times.size * jnp.arange(times.size, dtype=float)
     beyond = jnp.max(jnp.where(there, found.angle, -jnp.inf)) + further
     angles = jnp.concatenate([jnp.atleast_1d(angle), jnp.where(there, found.angle, beyond)[1:]])
-    run = run_in_angle(scene, angles, speed, drive_torque, tolerance=tolerance, solver=solver, adjoint=adjoint)
+    run = run_in_angle(made, angles, speed, drive_torque, tolerance=tolerance, solver=solver, adjoint=adjoint)
     there &= jnp.isfinite(jax.lax.stop_gradient(run.speed))
     late = jnp.where(there, times - times[0] - run.time, 0.0)
     pace = jnp.where(there, found.speed, 1.0)
-    gain = jax.vmap(lambda phi, speed: _acceleration(scene, phi, speed, drive_torque))(angles, pace)
+    gain = jax.vmap(lambda phi, speed: _acceleration(made, phi, speed, drive_torque))(angles, pace)
 
     def carry(value, by_angle, rate):
         same = by_angle + jax.lax.stop_gradient(rate) * late
@@ -227,9 +229,9 @@ def _through_angle(scene: Scene, found: Run, times, angle, speed, drive_torque, 
     return Run(carry(found.angle, angles, pace), carry(found.speed, run.speed, gain), times, found.stalled, where, when)
 
 
-def _acceleration(scene: Scene, phi: Scalar, speed: Scalar, drive_torque: Scalar | Torque) -> Scalar:
+def _acceleration(made: ReadyScene, phi: Scalar, speed: Scalar, drive_torque: Scalar | Torque) -> Scalar:
     """Angular acceleration of the crank (rad/s²)."""
-    here = of_crank(reduced_model(scene, phi), scene.mechanism.prescribed)
+    here = of_crank(reduced_model(made, phi), made.scene.mechanism.prescribed)
     torque = here.torque + torque_at(here, drive_torque, phi, speed)
     return (torque - 0.5 * here.slope * speed**2) / here.inertia
 
@@ -244,7 +246,12 @@ def _controller(tolerance: Scalar | float, jumps: Array | None):
 
 
 def steady_by_diffrax(
-    scene: Scene, nodes: int = 96, *, tolerance: Scalar | float = 1e-11, solver: Any = None, adjoint: Any = None
+    scene: Scene | ReadyScene,
+    nodes: int = 96,
+    *,
+    tolerance: Scalar | float = 1e-11,
+    solver: Any = None,
+    adjoint: Any = None,
 ) -> Steady:
     """The steady-state motion by diffrax: one cycle, integrated from the starting speed that gives the wanted mean.
 
@@ -258,23 +265,23 @@ def steady_by_diffrax(
     """
     import diffrax
 
+    made = _free(scene)
+    scene, machine = made.scene, Sampler(made)
     tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
-    scene = _free(ready(scene))
-    machine = Sampler(scene)
     grid = grid_of(machine, nodes)
     nodes_at = at_nodes(machine, grid)
     here = nodes_at.here
     places = jnp.arange(grid.half.size, dtype=float)[:, None] + 0.5 * (jnp.asarray(grid.rule.x)[None] + 1)
     along = jnp.concatenate([jnp.zeros(1), places.ravel(), jnp.asarray([float(grid.half.size)])])
     adjoint = adjoint or diffrax.ForwardMode()
-    inertia = reduced_in(scene, grid, grid.edges[0], jnp.zeros((), jnp.int32)).inertia
+    inertia = reduced_in(made, grid, grid.edges[0], jnp.zeros((), jnp.int32)).inertia
     pace = jax.lax.stop_gradient(scene.speed)
     unit = jax.lax.stop_gradient(inertia) * pace**2
     wanted = scene.cycle * pace / scene.speed
 
     def cycle(energy, drive):
         speed = safe_sqrt(2 * energy / inertia, 1e-6 * pace)
-        return _in_angle(scene, grid, along, speed, drive, tolerance, solver, adjoint)[0]
+        return _in_angle(made, grid, along, speed, drive, tolerance, solver, adjoint)[0]
 
     drive = -cycle(1e3 * unit, 0.0)[-1, 3] * unit / scene.cycle  # too fast to stall: only the work is used
 

@@ -12,7 +12,7 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import root, safe_divide, smallest
 from linkjax._types import Scalar, Tracer
-from linkjax.machine import Scene, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import Flywheel
 from linkjax.motion._grid import Grid, grid_of
 from linkjax.motion._steady import AtNodes, Steady, at_nodes, begin, duty_of, fluctuation
@@ -25,13 +25,14 @@ def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
     return scene.with_mechanism(eqx.tree_at(lambda m: m.flywheel, scene.mechanism, Flywheel(inertia)))
 
 
-def flywheel_for(scene: Scene, delta: Scalar | float, nodes: int = 96) -> Array:
+def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 96) -> Array:
     """Flywheel inertia (kg m²) that makes δ of the actual motion exactly `delta`, all else unchanged; `nodes` is the
     number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
     motion law."""
     machine = Sampler(ready(scene))
     grid = grid_of(machine, nodes)
-    return flywheel_on(machine, jnp.asarray(delta, dtype=scene.speed.dtype), grid, at_nodes(machine, grid, edges=False))
+    delta = jnp.asarray(delta, dtype=machine.scene.speed.dtype)
+    return flywheel_on(machine, delta, grid, at_nodes(machine, grid, edges=False))
 
 
 def flywheel_on(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any = None) -> Any:

@@ -22,7 +22,7 @@ from linkjax._tree import node
 from linkjax.groups import Margin
 from linkjax.kinematics import named_groups
 from linkjax.loads import Window
-from linkjax.machine import Scene, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._edges import Candidates, edges_of, pick
 from linkjax.motion._panels import Rule, rule
 from linkjax.reduction import Reduced, loaded, of_crank
@@ -149,7 +149,7 @@ class Switches(NamedTuple):
     strengths: tuple[Array, ...]
 
 
-def make_grid(scene: Scene, nodes: int) -> Grid:
+def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
     """The grid of a scene, with about `nodes` nodes per crank turn (at least 4 per panel)."""
     return grid_of(Sampler(ready(scene)), nodes)
 

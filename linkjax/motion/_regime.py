@@ -55,7 +55,7 @@ class Regime:
         return self.machine.forces(place.phi, place.side, at.pose, active, *crank, fixed=self.fixed)
 
     def _driven(self, at: At) -> Any:
-        scene = self.machine.still if self.fixed else self.scene
+        scene = self.machine.still.scene if self.fixed else self.scene
         dynamics = None if self.steady is None or self.grid.prescribed else at.sample.dynamics
         return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, dynamics)
 

@@ -21,7 +21,7 @@ from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax.kinematics import pose
 from linkjax.loads import Instant
-from linkjax.machine import Scene, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._error import AtEdges, delta_error
 from linkjax.motion._extremum import newton
 from linkjax.motion._flow import LEAST, SIGNS, Duty, Ends, Flow, Primitive, Spots, primitive
@@ -68,9 +68,10 @@ class Steady:
         """The cycle grid."""
         return self.work.grid
 
-    def at(self, scene: Scene, place: Place) -> tuple[Array, Array]:
+    def at(self, scene: Scene | ReadyScene, place: Place) -> tuple[Array, Array]:
         """Crank speed (rad/s) and acceleration (rad/s²) of a scene at one place of the grid."""
-        return self.crank(scene.speed, reduced_in(scene, self.grid, place.phi, place.panel), place)
+        made = ready(scene)
+        return self.crank(made.scene.speed, reduced_in(made, self.grid, place.phi, place.panel), place)
 
     def crank(self, nominal: Scalar, here: Reduced, place: Place) -> tuple[Array, Array]:
         """Crank speed (rad/s) and acceleration (rad/s²) at places of the grid, with the reduced model there and the
@@ -83,7 +84,7 @@ class Steady:
         return speed, (here.torque + self.mean_drive_torque - 0.5 * here.slope * speed**2) / inertia
 
 
-def steady_motion(scene: Scene, nodes: int = 96) -> Steady:
+def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
     """Steady-state motion of a scene, with about `nodes` nodes per crank turn on the cycle grid.
 
     Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
@@ -137,13 +138,13 @@ def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtE
     return here, AtEdges(after.inertia, after.torque, before.torque)
 
 
-def reduced_in(scene: Scene, grid: Grid, phi: Array, panel: Array) -> Reduced:
+def reduced_in(made: ReadyScene, grid: Grid, phi: Array, panel: Array) -> Reduced:
     """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid."""
-    at, here = Instant(phi, grid.middle[panel]), pose(scene.mechanism, phi)
-    return of_crank(reduce_pose(scene, at, here, grid.order[panel]), grid.prescribed)
+    at, here = Instant(phi, grid.middle[panel]), pose(made.mechanism, phi)
+    return of_crank(reduce_pose(made.scene, at, here, grid.order[panel]), grid.prescribed)
 
 
-def node_values(scene: Scene, grid: Grid) -> Reduced:
+def node_values(scene: Scene | ReadyScene, grid: Grid) -> Reduced:
     """Reduced inertia, slope and torque at every node, shape (panels, n)."""
     return at_nodes(Sampler(ready(scene)), grid, edges=False).here
 

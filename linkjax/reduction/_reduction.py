@@ -17,7 +17,7 @@ from linkjax._types import Scalar
 from linkjax._vec import Vec
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Instant
-from linkjax.machine import Scene
+from linkjax.machine import ReadyScene, Scene, ready
 
 
 class Reduced(NamedTuple):
@@ -62,19 +62,19 @@ def _active(scene: Scene, at: Instant, active: Array | None) -> Array:
     return scene.active(at.side) if active is None else active
 
 
-def reduced_model(scene: Scene, phi: Scalar, side: Scalar | None = None) -> Reduced:
+def reduced_model(scene: Scene | ReadyScene, phi: Scalar, side: Scalar | None = None) -> Reduced:
     """Reduced inertia, its slope, and reduced torque at the crank angle `phi` (rad), referred to the crank.
 
     `phi` and all results are scalars; use `jax.vmap` for many angles or designs. At a jump of a load the value is the
     one-sided limit on the side of the angle `side` (rad; default: just after `phi`).
     """
     phi = jnp.asarray(phi)
-    return _reduce(scene, phi, phi if side is None else side)
+    return _reduce(ready(scene), phi, phi if side is None else side)
 
 
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
-def _reduce(scene: Scene, phi: Scalar, side: Scalar) -> Reduced:
-    return reduce_pose(scene, Instant(phi, jnp.asarray(side)), pose(scene.mechanism, phi))
+def _reduce(made: ReadyScene, phi: Scalar, side: Scalar) -> Reduced:
+    return reduce_pose(made.scene, Instant(phi, jnp.asarray(side)), pose(made.mechanism, phi))
 
 
 def of_crank(here: Reduced, prescribed: bool) -> Reduced:

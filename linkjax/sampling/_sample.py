@@ -8,9 +8,9 @@ from jaxtyping import Array
 
 from linkjax._types import Scalar
 from linkjax.groups import Margin
-from linkjax.kinematics import Pose, named_groups, pose
+from linkjax.kinematics import Pose, margins_of_pose, pose, transmission_of_pose
 from linkjax.loads import Instant
-from linkjax.machine import Scene
+from linkjax.machine import ReadyScene
 from linkjax.reduction import unloaded
 
 
@@ -24,15 +24,10 @@ class Sample(NamedTuple):
     transmission: dict[str, Array]
 
 
-def sample_at(scene: Scene, phi: Scalar, side: Scalar, dynamics: bool = True, gaps: bool = True) -> Sample:
-    """The sample of one place. A jump of a load counts from the side of the angle `side`. The scene is
-    `ready`."""
-    mechanism = scene.mechanism
-    here = pose(mechanism, phi)
-    margins, transmission = {}, {}
-    for name, group in named_groups(mechanism).items() if gaps else ():
-        margins[name] = group.margins(mechanism.held_by(group), here.links, here.points, phi)
-        angle = group.transmission(here.links, here.points)
-        transmission |= {} if angle is None else {name: angle}
-    reduced = unloaded(scene, Instant(phi, side), here) if dynamics else None
+def sample_at(ready: ReadyScene, phi: Scalar, side: Scalar, dynamics: bool = True, gaps: bool = True) -> Sample:
+    """The sample of one place. A jump of a load counts from the side of the angle `side`."""
+    here = pose(ready.mechanism, phi)
+    margins = margins_of_pose(ready.mechanism, here, phi) if gaps else {}
+    transmission = transmission_of_pose(ready.scene.mechanism, here) if gaps else {}
+    reduced = unloaded(ready.scene, Instant(phi, side), here) if dynamics else None
     return Sample(here, reduced, margins, transmission)

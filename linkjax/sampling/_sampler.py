@@ -12,43 +12,53 @@ from linkjax._batches import PLACES, Batches, joined
 from linkjax._compile import compiled_soon
 from linkjax._types import Tracer
 from linkjax.forces import Forces, forces_of_pose
-from linkjax.kinematics import Pose
+from linkjax.kinematics import Pose, Prepared
 from linkjax.loads import Instant
-from linkjax.machine import Scene, untitled
+from linkjax.machine import ReadyScene, Scene, untitled
 from linkjax.mechanism import Mechanism
 from linkjax.sampling._sample import Sample, sample_at
 
 
 @compiled_soon(static=("dynamics", "gaps"))
-def _samples(scene: Scene, phi: Array, side: Array, dynamics: bool, gaps: bool) -> Sample:
-    return jax.vmap(lambda phi, side: sample_at(scene, phi, side, dynamics, gaps))(phi, side)
+def _samples(ready: ReadyScene, phi: Array, side: Array, dynamics: bool, gaps: bool) -> Sample:
+    return jax.vmap(lambda phi, side: sample_at(ready, phi, side, dynamics, gaps))(phi, side)
 
 
 @compiled_soon
 def _forces(
-    scene: Scene, phi: Array, side: Array, pose: Pose, active: Array, speed: Array, acceleration: Array
+    ready: ReadyScene, phi: Array, side: Array, pose: Pose, active: Array, speed: Array, acceleration: Array
 ) -> Forces:
     def at(phi, side, here, *given):
-        return forces_of_pose(scene, here, Instant(phi, side), *given)
+        return forces_of_pose(ready.scene, here, Instant(phi, side), *given)
 
     return jax.vmap(at)(phi, side, pose, active, speed, acceleration)
 
 
 class Sampler(Batches):
-    """A scene evaluated at many places at once; it must be `ready`. Its title is no part of any program."""
+    """A scene evaluated at many places at once, made `ready`. Its title is no part of any program."""
 
-    def __init__(self, scene: Scene, size: int = PLACES):
-        super().__init__(untitled(scene), size)
+    def __init__(self, made: ReadyScene, size: int = PLACES):
+        super().__init__(made.of(untitled(made.scene)), size)
+
+    @property
+    def ready(self) -> ReadyScene:
+        """The scene with its paths."""
+        return self.design
 
     @property
     def scene(self) -> Scene:
         """The scene."""
-        return self.design
+        return self.design.scene
+
+    @property
+    def prepared(self) -> Prepared:
+        """The mechanism of the scene with its paths."""
+        return self.design.mechanism
 
     @property
     def mechanism(self) -> Mechanism:
         """The mechanism of the scene."""
-        return self.design.mechanism
+        return self.design.scene.mechanism
 
     def sample(
         self, phi: Any, side: Any = None, *, fixed: bool = False, dynamics: bool = True, gaps: bool = False
@@ -64,8 +74,8 @@ class Sampler(Batches):
     ) -> Forces:
         """Forces at places with this pose, at these crank speeds (rad/s) and accelerations (rad/s²); `active` says
         which loads act, shape (places, loads). Without derivatives with respect to the scene if `fixed`."""
-        scene = self.still if fixed else self.whole_design
-        return joined(self.parts(_forces, (scene,), (phi, side, pose, active, speed, acceleration)))
+        design = self.still if fixed else self.whole_design
+        return joined(self.parts(_forces, (design,), (phi, side, pose, active, speed, acceleration)))
 
 
 class Ahead(_batches.Ahead, Sampler):

@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 import linkjax as lj
 from linkjax.forces import kinetostatics
-from linkjax.kinematics import prepared
+from linkjax.machine import ready
 from linkjax.measures import Parts
 from linkjax.motion import Peak, peaks
 
@@ -62,10 +62,10 @@ def lift(anchors) -> lj.Scene:
 @jax.jit
 def at_phases(scene: lj.Scene, phi) -> Driven:
     """The lift at these phases (rad) of the cosine."""
-    scene = scene.with_mechanism(prepared(scene.mechanism))
+    made = ready(scene)
 
     def at(phi):
-        return lj.pose(scene.mechanism, phi), kinetostatics(scene, phi, scene.speed, 0 * phi)
+        return lj.pose(made.mechanism, phi), kinetostatics(made, phi, scene.speed, 0 * phi)
 
     here, forces = jax.vmap(at)(phi)
     push, foot, bearing, roller, hinge = (

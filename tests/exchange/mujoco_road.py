@@ -22,7 +22,7 @@ from linkjax.forces import kinetostatics
 from linkjax.groups import Crank
 from linkjax.kinematics import pose
 from linkjax.loads import Force, OpposingForce, Torque
-from linkjax.machine import ready
+from linkjax.machine import ReadyScene, ready
 from tests.physics import oracle
 
 NEAR, CLOSE = 1e-6, 1e-4  # tolerances: positions by the longest link, torques by the largest
@@ -172,12 +172,13 @@ class Apart(NamedTuple):
 
 
 @compiled_soon
-def ours(scene: lj.Scene, phi):
+def ours(made: ReadyScene, phi):
     """Points, and the drive torque while the crank accelerates."""
+    scene = made.scene
 
     def at(phi):
-        points = {name: jnp.stack([p.r.x, p.r.y]) for name, p in pose(scene.mechanism, phi).points.items()}
-        return points, kinetostatics(scene, phi, scene.speed, GAIN * scene.speed**2).drive_torque
+        points = {name: jnp.stack([p.r.x, p.r.y]) for name, p in pose(made.mechanism, phi).points.items()}
+        return points, kinetostatics(made, phi, scene.speed, GAIN * scene.speed**2).drive_torque
 
     return jax.vmap(at)(phi)
 

@@ -24,7 +24,6 @@ from __future__ import annotations
 import contextlib
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -32,8 +31,9 @@ import numpy as np
 
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, LinearDriver, Pinion, Rack, with_path
-from linkjax.kinematics import pose, prepared
+from linkjax.groups import PRP, RPP, RPR, RRP, Crank, Gear, General, LinearDriver, Pinion, Rack
+from linkjax.kinematics import Prepared, plain, pose, prepared
+from linkjax.machine import ReadyScene
 from tests.physics import newton_euler, oracle
 from tests.physics.random_machines import Batch
 
@@ -67,7 +67,7 @@ def results(scene, phi, speed, acceleration, keys) -> dict[str, jax.Array]:
     """Results of linkjax, a vector for each kind."""
     here = pose(scene.mechanism, phi)
     forces = kinetostatics(scene, phi, speed, acceleration)
-    points = [here.points[p] for p in moving(scene.mechanism)]
+    points = [here.points[p] for p in moving(plain(scene.mechanism))]
     links = [here.links[name] for name in sorted(here.links)]
     joints = [forces.reactions[joint][link] for joint, link in keys]
     return {
@@ -93,7 +93,7 @@ def _by_differentiation(mechanism, phi) -> dict[str, jax.Array]:
     def place(phi):
         here = pose(mechanism, phi)
         u = [here.links[name].u for name in sorted(here.links)]
-        return _flat([here.points[p].r for p in moving(mechanism)]), _flat(u)
+        return _flat([here.points[p].r for p in moving(plain(mechanism))]), _flat(u)
 
     def slope(phi):
         return jax.jvp(place, (phi,), (jnp.ones_like(phi),))[1]
@@ -117,7 +117,7 @@ def computed(scene, paths, phi, speed, acceleration, tangent, scales, keys):
 
     def one(scene, paths, phi, speed, acceleration, tangent, scales):
         def scalars(mechanism):
-            found = results(scene.with_mechanism(with_paths(mechanism, paths)), phi, speed, acceleration, keys)
+            found = results(ReadyScene(scene.with_mechanism(mechanism), paths), phi, speed, acceleration, keys)
             sums = {kind: found[kind] @ jnp.asarray(weights(found[kind].size)) / scales[kind] for kind in KINDS}
             return jnp.stack([sum(sums[kind] for kind in summed) for summed in SUMMED.values()]), found
 
@@ -127,7 +127,7 @@ def computed(scene, paths, phi, speed, acceleration, tangent, scales, keys):
         along, at = jax.tree.leaves(tangent), jax.tree.leaves(scene.mechanism)
         each = [sum(jnp.sum(g * t) for g, t in zip(row, along, strict=True)) for row in back]
         size = [jnp.sqrt(sum(jnp.sum((g * d) ** 2) for g, d in zip(row, at, strict=True))) for row in back]
-        nested = _by_differentiation(with_paths(scene.mechanism, paths), phi)
+        nested = _by_differentiation(Prepared(scene.mechanism, paths), phi)
         return found, nested, (ahead, jnp.stack(each), jnp.stack(size))
 
     return jax.vmap(one)(scene, paths, phi, speed, acceleration, tangent, scales)
@@ -137,23 +137,16 @@ def valued(scene, paths, phi, speed, acceleration, keys):
     """For every design: results, and coefficients by nested differentiation."""
 
     def one(scene, paths, phi, speed, acceleration):
-        scene = scene.with_mechanism(with_paths(scene.mechanism, paths))
-        return results(scene, phi, speed, acceleration, keys), _by_differentiation(scene.mechanism, phi)
+        made = ReadyScene(scene, paths)
+        return results(made, phi, speed, acceleration, keys), _by_differentiation(made.mechanism, phi)
 
     return jax.vmap(one)(scene, paths, phi, speed, acceleration)
 
 
-def with_paths(mechanism, paths):
-    """The mechanism with reference paths of its groups of higher class, which belong to no design's numbers."""
-    groups = tuple(with_path(g, paths[i]) if i in paths else g for i, g in enumerate(mechanism.groups))
-    return eqx.tree_at(lambda m: m.groups, mechanism, groups) if paths else mechanism
-
-
 @jax.jit
 def paths_of(mechanism):
-    """The reference paths of all designs, by the number of the group."""
-    found = jax.vmap(prepared)(mechanism).groups
-    return {i: g.path for i, g in enumerate(found) if isinstance(g, General)}
+    """The reference paths of all designs, one a group; they belong to no design's numbers."""
+    return jax.vmap(prepared)(mechanism).paths
 
 
 at_once, values_at_once = (compiled_soon(each, static=("keys",)) for each in (computed, valued))
@@ -271,8 +264,7 @@ def judged(
         lambda at, d: 0 * d if "reference_length" in jax.tree_util.keystr(at) else d * rng.normal(size=d.shape),
         batch.scene.mechanism,
     )
-    general = any(isinstance(g, General) for g in batch.scene.mechanism.groups)
-    paths = jax.device_get(paths_of(batch.scene.mechanism)) if general else {}
+    paths = jax.device_get(paths_of(batch.scene.mechanism))
     program = at_once if compiled else computed
     with contextlib.nullcontext() if compiled else jax.disable_jit():
         if slopes:

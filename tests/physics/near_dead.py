@@ -20,7 +20,8 @@ from linkjax import PRP, RPR, RRP, RRR, Crank, Flywheel, Guide, Link, Mechanism,
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.groups import AbstractGroup
-from linkjax.kinematics import pose, prepared
+from linkjax.kinematics import pose
+from linkjax.machine import ReadyScene, ready
 from tests.physics import newton_euler, oracle
 from tests.physics.twins import all_loosely
 
@@ -75,7 +76,7 @@ def near(case: str, distance: float) -> lj.Scene:
     return lj.Scene(mechanism, gravity=Vec(0.5, -9.81))
 
 
-def figures(scene: lj.Scene, group: AbstractGroup, phi: jax.Array) -> dict[str, jax.Array]:
+def figures(scene: lj.Scene | ReadyScene, group: AbstractGroup, phi: jax.Array) -> dict[str, jax.Array]:
     """Solution of the equations of a group: positions, first and second coefficients, reactions at 1 rad/s."""
     here = pose(scene.mechanism, phi)
     forces = kinetostatics(scene, phi, jnp.ones(()), jnp.zeros(()))
@@ -156,7 +157,7 @@ def computed(
 
     def of(leaves):
         made = jax.tree.unflatten(tree, leaves)
-        there = scene.with_mechanism(prepared(all_loosely(made)) if loose else made)
+        there = ready(scene.with_mechanism(all_loosely(made) if loose else made))
         return figures(there, made.groups[-1], phi)
 
     values, slopes = jax.jvp(of, (leaves,), (moves,))

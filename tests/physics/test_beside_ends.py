@@ -19,7 +19,7 @@ import linkjax as lj
 from linkjax import RRR, Crank, Flywheel, Gear, Harmonic, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General
-from linkjax.kinematics import crank_ranges, pose, prepared
+from linkjax.kinematics import Prepared, crank_ranges, pose, prepared
 from tests.physics.test_folds import least
 from tests.physics.test_followed import Made, angles_of, drawn, followed, on_legs, point, triad
 
@@ -58,7 +58,7 @@ def exact(made: Made, x: np.ndarray, phi, end: bool) -> tuple[list, object, floa
 
 
 @compiled_soon()
-def plates(mechanism: Mechanism, at: jax.Array) -> tuple[jax.Array, jax.Array]:
+def plates(mechanism: Mechanism | Prepared, at: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Coordinates of the plate, and the least margin."""
 
     def one(phi):
@@ -248,7 +248,7 @@ def test_behind_another_group(make):
 
 
 @compiled_soon()
-def wheels(mechanism: Mechanism, at: jax.Array) -> tuple[jax.Array | None, jax.Array]:
+def wheels(mechanism: Mechanism | Prepared, at: jax.Array) -> tuple[jax.Array | None, jax.Array]:
     """Angle of the gear, and the least margin."""
     return jax.vmap(lambda phi: (pose(mechanism, phi).links["wheel"].angle, least(mechanism, phi)))(at)
 

@@ -18,7 +18,8 @@ import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.groups import FRAME, Drive, Guide, Slot
-from linkjax.kinematics import pose, prepared
+from linkjax.kinematics import pose
+from linkjax.machine import ready
 from linkjax.mechanism import Link, linkage
 from linkjax.topology import Pair, blocks, rates
 from tests.physics.chains import Chain, Edge, driven_chains, links_of, named, sliding
@@ -110,7 +111,7 @@ def allowed_rates(made: Made, so_far: np.ndarray | None = None) -> tuple[np.ndar
 @compiled_soon
 def there(scene):
     """The pose at crank angle zero, and all forces."""
-    scene = scene.with_mechanism(prepared(scene.mechanism))
+    scene = ready(scene)
     return pose(scene.mechanism, jnp.zeros(())), kinetostatics(scene, *map(jnp.asarray, (0.0, SPEED, ACCELERATION)))
 
 

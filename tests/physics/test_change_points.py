@@ -10,6 +10,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import RRP, RRR, Belt, Crank, Flywheel, Gear, Link, Mechanism, OpposingTorque, Torque, Vec
+from linkjax.groups import BranchPath
 from linkjax.kinematics import min_margin, pose, prepared
 
 PLACES = np.concatenate([at + s * 10.0 ** -np.arange(1.0, 13.0) for at in (0.0, math.pi) for s in (1, -1)])
@@ -109,13 +110,12 @@ def test_where_there_is_no_change_point_nothing_changes():
 def test_the_course_belongs_to_its_numbers():
     """A newly built mechanism has no path, and no path has derivatives with respect to the design."""
     machine = prepared(four_bar(0.1, 0.4, 0.1, 0.4))
-    group = machine.groups[1]
-    assert isinstance(group, RRR) and group.path is not None
-    again = dataclasses.replace(machine, flywheel=Flywheel(2.0)).groups[1]
-    assert isinstance(again, RRR) and again.path is None
+    assert isinstance(machine.paths[1], BranchPath)
+    again = dataclasses.replace(machine.mechanism, flywheel=Flywheel(2.0))
+    assert isinstance(again, Mechanism) and not hasattr(again.groups[1], "path")
     slopes = jax.grad(lambda m: pose(m, jnp.asarray(0.0)).points["C"].r.x)(machine)
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(slopes))
-    assert not any(np.any(leaf) for leaf in jax.tree.leaves(slopes.groups[1].path))
+    assert not any(np.any(leaf) for leaf in jax.tree.leaves(slopes.paths))
 
 
 def test_a_branch_that_is_none():
@@ -202,7 +202,7 @@ def test_a_wheel_on_a_kite_that_is_nearly_one():
         links, fixed = {**machine.links, "wheel": Link()}, {**machine.fixed, "E": Vec(9.0, 0.0)}
         made = prepared(Mechanism(fixed, links, groups))
         angles = jax.vmap(lambda phi: pose(made, phi).links["wheel"].angle)(jnp.asarray(at))
-        return angles, made.groups[-1].returns()
+        return angles, made.along()["wheel"].returns()
 
     counted, far = [], 0
     for exponent in np.linspace(-9.0, -2.0, 120):

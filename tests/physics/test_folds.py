@@ -7,7 +7,6 @@ import dataclasses
 import math
 import re
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +16,7 @@ import linkjax as lj
 from linkjax import PRP, RRR, Crank, Flywheel, Gear, Guide, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General, Slot
-from linkjax.kinematics import crank_ranges, margins, pose, prepared
+from linkjax.kinematics import Prepared, crank_ranges, margins, pose, prepared
 
 STEP = math.radians(1.0)  # of the path
 EPS = float(np.finfo(float).eps)
@@ -43,7 +42,7 @@ def four_bar(numbers, general: bool, wheel: bool = False, sketch: Vec | None = N
     return Mechanism(fixed, links, [crank, loose])
 
 
-def least(mechanism: Mechanism, phi) -> jax.Array:
+def least(mechanism: Mechanism | Prepared, phi) -> jax.Array:
     """The least margin at a crank angle."""
     return jnp.min(jnp.stack([side.value for g in margins(mechanism, phi).values() for side in g.values()]))
 
@@ -77,16 +76,13 @@ def test_a_fold_anywhere_in_a_step(rng):
 
     def one(numbers, end, side):
         sketch = pose(four_bar(numbers, False), jnp.zeros(())).points["C"].r
-        group = prepared(four_bar(numbers, True, sketch=sketch)).groups[1]
-        assert isinstance(group, General)
-        path = group.path
+        paths = prepared(four_bar(numbers, True, sketch=sketch)).paths
 
         def closed(x):
             return figures(four_bar(x[:5], False), x[5])
 
         def followed(x):
-            made = four_bar(x[:5], True, sketch=sketch)
-            return eqx.tree_at(lambda m: m.groups[1].path, made, path, is_leaf=lambda leaf: leaf is None)
+            return Prepared(four_bar(x[:5], True, sketch=sketch), paths)
 
         def general(x):
             return figures(followed(x), x[5])
@@ -135,7 +131,7 @@ def test_a_gap_between_two_places_of_the_path(phase):
 
 
 @compiled_soon
-def places(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
+def places(mechanism: Mechanism | Prepared, angles: jax.Array) -> jax.Array:
     def at(phi):
         here = pose(mechanism, phi).points["C"].r
         return jnp.stack([here.x, here.y])
@@ -164,7 +160,7 @@ def test_what_lies_beyond_a_gap_is_another_assembly():
 
 
 @compiled_soon
-def beyond(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
+def beyond(mechanism: Mechanism | Prepared, angles: jax.Array) -> jax.Array:
     return jax.vmap(lambda phi: least(mechanism, phi))(angles)
 
 
@@ -182,7 +178,7 @@ def test_a_wheel_in_a_group_that_does_not_come_round():
 
 
 @compiled_soon
-def turned(mechanism: Mechanism, angles: jax.Array) -> jax.Array:
+def turned(mechanism: Mechanism | Prepared, angles: jax.Array) -> jax.Array:
     """Angles of gear and rocker direction, and the least margin."""
 
     def at(phi):

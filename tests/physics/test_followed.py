@@ -18,7 +18,7 @@ import linkjax as lj
 from linkjax import Crank, Flywheel, Gear, Link, Mechanism, Teeth, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General
-from linkjax.kinematics import crank_ranges, min_margin, pose, prepared
+from linkjax.kinematics import Prepared, crank_ranges, min_margin, pose, prepared
 from tests.physics.test_folds import STEP, beyond, ends, four_bar, least, places
 
 LONGEST = 4 * math.pi  # rad that the continuation goes on either side
@@ -145,7 +145,7 @@ NEARLY = triad(
 
 
 @compiled_soon(static=("link",))
-def angles_of(mechanism: Mechanism, link: str, at: jax.Array) -> tuple[jax.Array, jax.Array]:
+def angles_of(mechanism: Mechanism | Prepared, link: str, at: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Angles of a link (rad), and the least margin."""
 
     def one(phi):

@@ -35,7 +35,8 @@ from linkjax import (
 )
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.kinematics import assembly_margins, margins, pose, prepared
+from linkjax.kinematics import Prepared, assembly_margins, margins, pose, prepared
+from linkjax.machine import ready
 from linkjax.mechanism import structure
 from tests.helpers import ANGLES, at, same, xy
 
@@ -123,7 +124,7 @@ def test_what_does_not_come_back_is_told():
         lj.analyse(drag_link(Rack("rack", "R", "E", "second", "D", 0.05), rack=Link(mass=1.0)), angles=36)
 
 
-def least(mechanism: Mechanism, turns: int = 1) -> dict[str, float]:
+def least(mechanism: Mechanism | Prepared, turns: int = 1) -> dict[str, float]:
     """Whether gears return to their initial angle, as margins over the cycle."""
     found = compiled_soon(assembly_margins, static=("cycle_turns",))(mechanism, cycle_turns=turns)
     return {group: float(sides["turns"].value) for group, sides in found.items() if "turns" in sides}
@@ -140,7 +141,7 @@ def test_behind_a_counted_wheel():
     rack = drag_link(one, Rack("rack", "R", "F", "one", "E", 0.05), one=wheels["one"], rack=Link(mass=1.0))
     assert least(rack.mechanism)["rack"] < 0
     belt = drag_link(Gear("one", "E", Belt(0.05, 0.05), "second", "D"), one=wheels["one"])
-    again = lj.design.changed(lj.machine.ready(belt), {"groups.one.belt.radii[0]": 0.06})
+    again = lj.design.changed(ready(belt).scene, {"groups.one.belt.radii[0]": 0.06})
     assert least(belt.mechanism)["one"] == 1.0 and least(again.mechanism)["one"] < 0
 
 
@@ -161,7 +162,7 @@ def test_fast_wheels_are_counted(fast, counts):
               RRR(("coupler", "second"), "B", "G", "C"), Gear("out", "D", Teeth((20, 20)), "second", "G")]  # fmt: skip
     mechanism = prepared(Mechanism({**FIXED, "G": Vec(0.1, 0.0)}, links, groups))
     if counts:
-        assert float(mechanism.groups[-1].path.covered()[0]) == pytest.approx(-2 * math.pi * fast, rel=1e-12)
+        assert float(mechanism.paths[-1].covered()[0]) == pytest.approx(-2 * math.pi * fast, rel=1e-12)
     assert (least(mechanism)["out"] > 0) == counts
 
 
@@ -210,11 +211,9 @@ def test_gradients_through_a_belt():
         changed = lj.design.changed(
             scene, {"groups.pulley.belt.radii[0]": radius, "groups.pulley.belt.tension": tension}
         )
-        made = prepared(changed.mechanism)
-        turn = [jnp.asarray(pose(made, jnp.asarray(phi)).links["pulley"].angle) for phi in (0.4, 2.0)]
-        force = kinetostatics(
-            changed.with_mechanism(made), jnp.asarray(1.0), jnp.asarray(5.0), jnp.asarray(0.0)
-        ).reactions["E"]["pulley"]
+        made = ready(changed)
+        turn = [jnp.asarray(pose(made.mechanism, jnp.asarray(phi)).links["pulley"].angle) for phi in (0.4, 2.0)]
+        force = kinetostatics(made, jnp.asarray(1.0), jnp.asarray(5.0), jnp.asarray(0.0)).reactions["E"]["pulley"]
         return turn[1] - turn[0], force.magnitude
 
     (angle, _), (slope, pull) = compiled_soon(lambda r, t: (swing(r, t), jax.jacfwd(swing, (0, 1))(r, t)))(0.04, 20.0)

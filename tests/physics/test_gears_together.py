@@ -36,6 +36,7 @@ from linkjax import (
 )
 from linkjax.kinematics import assembly_margins, margins, pose, prepared
 from linkjax.kinematics._pose import before_group
+from linkjax.mechanism import links_of
 from linkjax.scenes import SceneError, loads_text, text_of
 from tests.helpers import ANGLES, at, same, xy
 from tests.physics.machines import machine
@@ -281,7 +282,7 @@ def test_where_wheels_in_a_loop_begin():
     scene = machine("rolling")
     group = scene.mechanism.groups[1]
     assert isinstance(group, General)
-    links, still = scene.mechanism.held_by(group), jnp.zeros(())
+    links, still = links_of(scene.mechanism, group), jnp.zeros(())
     known = before_group(scene.mechanism, 1, still)
     rim = {name: at for name, at in group.sketch.items() if name != "E"}
     group = eqx.tree_at(lambda g: g.sketch, group, rim)

@@ -19,10 +19,11 @@ import linkjax as lj
 from linkjax import RRR, Crank, Force, Guide, Harmonic, Link, Mechanism, StructureError, Vec, kinematics
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.groups import Drive, General, Slot
+from linkjax.groups import Drive, General, ReferencePath, Slot
 from linkjax.groups._closure import NEAR
 from linkjax.groups._general import LAST
 from linkjax.kinematics import margins, pose, prepared
+from linkjax.machine import ready
 from linkjax.measures import min_margin
 from linkjax.motion import steady_motion
 from tests.physics.machines import machine
@@ -34,7 +35,8 @@ ANGLES = np.arange(360) * (2 * math.pi / 360)
 
 @compiled_soon
 def everything(scene):
-    return jax.vmap(lambda phi: (pose(scene.mechanism, phi), kinetostatics(scene, phi, scene.speed, scene.speed**2)))(
+    made = ready(scene)
+    return jax.vmap(lambda phi: (pose(made.mechanism, phi), kinetostatics(made, phi, scene.speed, scene.speed**2)))(
         jnp.asarray(ANGLES)
     )
 
@@ -45,7 +47,7 @@ def everything(scene):
 def test_class_two_by_newtons_method(name):
     """Positions, coefficients and reactions as in closed form, to 1e-12 of the largest of their kind."""
     scene = machine(name)
-    twin = scene.with_mechanism(prepared(all_loosely(scene.mechanism)))
+    twin = scene.with_mechanism(all_loosely(scene.mechanism))
     (one, forces), (two, same) = everything(scene), everything(twin)
     for part in ("r", "dr", "ddr"):
         known = {p: np.stack([getattr(at, part).x, getattr(at, part).y]) for p, at in one.points.items()}
@@ -64,10 +66,10 @@ def test_class_two_by_newtons_method(name):
 
 
 @compiled_soon
-def followed(mechanism, phi):
+def followed(made, phi):
     """Points and links, and the initial configuration of Newton's method, of every group of higher class."""
-    begun = [(g.path, g.cycle_turns) for g in mechanism.groups if isinstance(g, General) and g.path is not None]
-    return jax.vmap(lambda phi: (pose(mechanism, phi), [path.at(phi, turns) for path, turns in begun]))(phi)
+    begun = [path for path in made.paths if isinstance(path, ReferencePath)]
+    return jax.vmap(lambda phi: (pose(made, phi), [path.at(phi) for path in begun]))(phi)
 
 
 def complex_of(at: Vec) -> np.ndarray:
@@ -88,8 +90,8 @@ def test_five_steps_close_every_joint(name):
     """At 360 equal steps, halfway between the points of the reference path: the five steps leave no closure error, and
     five Newton steps with the equations of the oracle, from the same initial configuration, give the same."""
     assert NEAR + LAST <= 5
-    mechanism, angles = prepared(general_machines(name)), ANGLES + math.pi / 360
-    here, begun = jax.device_get(followed(mechanism, jnp.asarray(angles)))
+    mechanism, angles = general_machines(name), ANGLES + math.pi / 360
+    here, begun = jax.device_get(followed(prepared(mechanism), jnp.asarray(angles)))
     points = {p: complex_of(at.r) for p, at in here.points.items()}
     directions = {link: complex_of(state.u) for link, state in here.links.items()}
     size = max(float(link.length) for link in mechanism.links.values())
@@ -165,7 +167,7 @@ def lift(law) -> lj.Scene:
 def test_a_cylinder_between_frame_and_lever():
     """The lever angle by the law of cosines; nearly at rest, the cylinder force by virtual work."""
     scene = dataclasses.replace(lift(Harmonic(0.55, 0.75)), speed=jnp.asarray(1e-6))
-    here, forces = everything(scene.with_mechanism(prepared(scene.mechanism)))
+    here, forces = everything(scene)
     s, base = 0.65 - 0.1 * np.cos(ANGLES), 0.5 - 0.1j
     pin = np.asarray(here.points["C"].r.x) + 1j * np.asarray(here.points["C"].r.y)
     np.testing.assert_allclose(np.abs(pin), s, rtol=1e-15)
@@ -231,11 +233,11 @@ def singular_values(mechanism: Mechanism, angles) -> np.ndarray:
 
 def test_the_margin_is_the_least_singular_value():
     """With its rates, against differences of independently written equations."""
-    mechanism = prepared(machine("triad").mechanism)
+    mechanism = machine("triad").mechanism
     angles, h = np.asarray([0.4, 1.7, 3.1, 5.2]), 0.02
     every = np.concatenate([angles + k * h for k in (0, 1, -1, 2, -2)])
     found = compiled_soon(lambda m: jax.vmap(lambda phi: margins(m, phi)["plate-bar1-bar2-bar3"]["loops"])(
-        jnp.asarray(angles)))(mechanism)  # fmt: skip
+        jnp.asarray(angles)))(prepared(mechanism))  # fmt: skip
     here, one, less, two, least = singular_values(mechanism, every).reshape((5, -1))  # differences of fourth order
     np.testing.assert_allclose(found.value, here, rtol=1e-8)
     np.testing.assert_allclose(found.d, (8 * (one - less) - two + least) / (12 * h), atol=1e-6)
@@ -322,9 +324,10 @@ def test_single_precision(least):
 
 def test_a_path_belongs_to_its_numbers():
     made = prepared(four_bar())
-    assert isinstance(made.groups[1], General) and made.groups[1].path is not None
-    again = dataclasses.replace(made, fixed={**made.fixed, "D": Vec(0.35, 0.0)})
-    assert isinstance(again.groups[1], General) and again.groups[1].path is None
+    assert isinstance(made.paths[1], ReferencePath)
+    again = dataclasses.replace(made.mechanism, fixed={**made.mechanism.fixed, "D": Vec(0.35, 0.0)})
+    path = prepared(again).paths[1]
+    assert isinstance(path, ReferencePath) and bool(jnp.any(path.z != made.paths[1].z))
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from linkjax import Force, Guide, Harmonic, Link, Torque, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.groups import Drive, Slot
-from linkjax.kinematics import pose, prepared
+from linkjax.kinematics import pose
 from linkjax.mechanism import linkage, structure
 
 ANGLES = np.arange(12) * (2 * math.pi / 12)
@@ -97,7 +97,7 @@ def scene(named: Named) -> lj.Scene:
     loads = Torque("rub", last, torque=3.0), Force("push", worked, plate[2], force=Vec(20.0, -35.0))
     fixed, sketch = ({p: (z.real, z.imag) for p, z in places.items()} for places in (named.fixed, named.sketch))
     made = linkage(fixed, links, Drive("crank"), sketch=sketch)
-    return lj.Scene(prepared(made), loads, Vec(0.3, -9.81), SPEED)
+    return lj.Scene(made, loads, Vec(0.3, -9.81), SPEED)
 
 
 class Turned(NamedTuple):
@@ -276,7 +276,7 @@ def loader() -> lj.Scene:
     made = linkage({"A": (0.0, 0.0), "D": (0.55, 0.05)}, links, Drive("rod", "barrel", law=Harmonic(*STROKE)),
                    [Slot("rod", Guide("K", on="barrel"))], sketch)  # fmt: skip
     loads = Force("weight", "coupler", "T", force=Vec(15.0, -400.0)), Torque("rub", "rocker", torque=-6.0)
-    return lj.Scene(prepared(made), loads, Vec(0.2, -9.81), 2.0)
+    return lj.Scene(made, loads, Vec(0.2, -9.81), 2.0)
 
 
 def four_bar(lever) -> dict[str, Any]:

@@ -20,7 +20,8 @@ import linkjax as lj
 from linkjax import Counterweight, Force, Link, Vec
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
-from linkjax.kinematics import pose, prepared
+from linkjax.kinematics import pose
+from linkjax.machine import ready
 
 L, B, F = 1.47, 0.5, 3125.0
 LOW, HIGH = math.radians(11.2), math.radians(45.0)
@@ -55,8 +56,7 @@ def _at(scene, phi, speed):
 
 def at(scene, phi, speed: float = 0.0):
     """Poses and forces at crank angles, at rest or at constant speed."""
-    scene = scene.with_mechanism(prepared(scene.mechanism))
-    return jax.device_get(_at(scene, jnp.asarray(phi), jnp.asarray(speed)))
+    return jax.device_get(_at(ready(scene), jnp.asarray(phi), jnp.asarray(speed)))
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.analysis import analyse
 from linkjax.groups import FRAME, RPP, RPR, RRP, RRR, Crank, Drive, General, Guide, Slot
-from linkjax.kinematics import assembly_modes, pose, prepared
+from linkjax.kinematics import Prepared, assembly_modes, pose, prepared
 from linkjax.mechanism import Link, Mechanism, StructureError, linkage, structure
 from linkjax.scenes import load, loads_text, text_of
 from linkjax.topology import Pair, blocks, classified, freedom
@@ -421,7 +421,7 @@ def test_formulas():
     assert lj.topology.class_of(RRR(("a", "b"), "P", "Q", "M")) == ("II1", "RRR")
 
 
-def plate_angles(mechanism: Mechanism, phi: float) -> list[float]:
+def plate_angles(mechanism: Mechanism | Prepared, phi: float) -> list[float]:
     """Angles of the triad's plate where it closes: the plate on two legs, on both sides, until the third fits."""
     at = pose(mechanism, jnp.asarray(phi)).points
     b, c, d = (complex(at[p].r.x, at[p].r.y) for p in "BCD")

@@ -16,6 +16,7 @@ from linkjax import PRP, RPP, RPR, RRP, RRR, Guide, Mechanism, Vec
 from linkjax._compile import compiled_soon
 from linkjax.groups import General, Slot
 from linkjax.kinematics import pose
+from linkjax.machine import ReadyScene, ready
 from tests.physics import oracle
 from tests.physics.judged import (
     BESIDES,
@@ -27,7 +28,6 @@ from tests.physics.judged import (
     results,
     sizes,
     weights,
-    with_paths,
 )
 from tests.physics.random_machines import FURTHER, Batch, composed
 from tests.physics.random_machines import KINDS as GROUPS
@@ -102,8 +102,8 @@ def graded(scene, paths, phi, speed, acceleration, scales, keys, loose):
 
     def one(scene, paths, phi, speed, acceleration, scales):
         def total(mechanism):
-            made = with_paths(all_loosely(mechanism), paths) if loose else mechanism
-            found = results(scene.with_mechanism(made), phi, speed, acceleration, keys)
+            made = scene.with_mechanism(all_loosely(mechanism) if loose else mechanism)
+            found = results(ReadyScene(made, paths) if loose else ready(made), phi, speed, acceleration, keys)
             return sum(found[kind] @ jnp.asarray(weights(found[kind].size)) / scales[kind] for kind in KINDS), found
 
         slopes, found = jax.grad(total, has_aux=True)(scene.mechanism)

@@ -7,14 +7,17 @@ through positions further away.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
+from linkjax._tree import node
 
 BRANCHES = ("fixed", "continue")
 TOUCHING = 1e-9  # a margin within this of zero is a change point
@@ -36,18 +39,20 @@ def _powers() -> np.ndarray:
     return np.stack(rows).T @ series
 
 
-class Course(NamedTuple):
-    """Crank angles of the change points (infinite for unused slots), whether motion passes through them or turns back,
-    and the polynomials of the two coordinates of the inner pin near each, in powers of the angle from it over
-    `REACH`."""
+@node
+class BranchPath:
+    """A dyad's path: crank angles of the change points in `cycle_turns` turns (infinite for unused slots), whether
+    motion passes through them or turns back, and the polynomials of the two coordinates of the inner pin near each, in
+    powers of the angle from it over `REACH`."""
 
     at: Array  # (slots,)
     passed: Array  # (slots,), one or zero
     series: Array  # (slots, 2, DEGREE + 1)
+    cycle_turns: int = eqx.field(static=True)
 
-    def flips(self, phi: Array, cycle_turns: int) -> Array:
+    def flips(self, phi: Array) -> Array:
         """+1 where the dyad is on the same side as just after crank angle zero, -1 on the other side."""
-        place = wrapped(phi, 2 * jnp.pi * cycle_turns)
+        place = wrapped(phi, 2 * jnp.pi * self.cycle_turns)
         return 1.0 - 2.0 * (jnp.sum(jnp.where((self.at > 0.0) & (self.at <= place), self.passed, 0.0)) % 2)
 
     def comes_back(self) -> Array:
@@ -62,10 +67,10 @@ class Course(NamedTuple):
         """Whether there is any change point."""
         return jnp.any(jnp.isfinite(self.at))
 
-    def near(self, phi: Array, cycle_turns: int) -> Near:
+    def near(self, phi: Array) -> Near:
         """The coordinates of the inner pin from the nearest polynomial."""
         found = jnp.isfinite(self.at)
-        away = nearest_turn(phi - jnp.where(found, self.at, 0.0), 2 * jnp.pi * cycle_turns)
+        away = nearest_turn(phi - jnp.where(found, self.at, 0.0), 2 * jnp.pi * self.cycle_turns)
         away = jnp.where(found, away, jnp.inf)
         k = jnp.argmin(jnp.abs(away))
         distance = jnp.abs(away[k])
@@ -103,8 +108,8 @@ def check_branch(kind: str, branch: str) -> None:
         raise ValueError(f'branch of an {kind} must be "fixed" or "continue", but is {branch!r}')
 
 
-def course_of(gaps: Any, crossing: Any, steps: int, cycle_turns: int) -> Course:
-    """Change points in `cycle_turns` turns: crank angles at which one of the gaps touches zero.
+def branch_path(gaps: Any, crossing: Any, steps: int, cycle_turns: int) -> BranchPath:
+    """The path of a dyad through its change points in `cycle_turns` turns: where one of the gaps touches zero.
 
     `gaps` gives for each gap its value, first and second derivative and tolerance of zero at a crank angle. `crossing`
     gives the two coordinates of the inner pin at a crank angle, for a side that is +1 just after crank angle zero.
@@ -134,8 +139,8 @@ def course_of(gaps: Any, crossing: Any, steps: int, cycle_turns: int) -> Course:
     at = jnp.where(touches & least.ravel()[order], phi, jnp.inf)
     rank = jnp.argsort(at)
     at, passed = at[rank], (crosses & jnp.isfinite(at))[rank].astype(at.dtype)
-    course = Course(at, passed, jnp.zeros((at.size, 2, DEGREE + 1)))
+    path = BranchPath(at, passed, jnp.zeros((at.size, 2, DEGREE + 1)), cycle_turns)
     centre = jnp.where(jnp.isfinite(at), at, 0.0)
     angles = centre[:, None] + REACH * jnp.asarray(NODES)[None]
-    values = jax.vmap(jax.vmap(lambda phi: crossing(phi, course.flips(phi, cycle_turns))))(angles)  # (slots, nodes, 2)
-    return course._replace(series=jnp.einsum("kn,snc->sck", jnp.asarray(_powers()), values))
+    values = jax.vmap(jax.vmap(lambda phi: crossing(phi, path.flips(phi))))(angles)  # (slots, nodes, 2)
+    return dataclasses.replace(path, series=jnp.einsum("kn,snc->sck", jnp.asarray(_powers()), values))

@@ -1,15 +1,16 @@
-"""Unwound angles of rotating links along the cycle: angles that include whole turns."""
+"""Counted turns of rotating links along the cycle: angles that include whole turns."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
+from linkjax._tree import node
 from linkjax._vec import Vec
 from linkjax.groups._base import Margin
 from linkjax.groups._pairs import FRAME
@@ -18,15 +19,18 @@ from linkjax.groups._state import LinkState
 FASTEST = 3.0  # rad per step of the path, up to which turns are counted
 
 
-class Winding(NamedTuple):
-    """Angles of links at equal steps of the crank, unwound (rad), and their rates, each of shape (links, steps + 1)."""
+@node
+class CountedTurns:
+    """Unwound angles of links (rad) at equal steps of the crank over `cycle_turns` turns, and their rates, each of
+    shape (links, steps + 1)."""
 
     at: Array
     w: Array
+    cycle_turns: int = eqx.field(static=True)
 
-    def angle(self, number: int, u: Vec, phi: Array, cycle_turns: int) -> Array:
+    def angle(self, number: int, u: Vec, phi: Array) -> Array:
         """The angle of a link whose direction is `u`: accurate to rounding, and in the right turn."""
-        count, span = self.at.shape[1] - 1, 2 * jnp.pi * cycle_turns
+        count, span = self.at.shape[1] - 1, 2 * jnp.pi * self.cycle_turns
         here = wrapped(phi, span)
         place = here * (count / span)
         start = jnp.clip(jnp.floor(place), 0, count - 1)
@@ -39,30 +43,32 @@ class Winding(NamedTuple):
         rough = rough + jnp.round((phi - here) / span) * (row[-1] - row[0])
         return rough + nearest_turn(jnp.atan2(u.y, u.x) - rough, 2 * jnp.pi)
 
-    def missed(self, turns: Array, path_turns: int) -> Array:
+    def missed(self, turns: Array) -> Array:
         """Distance on the unit circle between the initial and the final position, for `turns` (rad) over the path;
         infinite where the links turn too fast for their turns to be counted."""
-        return jnp.where(self.too_fast(path_turns), jnp.inf, 2 * jnp.abs(jnp.sin(0.5 * turns)))
+        return jnp.where(self.too_fast(), jnp.inf, 2 * jnp.abs(jnp.sin(0.5 * turns)))
 
-    def too_fast(self, cycle_turns: int) -> Array:
+    def too_fast(self) -> Array:
         """Whether links turn too fast for their turns to be counted."""
-        step = 2 * jnp.pi * cycle_turns / (self.at.shape[1] - 1)
-        return jnp.max(jnp.abs(self.w)) * step > FASTEST
+        step = 2 * jnp.pi * self.cycle_turns / (self.at.shape[1] - 1)
+        return jnp.max(jnp.abs(self.w), initial=0.0) * step > FASTEST
 
     def covered(self) -> Array:
         """Total rotation of each link (rad)."""
         return self.at[:, -1] - self.at[:, 0]
 
 
-def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
-    """Angles of links along the cycle, from their states at equal steps (leaves of that shape) and whether they can be
-    assembled there (`closes`).
+def counted_turns(states: Sequence[LinkState], closes: Array, step: Array, cycle_turns: int) -> CountedTurns:
+    """Angles of links over `cycle_turns` turns, from their states at equal steps (leaves of that shape) and whether
+    they can be assembled there (`closes`).
 
     The first angle is within half a turn of zero, unless whole turns are known already. From step to step the rates
     determine the turn. Where rates do not exist or are unbounded, as near a singular position, links turn the shorter
     way. Where this is almost half a turn, as when a dyad's outer pins nearly coincide, the sense is ambiguous: the rate
     is then set to a value that counts as too fast.
     """
+    if not states:
+        return uncounted()
     rows, rates = [], []
     last = jnp.maximum(jax.lax.cummax(jnp.where(closes, jnp.arange(closes.size), 0)), jnp.argmax(closes))
     for state in states:
@@ -80,7 +86,12 @@ def unwound(states: Sequence[LinkState], closes: Array, step: Array) -> Winding:
         unseen = closes[1:] & closes[:-1] & (jnp.abs(other) > FASTEST)
         w = jnp.where(jnp.append(unseen, False), jnp.copysign(jnp.maximum(jnp.abs(w), 2 * FASTEST / step), w), w)
         rates.append(jnp.where(closes, w, 0.0))
-    return Winding(jnp.stack(rows), jnp.stack(rates))
+    return CountedTurns(jnp.stack(rows), jnp.stack(rates), cycle_turns)
+
+
+def uncounted() -> CountedTurns:
+    """Turns of no links."""
+    return CountedTurns(none := jnp.zeros((0, 2)), none, 1)
 
 
 def always(phi: Array) -> Margin:
@@ -94,7 +105,7 @@ def nothing(missed: Array) -> Array:
 
 
 def counted(
-    name: str, number: int, states: Mapping[str, LinkState], path: Winding | None, phi: Array, cycle_turns: int
+    name: str, number: int, states: Mapping[str, LinkState], path: CountedTurns | None, phi: Array
 ) -> tuple[Array, Array, Array]:
     """Unwound angle of a link, or of the frame, and its rates."""
     none = jnp.zeros_like(phi)
@@ -104,4 +115,4 @@ def counted(
     if state.angle is not None:
         return state.angle, state.w, state.e
     assert path is not None  # see `kinematics.prepared`
-    return path.angle(number, state.u, phi, cycle_turns), state.w, state.e
+    return path.angle(number, state.u, phi), state.w, state.e
