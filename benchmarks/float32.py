@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import linkjax as lj
+from linkjax._search import scan_angles
 from linkjax._types import as_float
 from linkjax.analysis import float32_digits
 from linkjax.forces import kinetostatics
-from linkjax.kinematics import scan_angles
 from linkjax.machine import ready
 from linkjax.measures import reaction_names
 from linkjax.rolling import RollingMachine

@@ -7,6 +7,7 @@ of all searches and returns the next places, so that the function is evaluated i
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -16,6 +17,16 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt
 
+# crank angles per turn at which each search looks first
+GRID_SCAN = 32  # reversals that loads oppose, and singular positions, for the cycle grid
+MARGIN_SCAN = 64  # least margins
+MOTION_SCAN = 128  # dead centres; a multiple of the two above, so that one scan serves all three
+BRANCH_SCAN = 120  # change points of a dyad
+RANGE_SCAN = 360  # ends of crank ranges
+TURN_SCAN = 480  # revolutions of a link
+
+HALVINGS = 50  # bisections of a scan step, down to rounding
+TOUCH = 2.0  # units of rounding: a function this little below zero only touches zero
 REAL = 1e-6  # rad: largest distance of a true reversal from the real axis
 BEND = 30.0  # 1/rad: the last Newton step squared, times this, bounds the error of a reversal
 KINK = 10.0  # d² / (value dd): two at most near the minimum of a parabola; above this the value reaches zero
@@ -159,3 +170,59 @@ def towards_least(phi: Array, at: Values, reaches_zero: Bool[np.ndarray, " funct
     bend = jnp.where(at.dd > 0, at.dd, jnp.abs(at.d) + 1.0)
     kink = reaches_zero & (at.d * at.d > KINK * at.value * jnp.maximum(at.dd, 0.0))
     return phi - jnp.where(kink & (at.value > 0), safe_divide(at.value, at.d), at.d / bend)
+
+
+def scan_minima(slope: Array, scan: Array) -> tuple[Array, Array]:
+    """Where periodic functions with these slopes at the scan angles, shape (scan, functions), have a minimum: which
+    scan cells contain one, and a first guess in every cell (rad)."""
+    ahead, step = jnp.roll(slope, -1, axis=0), scan[1] - scan[0]
+    least = (slope <= 0) & (ahead > 0)
+    return least, scan[:, None] + jnp.where(least, -slope / jnp.where(least, ahead - slope, 1.0), 0.0) * step
+
+
+def to_minimum(phi: Array, d: Array, dd: Array, most: Any) -> Array:
+    """Newton's next place of a minimum, at most so far away; unchanged where the function is not convex."""
+    return phi - jnp.clip(jnp.where(dd > 0, d / jnp.where(dd > 0, dd, 1.0), 0.0), -most, most)
+
+
+Batched = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # values and slopes, shape (places, functions)
+
+
+def positive(value: np.ndarray) -> np.ndarray:
+    """Whether values are positive, or only touch zero."""
+    return value > -TOUCH * np.finfo(value.dtype).eps
+
+
+def sign_changes(at: Batched, scan: np.ndarray, value: np.ndarray, slope: np.ndarray) -> list[tuple[float, int]]:
+    """Where functions change sign between scan angles, at which their values and slopes are given: angles (rad), each
+    with the number of the function. A function that dips between two scan angles is looked at in between."""
+    rows, cells = [], []
+    above, after = positive(value[:-1]), positive(value[1:])
+    down, dips = slope[:-1] < 0, slope[:-1] * slope[1:] < 0
+    for i, k in np.argwhere(dips & (above == after) & (above == down)):  # it may change sign twice
+        rows.append((scan[i], scan[i + 1], k, above[i, k]))
+    if rows:
+        low, high, columns, kept = (np.asarray(part) for part in zip(*rows, strict=True))
+        bottom = halved(at, low, high, columns, 1, ~kept)
+        beyond = positive(at(bottom)[0][np.arange(len(low)), columns]) != kept
+        for a, b, c, k, one in zip(*(part[beyond] for part in (low, bottom, high, columns, kept)), strict=True):
+            cells += [(a, b, k, one), (b, c, k, ~one)]
+    cells += [(scan[i], scan[i + 1], k, above[i, k]) for i, k in np.argwhere(above != after)]
+    if not cells:
+        return []
+    low, high, columns, begun = (np.asarray(part) for part in zip(*cells, strict=True))
+    ends = halved(at, low, high, columns, 0, begun)
+    return [(float(a), int(k)) for a, k in zip(ends, columns, strict=True)]
+
+
+def halved(
+    at: Batched, low: np.ndarray, high: np.ndarray, columns: np.ndarray, which: int, first: np.ndarray
+) -> np.ndarray:
+    """Angles at which functions (`which` 0) or their slopes (1) change sign between two angles, by bisection. `first`
+    says whether they are positive at the first angle."""
+    rows = np.arange(len(low))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        same = (at(middle)[which][rows, columns] > 0) == first
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return 0.5 * (low + high)

@@ -10,15 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from linkjax._search import scan_angles
 from linkjax._types import as_float
 from linkjax.analysis._cycle import Cycle
 from linkjax.forces import kinetostatics
-from linkjax.kinematics import pose, scan_angles
+from linkjax.kinematics import pose
 from linkjax.machine import Scene, ready
 from linkjax.motion import steady_motion
 
 FEWEST = 4  # digits, below which there is a warning
-SCAN = 90  # crank angles per turn that are compared
+COMPARED = 90  # crank angles per turn
 
 
 def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
@@ -44,7 +45,7 @@ def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
     """The quantities compared, each of shape (quantities, angles) except the last."""
     made = ready(jax.tree.map(as_float, scene))
     scene = made.scene
-    phi = scan_angles(scene.cycle_turns, SCAN)
+    phi = scan_angles(scene.cycle_turns, COMPARED)
 
     def at(phi):
         here = pose(made.mechanism, phi)

@@ -11,11 +11,12 @@ from jaxtyping import Array
 from linkjax._batches import joined
 from linkjax._compile import compiled_soon
 from linkjax._numerics import taken, wrapped
+from linkjax._search import MOTION_SCAN, scan_angles
 from linkjax.analysis._blunt import continued, singular, without_joints
 from linkjax.analysis._checks import Shown, checks_of
 from linkjax.analysis._cycle import Checks, Flywheels, Margins
 from linkjax.forces import Forces, forces_of_pose
-from linkjax.kinematics import SCAN, Pose, Reversals, find_dead_centres, find_margins, find_strokes, scan_angles
+from linkjax.kinematics import Pose, Reversals, find_dead_centres, find_margins, find_strokes
 from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene
 from linkjax.measures import peak_names, table
@@ -65,8 +66,8 @@ class Stages(NamedTuple):
 def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool) -> Stages:
     """All stages, each a program of its own; the machine is evaluated in batches."""
     scene, turns = machine.scene, machine.scene.cycle_turns
-    scanned = machine.sample(scan_angles(turns, SCAN), gaps=True)
-    grid = grid_of(machine, nodes, scanned, SCAN)
+    scanned = machine.sample(scan_angles(turns, MOTION_SCAN), gaps=True)
+    grid = grid_of(machine, nodes, scanned, MOTION_SCAN)
     at = at_nodes(machine, grid)
     motion, wheels = None, None
     if moves:
@@ -80,7 +81,7 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     regime = Regime(machine, grid, motion)
     shown = _shown(regime, angles)
     tops, rms = _peaks(regime, at)
-    limits = find_margins(machine, turns, scanned.margins, SCAN)
+    limits = find_margins(machine, turns, scanned.margins, MOTION_SCAN)
     spans = _spans(machine, limits)
     dead = find_dead_centres(machine, turns, scanned.pose)
     covered = find_strokes(machine, dead, turns, scanned.pose)

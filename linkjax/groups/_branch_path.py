@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import nearest_turn, wrapped
+from linkjax._search import BRANCH_SCAN, scan_angles, scan_minima, to_minimum
 from linkjax._tree import node
 
 BRANCHES = ("fixed", "continue")
@@ -108,25 +109,23 @@ def check_branch(kind: str, branch: str) -> None:
         raise ValueError(f'branch of an {kind} must be "fixed" or "continue", but is {branch!r}')
 
 
-def branch_path(gaps: Any, crossing: Any, steps: int, cycle_turns: int) -> BranchPath:
+def branch_path(gaps: Any, crossing: Any, cycle_turns: int) -> BranchPath:
     """The path of a dyad through its change points in `cycle_turns` turns: where one of the gaps touches zero.
 
     `gaps` gives for each gap its value, first and second derivative and tolerance of zero at a crank angle. `crossing`
     gives the two coordinates of the inner pin at a crank angle, for a side that is +1 just after crank angle zero.
     """
     whole = 2 * jnp.pi * cycle_turns
-    scan = jnp.arange(steps * cycle_turns, dtype=float) * (whole / (steps * cycle_turns))
+    scan = jnp.asarray(scan_angles(cycle_turns, BRANCH_SCAN))
     _, slope, bend, _ = jax.vmap(gaps)(scan)  # (scan, gaps)
     sharp = BLUNTEST * jnp.max(jnp.abs(bend), axis=0)
-    ahead = jnp.roll(slope, -1, axis=0)
-    least = (slope <= 0) & (ahead > 0)
-    start = scan[:, None] + jnp.where(least, -slope / jnp.where(least, ahead - slope, 1.0), 0.0) * scan[1]
+    least, start = scan_minima(slope, scan)
     columns = jnp.broadcast_to(jnp.arange(slope.shape[1])[None], slope.shape)
 
     def sharpened(phi, column):
         for _ in range(6):
             _, d, dd, _ = (part[column] for part in gaps(phi))
-            phi = phi - jnp.clip(jnp.where(dd > 0, d / jnp.where(dd > 0, dd, 1.0), 0.0), -scan[1], scan[1])
+            phi = to_minimum(phi, d, dd, scan[1])
         value, _, dd, zero = (part[column] for part in gaps(phi))
         return phi, jnp.abs(value) <= zero, dd > sharp[column]
 

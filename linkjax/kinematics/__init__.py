@@ -3,10 +3,8 @@
 from linkjax._renamed import old_names as old_names
 from linkjax._search import Motion as Motion
 from linkjax._search import Reversals as Reversals
-from linkjax._search import scan_angles as scan_angles
 from linkjax.kinematics._assembly_modes import AssemblyModes as AssemblyModes
 from linkjax.kinematics._assembly_modes import assembly_modes as assembly_modes
-from linkjax.kinematics._cycle import SCAN as SCAN
 from linkjax.kinematics._cycle import Least as Least
 from linkjax.kinematics._cycle import assembly_margins as assembly_margins
 from linkjax.kinematics._cycle import dead_centres as dead_centres

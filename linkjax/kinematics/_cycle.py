@@ -14,6 +14,8 @@ from linkjax._batches import Batches
 from linkjax._compile import compiled_soon
 from linkjax._numerics import largest, nearest_turn, safe_sqrt, smallest, wrapped
 from linkjax._search import (
+    MARGIN_SCAN,
+    MOTION_SCAN,
     Found,
     Motion,
     Reversals,
@@ -32,8 +34,6 @@ from linkjax.kinematics._pose import Pose, Prepared, margins, margins_of_pose, n
 from linkjax.mechanism import Mechanism
 
 DEAD_CENTRES = 8  # slots per link and crank turn
-SCAN = 128  # scan points per turn for dead centres
-MARGIN_SCAN = 64  # scan points per turn for the least margins
 POLISH = 3  # Newton steps for a dead centre
 SHARPEN = 4  # Newton steps from the best scan point to a least margin
 
@@ -84,13 +84,15 @@ def dead_centres(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> dict[
 
 
 def find_dead_centres(machine: Any, cycle_turns: int, scanned: Any = None) -> dict[str, Reversals]:
-    """The same, asked of a machine in batches; `scanned` is the pose at `SCAN` angles per turn, if known."""
+    """The same, asked of a machine in batches; `scanned` is the pose at `MOTION_SCAN` angles per turn, if known."""
     ends = _stopping_ends(machine.mechanism)
     if not ends:
         return {}
     slots = DEAD_CENTRES * cycle_turns
     scanned = (
-        machine.sample(scan_angles(cycle_turns, SCAN), fixed=True, dynamics=False).pose if scanned is None else scanned
+        machine.sample(scan_angles(cycle_turns, MOTION_SCAN), fixed=True, dynamics=False).pose
+        if scanned is None
+        else scanned
     )
     found, flat = machine.run(_scanned_ends, _motions(ends, scanned), turns=cycle_turns, slots=slots)
 
@@ -107,7 +109,7 @@ def find_dead_centres(machine: Any, cycle_turns: int, scanned: Any = None) -> di
 
 @compiled_soon(static=("turns", "slots"))
 def _scanned_ends(motions: tuple[Motion, ...], turns: int, slots: int) -> tuple[Found, Array]:
-    scan = scan_angles(turns, SCAN)
+    scan = scan_angles(turns, MOTION_SCAN)
     v, a = (part[..., : scan.size] for part in stacked_motions(motions))
     found = scan_reversals(v, a, scan, slots)
     return found, found.angle.ravel()
@@ -115,7 +117,7 @@ def _scanned_ends(motions: tuple[Motion, ...], turns: int, slots: int) -> tuple[
 
 def _refine(angle: Array, motions: tuple[Motion, ...], found: Found) -> Reversals:
     v, a = (own(part, angle.shape[1]) for part in stacked_motions(motions))
-    return refined(angle, v, a, 2 * math.pi / SCAN, found)
+    return refined(angle, v, a, 2 * math.pi / MOTION_SCAN, found)
 
 
 @compiled_soon
@@ -141,11 +143,11 @@ def strokes(mechanism: Mechanism | Prepared, found: dict[str, Reversals], cycle_
 
 
 def find_strokes(machine: Any, found: dict[str, Reversals], cycle_turns: int, scanned: Any = None) -> dict[str, Any]:
-    """The same, asked of a machine in batches; `scanned` is the pose at `SCAN` angles per turn, if known."""
+    """The same, asked of a machine in batches; `scanned` is the pose at `MOTION_SCAN` angles per turn, if known."""
     if not found:
         return {}
     ends = _stopping_ends(machine.mechanism)
-    scanned = machine.sample(scan_angles(cycle_turns, SCAN), dynamics=False).pose if scanned is None else scanned
+    scanned = machine.sample(scan_angles(cycle_turns, MOTION_SCAN), dynamics=False).pose if scanned is None else scanned
     given = tuple(found[name] for name in ends)
     there = machine.sample(machine.run(_places_of, given), dynamics=False).pose
     slides = tuple(ends.values())
@@ -162,7 +164,7 @@ def _places_of(found: tuple[Reversals, ...]) -> Array:
 def _strokes(
     found: tuple[Reversals, ...], scanned: list[Vec], there: list[Vec], turns: int, slides: tuple[bool, ...]
 ) -> list[Array]:
-    scan, slots, covered = scan_angles(turns, SCAN), found[0].angle.size, []
+    scan, slots, covered = scan_angles(turns, MOTION_SCAN), found[0].angle.size, []
     for i, (each, whole, at) in enumerate(zip(found, scanned, there, strict=True)):
         true, x, y = each.true, *(part[i * slots : (i + 1) * slots] for part in (at.x, at.y))
         both = true[:, None] & true[None, :]

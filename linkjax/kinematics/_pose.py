@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from linkjax._search import TURN_SCAN
 from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax._vec import Vec
@@ -39,8 +40,6 @@ from linkjax.kinematics._path import path_of
 from linkjax.mechanism import Lump, Mechanism, links_of, lumps
 
 STEPS = 360  # per turn of the path of a group of higher class: five Newton steps then suffice near singular positions
-SCANNED = 120  # per turn, in the search for change points of a dyad
-COUNTS = 480  # per turn, to count the revolutions of a link
 
 
 @node
@@ -172,7 +171,7 @@ def _paths(mechanism: Mechanism, cycle_turns: int) -> tuple[Path | None, ...]:
 def _path(group: AbstractGroup, fixed: Mechanism, before: Callable, cycle_turns: int) -> Path:
     """The path of a followed group; `before` gives the states that precede it, and whether these can be assembled."""
     angles, counting = (
-        jnp.linspace(0.0, 2 * math.pi * cycle_turns, steps * cycle_turns + 1) for steps in (STEPS, COUNTS)
+        jnp.linspace(0.0, 2 * math.pi * cycle_turns, steps * cycle_turns + 1) for steps in (STEPS, TURN_SCAN)
     )
     if isinstance(group, General):
         turns = _turns(group, before, counting, cycle_turns)
@@ -186,7 +185,7 @@ def _path(group: AbstractGroup, fixed: Mechanism, before: Callable, cycle_turns:
         states, points, _ = before(phi)
         return group.coordinates(links, states, points, sense)
 
-    return branch_path(lambda phi: group.gaps(links, *before(phi)[:2]), coordinates, SCANNED, cycle_turns)
+    return branch_path(lambda phi: group.gaps(links, *before(phi)[:2]), coordinates, cycle_turns)
 
 
 def _turns(group: General | Gear | Rack | Pinion, before: Callable, angles: Array, cycle_turns: int) -> CountedTurns:

@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from linkjax._search import RANGE_SCAN, scan_angles
 from linkjax.groups import AbstractGroup, General, ReferencePath, closed_to
 from linkjax.kinematics._crossings import crossings, margins_at, sound
-from linkjax.kinematics._cycle import scan_angles
 from linkjax.kinematics._fold import folded
 from linkjax.kinematics._pose import Prepared, named_groups, plain, prepared
 from linkjax.mechanism import Mechanism
 
-SCAN = 360  # crank angles per turn at which the margins are first evaluated
 CLOSE = 1e-5  # rad: inside a range, where the search for the fold of a group of higher class begins
 STEP = 0.02  # rad: largest distance of a fold inside the estimated end
 LONGEST = 8  # largest number of turns of a range
@@ -194,7 +193,9 @@ def _scan(ready: Prepared, cycle_turns: int, ahead: float = 0.0) -> np.ndarray:
     paths of groups of higher class."""
     gaps = np.asarray([float(path.middle()) for path in _paths(ready) if bool(path.ends())])
     return np.unique(
-        np.concatenate([np.asarray(scan_angles(cycle_turns, SCAN)), np.mod(gaps + ahead, 2 * math.pi * cycle_turns)])
+        np.concatenate(
+            [np.asarray(scan_angles(cycle_turns, RANGE_SCAN)), np.mod(gaps + ahead, 2 * math.pi * cycle_turns)]
+        )
     )
 
 

@@ -12,7 +12,6 @@ from linkjax.motion._flywheel import flywheel_for as flywheel_for
 from linkjax.motion._flywheel import flywheel_on as flywheel_on
 from linkjax.motion._flywheel import textbook_flywheel as textbook_flywheel
 from linkjax.motion._flywheel import with_flywheel as with_flywheel
-from linkjax.motion._grid import SCAN as SCAN
 from linkjax.motion._grid import Grid as Grid
 from linkjax.motion._grid import Place as Place
 from linkjax.motion._grid import grid_of as grid_of

@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import highest, safe_divide, taken, wrapped
-from linkjax._search import Found, Motion, own, refined, scan_angles, scan_reversals, stacked_motions
+from linkjax._search import GRID_SCAN, Found, Motion, own, refined, scan_angles, scan_reversals, stacked_motions
 from linkjax._tree import node
 from linkjax.groups import Margin
 from linkjax.kinematics import named_groups
@@ -28,7 +28,6 @@ from linkjax.motion._panels import Rule, rule
 from linkjax.reduction import Reduced, loaded, of_crank
 from linkjax.sampling import Sample, Sampler
 
-SCAN = 32  # scan points per crank turn
 REVERSALS = 4  # the most reversals per opposing load and crank turn
 POLISH = 2  # evaluations that refine each of them
 
@@ -137,7 +136,7 @@ class Plan(NamedTuple):
     @property
     def scan(self) -> np.ndarray:
         """The scan angles (rad)."""
-        return scan_angles(self.turns, SCAN)
+        return scan_angles(self.turns, GRID_SCAN)
 
 
 class Switches(NamedTuple):
@@ -154,9 +153,9 @@ def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
     return grid_of(Sampler(ready(scene)), nodes)
 
 
-def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = SCAN) -> Grid:
+def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN) -> Grid:
     """The grid of a machine that is evaluated in batches; `scanned` are samples at `points` angles per turn, a multiple
-    of `SCAN`, if known."""
+    of `GRID_SCAN`, if known."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     opposing = [load for load in scene.loads if load.opposing]
     kinks, groups = _kinks(scene), list(named_groups(scene.mechanism))[1:]
@@ -177,7 +176,7 @@ def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points:
     )
     switches = Switches(tuple(load.window for load in scene.loads), kinks, tuple(load.strength() for load in opposing))
     if scanned is None:
-        plan = plan._replace(points=SCAN)
+        plan = plan._replace(points=GRID_SCAN)
         scanned = machine.sample(plan.scan, fixed=True, dynamics=False, gaps=True)
     acting = tuple(load.window for load in opposing)
     found, near = None, [list(scanned.margins[name].values()) for name in groups]
@@ -211,13 +210,13 @@ def _scanned(motions: tuple[Motion, ...], windows: tuple[Window | None, ...], pl
 
 def _thinned(values: Array, plan: Plan) -> Array:
     """Values at the scan angles of the grid, from those at `plan.points` per turn."""
-    return values[..., : plan.points * plan.turns : plan.points // SCAN]
+    return values[..., : plan.points * plan.turns : plan.points // GRID_SCAN]
 
 
 @compiled_soon
 def _polished(angle: Array, motions: tuple[Motion, ...], found: Found) -> tuple[Array, Array]:
     v, a = (own(part, angle.shape[1]) for part in stacked_motions(motions))
-    angle = jax.lax.stop_gradient(refined(angle, v, a, 2 * math.pi / SCAN, found).angle)
+    angle = jax.lax.stop_gradient(refined(angle, v, a, 2 * math.pi / GRID_SCAN, found).angle)
     return angle, angle.ravel()
 
 
@@ -234,10 +233,10 @@ def _grid(
     ends = [end for window in switches.windows if window is not None for end in (window.on, window.off)]
     ends = [wrapped(end, plan.cycle) for end in ends]
     kinks, overflow, doubt = Candidates(jnp.zeros(0), jnp.zeros(0)), jnp.asarray(False), jnp.zeros(())
-    evaluations = plan.turns * SCAN
+    evaluations = plan.turns * GRID_SCAN
     if found is not None and angle is not None and motions is not None:
         v, a = (own(part, plan.slots) for part in stacked_motions(motions))
-        turns = refined(angle, v, a, 2 * math.pi / SCAN, found)
+        turns = refined(angle, v, a, 2 * math.pi / GRID_SCAN, found)
         distance = jnp.where(turns.present, turns.distance, jnp.inf)
         kinks, overflow = Candidates(turns.angle.ravel(), distance.ravel()), jnp.any(turns.overflow)
         wrong = jnp.sum(jnp.where(turns.present, turns.rate * turns.left**2, 0.0), axis=1)
@@ -282,9 +281,9 @@ def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:
     sides = [side for group in margins for side in group]
     if not sides:
         return Candidates(jnp.zeros(0), jnp.zeros(0))
-    step, scan = 2 * math.pi / SCAN, plan.scan.reshape((1, plan.turns, SCAN))
+    step, scan = 2 * math.pi / GRID_SCAN, plan.scan.reshape((1, plan.turns, GRID_SCAN))
     rows = [_thinned(jnp.stack(part), plan) for part in zip(*sides, strict=True)]
-    value, d, dd = (part.reshape((len(sides), plan.turns, SCAN)) for part in rows)
+    value, d, dd = (part.reshape((len(sides), plan.turns, GRID_SCAN)) for part in rows)
     least = jax.vmap(jax.vmap(highest))(-value)
     at, value, d, dd = (pick(least, part) for part in (jnp.broadcast_to(scan, value.shape), value, d, dd))
     dd = jnp.maximum(dd, 1e-12)
