@@ -4,9 +4,6 @@ At an optimum peaks are often equal, and then the peak has no gradient; its rows
 both ends of every panel, and at the two highest maxima of every panel, each evaluated on the quantity itself.
 Interpolated rows were tried first: at a balanced optimum, where large forces cancel, the interpolants have errors of
 2e-5 of the remainder, and the search stalled.
-
-Rows of all terms are found together: the summits of all peaks, extreme speeds and angles are refined in three batches
-for all terms instead of three for each.
 """
 
 from __future__ import annotations
