@@ -5,6 +5,15 @@ compiled program itself is kept. Its key is everything it depends on: the packag
 processor, and the structure and shapes of the arguments. The files are in the folder of `keep_in`, otherwise in JAX's
 compilation cache folder, otherwise in the user's cache folder, so that a script compiles once, like the command line.
 `LINKJAX_CACHE=off` in the environment, or `keep_in(None)`, keeps nothing. The files may be deleted at any time.
+
+Programs are small and less optimised (no LLVM optimisation), because one large program takes several times as long to
+compile. They are traced one after another and compiled in threads at the same time: each stage needs the values of the
+previous ones, but its compilation only their shapes, which tracing gives.
+
+Measured: a second `linkjax analyse` takes a fifth of the time of the first. Programs to be kept are never read from
+JAX's own cache (each has a unique name there): an executable that is read and written again loses functions, which
+happened when two processes compiled the same program at once. The first call of a stored executable is waited for, so
+that one that fails is compiled again.
 """
 
 from __future__ import annotations

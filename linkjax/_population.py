@@ -1,4 +1,7 @@
-"""Many designs at once: in blocks that fit into the processor's cache, spread over all devices."""
+"""Many designs at once: in blocks that fit into the processor's cache, spread over all devices.
+
+Never through one large `vmap`, whose intermediate results do not stay in the cache.
+"""
 
 from __future__ import annotations
 

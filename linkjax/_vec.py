@@ -1,4 +1,9 @@
-"""The plane vector: two separate scalar arrays; code reads as in a textbook and compiles to plain arithmetic."""
+"""The plane vector: two separate scalar arrays; code reads as in a textbook and compiles to plain arithmetic.
+
+Equations contain no angles: the direction of a link is a unit vector, and axes for crank angles and designs come only
+from `vmap`. Closure then needs only square roots and divisions, without a branch cut; this is an order of magnitude
+faster than `atan2` on vectors with an axis of length two.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The reason why a cycle has no actual motion, and the cycle without the values of that motion."""
+"""The reason why a cycle has no actual motion, and the cycle without the values of that motion.
+
+Whether a motion exists is known only after it is computed; then no output contains its values. At constant speed, or
+where all masses are zero, its stages are neither traced nor compiled (a machine without masses once took 30 to 40 s,
+and an error).
+"""
 
 from __future__ import annotations
 

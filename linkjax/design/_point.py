@@ -132,7 +132,10 @@ class Certificate(NamedTuple):
 
 
 def certify(point: Point) -> Certificate:
-    """The multipliers that satisfy the conditions best, by non-negative least squares over the active rows."""
+    """The multipliers that satisfy the conditions best, by non-negative least squares over the active rows.
+
+    Independent of the solver that found the design. A vector whose length vanishes has subgradients in all directions.
+    """
     n, top = point.z.size, point.value
     if not np.isfinite([top, point.violation]).all():
         return Certificate(np.inf, [np.zeros(len(block.rows)) for block in point.every], np.zeros(n), np.zeros(n))

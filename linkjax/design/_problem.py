@@ -1,4 +1,8 @@
-"""An optimisation problem, compiled once: from a design to all rows of all terms in all cases, with derivatives."""
+"""An optimisation problem, compiled once: from a design to all rows of all terms in all cases, with derivatives.
+
+One program for a structure and a `Task`: bounds, starts, ratios of linked parameters, values of load cases and all
+scene parameters are arguments. It is kept in files like an analysis, unless a term is a user-defined function.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 Plane vectors are complex numbers here, and places are in the axes of a link. Every length comes from the design; the
 pose at one crank angle only defines the zero of the joint coordinates.
+
+Joints are used, not groups: the solution elsewhere is independent of `solve`, and a user-defined group is exported like
+any other.
 """
 
 from __future__ import annotations

@@ -113,7 +113,12 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
 
 def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
     """Whether joint forces have no digits left, because a group that continues through change points is at one; None if
-    no group does."""
+    no group does.
+
+    Reactions are quotients of two numbers that vanish there, and their rounding errors no longer cancel. Drive torque
+    and frame forces then follow from the power and the sums of all loads, which remain exact: the whole machine is
+    balanced, not its joints.
+    """
     angles = (group.transmission(here.links, here.points) for group in mechanism.groups if group.continues())
     sines = [jnp.abs(jnp.sin(angle)) for angle in angles if angle is not None]
     return jnp.min(jnp.stack(sines), axis=0) < BLUNT if sines else None

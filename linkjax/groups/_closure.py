@@ -1,4 +1,9 @@
-"""The closure equations of links and joints as arrays: configurations and their motion."""
+"""The closure equations of links and joints as arrays: configurations and their motion.
+
+Gears in mesh are rows of the same closure. Angles are then unknowns themselves instead of unit vectors, so that
+revolutions count, and the multipliers are couples on the gears. Tooth pressure and belt tension are distributed to the
+pins afterwards, because separating forces do no work.
+"""
 
 from __future__ import annotations
 
@@ -170,7 +175,12 @@ class ClosureEquations(NamedTuple):
         return jnp.concatenate(parts)
 
     def near(self, z: Placed, c: Closure, sense: Array) -> Placed:
-        """The configuration that closes the joints to about rounding, from one nearby; without derivatives."""
+        """The configuration that closes the joints to about rounding, from one nearby; without derivatives.
+
+        Plain or damped Newton steps had errors of 4e-9 at 1e-6 from a fold, without notice, and never came below 3e-5
+        at 1e-8. Two of these steps instead of three left a closure error of 4e-10 beside a fold between two points of
+        the path. `General` takes two more steps with a fixed inverse.
+        """
         for _ in range(NEAR):
             z = self._nearer(z, c, sense)
         return z
@@ -207,7 +217,13 @@ class ClosureEquations(NamedTuple):
 
     def implicit(self, z: Placed, c: Closure, sound: Array) -> Placed:
         """A configuration that closes the joints, with the derivatives of the root, of any order; without derivatives
-        where it is not `sound`."""
+        where it is not `sound`.
+
+        To differentiate through the last steps took one more step for every order, and reduced the accuracy of second
+        derivatives near singularities, where it multiplies rounding errors by the condition number twice. Derivatives
+        are refined once, as are the rates in `General.solve`, which use the same Jacobian: at a least singular value of
+        5e-4 the rounding errors of the inverse made an acceleration wrong by 5.7e-12, now 2e-13.
+        """
 
         @jax.custom_jvp
         def root(z, c, sound):

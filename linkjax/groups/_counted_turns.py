@@ -1,4 +1,9 @@
-"""Counted turns of rotating links along the cycle: angles that include whole turns."""
+"""Counted turns of rotating links along the cycle: angles that include whole turns.
+
+Only gears count revolutions, so linkages without gears have no extra cost: the state of a link contains an angle only
+where a closed form exists (cranks, gears), and a gear in mesh with another link follows a path of counted turns, as a
+group of higher class follows its own path.
+"""
 
 from __future__ import annotations
 
@@ -66,6 +71,9 @@ def counted_turns(states: Sequence[LinkState], closes: Array, step: Array, cycle
     determine the turn. Where rates do not exist or are unbounded, as near a singular position, links turn the shorter
     way. Where this is almost half a turn, as when a dyad's outer pins nearly coincide, the sense is ambiguous: the rate
     is then set to a value that counts as too fast.
+
+    Within about 1e-5 of the change point of a kite the choice of the shorter way would be arbitrary. (Before the sense
+    was checked, one in five such gears was wrong by one revolution, without notice.)
     """
     if not states:
         return uncounted()

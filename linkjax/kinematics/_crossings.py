@@ -23,7 +23,12 @@ def sound(ready: Prepared, phi: np.ndarray) -> np.ndarray:
 
 def crossings(ready: Prepared, scan: np.ndarray, circle: bool) -> list[tuple[float, int]]:
     """Angles (rad) at which a margin changes sign between the scan angles, with the number of the margin. On a circle
-    the last scan angle is the first one again."""
+    the last scan angle is the first one again.
+
+    Near every end the margins are examined again: where a dyad folds, a group attached to it moves as the square root
+    of the distance and may fail slightly earlier. (28 of 1500 random six-bars had ranges reported up to 0.7 degrees too
+    long.)
+    """
     value, slope = (np.array(part) for part in _margins(ready, scan))
     if circle:  # exactly equal: an end may be right there
         value[-1], slope[-1] = value[0], slope[0]

@@ -1,4 +1,8 @@
-"""The fold of the closure of a group of higher class: two assembly modes coincide there, and the range ends."""
+"""The fold of the closure of a group of higher class: two assembly modes coincide there, and the range ends.
+
+Bisection on the margin stops where Newton's method has no root, before the fold; `STEPS` steps from there find the fold
+to rounding error.
+"""
 
 from __future__ import annotations
 

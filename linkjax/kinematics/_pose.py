@@ -45,7 +45,11 @@ STEPS = 360  # per turn of the path of a group of higher class: five Newton step
 @node
 class Prepared:
     """A mechanism with the reference paths of its groups, one a group, None for those that need none; made by
-    `prepared`. Paths belong to the numbers of this mechanism, and have no derivatives."""
+    `prepared`. Paths belong to the numbers of this mechanism, and have no derivatives.
+
+    A `Mechanism` holds numbers and topology alone. When groups held their paths, a mechanism whose length was replaced
+    in the tree kept the path of the old length without notice.
+    """
 
     mechanism: Mechanism
     paths: tuple[Path | None, ...]

@@ -102,7 +102,11 @@ def _repeats(ready: Prepared, cycle_turns: int) -> bool:
 
 
 def _turn_by_turn(ready: Prepared, cycle_turns: int) -> tuple[CrankRange, ...]:
-    """Ranges of a mechanism that repeats after these turns, or whose groups of higher class take more turns."""
+    """Ranges of a mechanism that repeats after these turns, or whose groups of higher class take more turns.
+
+    Where the ways up and down overlap with different positions, the range is longer than the path, and it is followed
+    again over twice the turns. (Three of sixty random triads were reported as rotating fully.)
+    """
     found = first = _on_a_circle(ready, cycle_turns)
     while found and 2 * cycle_turns <= LONGEST and _goes_on(ready, cycle_turns, found[0]):
         cycle_turns *= 2
@@ -148,7 +152,11 @@ def _on_a_circle(ready: Prepared, cycle_turns: int) -> tuple[CrankRange, ...]:
 
 def _on_a_line(mechanism: Mechanism, back: AbstractGroup, cycle_turns: int) -> tuple[CrankRange, ...]:
     """Ranges of a mechanism whose motion is not periodic, up and down from zero. Paths are followed upwards only, so
-    the ranges below zero are found with the crank that turns `back`."""
+    the ranges below zero are found with the crank that turns `back`.
+
+    A crank that oscillates in mesh with slow gears, or moves a rack, has no circle of turns: on a circle its range
+    ended where its motion law began.
+    """
     longest = LONGEST if any(group.numerical() for group in mechanism.groups) else SLOW
     both = [dataclasses.replace(mechanism, groups=(back, *mechanism.groups[1:])), mechanism]
     at_zero = _margin_names(mechanism)[int(np.argmin(margins_at(prepared(mechanism, cycle_turns), np.zeros(1))[0]))]

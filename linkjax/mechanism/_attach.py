@@ -1,6 +1,8 @@
 """The structural groups of a drawing, attached one after the other.
 
 The places of a group are computed from the exact places of the links to which it is attached, not from the sketch.
+This comes before its side is read from the sketch: dyads are placed by complex numbers, groups of higher class by
+closing them once.
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""A mechanism from its links and joints: checked, divided into structural groups, and put together."""
+"""A mechanism from its links and joints: checked, divided into structural groups, and put together.
+
+There is no second solver: the drawing is divided into the blocks of its closure (`topology`). Blocks of two links
+become groups in closed form where their links permit it, the others `General`. A group may hold a link at pins other
+than those of its own axis (`Link.held`), so another driver changes the groups, but neither the dimensions nor the names
+of the links.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,10 @@
 """Chains that are rigid by the count of their joints, but move because of their special dimensions.
 
 Places are found by the Gauss-Newton method for all links and joints simultaneously, including the redundant ones.
+
+The count itself uses random dimensions (`topology`). If it gives no mobility, all joints are closed by least squares at
+some positions of the drive, with the true dimensions: a linkage that moves then does so because of these, and links
+that only join two others are taken as redundant until one degree of freedom remains.
 Source: Gogu, Mobility of mechanisms: a critical review, 2005, on the limits of counting joints.
 """
 

@@ -1,4 +1,8 @@
-"""Checks of a sketch against the dimensions of links: wrong units, mistyped numbers, mirrored points."""
+"""Checks of a sketch against the dimensions of links: wrong units, mistyped numbers, mirrored points.
+
+Every link is compared by itself, by ratio and by the size of the drawing: a rough sketch passes, and a wrong number is
+reported immediately, with the name of its link.
+"""
 
 from __future__ import annotations
 

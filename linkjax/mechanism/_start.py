@@ -1,4 +1,12 @@
-"""The position of a drawn machine at crank angle zero: as drawn; a number that is given must agree with it."""
+"""The position of a drawn machine at crank angle zero: as drawn; a number that is given must agree with it.
+
+A phase that was not given was once zero, so a crank drawn upwards lay along x and the coupler's length was measured
+from there: another machine, without notice. Now phases of drives and gears, and starts of laws and racks, are None
+until `linkage` takes them from the sketch where each group is attached, so that the groups before it are in their true
+position. A given number may differ by 1e-3 of its size from a sketch to scale, and by a tenth if given lengths show
+that the sketch is rough. For coupled gears each phase follows from the drawn angles and its equation, including whole
+revolutions. The property test draws random chains by coordinates only and compares with an independent program.
+"""
 
 from __future__ import annotations
 

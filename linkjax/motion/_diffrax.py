@@ -6,6 +6,9 @@ a switch. Integration over time makes no assumption. Both start from any state. 
 (milliseconds per cycle), but it needs no periodicity, and it checks the quadrature independently. Internally, speeds
 are relative to the scene's speed, so that a tolerance means the same for every machine.
 diffrax is imported where it is used, because it takes as long to load as jax itself.
+
+Neither forward nor reverse differentiation through an integrator includes the movement of a switch, of the start or of
+the output points; measured, the two differed by 1e-4. The remaining movement therefore enters as the rate of the state.
 Source: Kidger, On Neural Differential Equations, 2021 (diffrax); equation of motion as in `linkjax.reduction`.
 """
 

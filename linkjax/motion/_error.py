@@ -4,6 +4,10 @@ A function interpolated at the n Gauss nodes of a panel has the error P_n(x) h(x
 evaluation there gives h. Integrals have the error of the part of h of degree n, which is smaller by the decay of the
 series to the power n (about ρ^n (2j + 1) for a pole). The work inside a panel has the error h times the integral of
 P_n.
+
+An error that shifts both extremes equally (the energy constant) counts only by its difference; a rival extreme between
+nodes by the error of a cubic over two cells; a misplaced reversal by the last Newton step. An estimate from the decay
+alone had to be fitted to designs and was a hundred times looser.
 Source: Trefethen, Approximation Theory and Approximation Practice, SIAM 2013, ch. 11 and 19; the safety factors were
 checked on random designs, see `tests/physics/test_delta_error.py`.
 """

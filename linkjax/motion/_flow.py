@@ -2,6 +2,9 @@
 
 ½ J ω² = E₀ + W(φ). The work W is the integral of the interpolated torque. (E₀ + W) / J is known with its slope at every
 node; its extremes are found between the nodes, then refined by evaluating the mechanism there.
+
+The two best of all cubic pieces are refined by two evaluations of the mechanism each. Compared with the extremes of the
+Legendre interpolants of W and J: same accuracy, a third of the compiled program, twice as fast.
 """
 
 from __future__ import annotations

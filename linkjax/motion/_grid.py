@@ -2,6 +2,9 @@
 
 Breakpoints come from one coarse scan of the cycle; each reversal is refined by two more evaluations. The number of
 edges is static: edges that are not needed for a breakpoint halve the most difficult panels.
+
+Loads switch, and opposing loads reverse at dead centres, so ω(φ) has kinks there, and nodes inside a panel see a smooth
+function.
 """
 
 from __future__ import annotations

@@ -44,6 +44,9 @@ def peaks(
     `components(regime, at)` gives the vectors at several places (see `Regime.at`). At a jump both one-sided limits
     count. The highest summits of the interpolants are compared on the functions themselves, and the best one is refined
     by a parabola. Values that are known at the nodes may be passed as `at_nodes`, shape (quantities, parts, panels, n).
+
+    Two summits are compared, because interpolants err where large forces cancel. A third one changed no value beyond
+    the error bound, and cost 6 µs of 28 in the gradient.
     """
     machine, grid, still = regime.machine, regime.grid, regime.still
     at_nodes = node_vectors(still, components) if at_nodes is None else at_nodes
@@ -122,7 +125,12 @@ def three_around(panel: Array, x: Array) -> tuple[Array, Array]:
 
 
 def sharpened(followed: Array, y: Array) -> tuple[Array, Array]:
-    """The coordinate of a summit by a parabola through three squared values, and the increase of the square by it."""
+    """The coordinate of a summit by a parabola through three squared values, and the increase of the square by it.
+
+    The position of a maximum is as accurate as its parabola is narrow. With points 3e-3 of a half panel apart, the
+    third derivative shifted it by 1e-6 and the derivative of the peak equally. At `NEAR` this is a hundred times less,
+    and rounding, which grows as the points approach each other, is still smaller.
+    """
     near = _near(followed)
     centre = jnp.clip(followed, -1.0 + near, 1.0 - near)
     bend, tilt = y[..., 2] - 2 * y[..., 1] + y[..., 0], 0.5 * (y[..., 2] - y[..., 0])

@@ -1,4 +1,9 @@
-"""Bodies of a chain: positions, radii, contacts, and points of the working surfaces."""
+"""Bodies of a chain: positions, radii, contacts, and points of the working surfaces.
+
+No step from body to body is needed: an inversion makes eccentric rings concentric, and the bodies then have equal
+angular steps. The map of their angles uses half angles, tan(φ/2) = tan(θ/2) / q; it has no singular point and no
+branch, and is smooth in the eccentricity, also at zero.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 r and R are the radii of the inner and outer ring, e is the distance of their centres. The condition does not depend on
 the position of the first body. All results are in closed form, so gradients are exact.
+
+The condition uses tan² of half the step instead of sin², so both radii that satisfy it are sums or quotients without
+cancellation.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The format of a scene file of rolling bodies, `kind = "rolling"`, as a pydantic model."""
+"""The format of a scene file of rolling bodies, `kind = "rolling"`, as a pydantic model.
+
+Rolling bodies are a separate kind of scene, not a kind of group: their file has its own model, loader and page. They
+share with linkages the reading of files and units, the style of figures, and one branch in each command.
+"""
 
 from __future__ import annotations
 

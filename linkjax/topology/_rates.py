@@ -1,6 +1,6 @@
 """How the rates of links violate the pairs between them, for random or given positions of the points.
 
-What holds at random positions depends on the structure alone.
+What holds at random positions depends on the structure alone: special dimensions neither hide nor simulate a mobility.
 """
 
 from __future__ import annotations
