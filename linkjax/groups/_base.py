@@ -80,9 +80,16 @@ class AbstractGroup(eqx.Module):
 
     def needs(self) -> tuple[str, ...]:
         """Points that must exist before the group is attached: those of its outer pins, of its guides and of gears."""
-        pinned = [joint.point for joint in self.joints() if joint.pins and joint.by is None]
-        guided = [guide.through for guide in self.guides()]
-        return tuple(dict.fromkeys([*pinned, *guided, *(point for _, point in self.lies_on())]))
+        return tuple(dict.fromkeys([*self._pinned(), *self._aligned()]))
+
+    def _pinned(self) -> list[str]:
+        """Points of its outer pins."""
+        inside = self.link_names()
+        return [joint.point for joint in self.joints() if joint.pins and joint.by not in inside]
+
+    def _aligned(self) -> list[str]:
+        """Points of existing links that locate guides and gears."""
+        return [*(guide.through for guide in self.guides()), *(point for _, point in self.lies_on())]
 
     @abc.abstractmethod
     def pins(self) -> Mapping[str, tuple[str, str | None]]:
@@ -95,9 +102,10 @@ class AbstractGroup(eqx.Module):
 
     def brings(self) -> tuple[str, ...]:
         """Pins that the group creates."""
-        ends, needed, shared = self.pins().values(), self.needs(), self.shared()
+        ends, shared = self.pins().values(), self.shared()
+        there = {*self.needs()} - ({*self._aligned()} - {*self._pinned()})  # no link begins at a point of a guide alone
         far = [far for _, far in ends if far is not None and shared.get(far) != ""]
-        return tuple(dict.fromkeys([*far, *(first for first, _ in ends if first not in needed)]))
+        return tuple(dict.fromkeys([*far, *(first for first, _ in ends if first not in there)]))
 
     def shared(self) -> Mapping[str, str]:
         """Pins that may be coupler points of its links, each with the link that it belongs to ("" for a point that

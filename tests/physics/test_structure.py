@@ -530,3 +530,16 @@ def test_scaled_by_a_length_of_the_sketch():
         {"A": (0, 0), "D": (0.35, 0)}, BARS | {"coupler": coupler}, Drive("crank"), sketch={"C": (0.3, 0.25)}
     )
     assert float(made.links["coupler"].actual().mass) == pytest.approx(2.0, rel=1e-15)
+
+
+def test_no_group_creates_the_point_that_its_guide_passes_through():
+    """The point exists before; the origin of a block is a new one."""
+    links, fixed = {"a": Link(length=0.1), "b": Link(), "c": Link()}, {"A": lj.Vec(0.0, 0.0), "Q": lj.Vec(1.0, 0.0)}
+    crank, along = Crank("a", "A", "B"), Guide("Q", 0.5)
+    for groups in (
+        [lj.LinearDriver("b", "Q", along, lj.Harmonic(0.0, 0.1))],
+        [crank, RPP("b", "c", "B", "Q", along)],
+        [crank, lj.PRP(("b", "c"), "Q", (Guide("A", on="a"), along))],
+    ):
+        with pytest.raises(StructureError, match="point name 'Q' is already used; give every point its own name"):
+            Mechanism(fixed, links, groups)
