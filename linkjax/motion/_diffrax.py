@@ -286,7 +286,7 @@ def steady_by_diffrax(
         speed = safe_sqrt(2 * energy / inertia, 1e-6 * pace)
         return _in_angle(made, grid, along, speed, drive, tolerance, solver, adjoint)[0]
 
-    drive = -cycle(1e3 * unit, 0.0)[-1, 3] * unit / scene.cycle  # too fast to stall: only the work is used
+    drive = -cycle(1e3 * unit, jnp.zeros(()))[-1, 3] * unit / scene.cycle  # too fast to stall: only the work is used
 
     def newton(energy):
         end = cycle(energy, drive)[-1]
