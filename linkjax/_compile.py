@@ -35,11 +35,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.experimental import serialize_executable
 
 from linkjax._config import cache_folder
-from linkjax._types import Tracer, as_float
+from linkjax._types import Tracer
 
 # A single analysis runs for milliseconds and compiles for seconds: no LLVM optimisation, no MLIR fusion emitters
 # (measured: 6.2 s of compilation become 1.7 s, and 1.2 ms of running 1.6 ms).
@@ -141,13 +142,13 @@ def _several() -> bool:
 def _at_hand() -> set[type]:
     """The classes of leaves that programs take as they are."""
     with jax.ensure_compile_time_eval():  # it may be asked for during tracing
-        return set() if _several() else {type(jax.numpy.zeros(())), np.ndarray}
+        return set() if _several() else {type(jnp.zeros(())), np.ndarray}
 
 
 def _here(leaf: Any) -> Any:
     """A leaf as the program takes it: numbers as arrays, arrays moved to the first device."""
     if isinstance(leaf, int | float):
-        return as_float(leaf)
+        return np.asarray(leaf, jnp.result_type(float))  # not of jax, which would make it a tracer during tracing
     if isinstance(leaf, jax.Array) and not isinstance(leaf, Tracer) and leaf.devices() != {jax.devices()[0]}:
         return jax.device_put(leaf, jax.devices()[0])
     return leaf

@@ -7,6 +7,7 @@ scene parameters are arguments. It is kept in files like an analysis, unless a t
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -107,14 +108,14 @@ class Task(NamedTuple):
 
     variables: tuple[str, ...]
     linked: tuple[tuple[str, ...], ...]
-    asked: tuple[tuple[tuple[Any, ...] | Term, Sense], ...]
+    asked: tuple[tuple[str | Term, Sense], ...]
     changes: tuple[tuple[str, ...], ...]
     nodes: int
     motion: bool
 
 
-def _key(limit: Limit) -> tuple[tuple[Any, ...] | Term, Sense]:
-    """A term, by what made it, and its sense."""
+def _key(limit: Limit) -> tuple[str | Term, Sense]:
+    """A term, by the name that determines it, and its sense."""
     return limit.term.made or limit.term, limit.sense
 
 
@@ -161,22 +162,25 @@ def _program(
     task: Task, scene: Scene, ratios: list[list[Any]], changes: list[list[Any]], start: Array
 ) -> Callable[[Array], Outputs]:
     """The compiled function from a design to all outputs of a problem. It is compiled without the names of the machine,
-    unless a term is a user-defined function, which may use them."""
-    if all(isinstance(term, tuple) and len(term) == 1 for term, _ in task.asked):
-        plain, names = nameless(scene)
-        if names is not None:
-            scene, task = plain, _renamed(task, plain, names)
+    and once for all problems of this structure, unless a term is a user-defined function. That may use the names, and
+    whatever else it uses may be different the next time, so that its program belongs to the problem alone."""
+    names = None
+    if all(isinstance(term, str) for term, _ in task.asked):
+        scene, names = nameless(scene)
+        task = task if names is None else _renamed(task, scene, names)
+        run, ahead = (functools.partial(each, task=task) for each in (outputs, outputs.ahead))
     else:
-        names = None
+        run = compiled_soon(lambda x, scene, ratios, changes: outputs.function(x, scene, ratios, changes, task))
+        ahead = run.ahead
     given = Whole(scene), ratios, changes
     try:
-        outputs.ahead(start, *given, task=task)
+        ahead(start, *given)
     except DesignError as error:
         if names is None:
             raise
         told = (names.in_text(part) for part in (error.element, error.problem, error.remedy))
         raise DesignError(*told) from error
-    return lambda x: outputs(x, *given, task=task)
+    return lambda x: run(x, *given)
 
 
 def _renamed(task: Task, scene: Scene, names: Names) -> Task:
@@ -189,7 +193,7 @@ def _renamed(task: Task, scene: Scene, names: Names) -> Task:
     return task._replace(
         variables=each(task.variables),
         linked=tuple(each(linked) for linked in task.linked),
-        asked=tuple((each(term), sense) for term, sense in task.asked if isinstance(term, tuple)),
+        asked=tuple((own.get(term, term), sense) for term, sense in task.asked if isinstance(term, str)),
         changes=tuple(each(changes) for changes in task.changes),
     )
 

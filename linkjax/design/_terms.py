@@ -35,7 +35,7 @@ class Term:
     value: Callable[[Parts], Array]
     rows: Callable[[Parts], Rows | Wanted] | None = None
     smallest: bool = False
-    made: tuple[Any, ...] = ()  # its name, or the function that made it with its arguments: what an equal term has too
+    made: str = ""  # the name that determines it: of a scene parameter or a built-in measure
 
 
 Asked = Measure | Callable[[Scene], Array] | str | Term
@@ -63,16 +63,16 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
         return asked
     if isinstance(asked, str):
         if asked not in MEASURES:
-            return Term(asked, UNSETTLED, lambda of: number(of.scene, asked).read(of.scene), made=(asked,))
+            return Term(asked, UNSETTLED, lambda of: number(of.scene, asked).read(of.scene), made=asked)
         asked = MEASURES[asked]
     if isinstance(asked, Measure):
-        made = (asked.name,) if MEASURES.get(asked.name) is asked else (as_term, asked)
+        made = asked.name if asked.built_in and MEASURES.get(asked.name) is asked else ""
         return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest, made)
     if not callable(asked):
         problem = f"{type(asked).__name__} is neither a measure, nor a name, nor a function"
         raise DesignError(repr(asked)[:LONGEST], problem, 'write e.g. "delta", or a function of the scene')
     name = name or _name(asked)
-    return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene), made=(as_term, asked, unit, name))
+    return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene))
 
 
 def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "", smallest: bool = False) -> Term:
@@ -94,14 +94,12 @@ def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "",
     def value(of: Parts) -> Array:
         return least(rows(of).size()) if smallest else largest(rows(of).size())
 
-    return Term(name, unit, value, rows, smallest, (as_rows, function, unit, name, smallest))
+    return Term(name, unit, value, rows, smallest)
 
 
-def made_again(term: tuple[Any, ...] | Term) -> Term:
-    """The term of this `made`, or the term itself."""
-    if isinstance(term, Term):
-        return term
-    return as_term(term[0]) if len(term) == 1 else term[0](*term[1:])
+def made_again(term: str | Term) -> Term:
+    """The term of this name, or the term itself."""
+    return term if isinstance(term, Term) else as_term(term)
 
 
 def _name(function: Any) -> str:

@@ -59,12 +59,13 @@ def nameless(scene: Any) -> tuple[Any, Names | None]:
     leaves, tree = jax.tree.flatten(scene)
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         return scene, None
-    if tree not in _KNOWN:
+    found = _KNOWN.get(tree)
+    if found is None:
         if len(_KNOWN) >= MOST:
             _KNOWN.clear()
         own = all(part.__module__.startswith("linkjax.") for part in _classes(scene))
-        _KNOWN[tree] = Names(_tokens(scene)) if own else None, {}
-    names, known = _KNOWN[tree]
+        found = _KNOWN[tree] = Names(_tokens(scene)) if own else None, {}
+    names, known = found
     if names is None:
         return scene, None
     return _moved(scene, known, lambda tree: _without(tree, names)), names

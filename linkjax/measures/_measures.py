@@ -52,8 +52,14 @@ class Measure:
     smallest: bool = False
     motion: bool = False  # whether it needs the actual motion
 
+    @property
+    def built_in(self) -> bool:
+        """Whether it belongs to the package, so that its name determines it and it uses no name of a machine."""
+        functions = [self.function, *([] if self.rows is None else [self.rows])]
+        return all(each.__module__.startswith("linkjax.") for each in functions)
+
     def __call__(self, scene: Scene | ReadyScene, nodes: int = NODES) -> Array:
-        return self.function(Parts(nameless(scene)[0], nodes))
+        return self.function(Parts(nameless(scene)[0] if self.built_in else scene, nodes))
 
 
 MEASURES: dict[str, Measure] = {}
@@ -97,7 +103,7 @@ def evaluate(scene: Scene | ReadyScene, measures: Iterable[Measure], nodes: int 
         if not isinstance(one, Measure):
             example = f"linkjax.measures.{one}" if one in MEASURES else "linkjax.measures.delta"
             raise TypeError(f"evaluate: {one!r} is not a measure; write the measures, e.g. [{example}]")
-    parts = Parts(nameless(scene)[0], nodes)
+    parts = Parts(nameless(scene)[0] if all(one.built_in for one in asked) else scene, nodes)
     return {one.name: one.function(parts) for one in asked}
 
 

@@ -181,10 +181,11 @@ def _apart(link: Link, origin: str, far: str) -> np.ndarray | None:
 
 def _check_guides(mechanism, group, element, placed):
     """Raise `StructureError` unless guides are on the frame or on links attached before, through points of these."""
-    for guide in group.guides():
-        if guide.on in group.link_names():
-            problem = f"the guide is on {guide.on!r}, a link of the group itself"
+    for slot in group.sliding():
+        if slot.guide.on in group.link_names() and not group.numerical():
+            problem = f"the guide is on {slot.guide.on!r}, a link of the group itself"
             raise StructureError(element, problem, "name the frame, or a link of a group before this one")
+    for guide in group.guides():
         if guide.on != "frame" and (guide.on not in placed):
             problem = f"the guide is on link {guide.on!r}, which is not attached yet"
             known = [name for name in placed if name not in group.link_names()]
