@@ -464,4 +464,4 @@ def test_what_is_said_where_the_law_cannot_begin_where_it_is_drawn():
     text = str(told.value)
     assert f"from {180 - end:.4f} to {180 + end:.4f} degrees of crank angle" in text
     assert "e.g. groups[0].law = { start = " in text
-    assert '" }, and draw it where that begins, or change lengths' in text
+    assert '" }, and draw it at its start, or change lengths' in text
