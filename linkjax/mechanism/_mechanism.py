@@ -10,7 +10,7 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup
+from linkjax.groups import AbstractGroup, Guide
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._text import structure_text
 from linkjax.topology import Structure, origins, owners, structure_of
@@ -181,9 +181,10 @@ def _apart(link: Link, origin: str, far: str) -> np.ndarray | None:
 
 def _check_guides(mechanism, group, element, placed):
     """Raise `StructureError` unless guides are on the frame or on links attached before, through points of these."""
-    for slot in group.sliding():
-        if slot.guide.on in group.link_names() and not group.numerical():
-            problem = f"the guide is on {slot.guide.on!r}, a link of the group itself"
+    given = [value for field in dataclasses.fields(group) for value in _flat(getattr(group, field.name))]
+    for guide in given:
+        if isinstance(guide, Guide) and guide.on in group.link_names():
+            problem = f"the guide is on {guide.on!r}, a link of the group itself"
             raise StructureError(element, problem, "name the frame, or a link of a group before this one")
     for guide in group.guides():
         if guide.on != "frame" and (guide.on not in placed):
@@ -195,6 +196,10 @@ def _check_guides(mechanism, group, element, placed):
             where = "of the frame" if guide.on == "frame" else f"on link {guide.on!r}"
             problem = f"the guide is {where}, but point {guide.through!r} is not"
             raise StructureError(element, problem, nearest(guide.through, own))
+
+
+def _flat(value):
+    return value if isinstance(value, tuple) else (value,)
 
 
 def _check_couplings(mechanism, group, element, placed, number):
