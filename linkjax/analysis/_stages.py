@@ -41,6 +41,7 @@ from linkjax.motion import (
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
+ROUNDING = 64.0  # units of rounding of the period: a time this close to zero is zero
 MOTION = 10.0  # times the error of δ: the relative error of a force in the actual motion
 FINE = 256  # nodes per turn, to integrate the inertia torque of a machine with a motion law
 
@@ -178,9 +179,15 @@ def _at_angles(
     assembled = jnp.all(jnp.stack([*least, jnp.ones_like(place.phi)]) > 0, axis=0)
     time = None
     if motion is not None:
-        begin = motion.clock.at(grid.place(jnp.zeros(())))
-        time = wrapped(motion.clock.at(place) - begin, motion.period)
+        late = motion.clock.at(place) - motion.clock.at(grid.place(jnp.zeros(())))
+        time = within(late, motion.period)
     return grid.loaded(dynamics, place.panel), assembled, time
+
+
+def within(late: Array, period: Array) -> Array:
+    """A delay (s) within a period; zero where it is only a rounding error, which may be negative: not a period."""
+    rounding = ROUNDING * jnp.finfo(late.dtype).eps * period
+    return jnp.where(jnp.abs(late) < rounding, 0.0, wrapped(late, period))
 
 
 def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:

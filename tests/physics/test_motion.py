@@ -19,6 +19,7 @@ from scipy.optimize import brentq, minimize_scalar
 import linkjax as lj
 from linkjax import Crank, Mechanism
 from linkjax._compile import compiled_soon
+from linkjax.analysis._stages import within
 from linkjax.motion import Steady, flywheel_for, steady_by_diffrax, steady_motion, textbook_flywheel
 from linkjax.motion import with_flywheel as refitted
 from tests.physics import oracle, shooting
@@ -271,3 +272,9 @@ def test_textbook_flywheel():
     ]
     swing = np.ptp(np.cumsum(gained))
     assert got == pytest.approx(swing / (0.15 * float(scene.speed) ** 2), rel=1e-9)
+
+
+def test_the_time_at_crank_angle_zero_is_zero():
+    """Not a whole period, where the difference of two clocks is a negative rounding error (seen: combine-cutter)."""
+    late = jnp.asarray([-2e-17, 0.0, 2e-17, 0.05, -0.05])
+    np.testing.assert_allclose(within(late, jnp.asarray(0.15)), [0.0, 0.0, 0.0, 0.05, 0.1], rtol=1e-15)
