@@ -167,7 +167,7 @@ def _program(
     names = None
     if all(isinstance(term, str) for term, _ in task.asked):
         scene, names = nameless(scene)
-        task = task if names is None else _renamed(task, scene, names)
+        task = task if names is None else _nameless(task, scene, names)
         run, ahead = (functools.partial(each, task=task) for each in (outputs, outputs.ahead))
     else:
         run = compiled_soon(lambda x, scene, ratios, changes: outputs.function(x, scene, ratios, changes, task))
@@ -183,7 +183,7 @@ def _program(
     return lambda x: run(x, *given)
 
 
-def _renamed(task: Task, scene: Scene, names: Names) -> Task:
+def _nameless(task: Task, scene: Scene, names: Names) -> Task:
     """The task of the scene without names."""
     own = {names.in_text(name): name for name in numbers(scene)}
 

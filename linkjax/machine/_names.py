@@ -18,14 +18,8 @@ from linkjax.groups import FRAME
 from linkjax.machine._scene import ReadyScene, Scene, untitled
 
 TOKEN = re.compile("<[0-9]+>")
-CHOICES = {
-    "branch",
-    "mass_properties",
-    "mean",
-    "rotation",
-    "reacts_on",
-    "title",
-}  # strings in a structure that are no names
+# strings in a structure that are no names
+CHOICES = {"branch", "mass_properties", "mean", "rotation", "reacts_on", "title"}
 MOST = 64  # structures whose names are remembered
 
 

@@ -76,6 +76,7 @@ def run_in_angle(
     """Motion over increasing crank `angles` (rad), starting at the first with `start_speed` (rad/s, positive).
 
     `drive_torque` (N m) is constant, or a JAX function of crank angle (rad), speed (rad/s) and acceleration (rad/s²).
+    From where no acceleration satisfies the equation of motion with it, the values are infinite.
     `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed reverse mode;
     `diffrax.ForwardMode()` is for `jvp`. A start from rest counts as a stall: use `run_in_time`. Raises
     `StructureError` if the driver has a motion law.

@@ -16,12 +16,14 @@ from linkjax._types import Scalar
 from linkjax.reduction import Reduced
 
 Torque = Callable[[Array, Array, Array], Array]  # N m, at crank angle (rad), speed (rad/s), acceleration (rad/s²)
-STEPS = 4  # of Newton's method; the first is exact where the torque is linear in the acceleration
+STEPS = 12  # of Newton's method; the first is exact where the torque is linear in the acceleration
+LEFT = 1e-9  # of the torques: what may be left of the equation of motion
 
 
 def torque_at(here: Reduced, drive: Scalar | Torque, phi: Scalar, speed: Scalar) -> Any:
     """Drive torque (N m) at a crank angle (rad) and speed (rad/s), with the reduced model `here`; of a function it is
-    that with the acceleration that solves J ε + ½ J' ω² = Q + T(φ, ω, ε). Differentiable to any order."""
+    that with the acceleration that solves J ε + ½ J' ω² = Q + T(φ, ω, ε). It is infinite where none was found, or where
+    the effective inertia J - dT/dε is not positive. Differentiable to any order."""
     if not callable(drive):
         return drive
     known, phi, speed = here.torque - 0.5 * here.slope * speed**2, jnp.asarray(phi), jnp.asarray(speed)
@@ -29,11 +31,18 @@ def torque_at(here: Reduced, drive: Scalar | Torque, phi: Scalar, speed: Scalar)
     def missing(rate: Array) -> tuple[Any, Any]:
         return jax.jvp(lambda rate: known + drive(phi, speed, rate) - here.inertia * rate, (rate,), (ones,))
 
-    rate, ones = known / here.inertia, jnp.ones_like(known / here.inertia)
-    for _ in range(STEPS):
+    def step(_: Any, rate: Array) -> Array:
         left, slope = missing(rate)
-        rate = rate - left / slope
-    return drive(phi, speed, rate)
+        return rate - left / slope
+
+    start = known / here.inertia
+    ones = jnp.ones_like(start)
+    rate = jax.lax.fori_loop(0, STEPS, step, start)
+    torque = drive(phi, speed, rate)
+    left, slope = jax.lax.stop_gradient(missing(rate))
+    size = jax.lax.stop_gradient(jnp.abs(known) + jnp.abs(torque) + jnp.abs(here.inertia * rate))
+    solved = jnp.abs(left) <= max(LEFT, 100 * float(jnp.finfo(size.dtype).eps)) * size
+    return jnp.where(solved & (slope < 0), torque, jnp.inf)
 
 
 def fixed_torque(drive: Scalar | Torque) -> Any:

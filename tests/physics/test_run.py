@@ -17,6 +17,8 @@ from scipy.optimize import root_scalar
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.motion import run_in_angle, run_in_time, steady_by_diffrax, steady_motion
+from linkjax.motion._torque import torque_at
+from linkjax.reduction import Reduced
 from tests.physics import oracle, shooting
 from tests.physics.machines import machine
 
@@ -230,3 +232,17 @@ def test_a_drive_torque_that_depends_on_speed_and_acceleration(over):
     gain = (x[0] - x[1] * speeds) / (0.3 + x[2])
     known = (by_speed, by_angle) if over == "time" else (by_speed + gain[:, None] * late, late)
     np.testing.assert_allclose(slope, np.stack(known), rtol=1e-6, atol=1e-7)
+
+
+def test_a_torque_that_is_not_linear_in_the_acceleration():
+    """J ε = Q + a - c ε |ε| has a closed form; J ε = Q + c ε² + a has none for a large a: infinite, not a number."""
+    inertia, a = 0.3, 5.0
+    here = Reduced(jnp.asarray(inertia), jnp.zeros(()), jnp.asarray(2.0), {})
+    at = jnp.zeros(()), jnp.ones(())
+    for c in (0.01, 0.4, 50.0):
+        rate = (-inertia + math.sqrt(inertia**2 + 4 * c * (2.0 + a))) / (2 * c)
+        found = torque_at(here, lambda phi, w, e, c=c: a - c * e * jnp.abs(e), *at)
+        np.testing.assert_allclose(found, inertia * rate - 2.0, rtol=1e-12)
+    assert torque_at(here, lambda phi, w, e: a + 0.4 * e**2, *at) == jnp.inf
+    for gain in (0.3, 0.5):  # no effective inertia is left, or a negative one
+        assert torque_at(here, lambda phi, w, e, gain=gain: gain * e, *at) == jnp.inf
