@@ -12,6 +12,7 @@ from linkjax.kinematics._cycle import find_dead_centres as find_dead_centres
 from linkjax.kinematics._cycle import find_margins as find_margins
 from linkjax.kinematics._cycle import find_strokes as find_strokes
 from linkjax.kinematics._cycle import min_margin as min_margin
+from linkjax.kinematics._cycle import stopping_ends as stopping_ends
 from linkjax.kinematics._cycle import strokes as strokes
 from linkjax.kinematics._pose import Pose as Pose
 from linkjax.kinematics._pose import Prepared as Prepared

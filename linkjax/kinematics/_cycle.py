@@ -85,7 +85,7 @@ def dead_centres(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> dict[
 
 def find_dead_centres(machine: Any, cycle_turns: int, scanned: Any = None) -> dict[str, Reversals]:
     """The same, asked of a machine in batches; `scanned` is the pose at `MOTION_SCAN` angles per turn, if known."""
-    ends = _stopping_ends(machine.mechanism)
+    ends = stopping_ends(machine.mechanism)
     if not ends:
         return {}
     slots = DEAD_CENTRES * cycle_turns
@@ -146,7 +146,7 @@ def find_strokes(machine: Any, found: dict[str, Reversals], cycle_turns: int, sc
     """The same, asked of a machine in batches; `scanned` is the pose at `MOTION_SCAN` angles per turn, if known."""
     if not found:
         return {}
-    ends = _stopping_ends(machine.mechanism)
+    ends = stopping_ends(machine.mechanism)
     scanned = machine.sample(scan_angles(cycle_turns, MOTION_SCAN), dynamics=False).pose if scanned is None else scanned
     given = tuple(found[name] for name in ends)
     there = machine.sample(machine.run(_places_of, given), dynamics=False).pose
@@ -186,7 +186,7 @@ def _at(ends: dict[str, bool], here: Pose) -> list[Vec]:
     return [here.points[name].r if slides else here.links[name].u for name, slides in ends.items()]
 
 
-def _stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
+def stopping_ends(mechanism: Mechanism) -> dict[str, bool]:
     """Pins of sliders (True) and links pivoted on the frame (False), without a driving crank that has no motion law."""
     ends, turning = {}, mechanism.driver.shaft() is not None and not mechanism.prescribed
     for group in mechanism.groups[turning:]:

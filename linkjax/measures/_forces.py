@@ -7,44 +7,8 @@ import collections
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from linkjax._compile import compiled_soon
 from linkjax.forces import Forces
-from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion import At, Regime
-from linkjax.reduction import mass_sums
-
-
-def shaking(regime: Regime, at: At) -> Float[Array, "1 2 places"]:
-    """Shaking force (N): the inertia force on the frame."""
-    return regime.machine.run(_shaking, at.pose, *regime.crank(at))
-
-
-@compiled_soon
-def _shaking(pose: Pose, speed: Array, acceleration: Array) -> Array:
-    first, second = mass_sums(pose)
-    force = -(second * speed**2 + first * acceleration).once()
-    return jnp.stack([force.x, force.y])[None]
-
-
-def drive(regime: Regime, at: At) -> Float[Array, "1 1 places"]:
-    """Drive torque (N m) by kinetostatics."""
-    return regime.machine.run(_drive, regime.forces(at))
-
-
-@compiled_soon
-def _drive(forces: Forces) -> Array:
-    return forces.drive_torque[None, None]
-
-
-def reactions(regime: Regime, at: At) -> Float[Array, "joints 2 places"]:
-    """Joint and guide forces (N), in the order of `reaction_names`."""
-    return regime.machine.run(_reactions, regime.forces(at), names=tuple(reaction_names(regime.scene)))
-
-
-@compiled_soon(static=("names",))
-def _reactions(forces: Forces, names: tuple[tuple[str, str], ...]) -> Array:
-    return jnp.stack([jnp.stack(forces.reactions[joint][link][:2]) for joint, link in names])
 
 
 def table(scene: Scene, forces: Forces) -> Float[Array, "quantities 2 places"]:

@@ -1,25 +1,19 @@
-"""The measures: functions of the scene, each with a unit. The name says whether it is at constant speed.
-
-`MEASURES` holds all of them, for the optimiser and the tests. A new measure is a decorated function of `Parts`.
-"""
+"""The measures of the motion and of the balance of work: δ, extreme speeds, steady state, mean torque, flywheel."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import largest, safe_divide, wrapped
-from linkjax._numerics import smallest as least_of
-from linkjax.kinematics import Least, find_margins
-from linkjax.machine import ReadyScene, Scene, nameless
-from linkjax.measures import _forces
-from linkjax.measures._parts import NODES, Parts
-from linkjax.mechanism import Mechanism, StructureError
+from linkjax._numerics import safe_divide
+from linkjax.machine import Scene
+from linkjax.measures._gaps import margins, transmission_angles
+from linkjax.measures._parts import Parts
+from linkjax.measures._quantities import QUANTITIES
+from linkjax.measures._registry import least, measure, of_family
 from linkjax.motion import (
     LEAST,
     At,
@@ -30,81 +24,10 @@ from linkjax.motion import (
     by_node,
     every_row,
     flywheel_on,
-    peaks,
     with_flywheel,
 )
 
 SLOW = 0.1  # of the largest rate: the least rate of δ per inertia that is used
-
-
-@dataclasses.dataclass(frozen=True)
-class Measure:
-    """A measure of a scene in SI `unit`: `measure(scene, nodes)` is pure and differentiable; nodes per crank turn.
-
-    A peak also has `rows`, all values that may be the largest: where two peaks are equal, the peak has no gradient.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    function: Callable[[Parts], Array]
-    rows: Callable[[Parts], Rows | Wanted] | None = None  # all values that may be the largest, or the smallest
-    smallest: bool = False
-    motion: bool = False  # whether it needs the actual motion
-
-    @property
-    def built_in(self) -> bool:
-        """Whether it belongs to the package, so that its name determines it and it uses no name of a machine."""
-        functions = [self.function, *([] if self.rows is None else [self.rows])]
-        return all(each.__module__.startswith("linkjax.") for each in functions)
-
-    def __call__(self, scene: Scene | ReadyScene, nodes: int = NODES) -> Array:
-        return self.function(Parts(nameless(scene)[0] if self.built_in else scene, nodes))
-
-
-MEASURES: dict[str, Measure] = {}
-
-
-def _registered(
-    function: Callable, unit: str, value, rows=None, smallest: bool = False, motion: bool = False
-) -> Measure:
-    """The measure made from a decorated function."""
-    made = Measure(function.__name__, unit, (function.__doc__ or "").strip(), value, rows, smallest, motion)
-    MEASURES[made.name] = made
-    return made
-
-
-def measure(
-    unit: str, rows: Callable[[Parts], Rows | Wanted] | None = None, smallest: bool = False, *, motion: bool = True
-) -> Callable[[Callable[[Parts], Array]], Measure]:
-    """Make a measure of a function of `Parts` and register it under the function's name; `rows` are, for an extreme,
-    all values that may be it. `motion` says whether it needs the actual motion."""
-    return lambda function: _registered(function, unit, function, rows, smallest, motion)
-
-
-def peak(unit: str, *, motion: bool = True) -> Callable[[Callable[[Parts], Wanted]], Measure]:
-    """Make a measure of a peak; the function returns what is wanted."""
-    return lambda function: _registered(
-        function, unit, lambda of: largest(peaks(*function(of)[:3]).value), function, motion=motion
-    )
-
-
-def smallest(unit: str) -> Callable[[Callable[[Parts], Rows | Wanted]], Measure]:
-    """Make a measure of the smallest of several numbers."""
-    return lambda function: _registered(
-        function, unit, lambda of: least_of(every_row([function(of)])[0].size()), function, True
-    )
-
-
-def evaluate(scene: Scene | ReadyScene, measures: Iterable[Measure], nodes: int = NODES) -> dict[str, Array]:
-    """Several measures of one scene by name. They share grid and node values, so they cost little more than one."""
-    asked: list[Any] = [measures] if isinstance(measures, str) else list(measures)
-    for one in asked:
-        if not isinstance(one, Measure):
-            example = f"linkjax.measures.{one}" if one in MEASURES else "linkjax.measures.delta"
-            raise TypeError(f"evaluate: {one!r} is not a measure; write the measures, e.g. [{example}]")
-    parts = Parts(nameless(scene)[0] if all(one.built_in for one in asked) else scene, nodes)
-    return {one.name: one.function(parts) for one in asked}
 
 
 def _extreme_speeds(of: Parts, finish: Callable[[Rows, Rows], Rows]) -> Wanted:
@@ -211,6 +134,12 @@ def mean_drive_torque(of: Parts) -> Array:
     return of.steady.mean_drive_torque
 
 
+@measure("W", motion=True)
+def mean_drive_power(of: Parts) -> Array:
+    """Mean power of the constant drive torque that balances the cycle."""
+    return of.steady.mean_drive_torque * of.scene.cycle / of.steady.period
+
+
 def _flywheels(of: Parts) -> Rows:
     """The flywheel inertia for every pair of a largest and a smallest speed, to first order about the inertia found, so
     that pairs with equal fluctuation there are exact."""
@@ -245,60 +174,33 @@ def flywheel_for_target_delta(of: Parts) -> Array:
     return flywheel_on(of.machine, _target(of.scene), of.grid, of.at)
 
 
-@smallest("1")
+@least("1")
 def min_margin(of: Parts) -> Rows:
     """Smallest signed assembly margin of all groups over the continuous cycle; negative: cannot be assembled."""
-    limits = find_margins(of.machine, of.scene.cycle_turns)
-    found = [least for sides in limits.values() for least in sides.values()]
-    found = found or [Least(jnp.ones(()), jnp.zeros(()))]
-    return Rows(jnp.stack([each.value for each in found])[:, None], jnp.stack([each.angle for each in found]), True)
+    return margins(of)
 
 
-def no_transmission_angle(mechanism: Mechanism) -> bool:
-    """Whether all groups are of higher class, which have no transmission angle."""
-    driver, *groups = (group.numerical() for group in mechanism.groups)
-    return all(groups) and (driver or len(groups) > 0)
-
-
-@smallest("rad")
+@least("rad")
 def min_transmission_angle(of: Parts) -> Wanted:
     """Smallest of all transmission angles over the cycle, where an obtuse angle counts as its supplement: 90 degrees is
     best, and zero is a singular position. Groups of higher class have none; raises `StructureError` if there are no
     other groups."""
-    if no_transmission_angle(of.scene.mechanism):
-        problem = "does not exist for this machine: all its groups are of higher class"
-        raise StructureError("min_transmission_angle", problem, "delete it")
-
-    def off_square(regime: Regime, at: At) -> Array:
-        rows = [angle - jnp.pi / 2 for angle in at.transmission.values()] or [jnp.zeros_like(at.place.phi)]
-        return jnp.stack(rows)[:, None]
-
-    at_nodes = by_node.function(of.grid, off_square(of.constant_speed, of.constant_speed.at(of.at.place, of.at.sample)))
-    nodes = jnp.broadcast_to(jax.lax.stop_gradient(of.grid.nodes), (at_nodes.shape[0], *of.grid.nodes.shape))
-
-    def finished(found: Summits) -> Rows:
-        vectors = jnp.concatenate([at_nodes.ravel(), found.vectors.ravel()])[:, None]
-        angle = jnp.concatenate([wrapped(nodes, of.grid.length).ravel(), found.angle.ravel()])
-        both = jnp.concatenate([jnp.pi / 2 - vectors, jnp.pi / 2 + vectors])  # acute or obtuse: no kink between
-        return Rows(both, jnp.concatenate([angle, angle]), signed=True)
-
-    return Wanted(of.constant_speed, off_square, at_nodes, finished, "gaps")
+    return transmission_angles(of)
 
 
-@peak("N", motion=False)
-def peak_shaking_force_constant_speed(of: Parts) -> Wanted:
-    """Largest shaking force at constant nominal speed."""
-    return Wanted(of.constant_speed, _forces.shaking, of.shaking(of.constant_speed), asks="pose")
+peak_shaking_force_constant_speed = of_family("peak_shaking_force_constant_speed")
 
 
 def _all_shaking(of: Parts) -> Rows:
     """The shaking forces of the whole cycle as one vector, whose length is their root mean square. They are smooth on
     any grid, and the square root of a panel of zero width, between loads that switch together, has no derivative. So
     the crank angles are kept fixed."""
-    grid = jax.lax.stop_gradient(of.grid)
-    still = Parts(of.ready, of.nodes, grid)
+    still = Parts(of.ready, of.nodes, jax.lax.stop_gradient(of.grid))
+    regime, grid = still.constant_speed, still.grid
+    found = QUANTITIES["shaking_force"].at(still, ())(regime, regime.at(still.at.place, still.at.sample))
     share = grid.half[:, None] * grid.rule.w[None] / of.scene.cycle
-    return Rows((jnp.sqrt(share)[None] * still.shaking(still.constant_speed)[0]).reshape((1, -1)), jnp.full(1, jnp.nan))
+    forces = of.machine.run(by_node, grid, found)[0]
+    return Rows((jnp.sqrt(share)[None] * forces).reshape((1, -1)), jnp.full(1, jnp.nan))
 
 
 @measure("N", _all_shaking, motion=False)
@@ -307,25 +209,10 @@ def rms_shaking_force_constant_speed(of: Parts) -> Array:
     return _all_shaking(of).size()[0]
 
 
-@peak("N", motion=True)
-def peak_shaking_force(of: Parts) -> Wanted:
-    """Largest shaking force in the actual motion."""
-    return Wanted(of.true_motion, _forces.shaking, of.shaking(of.true_motion))
-
-
-@peak("N m", motion=False)
-def peak_drive_torque_constant_speed(of: Parts) -> Wanted:
-    """Largest magnitude of the drive torque at constant nominal speed."""
-    return Wanted(of.constant_speed, _forces.drive, asks="pose")
-
-
-@peak("N", motion=False)
-def peak_reaction_constant_speed(of: Parts) -> Wanted:
-    """Largest joint or guide force at constant nominal speed."""
-    return Wanted(of.constant_speed, _forces.reactions, asks="pose")
-
-
-@peak("N", motion=True)
-def peak_reaction(of: Parts) -> Wanted:
-    """Largest joint or guide force in the actual motion."""
-    return Wanted(of.true_motion, _forces.reactions)
+peak_shaking_force = of_family("peak_shaking_force")
+peak_shaking_moment_constant_speed = of_family("peak_shaking_moment_constant_speed")
+peak_drive_torque_constant_speed = of_family("peak_drive_torque_constant_speed")
+max_drive_torque_constant_speed = of_family("max_drive_torque_constant_speed")
+min_drive_torque_constant_speed = of_family("min_drive_torque_constant_speed")
+peak_reaction_constant_speed = of_family("peak_reaction_constant_speed")
+peak_reaction = of_family("peak_reaction")

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import functools
 
-from jaxtyping import Array, Float
-
+from linkjax.kinematics import Least, Reversals, find_dead_centres, find_margins
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.measures._forces import shaking
-from linkjax.motion import AtNodes, Grid, Regime, Steady, at_nodes, by_node, grid_of, steady_on
+from linkjax.motion import At, AtNodes, Grid, Regime, Steady, at_nodes, grid_of, steady_on
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -17,12 +15,19 @@ NODES = 96  # default number of nodes per crank turn on the cycle grid
 
 class Parts:
     """A scene on a cycle grid of about `nodes` nodes per crank turn; attributes are computed on first use and kept.
-    `grid` and node values `at` may be given."""
+    `grid` and node values `at` may be given; panels of a grid that is made also end at the crank angles `breaks` (rad).
+    """
 
     def __init__(
-        self, scene: Scene | ReadyScene, nodes: int = NODES, grid: Grid | None = None, at: AtNodes | None = None
+        self,
+        scene: Scene | ReadyScene,
+        nodes: int = NODES,
+        grid: Grid | None = None,
+        at: AtNodes | None = None,
+        breaks: tuple[float, ...] = (),
     ):
-        self.ready, self.nodes, self._grid, self._at = ready(scene), nodes, grid, at
+        self.ready, self.nodes, self._grid, self._at, self._breaks = ready(scene), nodes, grid, at, breaks
+        self._nodes: dict[Regime, At] = {}
 
     @property
     def scene(self) -> Scene:
@@ -37,7 +42,7 @@ class Parts:
     @functools.cached_property
     def grid(self) -> Grid:
         """The cycle grid."""
-        return grid_of(self.machine, self.nodes) if self._grid is None else self._grid
+        return self._grid or grid_of(self.machine, self.nodes, breaks=self._breaks)
 
     @functools.cached_property
     def at(self) -> AtNodes:
@@ -59,11 +64,23 @@ class Parts:
         """Constant nominal speed."""
         return Regime(self.machine, self.grid)
 
+    def nodes_in(self, regime: Regime) -> At:
+        """The machine at the nodes in a regime of this scene."""
+        if regime not in self._nodes:
+            self._nodes[regime] = regime.at(self.at.place, self.at.sample)
+        return self._nodes[regime]
+
+    @functools.cached_property
+    def dead_centres(self) -> dict[str, Reversals]:
+        """Dead centres of sliders and limit positions of links."""
+        return find_dead_centres(self.machine, self.scene.cycle_turns)
+
+    @functools.cached_property
+    def margins(self) -> dict[str, dict[str, Least]]:
+        """Least assembly margins."""
+        return find_margins(self.machine, self.scene.cycle_turns)
+
     @functools.cached_property
     def true_motion(self) -> Regime:
         """The actual steady-state motion."""
         return Regime(self.machine, self.grid, self.steady)
-
-    def shaking(self, regime: Regime) -> Float[Array, "1 2 panels n"]:
-        """Shaking force at every node (N), as one quantity of two parts."""
-        return self.machine.run(by_node, self.grid, shaking(regime, regime.at(self.at.place, self.at.sample)))

@@ -156,12 +156,14 @@ def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
     return grid_of(Sampler(ready(scene)), nodes)
 
 
-def grid_of(machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN) -> Grid:
+def grid_of(
+    machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN, breaks: tuple[float, ...] = ()
+) -> Grid:
     """The grid of a machine that is evaluated in batches; `scanned` are samples at `points` angles per turn, a multiple
-    of `GRID_SCAN`, if known."""
+    of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad)."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     opposing = [load for load in scene.loads if load.opposing]
-    kinks, groups = _kinks(scene), list(named_groups(scene.mechanism))[1:]
+    kinks, groups = (*_kinks(scene), *breaks), list(named_groups(scene.mechanism))[1:]
     windows = sum(load.window is not None for load in scene.loads)
     slots = REVERSALS * turns
     count = max(6 * turns, 2 * windows + len(kinks) + slots * len(opposing) + len(groups) * turns)

@@ -51,6 +51,10 @@ class Regime:
 
     def forces(self, at: At) -> Forces:
         """Joint reactions, drive torque, and the other forces."""
+        return at.forces
+
+    def found_forces(self, at: At) -> Forces:
+        """The same, found anew."""
         (active, crank), place = self._driven(at), at.place
         return self.machine.forces(place.phi, place.side, at.pose, active, *crank, fixed=self.fixed)
 
@@ -82,6 +86,11 @@ class At:
         """Transmission angles of the groups (rad)."""
         known = self._given is not None
         return self.sample.transmission if known else self._asked(dynamics=False, gaps=True).transmission
+
+    @functools.cached_property
+    def forces(self) -> Forces:
+        """All forces."""
+        return self.regime.found_forces(self)
 
     def _asked(self, **what: bool) -> Sample:
         return self.regime.machine.sample(self.place.phi, self.place.side, fixed=self.regime.fixed, **what)

@@ -1,0 +1,324 @@
+"""Families of measures: statistic, quantity and regime before the dot, the element behind it, as in `stroke.D`.
+
+A name is `[statistic_]quantity[_constant_speed][.element]`, with `@60deg` for the value at a crank angle, or with
+`where 90deg to 180deg` for an extreme in a window of crank angle.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._compile import compiled_soon
+from linkjax._numerics import safe_sqrt, smallest
+from linkjax._units import QuantityError, in_si, nearest
+from linkjax.machine import Scene
+from linkjax.measures._extremes import Extreme, Statistic, extremes_of, rows_of
+from linkjax.measures._gaps import limited_groups, margins, transmission_angles
+from linkjax.measures._parts import Parts
+from linkjax.measures._quantities import QUANTITIES, Elements, Quantity, net_turn, turning_groups
+from linkjax.measures._strokes import between, path_length, stopping, stroke_rows, swing_rows, time_ratio
+from linkjax.mechanism import StructureError
+from linkjax.motion import Grid, Place, Rows, Wanted, by_node, every_row
+
+CONSTANT = "_constant_speed"
+WINDOW = re.compile(r"(.+?)\s+where\s+(.+?)\s+to\s+(.+)")
+# the statistics of each quantity
+STATISTICS: dict[str, tuple[str, ...]] = {
+    "x": ("min", "max"),
+    "y": ("min", "max"),
+    "travel": ("min", "max"),
+    "angle": ("min", "max"),
+    "velocity": ("max", "rms"),
+    "acceleration": ("peak", "rms"),
+    "angular_velocity": ("peak", "max", "min", "rms"),
+    "angular_acceleration": ("peak", "max", "min", "rms"),
+    "reaction": ("peak", "max", "min", "rms"),
+    "shaking_force": ("peak", "rms"),
+    "shaking_moment": ("peak", "max", "min", "rms"),
+    "frame_force": ("peak", "rms"),
+    "net_frame_force": ("peak", "rms"),
+    "drive_torque": ("peak", "max", "min", "rms"),
+    "drive_power": ("peak", "max", "min"),
+    "crank_speed": (),
+    "transmission_angle": (),
+}
+SAID = {
+    "peak": "Largest magnitude",
+    "max": "Largest value",
+    "min": "Smallest value",
+    "rms": "Root mean square over time",
+}
+
+
+class Asked(NamedTuple):
+    """A name taken apart: the family, its element ("" for none), and a crank angle, or a window of it (rad)."""
+
+    family: str
+    element: str
+    angle: float | None = None
+    window: tuple[float, float] | None = None
+
+    def text(self) -> str:
+        """The name."""
+        found = f"{self.family}.{self.element}" if self.element else self.family
+        if self.angle is not None:
+            return f"{found}@{_degrees(self.angle)}"
+        return found if self.window is None else f"{found} where {' to '.join(map(_degrees, self.window))}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Family:
+    """Measures of one kind, of different elements: the name before the dot, the SI unit, the meaning, what the element
+    is ("point", "link", "group", "joint", "" for none), and its names in a scene. `motion` says whether the actual
+    motion is needed; `quantity` and `statistic` what it is an extreme of."""
+
+    name: str
+    unit: str
+    meaning: str
+    of: str
+    names: Callable[[Scene], Elements]
+    motion: bool
+    quantity: Quantity | None = None
+    statistic: str = ""
+    value: Callable[[Parts, str], Array] | None = None
+    rows: Callable[[Parts, str], Rows | Wanted] | None = None
+
+    @property
+    def smallest(self) -> bool:
+        """Whether it is the smallest of its rows."""
+        return self.statistic == "min"
+
+
+FAMILIES: dict[str, Family] = {}
+
+
+def _families(quantity: Quantity) -> None:
+    """Register the families of a quantity."""
+    for constant in (False, True) if quantity.moves else (False,):
+        motion = quantity.moves and not constant
+        how = "" if not quantity.moves else " In the actual motion." if motion else " At constant nominal speed."
+        for statistic in ("", *STATISTICS[quantity.name]):
+            name = f"{statistic}_{quantity.name}".lstrip("_") + CONSTANT * constant
+            meaning = f"{SAID[statistic]}: {quantity.meaning}" if statistic else quantity.meaning
+            FAMILIES[name] = Family(
+                name, quantity.unit, meaning + how, quantity.of, quantity.names, motion, quantity, statistic
+            )
+
+
+for _each in QUANTITIES.values():
+    _families(_each)
+
+
+def _own(name: str, unit: str, of: str, names: Callable[[Scene], Elements], meaning: str, **given: Any) -> None:
+    FAMILIES[name] = Family(name, unit, meaning, of, names, False, **given)
+
+
+_own(
+    "stroke", "m", "point", QUANTITIES["travel"].names,
+    "Distance between the outermost positions of a point of a slider along its guide.", rows=stroke_rows,
+)  # fmt: skip
+_own(
+    "swing", "rad", "link", QUANTITIES["angle"].names,
+    "Angle between the outermost positions of a link; of a link that turns fully, its whole turns.", rows=swing_rows,
+)  # fmt: skip
+_own(
+    "time_ratio", "1", "point or link", stopping,
+    "Time of the slower way of a slider or link to that of the faster one, back, at constant crank speed; infinite "
+    "where it never turns back.", value=time_ratio,
+)  # fmt: skip
+_own("path_length", "m", "point", QUANTITIES["velocity"].names, "Length of the path of a point over the cycle.",
+     value=path_length)  # fmt: skip
+_own(
+    "min_margin", "1", "group", limited_groups,
+    "Smallest signed assembly margin of a group over the continuous cycle; negative: cannot be assembled.",
+    value=lambda of, group: smallest(margins(of, group).size()), rows=margins, statistic="min",
+)  # fmt: skip
+_own(
+    "min_transmission_angle", "rad", "group", turning_groups,
+    "Smallest transmission angle of a group over the cycle, where an obtuse angle counts as its supplement.",
+    value=lambda of, group: smallest(every_row([transmission_angles(of, group)])[0].size()), rows=transmission_angles,
+    statistic="min",
+)  # fmt: skip
+
+
+def taken_apart(text: str) -> Asked | None:
+    """The parts of a name of a family; None for another name. Raises `StructureError` for a crank angle that cannot be
+    read, or one that the family does not take."""
+    text, window, angle = text.strip(), None, None
+    if found := WINDOW.fullmatch(text):
+        text, ends = found[1].strip(), found.groups()[1:]
+        window = _crank_angle(ends[0], text), _crank_angle(ends[1], text)
+    head, at, place = text.partition("@")
+    family, _, element = head.strip().partition(".")
+    if family not in FAMILIES:
+        return None
+    if at:
+        angle = _crank_angle(place, head)
+    return Asked(family, element.strip(), angle, window)
+
+
+def _crank_angle(text: str, name: str) -> float:
+    try:
+        value, unit = in_si(text.strip())
+    except QuantityError as error:
+        raise StructureError(name, f"{text.strip()!r} is not a crank angle: {error.problem}", error.remedy) from error
+    if unit not in ("rad", "1"):
+        raise StructureError(name, f"{text.strip()!r} is not a crank angle", 'write it e.g. as "60deg"')
+    return float(value)
+
+
+@functools.cache
+def _degrees(angle: float) -> str:
+    """A crank angle as it is written in names, so that it is read back exactly."""
+    text = f"{math.degrees(angle):.12g}deg"
+    return text if float(in_si(text)[0]) == angle else f"{angle!r}rad"
+
+
+def checked(asked: Asked, scene: Scene) -> None:
+    """Raise `StructureError` where a scene has no measure of this name."""
+    family, name = FAMILIES[asked.family], asked.text()
+    known = family.names(scene)
+    if family.of and not (asked.element or family.name in ALL_OF):
+        remedy = f"write e.g. {family.name}.{known[0]}" if known else "delete it"
+        raise StructureError(name, f"names no {family.of}", remedy)
+    if asked.element and not family.of:
+        raise StructureError(name, "is of the whole machine, and takes no element", f"write {family.name}")
+    if asked.element and asked.element not in known:
+        what = {"stroke": "point of a slider", "travel": "point of a slider"}.get(family.name, f"moving {family.of}")
+        what = {"group": "group with a transmission angle", "joint": "joint with a link"}.get(family.of, what)
+        raise StructureError(name, f"{asked.element!r} is not a {what} of this machine", nearest(asked.element, known))
+    if asked.angle is not None and (family.quantity is None or family.statistic):
+        raise StructureError(name, "is not a quantity over the crank angle", "delete the crank angle")
+    if asked.window is not None and (family.quantity is None or family.statistic not in ("peak", "max", "min")):
+        raise StructureError(name, "is not an extreme, and has no window", "use a measure that begins with max or min")
+    if asked.angle is None and family.quantity is not None and not family.statistic:
+        ways = [f"{each}_{asked.text()}" for each in STATISTICS[family.quantity.name]]
+        remedy = f"write {', '.join([*ways, f'{asked.text()}@60deg'])}, or a constraint for every crank angle"
+        raise StructureError(name, "has a value at every crank angle", remedy)
+
+
+ALL_OF = ("peak_reaction", f"peak_reaction{CONSTANT}")  # families that without an element are of all of them
+
+
+def extreme(asked: Asked, scene: Scene) -> Extreme | None:
+    """What is looked for, if the measure is an extreme of a quantity."""
+    family = FAMILIES[asked.family]
+    if family.quantity is None or family.statistic not in ("peak", "max", "min"):
+        return None
+    ways: dict[str, Statistic] = {"peak": "peak", "max": "max", "min": "min"}
+    elements = (asked.element,) if asked.element else family.names(scene) if family.of else ()
+    return Extreme(family.quantity, elements, ways[family.statistic], not family.motion, asked.window)
+
+
+def values_of(of: Parts, asked: Sequence[Asked]) -> list[Array]:
+    """The values of measures; all extremes among them are found together."""
+    means = _every_rms(of, asked)
+    plans = [_plan(of, each) for each in asked if each not in means]
+    found = iter(extremes_of(of, [one for extremes, _ in plans for one in extremes]))
+    others = iter([finish(*(next(found) for _ in extremes)) for extremes, finish in plans])
+    return [means[each] if each in means else next(others) for each in asked]
+
+
+def _every_rms(of: Parts, asked: Sequence[Asked]) -> dict[Asked, Array]:
+    """The values of those that are a root mean square over time, found together for each quantity."""
+    found: dict[Asked, Array] = {}
+    which = dict.fromkeys(each.family for each in asked if FAMILIES[each.family].statistic == "rms")
+    for name in which:
+        family, own = FAMILIES[name], list(dict.fromkeys(each for each in asked if each.family == name))
+        assert family.quantity is not None
+        regime = of.true_motion if family.motion else of.constant_speed
+        at = of.nodes_in(regime)
+        vectors = family.quantity.at(of, tuple(each.element for each in own if each.element))(regime, at)
+        nodes = of.machine.run(by_node, of.grid, vectors)
+        found |= dict(zip(own, of.machine.run(_rms, of.grid, nodes, regime.crank(at)[0]), strict=True))
+    return found
+
+
+def _plan(of: Parts, asked: Asked) -> tuple[list[Extreme], Callable[..., Array]]:
+    """The extremes that a measure is made of, and how."""
+    family = FAMILIES[asked.family]
+    if family.name == "stroke":
+        return between("travel", asked.element), lambda high, low: high - low
+    if family.name == "swing":
+        net = jnp.abs(net_turn(of, asked.element))
+        return between("angle", asked.element), lambda high, low: jnp.where(net > 0, net, high - low)
+    value, quantity, angle = family.value, family.quantity, asked.angle
+    if value is not None:
+        return [], lambda: value(of, asked.element)
+    assert quantity is not None
+    if angle is not None:
+        return [], lambda: at_angle(of, family, asked.element, angle)
+    found = extreme(asked, of.scene)
+    assert found is not None
+    return [found], lambda most: _beyond(of, asked, most) if quantity.name == "angle" else most
+
+
+def has_rows(asked: Asked) -> bool:
+    """Whether a measure is an extreme."""
+    family = FAMILIES[asked.family]
+    return family.rows is not None or (family.quantity is not None and family.statistic in ("peak", "max", "min"))
+
+
+def rows(of: Parts, asked: Asked) -> Rows | Wanted:
+    """All values that may be the measure, an extreme."""
+    family = FAMILIES[asked.family]
+    if family.rows is not None:
+        return family.rows(of, asked.element)
+    found = extreme(asked, of.scene)
+    assert found is not None
+    wanted = rows_of(of, found)
+    if family.quantity is None or family.quantity.name != "angle":
+        return wanted
+    finish = wanted.finish
+    assert finish is not None
+
+    def finished(found: Any) -> Rows:
+        every = finish(found)
+        return Rows(_beyond(of, asked, every.vectors), every.angle, signed=True)
+
+    return wanted._replace(finish=finished)
+
+
+def _beyond(of: Parts, asked: Asked, value: Array) -> Array:
+    """The extreme angle of a link that turns fully: that at one end of the cycle."""
+    family, net = FAMILIES[asked.family], net_turn(of, asked.element)
+    first = at_angle(of, FAMILIES["angle"], asked.element, 0.0)
+    ahead = jnp.maximum(net, 0.0) if family.statistic == "max" else jnp.minimum(net, 0.0)
+    return jnp.where(net != 0, first + ahead, value)
+
+
+def at_angle(of: Parts, family: Family, element: str, angle: float) -> Array:
+    """A quantity at a crank angle (rad): the number, or the length of the vector."""
+    assert family.quantity is not None
+    elements = (element,) if element else ()
+    regime = of.true_motion if family.motion else of.constant_speed
+    place = of.machine.run(_place, of.grid, jnp.asarray(angle))
+    found = family.quantity.at(of, elements)(regime, regime.at(place))
+    return of.machine.run(_first, found, signed=family.quantity.signed(of.scene, element))
+
+
+@compiled_soon
+def _place(grid: Grid, angle: Array) -> Place:
+    one = grid.place(angle)
+    return Place(*(part[None] for part in one))
+
+
+@compiled_soon(static=("signed",))
+def _first(found: Array, signed: bool) -> Array:
+    vector = found[0, :, 0]
+    return vector[0] if signed else safe_sqrt(vector @ vector)
+
+
+@compiled_soon
+def _rms(grid: Grid, nodes: Array, speed: Array) -> list[Array]:
+    """Root mean squares over time, from vectors at the nodes, shape (quantities, 2, panels, n)."""
+    weights = grid.half[:, None] * grid.rule.w[None] / speed[: grid.size].reshape(grid.nodes.shape)
+    return list(safe_sqrt(jnp.sum(weights * jnp.sum(nodes**2, axis=1), axis=(1, 2)) / jnp.sum(weights)))

@@ -1,0 +1,390 @@
+"""The quantities over the crank angle that measures are made of, at many places of the cycle grid at once.
+
+Every quantity is a vector of two parts in the frame, or a number with its sign, for each of several elements.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from linkjax._compile import compiled_soon
+from linkjax._numerics import nearest_turn
+from linkjax.forces import Forces, other_sides
+from linkjax.groups import FRAME, Guide
+from linkjax.kinematics import Pose, named_groups
+from linkjax.machine import Scene
+from linkjax.measures._parts import Parts
+from linkjax.motion import At, Grid, Place, Regime
+from linkjax.reduction import mass_sums
+
+Elements = tuple[str, ...]
+Of = Literal["", "point", "link", "group", "joint"]
+Vectors = Float[Array, "elements 2 places"]
+ALL = ""  # in the place of an element: all of them
+
+
+MOST = 64  # structures of which is remembered what follows from them
+
+
+def by_structure(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
+    """A function of what a scene is made of, not of its numbers, computed once for a structure."""
+    known: dict[Any, Any] = {}
+
+    def remembered(scene: Scene) -> Any:
+        key = jax.tree.structure(scene.mechanism)
+        if key not in known:
+            if len(known) >= MOST:
+                known.clear()
+            known[key] = function(scene)
+        return known[key]
+
+    return remembered
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """A quantity over the crank angle in SI `unit`, of a point, link, group or joint, or of the whole machine.
+
+    `vector` says whether it is a vector, whose length counts, or a number with its sign. `moves` says whether it
+    depends on the motion, so that there is one at constant speed. `asks` is what the machine must be asked for (see
+    `Wanted`). `at(of, elements)` gives the function from regime and places to the vectors, `names(scene)` its elements.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    of: Of
+    vector: bool
+    moves: bool
+    asks: str
+    at: Callable[[Parts, Elements], Callable[[Regime, At], Vectors]]
+    names: Callable[[Scene], Elements]
+
+    def signed(self, scene: Scene, element: str) -> bool:
+        """Whether it is a number with its sign for this element: of a guide the force normal to it."""
+        return not self.vector or (self.of == "joint" and element in _guided(scene))
+
+
+QUANTITIES: dict[str, Quantity] = {}
+
+
+def _quantity(unit: str, of: Of, *, vector: bool = False, moves: bool = True, asks: str = "pose", names: Any = None):
+    """Make a quantity of a function of `Parts` and elements, and register it under the function's name."""
+
+    def made(function: Callable[[Parts, Elements], Callable[[Regime, At], Vectors]]) -> Quantity:
+        meaning = (function.__doc__ or "").strip()
+        found = Quantity(function.__name__, unit, meaning, of, vector, moves, asks, function, names or NAMES[of])
+        QUANTITIES[found.name] = found
+        return found
+
+    return made
+
+
+@by_structure
+def _joint_names(scene: Scene) -> Elements:
+    return tuple(f"{joint}.{link}" for joint, sides in other_sides(scene).items() for link in sides)
+
+
+@by_structure
+def _point_names(scene: Scene) -> Elements:
+    return tuple(name for name, link in scene.mechanism.owners().items() if link != FRAME)
+
+
+NAMES: dict[str, Callable[[Scene], Elements]] = {
+    "": lambda scene: (),
+    "point": _point_names,
+    "link": lambda scene: tuple(scene.mechanism.links),
+    "group": lambda scene: tuple(named_groups(scene.mechanism)),
+    "joint": _joint_names,
+}
+
+
+def _stacked(numbers: list[Array]) -> Vectors:
+    """Numbers as vectors of two parts."""
+    one = jnp.stack(numbers)
+    return jnp.stack([one, jnp.zeros_like(one)], axis=1)
+
+
+@compiled_soon(static=("what", "elements"))
+def _of_pose(pose: Pose, speed: Array, acceleration: Array, what: str, elements: Elements) -> Vectors:
+    points, links = pose.points, pose.links
+    if what in ("x", "y"):
+        return _stacked([getattr(points[name].r, what) for name in elements])
+    if what == "angular_velocity":
+        return _stacked([links[name].w * speed for name in elements])
+    if what == "angular_acceleration":
+        return _stacked([links[name].e * speed**2 + links[name].w * acceleration for name in elements])
+    found = [points[name].dr * speed for name in elements]
+    if what == "acceleration":
+        found = [points[name].ddr * speed**2 + points[name].dr * acceleration for name in elements]
+    return jnp.stack([jnp.stack([v.x, v.y]) for v in found])
+
+
+def _asked_of_pose(what: str, elements: Elements) -> Callable[[Regime, At], Vectors]:
+    return lambda regime, at: regime.machine.run(_of_pose, at.pose, *regime.crank(at), what=what, elements=elements)
+
+
+@_quantity("m", "point", moves=False)
+def x(of: Parts, elements: Elements):
+    """Coordinate x of a point."""
+    return _asked_of_pose("x", elements)
+
+
+@_quantity("m", "point", moves=False)
+def y(of: Parts, elements: Elements):
+    """Coordinate y of a point."""
+    return _asked_of_pose("y", elements)
+
+
+@_quantity("m/s", "point", vector=True)
+def velocity(of: Parts, elements: Elements):
+    """Velocity of a point."""
+    return _asked_of_pose("velocity", elements)
+
+
+@_quantity("m/s^2", "point", vector=True)
+def acceleration(of: Parts, elements: Elements):
+    """Acceleration of a point."""
+    return _asked_of_pose("acceleration", elements)
+
+
+@_quantity("rad/s", "link")
+def angular_velocity(of: Parts, elements: Elements):
+    """Angular velocity of a link, positive counter-clockwise."""
+    return _asked_of_pose("angular_velocity", elements)
+
+
+@_quantity("rad/s^2", "link")
+def angular_acceleration(of: Parts, elements: Elements):
+    """Angular acceleration of a link, positive counter-clockwise."""
+    return _asked_of_pose("angular_acceleration", elements)
+
+
+@_quantity("rad", "link", moves=False)
+def angle(of: Parts, elements: Elements):
+    """Angle of a link from the x axis, without jumps over the cycle, between -180° and 180° at crank angle zero."""
+    machine, grid = of.machine, jax.lax.stop_gradient(of.grid)
+    coarse, rates, net = machine.run(_turned, grid, of.at.sample.pose, elements=elements)
+
+    def at(regime: Regime, at: At) -> Vectors:
+        return machine.run(_angles, grid, coarse, rates, net, at.place, at.pose, elements=elements)
+
+    return at
+
+
+def net_turn(of: Parts, element: str) -> Array:
+    """By how much the angle of a link grows in a cycle (rad): zero, or whole turns for one that turns fully."""
+    return of.machine.run(_turned, jax.lax.stop_gradient(of.grid), of.at.sample.pose, elements=(element,))[2][0]
+
+
+@compiled_soon(static=("elements",))
+def _turned(grid: Grid, pose: Pose, elements: Elements) -> tuple[Array, Array, Array]:
+    """Angles without jumps and their rates at the nodes, shape (elements, panels, n), and how much they grow in a
+    cycle. From node to node a link turns by its mean rate, up to whole turns."""
+    phi = grid.nodes.ravel()
+    span = jnp.concatenate([jnp.diff(phi), phi[:1] + grid.length - phi[-1:]])
+    found, rates, nets = [], [], []
+    for name in elements:
+        link = pose.links[name]
+        w, u = link.w[: phi.size], jnp.arctan2(link.u.y, link.u.x)[: phi.size]
+        steps = 0.5 * (w + jnp.roll(w, -1)) * span
+        rise = jnp.roll(u, -1) - u
+        steps = rise + 2 * np.pi * jnp.round((steps - rise) / (2 * np.pi))
+        unwound = u[0] + jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps[:-1])])
+        net = 2 * np.pi * jnp.round(jnp.sum(steps) / (2 * np.pi))
+        unwound -= net * jnp.floor(phi / grid.length)
+        first = jnp.argmin(jnp.mod(phi, grid.length))
+        unwound -= 2 * np.pi * jnp.round(unwound[first] / (2 * np.pi))
+        found.append(unwound.reshape(grid.nodes.shape))
+        rates.append(w.reshape(grid.nodes.shape))
+        nets.append(net)
+    return jnp.stack(found), jnp.stack(rates), jnp.stack(nets)
+
+
+@compiled_soon(static=("elements",))
+def _angles(
+    grid: Grid, coarse: Array, rates: Array, net: Array, place: Place, pose: Pose, elements: Elements
+) -> Vectors:
+    """Angles at places: those of the pose, with the whole turns of the nearest node."""
+    between = jnp.asarray(0.5 * (grid.rule.x[1:] + grid.rule.x[:-1]))
+    node = jnp.searchsorted(between, place.x)
+    phi = grid.nodes[place.panel, node]
+    found = []
+    for i, name in enumerate(elements):
+        link = pose.links[name]
+        after = jnp.floor(phi / grid.length) - jnp.floor(place.phi / grid.length)  # a node beyond the end of the cycle
+        near = coarse[i, place.panel, node] + rates[i, place.panel, node] * (place.phi - phi) + net[i] * after
+        exact = jnp.arctan2(link.u.y, link.u.x)
+        found.append(near + nearest_turn(exact - near, 2 * np.pi))
+    return _stacked(found)
+
+
+@by_structure
+def _slots(scene: Scene) -> dict[str, tuple[int, int]]:
+    """Number of the group, and of its slot, along which each point of a slider moves; a guide of the frame counts
+    before one on a link."""
+    mechanism, moving, fixed = scene.mechanism, {}, {}
+    owners = mechanism.owners()
+    for i, group in enumerate(mechanism.groups):
+        for j, slot in enumerate(group.sliding()):
+            pins = [joint.point for joint in group.joints() if joint.slides and joint.link == slot.block]
+            own = [point for point, link in owners.items() if link == slot.block]
+            found = fixed if slot.guide.on == FRAME else moving
+            found |= dict.fromkeys([*pins, *own], (i, j))
+    return moving | fixed
+
+
+@by_structure
+def _guided(scene: Scene) -> dict[str, tuple[int, int]]:
+    """The same of every sliding joint, by its elements, "<block>.guide.<link>"."""
+    found, sides = {}, other_sides(scene)
+    for i, group in enumerate(scene.mechanism.groups):
+        slots = {slot.block: j for j, slot in enumerate(group.sliding())}
+        for joint in group.joints():
+            if joint.slides and joint.link in slots:
+                found |= {f"{joint.name}.{link}": (i, slots[joint.link]) for link in sides[joint.name]}
+    return found
+
+
+def _guides(scene: Scene, numbers: dict[str, tuple[int, int]], names: Elements) -> dict[str, Guide]:
+    groups = scene.mechanism.groups
+    return {name: groups[i].sliding()[j].guide for name, (i, j) in numbers.items() if name in names}
+
+
+@_quantity("m", "point", moves=False, names=lambda scene: tuple(_slots(scene)))
+def travel(of: Parts, elements: Elements):
+    """Coordinate of a point of a slider along its guide, from the point that the guide passes through."""
+    along = _guides(of.scene, _slots(of.scene), elements)
+    return lambda regime, at: of.machine.run(_travels, along, at.pose, elements=elements)
+
+
+@compiled_soon(static=("elements",))
+def _travels(along: dict[str, Guide], pose: Pose, elements: Elements) -> Vectors:
+    def seen(links, points):
+        return [along[name].line(links, points).along(points[name]).value for name in elements]
+
+    return _stacked(jax.vmap(seen)(pose.links, pose.points))
+
+
+@_quantity("N", "joint", vector=True)
+def reaction(of: Parts, elements: Elements):
+    """Force in a joint on a link: of a guide the component along the left normal of its direction."""
+    pairs = tuple((*name.rpartition(".")[::2],) for name in elements)
+    along = _guides(of.scene, _guided(of.scene), elements)
+
+    def at(regime: Regime, at: At) -> Vectors:
+        return of.machine.run(_reactions, along, at.pose, regime.forces(at), elements=elements, pairs=pairs)
+
+    return at
+
+
+@compiled_soon(static=("elements", "pairs"))
+def _reactions(
+    along: dict[str, Guide], pose: Pose, forces: Forces, elements: Elements, pairs: tuple[tuple[str, str], ...]
+) -> Vectors:
+    def on_links(links, points, reactions):
+        found = []
+        for name, (joint, link) in zip(elements, pairs, strict=True):
+            force = reactions[joint][link]
+            if name in along:
+                t = along[name].line(links, points).t
+                found.append(jnp.stack([t.x * force.fy - t.y * force.fx, jnp.zeros_like(t.x)]))
+            else:
+                found.append(jnp.stack([force.fx, force.fy]))
+        return jnp.stack(found)
+
+    return jnp.moveaxis(jax.vmap(on_links)(pose.links, pose.points, forces.reactions), 0, -1)
+
+
+@compiled_soon
+def _shaking(pose: Pose, speed: Array, acceleration: Array) -> Vectors:
+    first, second = mass_sums(pose)
+    force = -(second * speed**2 + first * acceleration).once()
+    return jnp.stack([force.x, force.y])[None]
+
+
+@_quantity("N", "", vector=True)
+def shaking_force(of: Parts, elements: Elements):
+    """Shaking force: the inertia force on the frame."""
+    return lambda regime, at: regime.machine.run(_shaking, at.pose, *regime.crank(at))
+
+
+@compiled_soon(static=("what",))
+def _of_forces(forces: Forces, speed: Array, what: str) -> Vectors:
+    if what == "drive_torque":
+        return _stacked([forces.drive_torque])
+    if what == "drive_power":
+        return _stacked([forces.drive_torque * speed])
+    if what == "shaking_moment":
+        return _stacked([forces.shaking.moment])
+    force = forces.frame if what == "frame_force" else forces.net_frame
+    return jnp.stack([force.fx, force.fy])[None]
+
+
+def _asked_of_forces(what: str) -> Callable[[Regime, At], Vectors]:
+    return lambda regime, at: regime.machine.run(_of_forces, regime.forces(at), regime.crank(at)[0], what=what)
+
+
+@_quantity("N m", "")
+def shaking_moment(of: Parts, elements: Elements):
+    """Shaking moment about the crank pivot: the inertia moment on the frame."""
+    return _asked_of_forces("shaking_moment")
+
+
+@_quantity("N", "", vector=True)
+def frame_force(of: Parts, elements: Elements):
+    """Force on the frame through its joints."""
+    return _asked_of_forces("frame_force")
+
+
+@_quantity("N", "", vector=True)
+def net_frame_force(of: Parts, elements: Elements):
+    """Force on the foundation: that on the frame and the reactions of loads on the frame."""
+    return _asked_of_forces("net_frame_force")
+
+
+@_quantity("N m", "")
+def drive_torque(of: Parts, elements: Elements):
+    """Drive torque by kinetostatics, positive along the rotation of the crank."""
+    return _asked_of_forces("drive_torque")
+
+
+@_quantity("W", "")
+def drive_power(of: Parts, elements: Elements):
+    """Power of the drive."""
+    return _asked_of_forces("drive_power")
+
+
+@compiled_soon
+def _speeds(speed: Array) -> Vectors:
+    return _stacked([speed])
+
+
+@_quantity("rad/s", "")
+def crank_speed(of: Parts, elements: Elements):
+    """Crank speed."""
+    return lambda regime, at: regime.machine.run(_speeds, regime.crank(at)[0])
+
+
+@compiled_soon(static=("elements",))
+def _transmission(angles: dict[str, Array], elements: Elements) -> Vectors:
+    return _stacked([angles[name] for name in elements])
+
+
+@_quantity("rad", "group", moves=False, asks="gaps", names=lambda scene: turning_groups(scene))
+def transmission_angle(of: Parts, elements: Elements):
+    """Transmission angle of a group."""
+    return lambda regime, at: regime.machine.run(_transmission, at.transmission, elements=elements)
+
+
+def turning_groups(scene: Scene) -> Elements:
+    """The groups that have a transmission angle."""
+    groups = list(named_groups(scene.mechanism).items())
+    return tuple(name for name, group in groups[1:] if not group.numerical())
