@@ -14,7 +14,7 @@ from linkjax._numerics import largest, smallest
 from linkjax.design._names import DesignError
 from linkjax.design._terms import Limit, Term, checked, guarded
 from linkjax.machine import Scene
-from linkjax.measures import MEASURES, Parts, min_margin, steady_state_margin
+from linkjax.measures import Parts, min_margin, steady_state_margin
 from linkjax.mechanism import StructureError
 from linkjax.motion import Rows, Wanted, begin, every_row
 
@@ -47,27 +47,29 @@ def _extreme(term: Term, rows: Rows) -> Array:
 def _wanted(limit: Limit, parts: Parts) -> tuple[Rows | Wanted, Array | None]:
     """The rows of a term, or what they are made of, and its value if it is not the extreme of its rows."""
     term = limit.term
-    call = _measured if _is_measure(term) else lambda function, of: guarded(term.name, PARTS, function, of)
+    call = _measured if term.measure is not None else lambda function, of: guarded(term.name, PARTS, function, of)
     if term.rows is not None and term.smallest == (limit.sense == "at least"):
         return call(term.rows, parts), None
-    value = call(term.value, parts) if _is_measure(term) else checked(term.name, PARTS, term.value, parts)
+    value = call(term.value, parts) if term.measure is not None else checked(term.name, PARTS, term.value, parts)
     return Rows(value.reshape((1, 1)), jnp.full(1, jnp.nan), signed=True), value
+
+
+def breaks_of(term: Term) -> tuple[float, ...]:
+    """The crank angles (rad) at which panels of the grid must end."""
+    return () if term.measure is None else term.measure.breaks
 
 
 def needs(limit: Limit, scene: Scene, nodes: int) -> Needs:
     """What the term of a constraint or objective needs. A measure says so; a user-defined function is traced."""
     term = limit.term
-    if term.name in (min_margin.name, steady_state_margin.name) and _is_measure(term):
-        return Needs.SCENE if term.name == min_margin.name else Needs.ASSEMBLY  # they say how far a machine is off
-    if _is_measure(term):
-        return Needs.MOTION if MEASURES[term.name].motion else Needs.ASSEMBLY
+    if term.measure is not None:
+        name = term.name.partition(".")[0]
+        if name in (min_margin.name, steady_state_margin.name):
+            return Needs.SCENE if name == min_margin.name else Needs.ASSEMBLY  # they say how far a machine is off
+        return Needs.MOTION if term.measure.motion else Needs.ASSEMBLY
     traced = jax.make_jaxpr(lambda scene: rows_for([limit], Parts(scene, nodes))[0][1])(scene)
     names = set(_programs(traced.jaxpr))
     return Needs.MOTION if MOTION in names else Needs.ASSEMBLY if POSE in names else Needs.SCENE
-
-
-def _is_measure(term: Term) -> bool:
-    return term.name in MEASURES and MEASURES[term.name].function is term.value
 
 
 def _measured(function: Callable[[Parts], Any], of: Parts) -> Any:

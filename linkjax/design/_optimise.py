@@ -27,7 +27,7 @@ from linkjax.design._terms import Asked, Limit, Term
 from linkjax.design._text import optimum_text
 from linkjax.design._texts import FUNCTION, Range, UnknownName, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene, check_scene
-from linkjax.measures import MEASURES, NODES
+from linkjax.measures import NODES, measure_names
 
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same optimum
 OTHERS = 5  # starts whose final designs are the initial designs of a trade-off
@@ -238,7 +238,7 @@ def _check_cases(variables: Sequence[Variable], cases: Sequence[Case]) -> None:
 def _told_apart(scene: Scene, limits: list[Limit]) -> list[Limit]:
     """The constraints with different names: the sense or a number is added where two have the same."""
     found: list[Limit] = []
-    known = {*MEASURES, *numbers(scene)}
+    known = {*measure_names(scene), *numbers(scene)}
     for each in limits:
         same = [other for other in limits if other.name == each.name]
         if len(same) == 1:

@@ -20,10 +20,10 @@ from linkjax._batches import Whole
 from linkjax._compile import compiled_soon
 from linkjax.analysis import LIGHTEST, massless
 from linkjax.design._names import DesignError, Number, changed, in_si_of, number, numbers
-from linkjax.design._needs import Needs, needs, rows_for
+from linkjax.design._needs import Needs, breaks_of, needs, rows_for
 from linkjax.design._terms import INITIAL, Limit, Sense, Term, at_least, made_again
 from linkjax.machine import Names, Scene, nameless, untitled
-from linkjax.measures import NODES, Parts, min_margin, steady_state_margin
+from linkjax.measures import NODES, Parts, found_by, min_margin, steady_state_margin
 from linkjax.motion import Rows
 
 ASSEMBLED = 1e-3  # smallest assembly margin of a design that counts as assembled
@@ -135,11 +135,12 @@ def _rows(
     actual motion is not needed."""
     found, light = [], []
     limits = [Limit(made_again(term), sense, 0.0, "") for term, sense in task.asked]
+    breaks = tuple(dict.fromkeys(at for limit in limits for at in breaks_of(limit.term)))
     for names, values in zip(task.changes, changes, strict=True):
         placed = _placed(task, scene, x, ratios)
         known = numbers(placed)
         pairs = [(known[name], value) for name, value in zip(names, values, strict=True)]
-        parts = Parts(changed(placed, pairs), task.nodes)
+        parts = Parts(changed(placed, pairs), task.nodes, breaks=breaks)
         found += rows_for(limits, parts)
         light.append(parts.steady.min_inertia_ratio if task.motion else jnp.ones(()))
     return found, light
@@ -186,6 +187,8 @@ def _program(
 def _nameless(task: Task, scene: Scene, names: Names) -> Task:
     """The task of the scene without names."""
     own = {names.in_text(name): name for name in numbers(scene)}
+    measures = [found_by(term) for term, _ in task.asked if isinstance(term, str)]
+    own |= {each.name: each.without_names(scene, names).name for each in measures if each is not None}
 
     def each(given: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(own.get(name, name) for name in given)

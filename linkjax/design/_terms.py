@@ -15,7 +15,8 @@ from linkjax._numerics import smallest as least
 from linkjax._units import QuantityError, in_si
 from linkjax.design._names import DesignError, number
 from linkjax.machine import Scene
-from linkjax.measures import MEASURES, Measure, Parts
+from linkjax.measures import MEASURES, Measure, Parts, found_by
+from linkjax.mechanism import StructureError
 from linkjax.motion import Rows, Wanted
 
 Sense = Literal["at most", "at least"]
@@ -36,6 +37,7 @@ class Term:
     rows: Callable[[Parts], Rows | Wanted] | None = None
     smallest: bool = False
     made: str = ""  # the name that determines it: of a scene parameter or a built-in measure
+    measure: Measure | None = None
 
 
 Asked = Measure | Callable[[Scene], Array] | str | Term
@@ -52,9 +54,10 @@ class Limit:
     name: str
 
 
-def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
+def as_term(asked: Asked, unit: str = "1", name: str = "", sense: str = "") -> Term:
     """The term of a measure (itself or its name), of a scene parameter by name, or of a user-defined function of the
-    scene, which returns one number in SI.
+    scene, which returns one number in SI. In a constraint of this `sense`, a quantity over the crank angle is the
+    extreme that is limited.
 
     Raises `DesignError` for anything else. A function that fails or does not return one number raises `DesignError`
     when it is traced. For a function that returns an array see `as_rows`.
@@ -62,17 +65,25 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
     if isinstance(asked, Term):
         return asked
     if isinstance(asked, str):
-        if asked not in MEASURES:
+        found = _found(asked, sense)
+        if found is None:
             return Term(asked, UNSETTLED, lambda of: number(of.scene, asked).read(of.scene), made=asked)
-        asked = MEASURES[asked]
+        asked = found
     if isinstance(asked, Measure):
-        made = asked.name if asked.built_in and MEASURES.get(asked.name) is asked else ""
-        return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest, made)
+        made = asked.name if asked.built_in and (asked.asked or MEASURES.get(asked.name) is asked) else ""
+        return Term(asked.name, asked.unit, asked.function, asked.rows, asked.smallest, made, asked)
     if not callable(asked):
         problem = f"{type(asked).__name__} is neither a measure, nor a name, nor a function"
         raise DesignError(repr(asked)[:LONGEST], problem, 'write e.g. "delta", or a function of the scene')
     name = name or _name(asked)
     return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene))
+
+
+def _found(name: str, sense: str) -> Measure | None:
+    try:
+        return found_by(name, sense)
+    except StructureError as error:
+        raise DesignError(error.element, error.problem, error.remedy) from error
 
 
 def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "", smallest: bool = False) -> Term:
@@ -160,7 +171,7 @@ def at_least(asked: Asked, bound: float | str, *, unit: str | None = None, name:
 def _limit(asked: Asked, sense: Sense, bound: float | str, unit: str | None, name: str) -> Limit:
     if callable(asked) and not isinstance(asked, Measure):
         unit = _unit_of(name or _name(asked), bound, unit)
-    term = as_term(asked, unit or "1", name)
+    term = as_term(asked, unit or "1", name, sense)
     return Limit(term, sense, bound, name or term.name)
 
 

@@ -12,13 +12,14 @@ from linkjax.design._names import DesignError, Number, amount, near, number, num
 from linkjax.design._problem import Case, Variable
 from linkjax.design._terms import INITIAL, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
 from linkjax.machine import Scene
-from linkjax.measures import MEASURES
+from linkjax.measures import measure_names
+from linkjax.mechanism import StructureError
 
 Range = Any  # two bounds, or a string
 
 AROUND = re.compile(r"(?:±|\+/?-|within)\s*(.+)", re.IGNORECASE)
 FROM_TO = re.compile(r"(.+?)\s*(?:\.\.\.?|…|\bto\b)\s*(.+)")
-RELATION = re.compile(r"(.+?)\s*(<=|>=|≤|≥)\s*(.+)")
+RELATION = re.compile(r"(.+?)\s*(<=|>=|≤|≥)\s*(.+?)(\s+where\s+.+)?")
 FUNCTION = "in Python pass the function object, not its name: at_most(function, bound), minimise=function"
 SENSES = {"<=": at_most, "≤": at_most, ">=": at_least, "≥": at_least}
 
@@ -72,24 +73,30 @@ def _around(text: str, value: float, at: Number) -> tuple[float, float]:
 
 
 def limit(text: str) -> Limit:
-    """The constraint written as `"delta <= 0.15"`, `"flywheel.inertia <= 19.23 kg m^2"`, `"min_margin >= initial"`."""
+    """The constraint written as `"delta <= 0.15"`, `"flywheel.inertia <= 19.23 kg m^2"`, `"min_margin >= initial"`, or
+    for every crank angle of a window, `"x.D >= 0 where 90 deg to 180 deg"`."""
     found = RELATION.fullmatch(text.strip())
     if found is None:
         remedy = 'write e.g. "delta <= 0.15" or "min_transmission_angle >= initial"'
         raise DesignError(repr(text), "is not a constraint", remedy)
-    name, relation, bound = found.groups()
-    return SENSES[relation](name, bound)
+    name, relation, bound, window = found.groups()
+    return SENSES[relation](name + (window or ""), bound)
 
 
 def settled_term(scene: Scene, asked: Asked) -> Term:
     """A term with its unit known. Raises `DesignError` for a name that is neither a measure nor a scene parameter."""
     term = as_term(asked)
+    if term.measure is not None:
+        try:
+            term.measure.check(scene)
+        except StructureError as error:
+            raise DesignError(error.element, error.problem, error.remedy) from error
     if term.unit != UNSETTLED:
         return term
     known = numbers(scene)
     if term.name not in known:
         problem = "is neither a measure nor a scene parameter"
-        hint = near(term.name, [*MEASURES, *known])
+        hint = near(term.name, [*measure_names(scene), *known])
         hint = hint or "linkjax.measures.MEASURES and linkjax.design.numbers(scene) hold the names"
         raise UnknownName(term.name, problem, hint)
     return dataclasses.replace(term, unit=known[term.name].unit)

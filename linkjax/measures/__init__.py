@@ -31,9 +31,10 @@ from linkjax.measures._parts import Parts as Parts
 from linkjax.measures._registry import MEASURES as MEASURES
 from linkjax.measures._registry import Measure as Measure
 from linkjax.measures._registry import evaluate as evaluate
+from linkjax.measures._registry import found_by as found_by
 from linkjax.measures._registry import measure as measure
+from linkjax.measures._registry import measure_names as measure_names
 from linkjax.measures._registry import named as named
-from linkjax.measures._registry import names as names
 from linkjax.measures._registry import peak as peak
 
 __getattr__ = old_names(__name__)

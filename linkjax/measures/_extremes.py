@@ -78,8 +78,8 @@ def looked(of: Parts, extremes: Sequence[Extreme]) -> Looked:
         known = elements.setdefault(each.quantity.name, {})
         for name in each.elements:
             known.setdefault(name, len(known))
-    order = list(elements)
-    asked = [QUANTITIES[quantity].at(of, tuple(known)) for quantity, known in elements.items()]
+    order = sorted(elements, key=lambda name: QUANTITIES[name].asks != "gaps")  # a sample with gaps has a pose, too
+    asked = [QUANTITIES[quantity].at(of, tuple(elements[quantity])) for quantity in order]
     which = tuple(
         (order.index(each.quantity.name), elements[each.quantity.name][name] if name else 0)
         for each in extremes
@@ -155,7 +155,8 @@ def extremes_of(of: Parts, extremes: Sequence[Extreme]) -> list[Array]:
         for i in which:
             size = len(extremes[i].elements or ("",))
             own = tops[first : first + size]
-            found[i] = smallest(own) if extremes[i].statistic == "min" else largest(own)
+            most = smallest if extremes[i].statistic == "min" else largest
+            found[i] = own[0] if size == 1 else most(own)
             first += size
     for i, each in enumerate(extremes):
         if each.window is not None:

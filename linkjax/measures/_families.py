@@ -24,9 +24,9 @@ from linkjax.measures._extremes import Extreme, Statistic, extremes_of, rows_of
 from linkjax.measures._gaps import limited_groups, margins, transmission_angles
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES, Elements, Quantity, net_turn, turning_groups
-from linkjax.measures._strokes import between, path_length, stopping, stroke_rows, swing_rows, time_ratio
+from linkjax.measures._strokes import between, path_lengths, stopping, stroke_rows, swing_rows, time_ratio
 from linkjax.mechanism import StructureError
-from linkjax.motion import Grid, Place, Rows, Wanted, by_node, every_row
+from linkjax.motion import Grid, Place, Rows, Wanted, by_node
 
 CONSTANT = "_constant_speed"
 WINDOW = re.compile(r"(.+?)\s+where\s+(.+?)\s+to\s+(.+)")
@@ -47,7 +47,7 @@ STATISTICS: dict[str, tuple[str, ...]] = {
     "net_frame_force": ("peak", "rms"),
     "drive_torque": ("peak", "max", "min", "rms"),
     "drive_power": ("peak", "max", "min"),
-    "crank_speed": (),
+    "crank_speed": ("min", "max"),
     "transmission_angle": (),
 }
 SAID = {
@@ -102,7 +102,7 @@ FAMILIES: dict[str, Family] = {}
 
 def _families(quantity: Quantity) -> None:
     """Register the families of a quantity."""
-    for constant in (False, True) if quantity.moves else (False,):
+    for constant in (False, True) if quantity.moves and quantity.name != "crank_speed" else (False,):
         motion = quantity.moves and not constant
         how = "" if not quantity.moves else " In the actual motion." if motion else " At constant nominal speed."
         for statistic in ("", *STATISTICS[quantity.name]):
@@ -113,8 +113,8 @@ def _families(quantity: Quantity) -> None:
             )
 
 
-for _each in QUANTITIES.values():
-    _families(_each)
+for _name in STATISTICS:
+    _families(QUANTITIES[_name])
 
 
 def _own(name: str, unit: str, of: str, names: Callable[[Scene], Elements], meaning: str, **given: Any) -> None:
@@ -134,8 +134,7 @@ _own(
     "Time of the slower way of a slider or link to that of the faster one, back, at constant crank speed; infinite "
     "where it never turns back.", value=time_ratio,
 )  # fmt: skip
-_own("path_length", "m", "point", QUANTITIES["velocity"].names, "Length of the path of a point over the cycle.",
-     value=path_length)  # fmt: skip
+_own("path_length", "m", "point", QUANTITIES["velocity"].names, "Length of the path of a point over the cycle.")
 _own(
     "min_margin", "1", "group", limited_groups,
     "Smallest signed assembly margin of a group over the continuous cycle; negative: cannot be assembled.",
@@ -144,8 +143,7 @@ _own(
 _own(
     "min_transmission_angle", "rad", "group", turning_groups,
     "Smallest transmission angle of a group over the cycle, where an obtuse angle counts as its supplement.",
-    value=lambda of, group: smallest(every_row([transmission_angles(of, group)])[0].size()), rows=transmission_angles,
-    statistic="min",
+    rows=transmission_angles, statistic="min",
 )  # fmt: skip
 
 
@@ -163,6 +161,18 @@ def taken_apart(text: str) -> Asked | None:
     if at:
         angle = _crank_angle(place, head)
     return Asked(family, element.strip(), angle, window)
+
+
+def for_every_angle(asked: Asked, sense: str) -> Asked:
+    """The extreme that a constraint for every crank angle limits; "at most" or "at least"."""
+    family = FAMILIES[asked.family]
+    if family.quantity is None or family.statistic or asked.angle is not None:
+        return asked
+    ways = ("max", "peak") if sense == "at most" else ("min",)
+    way = next((way for way in ways if way in STATISTICS[family.quantity.name]), None)
+    if way is None:
+        raise StructureError(asked.text(), f"has no {ways[0]} that can be limited", "delete the constraint")
+    return asked._replace(family=f"{way}_{family.name}")
 
 
 def _crank_angle(text: str, name: str) -> float:
@@ -221,6 +231,9 @@ def extreme(asked: Asked, scene: Scene) -> Extreme | None:
 def values_of(of: Parts, asked: Sequence[Asked]) -> list[Array]:
     """The values of measures; all extremes among them are found together."""
     means = _every_rms(of, asked)
+    paths = list(dict.fromkeys(each for each in asked if each.family == "path_length"))
+    if paths:
+        means |= dict(zip(paths, path_lengths(of, tuple(each.element for each in paths)), strict=True))
     plans = [_plan(of, each) for each in asked if each not in means]
     found = iter(extremes_of(of, [one for extremes, _ in plans for one in extremes]))
     others = iter([finish(*(next(found) for _ in extremes)) for extremes, finish in plans])
@@ -247,6 +260,9 @@ def _plan(of: Parts, asked: Asked) -> tuple[list[Extreme], Callable[..., Array]]
     family = FAMILIES[asked.family]
     if family.name == "stroke":
         return between("travel", asked.element), lambda high, low: high - low
+    if family.name == "min_transmission_angle":
+        most = Extreme(QUANTITIES["off_square"], (asked.element,), "peak", True)
+        return [most], lambda most: 0.5 * math.pi - most
     if family.name == "swing":
         net = jnp.abs(net_turn(of, asked.element))
         return between("angle", asked.element), lambda high, low: jnp.where(net > 0, net, high - low)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
+from typing import Any
 
 from linkjax.kinematics import Least, Reversals, find_dead_centres, find_margins
 from linkjax.machine import ReadyScene, Scene, ready
@@ -27,7 +29,7 @@ class Parts:
         breaks: tuple[float, ...] = (),
     ):
         self.ready, self.nodes, self._grid, self._at, self._breaks = ready(scene), nodes, grid, at, breaks
-        self._nodes: dict[Regime, At] = {}
+        self._made: dict[Any, Any] = {}
 
     @property
     def scene(self) -> Scene:
@@ -64,11 +66,15 @@ class Parts:
         """Constant nominal speed."""
         return Regime(self.machine, self.grid)
 
+    def once(self, key: Any, made: Callable[[], Any]) -> Any:
+        """What `made` returns, called once for a key."""
+        if key not in self._made:
+            self._made[key] = made()
+        return self._made[key]
+
     def nodes_in(self, regime: Regime) -> At:
         """The machine at the nodes in a regime of this scene."""
-        if regime not in self._nodes:
-            self._nodes[regime] = regime.at(self.at.place, self.at.sample)
-        return self._nodes[regime]
+        return self.once(regime, lambda: regime.at(self.at.place, self.at.sample))
 
     @functools.cached_property
     def dead_centres(self) -> dict[str, Reversals]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -106,9 +106,9 @@ NAMES: dict[str, Callable[[Scene], Elements]] = {
 }
 
 
-def _stacked(numbers: list[Array]) -> Vectors:
+def _stacked(numbers: list[Array] | Array) -> Vectors:
     """Numbers as vectors of two parts."""
-    one = jnp.stack(numbers)
+    one = jnp.stack(numbers) if isinstance(numbers, list) else numbers
     return jnp.stack([one, jnp.zeros_like(one)], axis=1)
 
 
@@ -171,59 +171,65 @@ def angular_acceleration(of: Parts, elements: Elements):
 def angle(of: Parts, elements: Elements):
     """Angle of a link from the x axis, without jumps over the cycle, between -180° and 180° at crank angle zero."""
     machine, grid = of.machine, jax.lax.stop_gradient(of.grid)
-    coarse, rates, net = machine.run(_turned, grid, of.at.sample.pose, elements=elements)
+    turned = whole_turns(of)
 
     def at(regime: Regime, at: At) -> Vectors:
-        return machine.run(_angles, grid, coarse, rates, net, at.place, at.pose, elements=elements)
+        return machine.run(_angles, grid, turned, at.place, at.pose, elements=elements)
 
     return at
 
 
+class Turned(NamedTuple):
+    """Angles of all links (rad) without jumps, and their rates, at the nodes, shape (links, panels, n); and how much
+    each grows in a cycle: zero, or whole turns for a link that turns fully."""
+
+    angle: Array
+    rate: Array
+    net: Array
+
+
+def whole_turns(of: Parts) -> Turned:
+    """The angles of all links at the nodes, without derivatives."""
+    grid, pose = jax.lax.stop_gradient((of.grid, of.at.sample.pose))
+    return of.once(whole_turns, lambda: of.machine.run(_turned, grid, pose))
+
+
 def net_turn(of: Parts, element: str) -> Array:
-    """By how much the angle of a link grows in a cycle (rad): zero, or whole turns for one that turns fully."""
-    return of.machine.run(_turned, jax.lax.stop_gradient(of.grid), of.at.sample.pose, elements=(element,))[2][0]
+    """By how much the angle of a link grows in a cycle (rad)."""
+    return whole_turns(of).net[sorted(of.scene.mechanism.links).index(element)]
 
 
-@compiled_soon(static=("elements",))
-def _turned(grid: Grid, pose: Pose, elements: Elements) -> tuple[Array, Array, Array]:
-    """Angles without jumps and their rates at the nodes, shape (elements, panels, n), and how much they grow in a
-    cycle. From node to node a link turns by its mean rate, up to whole turns."""
-    phi = grid.nodes.ravel()
+@compiled_soon
+def _turned(grid: Grid, pose: Pose) -> Turned:
+    """From node to node a link turns by its mean rate, up to whole turns."""
+    phi, links = grid.nodes.ravel(), [pose.links[name] for name in sorted(pose.links)]
     span = jnp.concatenate([jnp.diff(phi), phi[:1] + grid.length - phi[-1:]])
-    found, rates, nets = [], [], []
-    for name in elements:
-        link = pose.links[name]
-        w, u = link.w[: phi.size], jnp.arctan2(link.u.y, link.u.x)[: phi.size]
-        steps = 0.5 * (w + jnp.roll(w, -1)) * span
-        rise = jnp.roll(u, -1) - u
-        steps = rise + 2 * np.pi * jnp.round((steps - rise) / (2 * np.pi))
-        unwound = u[0] + jnp.concatenate([jnp.zeros(1), jnp.cumsum(steps[:-1])])
-        net = 2 * np.pi * jnp.round(jnp.sum(steps) / (2 * np.pi))
-        unwound -= net * jnp.floor(phi / grid.length)
-        first = jnp.argmin(jnp.mod(phi, grid.length))
-        unwound -= 2 * np.pi * jnp.round(unwound[first] / (2 * np.pi))
-        found.append(unwound.reshape(grid.nodes.shape))
-        rates.append(w.reshape(grid.nodes.shape))
-        nets.append(net)
-    return jnp.stack(found), jnp.stack(rates), jnp.stack(nets)
+    w = jnp.stack([link.w for link in links])[:, : phi.size]
+    u = jnp.stack([jnp.arctan2(link.u.y, link.u.x) for link in links])[:, : phi.size]
+    rise = jnp.roll(u, -1, axis=1) - u
+    steps = 0.5 * (w + jnp.roll(w, -1, axis=1)) * span
+    steps = rise + 2 * np.pi * jnp.round((steps - rise) / (2 * np.pi))
+    net = 2 * np.pi * jnp.round(jnp.sum(steps, axis=1) / (2 * np.pi))
+    angle = jnp.cumsum(jnp.concatenate([u[:, :1], steps[:, :-1]], axis=1), axis=1)
+    angle -= net[:, None] * jnp.floor(phi / grid.length)
+    first = jnp.argmin(jnp.mod(phi, grid.length))
+    angle -= 2 * np.pi * jnp.round(angle[:, first] / (2 * np.pi))[:, None]
+    shape = (len(links), *grid.nodes.shape)
+    return Turned(angle.reshape(shape), w.reshape(shape), net)
 
 
 @compiled_soon(static=("elements",))
-def _angles(
-    grid: Grid, coarse: Array, rates: Array, net: Array, place: Place, pose: Pose, elements: Elements
-) -> Vectors:
+def _angles(grid: Grid, turned: Turned, place: Place, pose: Pose, elements: Elements) -> Vectors:
     """Angles at places: those of the pose, with the whole turns of the nearest node."""
-    between = jnp.asarray(0.5 * (grid.rule.x[1:] + grid.rule.x[:-1]))
-    node = jnp.searchsorted(between, place.x)
+    names = sorted(pose.links)
+    which = np.asarray([names.index(name) for name in elements])
+    node = jnp.searchsorted(jnp.asarray(0.5 * (grid.rule.x[1:] + grid.rule.x[:-1])), place.x)
     phi = grid.nodes[place.panel, node]
-    found = []
-    for i, name in enumerate(elements):
-        link = pose.links[name]
-        after = jnp.floor(phi / grid.length) - jnp.floor(place.phi / grid.length)  # a node beyond the end of the cycle
-        near = coarse[i, place.panel, node] + rates[i, place.panel, node] * (place.phi - phi) + net[i] * after
-        exact = jnp.arctan2(link.u.y, link.u.x)
-        found.append(near + nearest_turn(exact - near, 2 * np.pi))
-    return _stacked(found)
+    after = jnp.floor(phi / grid.length) - jnp.floor(place.phi / grid.length)  # of a node beyond the end of the cycle
+    angle, rate = (part[which[:, None], place.panel, node] for part in (turned.angle, turned.rate))
+    near = angle + rate * (place.phi - phi) + turned.net[which, None] * after
+    exact = jnp.stack([jnp.arctan2(pose.links[name].u.y, pose.links[name].u.x) for name in elements])
+    return _stacked(near + nearest_turn(exact - near, 2 * np.pi))
 
 
 @by_structure
@@ -382,6 +388,17 @@ def _transmission(angles: dict[str, Array], elements: Elements) -> Vectors:
 def transmission_angle(of: Parts, elements: Elements):
     """Transmission angle of a group."""
     return lambda regime, at: regime.machine.run(_transmission, at.transmission, elements=elements)
+
+
+@compiled_soon(static=("elements",))
+def _off_square(angles: dict[str, Array], elements: Elements) -> Vectors:
+    return _stacked([angles[name] - 0.5 * np.pi for name in elements])
+
+
+@_quantity("rad", "group", moves=False, asks="gaps", names=lambda scene: turning_groups(scene))
+def off_square(of: Parts, elements: Elements):
+    """Transmission angle of a group beyond a right angle."""
+    return lambda regime, at: regime.machine.run(_off_square, at.transmission, elements=elements)
 
 
 def turning_groups(scene: Scene) -> Elements:

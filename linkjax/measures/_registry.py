@@ -15,7 +15,7 @@ from jaxtyping import Array
 from linkjax._numerics import largest, smallest
 from linkjax._units import nearest
 from linkjax.machine import Names, ReadyScene, Scene, nameless
-from linkjax.measures._families import FAMILIES, Asked, checked, has_rows, rows, taken_apart, values_of
+from linkjax.measures._families import FAMILIES, Asked, checked, for_every_angle, has_rows, rows, taken_apart, values_of
 from linkjax.measures._parts import NODES, Parts
 from linkjax.mechanism import StructureError
 from linkjax.motion import Rows, Wanted, every_row, peaks
@@ -81,15 +81,24 @@ def _of_family(asked: Asked) -> Measure:
 def named(name: str) -> Measure:
     """The measure of this name: one of `MEASURES`, or of a family, as in "stroke.D", "x.D@60deg" or "max_x.D where
     90deg to 180deg". Raises `StructureError` for any other name."""
+    found = found_by(name)
+    if found is None:
+        raise StructureError(name, "is not a measure", nearest(name.partition(".")[0], [*MEASURES, *FAMILIES]))
+    return found
+
+
+def found_by(name: str, sense: str = "") -> Measure | None:
+    """The same; None for another name. With the `sense` of a constraint, "at most" or "at least", a quantity over the
+    crank angle is its extreme: the constraint holds for every crank angle."""
     if name in MEASURES:
         return MEASURES[name]
     asked = taken_apart(name)
     if asked is None:
-        raise StructureError(name, "is not a measure", nearest(name.partition(".")[0], [*MEASURES, *FAMILIES]))
-    return _of_family(asked)
+        return None
+    return _of_family(for_every_angle(asked, sense) if sense else asked)
 
 
-def names(scene: Scene) -> tuple[str, ...]:
+def measure_names(scene: Scene) -> tuple[str, ...]:
     """The names of all measures that a scene has, without those at a crank angle or in a window."""
     found = list(MEASURES)
     for family in FAMILIES.values():

@@ -11,11 +11,12 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, safe_sqrt, wrapped
 from linkjax._search import MOTION_SCAN, scan_angles
+from linkjax._vec import Vec
 from linkjax.kinematics import Pose, Reversals, stopping_ends
 from linkjax.machine import Scene
 from linkjax.measures._extremes import Extreme, Statistic, looked, lowered
 from linkjax.measures._parts import Parts
-from linkjax.measures._quantities import QUANTITIES, by_structure, net_turn
+from linkjax.measures._quantities import QUANTITIES, Elements, by_structure, net_turn
 from linkjax.motion import Rows, Summits, Wanted
 
 CUTS = 8  # per crank turn: the most places where a point is slowest
@@ -78,41 +79,54 @@ def _ratio(found: Reversals, turns: int) -> Array:
     return jnp.where(short > 0, safe_divide(long, short), jnp.inf)
 
 
-def path_length(of: Parts, element: str) -> Array:
-    """Length of the path of a point over the cycle.
+def path_lengths(of: Parts, elements: Elements) -> list[Array]:
+    """Lengths of the paths of points over the cycle.
 
-    It is integrated between the places where the point is slowest: at a dead centre, or near a cusp of its path, the
+    They are integrated between the places where a point is slowest: at a dead centre, or near a cusp of its path, the
     speed has a kink or a singularity close by. Source: Takahasi and Mori, Double exponential formulas for numerical
     integration, 1974.
     """
     machine, turns = of.machine, of.scene.cycle_turns
     scanned = machine.sample(scan_angles(turns, MOTION_SCAN), fixed=True, dynamics=False).pose
-    cuts = machine.run(_slowest, scanned, turns=turns, element=element)
-    for _ in range(CLOSER):
-        cuts = machine.run(_slower, cuts, machine.sample(cuts, fixed=True, dynamics=False).pose, element=element)
-    places, weights = machine.run(_between, cuts, turns=turns)
-    return machine.run(_length, machine.sample(places, dynamics=False).pose, weights, element=element)
+    cuts = machine.run(_slowest, scanned, turns=turns, elements=elements)
+
+    def closer(cuts: Array) -> Array:
+        return machine.run(_slower, cuts, machine.sample(cuts, fixed=True, dynamics=False).pose, elements=elements)
+
+    places, weights = machine.run(_between, machine.loop(CLOSER, closer, cuts), turns=turns, count=len(elements))
+    return machine.run(_lengths, machine.sample(places, dynamics=False).pose, weights, elements=elements)
 
 
-@compiled_soon(static=("turns", "element"))
-def _slowest(pose: Pose, turns: int, element: str) -> Array:
-    """First guesses of the places where a point is slowest (rad), a fixed number; the others are spread evenly."""
-    scan = scan_angles(turns, MOTION_SCAN)
-    v, a = pose.points[element].dr, pose.points[element].ddr
-    slope = (v.x * a.x + v.y * a.y)[: scan.size]
-    least = (slope <= 0) & (jnp.roll(slope, -1) > 0)
-    place, slots = jnp.cumsum(least), jnp.arange(1, CUTS * turns + 1)
-    chosen = least[None] & (place[None] == slots[:, None])
-    found = jnp.sum(jnp.where(chosen, jnp.asarray(scan)[None], 0.0), axis=1)
-    return jnp.where(slots <= place[-1], found, 2 * np.pi / CUTS * slots)
+@compiled_soon(static=("turns", "elements"))
+def _slowest(pose: Pose, turns: int, elements: Elements) -> Array:
+    """First guesses of the places where points are slowest (rad), a fixed number for each, flat; those that are not
+    needed are spread evenly."""
+    scan, slots, found = scan_angles(turns, MOTION_SCAN), jnp.arange(1, CUTS * turns + 1), []
+    for name in elements:
+        v, a = pose.points[name].dr, pose.points[name].ddr
+        slope = v.dot(a)[: scan.size]
+        least = (slope <= 0) & (jnp.roll(slope, -1) > 0)
+        place = jnp.cumsum(least)
+        chosen = least[None] & (place[None] == slots[:, None])
+        guess = jnp.sum(jnp.where(chosen, jnp.asarray(scan)[None], 0.0), axis=1)
+        found.append(jnp.where(slots <= place[-1], guess, 2 * np.pi / CUTS * slots))
+    return jnp.concatenate(found)
 
 
-@compiled_soon(static=("element",))
-def _slower(cuts: Array, pose: Pose, element: str) -> Array:
-    v, a = pose.points[element].dr, pose.points[element].ddr
-    v, a = (type(part)(part.x[: cuts.size], part.y[: cuts.size]) for part in (v, a))
+@compiled_soon(static=("elements",))
+def _slower(cuts: Array, pose: Pose, elements: Elements) -> Array:
+    v, a = ([getattr(pose.points[name], part) for name in elements] for part in ("dr", "ddr"))
+    v, a = (_own_places(part, cuts.size) for part in (v, a))
     step = 2 * np.pi / MOTION_SCAN
-    return cuts - jnp.clip(safe_divide(v.dot(a), a.squared()), -step, step)
+    move = safe_divide(jnp.sum(v * a, axis=0), jnp.sum(a * a, axis=0))
+    return cuts - jnp.clip(move, -step, step)
+
+
+def _own_places(vectors: list[Vec], places: int) -> Array:
+    """Of vectors at the places of all points, one after another, those of each point at its own; shape (2, places)."""
+    every = jnp.stack([jnp.stack([vector.x, vector.y]) for vector in vectors])[..., :places]
+    size = places // len(vectors)
+    return jnp.concatenate([every[i, :, i * size : (i + 1) * size] for i in range(len(vectors))], axis=1)
 
 
 @functools.cache
@@ -123,18 +137,19 @@ def _rule() -> tuple[np.ndarray, np.ndarray]:
     return x, SPACING * slope
 
 
-@compiled_soon(static=("turns",))
-def _between(cuts: Array, turns: int) -> tuple[Array, Array]:
-    """Places between the cuts (rad) and their weights, over one cycle."""
+@compiled_soon(static=("turns", "count"))
+def _between(cuts: Array, turns: int, count: int) -> tuple[Array, Array]:
+    """Places between the cuts of each point over one cycle (rad), flat, and their weights."""
     cycle = 2 * np.pi * turns
-    edges = jnp.sort(cuts)
-    edges = jnp.concatenate([edges, edges[:1] + cycle])
+    edges = jnp.sort(cuts.reshape((count, -1)), axis=1)
+    edges = jnp.concatenate([edges, edges[:, :1] + cycle], axis=1)
     x, weights = _rule()
-    half, middle = 0.5 * (edges[1:] - edges[:-1])[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
+    half, middle = 0.5 * jnp.diff(edges)[..., None], 0.5 * (edges[:, 1:] + edges[:, :-1])[..., None]
     return (middle + half * jnp.asarray(x)).ravel(), (half * jnp.asarray(weights)).ravel()
 
 
-@compiled_soon(static=("element",))
-def _length(pose: Pose, weights: Array, element: str) -> Array:
-    speed = safe_sqrt(pose.points[element].dr.squared())[: weights.size]
-    return jnp.sum(weights * speed)
+@compiled_soon(static=("elements",))
+def _lengths(pose: Pose, weights: Array, elements: Elements) -> list[Array]:
+    speed = _own_places([pose.points[name].dr for name in elements], weights.size)
+    every = weights * safe_sqrt(jnp.sum(speed * speed, axis=0))
+    return list(jnp.sum(every.reshape((len(elements), -1)), axis=1))

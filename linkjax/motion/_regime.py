@@ -47,18 +47,19 @@ class Regime:
 
     def crank(self, at: At) -> Any:
         """Crank speed (rad/s) and acceleration (rad/s²)."""
-        return self._driven(at)[1]
+        return at.driven[1]
 
     def forces(self, at: At) -> Forces:
         """Joint reactions, drive torque, and the other forces."""
         return at.forces
 
-    def found_forces(self, at: At) -> Forces:
+    def find_forces(self, at: At) -> Forces:
         """The same, found anew."""
-        (active, crank), place = self._driven(at), at.place
+        (active, crank), place = at.driven, at.place
         return self.machine.forces(place.phi, place.side, at.pose, active, *crank, fixed=self.fixed)
 
-    def _driven(self, at: At) -> Any:
+    def find_driven(self, at: At) -> Any:
+        """The loads that act, crank speed and acceleration, found anew."""
         scene = self.machine.still.scene if self.fixed else self.scene
         dynamics = None if self.steady is None or self.grid.prescribed else at.sample.dynamics
         return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, dynamics)
@@ -76,21 +77,32 @@ class At:
         return self._asked() if self._given is None else self._given
 
     @functools.cached_property
+    def gaps(self) -> Sample:
+        """Samples with margins and transmission angles."""
+        return self.sample if self._given is not None else self._asked(dynamics=False, gaps=True)
+
+    @functools.cached_property
     def pose(self) -> Pose:
         """Points and links."""
         known = self._given is not None or "sample" in self.__dict__
+        if not known and "gaps" in self.__dict__:
+            return self.gaps.pose
         return self.sample.pose if known else self._asked(dynamics=False).pose
 
-    @functools.cached_property
+    @property
     def transmission(self) -> dict[str, Array]:
         """Transmission angles of the groups (rad)."""
-        known = self._given is not None
-        return self.sample.transmission if known else self._asked(dynamics=False, gaps=True).transmission
+        return self.gaps.transmission
+
+    @functools.cached_property
+    def driven(self) -> Any:
+        """The loads that act, and crank speed (rad/s) and acceleration (rad/s²)."""
+        return self.regime.find_driven(self)
 
     @functools.cached_property
     def forces(self) -> Forces:
         """All forces."""
-        return self.regime.found_forces(self)
+        return self.regime.find_forces(self)
 
     def _asked(self, **what: bool) -> Sample:
         return self.regime.machine.sample(self.place.phi, self.place.side, fixed=self.regime.fixed, **what)
