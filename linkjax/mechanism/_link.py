@@ -127,7 +127,7 @@ class Link(eqx.Module):
 
     def _check_uniform(self) -> None:
         """Raise `ValueError` where the mass of a uniform bar or plate is missing, or given twice."""
-        if self.uniform is not True and len(self.uniform) < 3:
+        if not isinstance(self.uniform, bool) and len(self.uniform) < 3:
             raise ValueError(f"'uniform' names {len(self.uniform)} corners; {PLATE}, or true for a bar")
         for name in ("area", "density"):
             if getattr(self, name) is not None:
