@@ -36,6 +36,8 @@ def print_optimum(data: Data, show: Numbers, seconds: float) -> None:
         console.print(f"conflicting constraints: {', '.join(result['conflicts'])}", highlight=False, markup=False)
     _print_limits(data, show)
     _print_variables(data, show)
+    for note in data["notes"]:
+        console.print(f"note: {note}", highlight=False, markup=False)
     _print_measures(data, show)
     _print_trade_off(data, show)
     starts = len(data["starts"])

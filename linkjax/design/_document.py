@@ -67,6 +67,7 @@ def document(
         "units": {each.name: each.unit for each in MEASURES.values()},
         "history": [{"objective": a * goal.scale * (goal.sign if goal.signed else 1.0), "violation": b}
                     for a, b in found.history],
+        "notes": list(found.notes),
         "evaluations": found.evaluations,
         "starts": [start._asdict() for start in found.starts],
         "starts_at_optimum": found.starts_at_optimum,

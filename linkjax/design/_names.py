@@ -193,9 +193,10 @@ def _vec(name: str, where: Where, parts: tuple[str, str] = ("along", "across"), 
 
 def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
     given = ("area", "density") if link.mass_properties == "section" else ("mass", "inertia")
+    given = given if link.uniform is False else ("mass",)
     for key in (*(("length",) if bar else ()), *given):
         yield Number(f"{name}.{key}", lambda s, k=key: getattr(where(s), k), UNITS[key], 0.0)
-    if link.mass_properties != "section":
+    if link.mass_properties != "section" and link.uniform is False:
         yield from _vec(f"{name}.centre", lambda s: where(s).centre)
     for point in link.points:
         yield from _vec(f"{name}.points.{point}", lambda s, p=point: where(s).points[p])

@@ -24,7 +24,7 @@ from linkjax.design._problem import Case, Kind, Problem, Variable, check
 from linkjax.design._scipy import slsqp, trust
 from linkjax.design._starts import Progress, Run, Start, Traded, feasible, known, objective, trade, violated
 from linkjax.design._terms import Asked, Limit, Term
-from linkjax.design._text import optimum_text
+from linkjax.design._text import notes, optimum_text
 from linkjax.design._texts import FUNCTION, Range, UnknownName, settled_case, settled_free, settled_limit, settled_term
 from linkjax.machine import Scene, check_scene
 from linkjax.measures import NODES, measure_names
@@ -90,6 +90,12 @@ class Optimum:
         """Every design variable before and after (SI), by name."""
         p = self.problem
         return {v.name: (float(a), float(b)) for v, a, b in zip(p.variables, p.start, self.x, strict=True)}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Lines about links whose mass stays as given while their length is a design variable, and about uniform plates
+        whose corners are no longer in order."""
+        return notes(self.problem, self.after)
 
     @property
     def starts_at_optimum(self) -> int:

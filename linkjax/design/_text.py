@@ -10,6 +10,7 @@ from linkjax.design._names import number
 
 SHOW = Numbers()
 CERTIFIED = 1e-6
+WHILE = 'as given while the length changes (mass_properties = "fixed")'
 Rows = list[tuple[str, ...]]
 
 
@@ -25,6 +26,26 @@ def outcome(found: Any) -> str:
     return "optimal" if found.kkt_residual <= CERTIFIED else "uncertified"
 
 
+def notes(problem: Any, after: Any) -> tuple[str, ...]:
+    """One line for the links whose mass stays as given while their length is a design variable: these links have a mass
+    or inertia, `mass_properties = "fixed"`, and no free mass. Another line for those that are uniform, and one for each
+    uniform plate whose corners are no longer in order in the scene `after`."""
+    free = {name for v in problem.variables for name in (v.name, *v.linked)}
+    fixed = [
+        (name, link) for name, link in problem.scene.mechanism.links.items()
+        if f"links.{name}.length" in free and f"links.{name}.mass" not in free and link.mass_properties == "fixed"
+        and float(link.mass) + float(link.inertia) > 0
+    ]  # fmt: skip
+    given = ", ".join(name for name, link in fixed if link.uniform is False)
+    even = ", ".join(name for name, link in fixed if link.uniform is not False)
+    found = [f"{given}: mass, centre and inertia stay {WHILE}"] if given else []
+    found += [f"{even}: the mass stays {WHILE}; centre and inertia follow it (uniform)"] if even else []
+    for name, link in after.mechanism.links.items():
+        if (fault := link.uniform_fault()) is not None:
+            found.append(f"{name}: {fault[0]} in the optimised design; narrow the ranges of its points")
+    return tuple(found)
+
+
 def optimum_text(found: Any) -> str:
     """Result, objective, variables and constraints of an optimum, each before and after."""
     goal = next(kind for kind in found.problem.kinds if kind.role == "objective")
@@ -36,6 +57,7 @@ def optimum_text(found: Any) -> str:
     ]
     if found.conflicts:
         head.append(("conflicts", ", ".join(found.conflicts)))
+    head += [("note", note) for note in found.notes]
     sense = "minimise" if goal.sign > 0 else "maximise"
     objective = [("objective", "before", "after"), (f"{sense} {goal.name}", before, after)]
     tables = [aligned(rows) for rows in (head, objective, _variables(found), _limits(found)) if rows]

@@ -1,5 +1,6 @@
 """Links and their composition: plain data, no mechanics."""
 
+from linkjax.mechanism._link import OF_LENGTH as OF_LENGTH
 from linkjax.mechanism._link import Body as Body
 from linkjax.mechanism._link import Counterweight as Counterweight
 from linkjax.mechanism._link import Flywheel as Flywheel

@@ -176,7 +176,7 @@ class Drawing:
 
     def places(self, link: str) -> dict[str, complex]:
         """Points of a link in the axes of the link."""
-        return {p: complex_of(f"links.{link}", at) for p, at in self.links[link].actual().points.items()}
+        return {p: complex_of(f"links.{link}", at) for p, at in self.links[link].places().items()}
 
     def size(self) -> float:
         """The largest distance between points with known places (m)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import equinox as eqx
 import jax
@@ -14,8 +14,10 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float, known
 from linkjax._vec import Vec
+from linkjax.mechanism._uniform import PLATE, bar, plate, plate_fault
 
-MassProperties = Literal["fixed", "scaled", "section"]
+MassProperties = Literal["fixed", "scaled", "stretched", "section"]
+OF_LENGTH = ("scaled", "stretched")  # these belong to a reference length
 
 
 class Counterweight(eqx.Module):
@@ -59,14 +61,28 @@ class Counterweight(eqx.Module):
         return safe_sqrt(self.mass / (jnp.pi * self.thickness * self.density))
 
 
+def _corners(given: Any) -> bool | tuple[str, ...]:
+    """The value of `uniform`: True, False or names of corners. Raises `TypeError` for anything else."""
+    if isinstance(given, bool):
+        return given
+    if not isinstance(given, tuple | list) or not all(isinstance(name, str) for name in given):
+        raise TypeError(f"'uniform' of a link is {given!r}; for a bar write True, for a plate {PLATE}")
+    return tuple(given)
+
+
 class Link(eqx.Module):
     """Dimensions and mass of one link (SI units; every number is an array leaf).
 
     `length` is the distance between its two pins (zero for a slider). `centre` and `points` are given in the link's
     axes; `mass`, `centre` and `inertia` exclude the `counterweights`. `mass_properties` says what happens when the
     length changes: "fixed" keeps mass, centre, inertia and points as given; "scaled" multiplies centre, points and mass
-    by l / l_ref and inertia by (l / l_ref)^3, with l_ref = `reference_length`; "section" computes a slender uniform bar
-    from `area` and `density`.
+    by l / l_ref and inertia by (l / l_ref)^3, with l_ref = `reference_length`; "stretched" keeps the mass, multiplies
+    centre and points by l / l_ref and inertia by (l / l_ref)^2; "section" computes a slender uniform bar from `area`
+    and `density`.
+
+    `uniform` computes centre and inertia from `mass` and the present geometry: with True those of a slender uniform bar
+    between its (first) two pins, with the names of three or more of its pins and points, in the order of the outline,
+    those of a uniform plate with these corners. Raises `ValueError` where they are given, or the mass is zero.
 
     For `linkage`, a link names its `pins`: the first is its origin, the second lies on its x axis at its length (unless
     it is in `points`), further pins are in `points`.
@@ -86,6 +102,8 @@ class Link(eqx.Module):
     mass_properties: MassProperties = eqx.field(static=True, default="fixed")
     centre_name: str = eqx.field(static=True, default="")
     pins: tuple[str, ...] = eqx.field(converter=tuple, static=True, default=())
+    uniform: bool | tuple[str, ...] = eqx.field(converter=_corners, static=True, default=False)
+    ends: tuple[str, ...] = eqx.field(static=True, default=())  # its pins in its group, set by the mechanism
 
     def __check_init__(self):
         if self.mass_properties not in get_args(MassProperties):
@@ -101,42 +119,105 @@ class Link(eqx.Module):
                 raise TypeError(f"{where} of a link must be a Vec, but is {at!r}; write Vec(x, y)")
         if self.mass_properties == "section" and (self.area is None or self.density is None):
             raise ValueError('a link with mass_properties = "section" needs area and density; give both')
-        if self.mass_properties == "scaled" and self.reference_length is None:
-            raise ValueError('a link with mass_properties = "scaled" needs reference_length; give its original length')
+        if self.mass_properties in OF_LENGTH and self.reference_length is None:
+            needs = f'a link with mass_properties = "{self.mass_properties}" needs reference_length'
+            raise ValueError(f"{needs}; give its original length")
+        if self.uniform is not False:
+            self._check_uniform()
+
+    def _check_uniform(self) -> None:
+        """Raise `ValueError` where the mass of a uniform bar or plate is missing, or given twice."""
+        if not isinstance(self.uniform, bool) and len(self.uniform) < 3:
+            raise ValueError(f"'uniform' names {len(self.uniform)} corners; {PLATE}, or true for a bar")
+        for name in ("area", "density"):
+            if getattr(self, name) is not None:
+                problem = f"{name!r} of a uniform link has no effect: it has its mass from `mass`"
+                raise ValueError(f'{problem}; delete it, or write mass_properties = "section" instead of uniform')
+        if self.mass_properties == "section":
+            raise ValueError("'uniform' has no effect: mass_properties = \"section\" is a uniform bar; delete it")
+        for name, value in (("inertia", self.inertia), ("centre", self.centre.x), ("centre", self.centre.y)):
+            number = known(value)
+            if number is not None and np.any(number != 0):
+                raise ValueError(f"{name!r} of a uniform link is given; delete it, or uniform, which computes it")
+        mass = known(self.mass)
+        if mass is not None and not np.any(mass):
+            raise ValueError("a uniform link without 'mass'; give its mass, or delete uniform")
+
+    def uniform_fault(self) -> tuple[str, str] | None:
+        """Problem and remedy where its pins and points form no bar or plate, as `uniform` says; None if they do."""
+        pins = self.pins or self.ends
+        if self.uniform is True and len(pins) < 2:
+            return "a uniform bar has two pins, but this link has one", f"delete uniform, or {PLATE}"
+        if isinstance(self.uniform, bool):
+            return None
+        return plate_fault(self.uniform, {**self._ends(pins), **self._points(self._ratio())})
 
     def point_names(self) -> tuple[str, ...]:
         """Names of its pins and coupler points, without counterweights and mass centre."""
         return tuple(dict.fromkeys((*self.pins, *self.points)))
 
     def actual(self) -> Body:
-        """Mass, mass centre, inertia about it, and points with its own pins, at the present length."""
+        """Mass, mass centre, inertia about it, and points with its own pins, at the present length. Raises `ValueError`
+        for a uniform plate with a corner that is unknown outside of a mechanism."""
         body = self._body()
-        if not self.pins:
-            return body
-        none = jnp.zeros_like(self.length)
-        ends = dict(zip(self.pins, (Vec(none, none), Vec(self.length, none)), strict=False))
-        return dataclasses.replace(body, points={**ends, **body.points})
+        return dataclasses.replace(body, points={**self._ends(self.pins), **body.points}) if self.pins else body
+
+    def places(self) -> dict[str, Vec]:
+        """Its points, with its own pins, at the present length."""
+        return {**self._ends(self.pins), **self._points(self._ratio())}
 
     def held(self, origin: str, far: str | None) -> Held | None:
         """The line between two of its pins in its axes; None where these are its origin and the end of its length."""
         if far is None or not self.pins or ((origin, far) == self.pins[:2] and far not in self.points):
             return None
-        points = self.actual().points
+        points = self.places()
         span = points[far] - points[origin]
         length = safe_sqrt(span.squared(), 1.0)
         return Held(length, points[origin], span / length)
+
+    def _ends(self, pins: tuple[str, ...]) -> dict[str, Vec]:
+        """Positions of its first two pins on its own axis."""
+        none = jnp.zeros_like(self.length)
+        return dict(zip(pins, (Vec(none, none), Vec(self.length, none)), strict=False))
+
+    def _ratio(self) -> Array | None:
+        """Its length relative to that of its mass properties; None where these do not follow it."""
+        if self.mass_properties not in OF_LENGTH:
+            return None
+        assert self.reference_length is not None
+        return self.length / jax.lax.stop_gradient(self.reference_length)
+
+    def _points(self, k: Array | None) -> dict[str, Vec]:
+        return self.points if k is None else {name: at * k for name, at in self.points.items()}
 
     def _body(self) -> Body:
         if self.mass_properties == "section":
             assert self.area is not None and self.density is not None
             mass = self.area * self.density * self.length
             return Body(mass, Vec(0.5 * self.length, jnp.zeros_like(mass)), mass * self.length**2 / 12, self.points)
-        if self.mass_properties == "scaled":
-            assert self.reference_length is not None
-            k = self.length / jax.lax.stop_gradient(self.reference_length)
-            points = {name: at * k for name, at in self.points.items()}
-            return Body(self.mass * k, self.centre * k, self.inertia * k**3, points)
-        return Body(self.mass, self.centre, self.inertia, self.points)
+        k, scaled = self._ratio(), self.mass_properties == "scaled"
+        points = self._points(k)
+        mass = self.mass if k is None or not scaled else self.mass * k
+        if self.uniform is not False:
+            centre, per_mass = self._even(points)
+            return Body(mass, centre, mass * per_mass, points)
+        if k is None:
+            return Body(mass, self.centre, self.inertia, points)
+        return Body(mass, self.centre * k, self.inertia * (k**3 if scaled else k**2), points)
+
+    def _even(self, points: dict[str, Vec]) -> tuple[Vec, Array]:
+        """Centre and central inertia per mass of a uniform bar or plate, from its points at the present length."""
+        pins = self.pins or self.ends
+        places = {**self._ends(pins), **points}
+        if self.uniform is True:
+            far = places[pins[1]] if len(pins) > 1 else Vec(self.length, jnp.zeros_like(self.length))
+            return bar(far)
+        assert self.uniform is not False
+        unknown = [name for name in self.uniform if name not in places]
+        if unknown:
+            raise ValueError(f"corner {unknown[0]!r} of a uniform plate has no position; give the link `pins`, "
+                             "or put it into a mechanism")  # fmt: skip
+        return plate([places[name] for name in self.uniform])
 
 
 class Lump(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
 import equinox as eqx
 import numpy as np
@@ -45,6 +46,8 @@ class Mechanism(eqx.Module):
         self.groups = tuple(groups)
         self.flywheel = Flywheel() if flywheel is None else flywheel
         named = {name: _named(link, f"S{i}") for i, (name, link) in enumerate(links.items(), 1)}
+        ends = {name: pins for group in self.groups for name, pins in group.pins().items()}
+        named = {name: _with_ends(link, ends.get(name, ())) for name, link in named.items()}
         self.links, self.link_names = dict(sorted(named.items())), tuple(named)
         check_structure(self)
 
@@ -106,6 +109,13 @@ def _named(link: Link, name: str) -> Link:
     return link if link.centre_name else dataclasses.replace(link, centre_name=name)
 
 
+def _with_ends(link: Link, pins: Iterable[str | None]) -> Link:
+    """A uniform link with the names of its pins, which are the ends of the bar and may be corners of the plate."""
+    if link.uniform is False or link.pins:
+        return link
+    return dataclasses.replace(link, ends=tuple(pin for pin in pins if pin is not None))
+
+
 def check_structure(mechanism: Mechanism) -> None:
     """Raise `StructureError` for the first error in the structure."""
     if not mechanism.groups or mechanism.groups[0].driving() is None:
@@ -146,6 +156,8 @@ def check_structure(mechanism: Mechanism) -> None:
             if apart is not None and number and np.any(apart == 0):
                 problem = "joins two pins, but its length is zero"
                 raise StructureError(f"links.{link}", problem, "give the distance between its pins")
+            if (uneven := mechanism.links[link].uniform_fault()) is not None:
+                raise StructureError(f"links.{link}.uniform", *uneven)
             for name, piece in mechanism.links[link].counterweights.items():
                 if piece.ideal and (origin not in mechanism.fixed or link in group.translating()):
                     problem = f"link {link!r} has no fixed pivot, so its counterweight cannot be ideal"
@@ -175,7 +187,7 @@ def _apart(link: Link, origin: str, far: str) -> np.ndarray | None:
     """Zero where the two pins of a link in a group coincide; None while its numbers are traced."""
     if link.held(origin, far) is None:
         return number_of(link.length)
-    points = link.actual().points
+    points = link.places()
     return number_of((points[far] - points[origin]).squared())
 
 

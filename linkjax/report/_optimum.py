@@ -26,6 +26,7 @@ def asked(show: Cells, optimum: Data) -> str:
         rows.append(["before", optimum["before_is"]])
     if optimum["cases"]:
         rows.append(["cases (the objective is the worst)", ", ".join(optimum["cases"])])
+    rows += [["note", note] for note in optimum["notes"]]
     rows.append(["solver", f"{solver['name']}: {solver['why']}"])
     return table(["problem", ""], [[words(name), words(text)] for name, text in rows])
 

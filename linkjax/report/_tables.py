@@ -10,10 +10,15 @@ import numpy as np
 from linkjax._display import NONE, turning
 from linkjax.analysis import check_limit, moves, peak_shown, peak_unit, power_scale, torque_scale, uneven
 from linkjax.machine import PERMANENT, Scene, load_size
+from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
 CONSTANT = "_constant_speed"
+KINDS = {
+    "fixed": "fixed", "scaled": "scaled with the length", "stretched": "stretched with the length",
+    "section": "from the cross-section",
+}  # fmt: skip
 CHECKS = {
     "virtual_power": "virtual power: drive torque from kinetostatics and from the reduced model",
     "energy_closure": "energy: kinetic energy of the links and work of all loads",
@@ -135,7 +140,7 @@ def peak_name(name: str) -> str:
 
 def links(show: Cells, scene: Scene) -> str:
     """Links with lengths, mass properties and counterweights."""
-    rows, kinds = [], {"fixed": "fixed", "scaled": "scaled with the length", "section": "from the cross-section"}
+    rows = []
     for name in scene.mechanism.link_names:
         link = scene.mechanism.links[name]
         body, length = link.actual(), float(link.length)
@@ -143,7 +148,7 @@ def links(show: Cells, scene: Scene) -> str:
         centre += f", {show.shown(body.centre.y, 'm')} across" if float(body.centre.y) != 0 else ""
         rows.append([
             words(name), show.given(length, "m") if length > 0 else Cell(NONE, True), show.given(body.mass, "kg"),
-            words(centre), show.given(body.inertia, "kg·m²"), words(kinds[link.mass_properties]),
+            words(centre), show.given(body.inertia, "kg·m²"), words(_mass_properties(link)),
         ])  # fmt: skip
         for piece, weight in link.counterweights.items():
             place = f"{piece}: {show.shown(weight.at.x, 'm')}, {show.shown(weight.at.y, 'm')} across"
@@ -153,6 +158,15 @@ def links(show: Cells, scene: Scene) -> str:
                 words("ideal" if weight.ideal else "fixed"),
             ])  # fmt: skip
     return table(["link", "length", "mass", "mass centre, along the link", "inertia about it", "mass properties"], rows)
+
+
+def _mass_properties(link: Link) -> str:
+    """How the mass properties of a link are given, and how they follow its length."""
+    kind = KINDS[link.mass_properties]
+    if link.uniform is False:
+        return kind
+    body = "uniform bar" if link.uniform is True else f"uniform plate {', '.join(link.uniform)}"
+    return body if kind == "fixed" else f"{body}, {kind}"
 
 
 def points(show: Cells, scene: Scene) -> str:

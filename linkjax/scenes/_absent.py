@@ -130,7 +130,8 @@ ABSENT = (
     ),
     Absent(
         "thickness width depth height material shape section", "links",
-        'a link has no such key; write mass and inertia, or area and density with mass_properties = "section"',
+        'a link has no such key; write mass and inertia, mass and uniform = true, or area and density with '
+        'mass_properties = "section"',
     ),
     Absent(
         "acceleration angular_acceleration alpha", "*",

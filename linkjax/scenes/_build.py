@@ -11,7 +11,7 @@ from linkjax._vec import Vec
 from linkjax.design import Case
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
-from linkjax.mechanism import Counterweight, Flywheel, Link, Mechanism, StructureError, linkage
+from linkjax.mechanism import OF_LENGTH, Counterweight, Flywheel, Link, Mechanism, StructureError, linkage
 from linkjax.scenes import _models as file
 from linkjax.scenes._asked import check_asked
 from linkjax.scenes._check import check
@@ -175,12 +175,13 @@ def _link(link: file.Link) -> Link:
         centre=_place(link.centre),
         points={name: _place(at) for name, at in link.points.items()},
         counterweights={name: _counterweight(piece) for name, piece in link.counterweights.items()},
-        reference_length=reference if link.mass_properties == "scaled" else None,
+        reference_length=reference if link.mass_properties in OF_LENGTH else None,
         area=link.area,
         density=link.density,
         mass_properties=link.mass_properties,
         centre_name=link.centre_name,
         pins=tuple(link.pins),
+        uniform=link.uniform if isinstance(link.uniform, bool) else tuple(link.uniform),
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from linkjax.mechanism import OF_LENGTH
 from linkjax.scenes._explain import fault
 from linkjax.scenes._groups import GroupTable
 from linkjax.scenes._guides import Fault
@@ -109,11 +110,32 @@ def _link(name: str, link: Link) -> Iterator[Fault]:
     else:
         for key in ("area", "density"):
             if key in link.model_fields_set:
-                yield (*path, key), "has no effect", f'delete {key}, or write mass_properties = "section"'
-    if link.reference_length is not None and link.mass_properties != "scaled":
-        yield (*path, "reference_length"), "has no effect", 'delete it, or write mass_properties = "scaled"'
+                instead = " instead of uniform" if link.uniform is not False else ""
+                yield (*path, key), "has no effect", f'delete {key}, or write mass_properties = "section"{instead}'
+    yield from _uniform(path, link)
+    if link.reference_length is not None and link.mass_properties not in OF_LENGTH:
+        remedy = 'delete it, or write mass_properties = "scaled" or "stretched"'
+        yield (*path, "reference_length"), "has no effect", remedy
     if link.reference_length == 0:
         yield (*path, "reference_length"), "must be greater than zero", "write the length that the masses belong to"
+
+
+def _uniform(path: tuple[str, ...], link: Link) -> Iterator[Fault]:
+    """Keys that contradict `uniform`."""
+    if link.uniform is False:
+        return
+    if link.mass_properties == "section":
+        yield (*path, "uniform"), 'has no effect: mass_properties = "section" is a uniform bar', "delete uniform"
+    if link.mass == 0:
+        problem = "must be greater than zero: the link is uniform" if "mass" in link.model_fields_set else "missing"
+        yield (*path, "mass"), problem, 'write the mass of the bar or plate, e.g. mass = "5 kg", or delete uniform'
+    for key in ("inertia", "centre"):
+        if key in link.model_fields_set:
+            yield (*path, key), "given twice: uniform computes it from the mass", f"delete {key}, or uniform"
+    if link.uniform is True and link.sides:
+        corners = ", ".join(f'"{pin}"' for pin in link.pins)
+        problem = "a uniform bar has two pins, but this link has sides"
+        yield (*path, "uniform"), problem, f"name the corners of the plate, uniform = [{corners}]"
 
 
 def _counterweight(path: tuple[str, ...], weight: Counterweight) -> Iterator[Fault]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from linkjax._renamed import renamed
 from linkjax._units import nearest
+from linkjax.mechanism import OF_LENGTH
 from linkjax.scenes._absent import absent, meant
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._keys import Path as KeyPath
@@ -140,8 +141,8 @@ def override(document: Document, key: str, value: Any) -> Document:
     `key` is a path such as `links.rod.length`, `fixed.F[0]`, `loads.hay.window[1]` (a load by name or number) or
     `groups[1].guide.along` (a group by number or by its joined link names, `groups.rod-slider.guide.along`). A string
     that is a TOML value ("0.02", "true", "[0, -1]") is read as one. Keys of the format may be added; any other key
-    raises `SceneError` with the nearest known key. If a link has `mass_properties = "scaled"`, its previous length
-    becomes its `reference_length`.
+    raises `SceneError` with the nearest known key. If a link has `mass_properties = "scaled"` or `"stretched"`, its
+    previous length becomes its `reference_length`.
     """
     with located(document.source, document.table):
         return Document(document.source, _with(document, key, setting(value)))
@@ -158,7 +159,7 @@ def _with(document: Document, key: str, given: Any) -> dict[str, Any]:
     place[path[-1]] = given
     if len(path) == 3 and (path[0], path[2]) == ("links", "length"):
         link, before = place, lookup(document.table, path)
-        if link.get("mass_properties") == "scaled" and before is not None:
+        if link.get("mass_properties") in OF_LENGTH and before is not None:
             link.setdefault("reference_length", before)
     return table
 

@@ -65,6 +65,10 @@ Place = Annotated[
 ]
 
 
+def _corners(value: Any) -> str:
+    return "#corners" if isinstance(value, list | tuple) else "#bar"
+
+
 def _vector(value: Any) -> str:
     return "#vector" if isinstance(value, list | tuple) else "#scalar"
 
@@ -103,11 +107,21 @@ class Link(Table):
     counterweights: dict[Name, Counterweight] = Field(
         {}, description="counterweights by name", examples=[{"W1": {"mass": "12 kg", "at": "-150 mm"}}]
     )
-    mass_properties: Literal["fixed", "scaled", "section"] = Field(
+    uniform: Annotated[
+        Annotated[StrictBool, Tag("#bar")] | Annotated[list[Name], Tag("#corners")], Discriminator(_corners)
+    ] = Field(
+        False,
+        description="centre and inertia follow from the mass: true for a slender uniform bar between its two pins, or "
+        "the corner points of a uniform plate, in order",
+        examples=[True, ["B", "C", "E"]],
+    )
+    mass_properties: Literal["fixed", "scaled", "stretched", "section"] = Field(
         "fixed", description="how the mass properties follow the length", examples=["scaled"]
     )
     reference_length: LinkLength | None = Field(
-        None, description='with "scaled": the length to which mass, inertia, centre and points belong', examples=["1 m"]
+        None,
+        description='with "scaled" and "stretched": the length to which mass, inertia, centre and points belong',
+        examples=["1 m"],
     )
     area: Area | None = Field(None, description="cross-section of a uniform bar", examples=["600 mm^2"])
     density: Density | None = Field(None, description="density of a uniform bar", examples=["7850 kg/m^3"])

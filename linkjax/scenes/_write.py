@@ -97,8 +97,11 @@ def _link(link: Link) -> Table:
     if _number(link.length):
         table["length"] = amount(link.length, "m")
     if link.mass_properties != "section":
-        table |= {"mass": amount(link.mass, "kg"), "inertia": amount(link.inertia, "kg m^2")}
-        table["centre"] = _place(link.centre)
+        table["mass"] = amount(link.mass, "kg")
+        if link.uniform is not False and _number(link.mass) > 0:
+            table["uniform"] = link.uniform if link.uniform is True else list(link.uniform)
+        else:
+            table |= {"inertia": amount(link.inertia, "kg m^2"), "centre": _place(link.centre)}
     table["centre_name"] = link.centre_name
     if link.mass_properties != "fixed":
         table["mass_properties"] = link.mass_properties

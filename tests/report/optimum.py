@@ -27,6 +27,7 @@ OPTIMUM = {
     "after": {"peak_shaking_force": 300e3, "steady_state_margin": 0.2},
     "units": {"peak_shaking_force": "N", "steady_state_margin": "1"},
     "history": [{"objective": 300e3 + 100e3 * 0.5**i, "violation": max(0.0, 0.1 * 0.3**i - 1e-5)} for i in range(25)],
+    "notes": ["rod: its mass stays"],
     "evaluations": 143,
     "starts": [{"objective": 300e3, "feasible": True, "residual": 3e-10, "evaluations": 123},
                {"objective": None, "feasible": False, "residual": 0.1, "evaluations": 20}],
