@@ -119,7 +119,7 @@ class Batches:
     def cut(self, results: Any, places: Any) -> Any:
         """Results of a batch without the padding: as many as `places`."""
         count, leaves = places.shape[0], jax.tree.leaves(results)
-        if all(leaf.shape[0] == count for leaf in leaves):
+        if all(leaf.shape[0] == count and not isinstance(leaf, np.ndarray) for leaf in leaves):
             return results
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return jax.tree.map(lambda leaf: leaf[:count], results)

@@ -108,7 +108,7 @@ def _numbers(found: list[Array], which: tuple[tuple[int, int], ...], signs: Sign
     lengths = [i for i, (way, vector) in enumerate(signs) if way and vector]
     if not lengths:
         return every
-    size = safe_sqrt(jnp.sum(every[np.asarray(lengths)] ** 2, axis=1))
+    size = jnp.sum(every[np.asarray(lengths)] ** 2, axis=1)  # smooth where the length has a sharp minimum
     return every.at[np.asarray(lengths)].set(jnp.stack([size, jnp.zeros_like(size)], axis=1))
 
 
@@ -121,7 +121,7 @@ def _above(nodes: Array, signs: Signs) -> tuple[Array, Array]:
 
 
 @compiled_soon(static=("signs",))
-def _raised(numbers: Array, above: Array, signs: Signs) -> Vectors:
+def _raised(numbers: Array, above: Array, signs: Signs) -> Float[Array, "elements 2 *places"]:
     if not any(way for way, _ in signs):
         return numbers
     ways, above = _ways(signs, numbers.ndim - 1), above.reshape((-1, *[1] * (numbers.ndim - 2)))
@@ -138,7 +138,9 @@ def lowered(found: Array, above: Array, signs: Signs) -> Array:
     """The numbers themselves, from greatest lengths, shape (quantities, ...)."""
     ways = _ways(signs, found.ndim)
     above = above.reshape(ways.shape)
-    return jnp.where(ways == 0, found, jnp.where(ways > 0, found - above, above - found))
+    own = jnp.where(ways == 0, found, jnp.where(ways > 0, found - above, above - found))
+    lengths = np.asarray([bool(way) and vector for way, vector in signs])
+    return own if not lengths.any() else jnp.where(lengths.reshape(ways.shape), safe_sqrt(own), own)
 
 
 def extremes_of(of: Parts, extremes: Sequence[Extreme]) -> list[Array]:

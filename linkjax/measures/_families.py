@@ -337,4 +337,4 @@ def _first(found: Array, signed: bool) -> Array:
 def _rms(grid: Grid, nodes: Array, speed: Array) -> list[Array]:
     """Root mean squares over time, from vectors at the nodes, shape (quantities, 2, panels, n)."""
     weights = grid.half[:, None] * grid.rule.w[None] / speed[: grid.size].reshape(grid.nodes.shape)
-    return list(safe_sqrt(jnp.sum(weights * jnp.sum(nodes**2, axis=1), axis=(1, 2)) / jnp.sum(weights)))
+    return list(safe_sqrt(jnp.sum(weights[None] * jnp.sum(nodes**2, axis=1), axis=(1, 2)) / jnp.sum(weights)))

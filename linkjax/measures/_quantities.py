@@ -207,11 +207,11 @@ def _turned(grid: Grid, pose: Pose) -> Turned:
     w = jnp.stack([link.w for link in links])[:, : phi.size]
     u = jnp.stack([jnp.arctan2(link.u.y, link.u.x) for link in links])[:, : phi.size]
     rise = jnp.roll(u, -1, axis=1) - u
-    steps = 0.5 * (w + jnp.roll(w, -1, axis=1)) * span
+    steps = 0.5 * (w + jnp.roll(w, -1, axis=1)) * span[None]
     steps = rise + 2 * np.pi * jnp.round((steps - rise) / (2 * np.pi))
     net = 2 * np.pi * jnp.round(jnp.sum(steps, axis=1) / (2 * np.pi))
     angle = jnp.cumsum(jnp.concatenate([u[:, :1], steps[:, :-1]], axis=1), axis=1)
-    angle -= net[:, None] * jnp.floor(phi / grid.length)
+    angle -= net[:, None] * jnp.floor(phi / grid.length)[None]
     first = jnp.argmin(jnp.mod(phi, grid.length))
     angle -= 2 * np.pi * jnp.round(angle[:, first] / (2 * np.pi))[:, None]
     shape = (len(links), *grid.nodes.shape)
@@ -226,8 +226,8 @@ def _angles(grid: Grid, turned: Turned, place: Place, pose: Pose, elements: Elem
     node = jnp.searchsorted(jnp.asarray(0.5 * (grid.rule.x[1:] + grid.rule.x[:-1])), place.x)
     phi = grid.nodes[place.panel, node]
     after = jnp.floor(phi / grid.length) - jnp.floor(place.phi / grid.length)  # of a node beyond the end of the cycle
-    angle, rate = (part[which[:, None], place.panel, node] for part in (turned.angle, turned.rate))
-    near = angle + rate * (place.phi - phi) + turned.net[which, None] * after
+    angle, rate = (part[which][:, place.panel, node] for part in (turned.angle, turned.rate))
+    near = angle + rate * (place.phi - phi)[None] + turned.net[which][:, None] * after[None]
     exact = jnp.stack([jnp.arctan2(pose.links[name].u.y, pose.links[name].u.x) for name in elements])
     return _stacked(near + nearest_turn(exact - near, 2 * np.pi))
 

@@ -101,7 +101,8 @@ def path_lengths(of: Parts, elements: Elements) -> list[Array]:
 def _slowest(pose: Pose, turns: int, elements: Elements) -> Array:
     """First guesses of the places where points are slowest (rad), a fixed number for each, flat; those that are not
     needed are spread evenly."""
-    scan, slots, found = scan_angles(turns, MOTION_SCAN), jnp.arange(1, CUTS * turns + 1), []
+    scan, slots, found = scan_angles(turns, MOTION_SCAN), np.arange(1, CUTS * turns + 1), []
+    even = jnp.asarray(2 * np.pi / CUTS * slots)
     for name in elements:
         v, a = pose.points[name].dr, pose.points[name].ddr
         slope = v.dot(a)[: scan.size]
@@ -109,7 +110,7 @@ def _slowest(pose: Pose, turns: int, elements: Elements) -> Array:
         place = jnp.cumsum(least)
         chosen = least[None] & (place[None] == slots[:, None])
         guess = jnp.sum(jnp.where(chosen, jnp.asarray(scan)[None], 0.0), axis=1)
-        found.append(jnp.where(slots <= place[-1], guess, 2 * np.pi / CUTS * slots))
+        found.append(jnp.where(slots <= place[-1], guess, even))
     return jnp.concatenate(found)
 
 
@@ -145,7 +146,7 @@ def _between(cuts: Array, turns: int, count: int) -> tuple[Array, Array]:
     edges = jnp.concatenate([edges, edges[:, :1] + cycle], axis=1)
     x, weights = _rule()
     half, middle = 0.5 * jnp.diff(edges)[..., None], 0.5 * (edges[:, 1:] + edges[:, :-1])[..., None]
-    return (middle + half * jnp.asarray(x)).ravel(), (half * jnp.asarray(weights)).ravel()
+    return (middle + half * jnp.asarray(x)[None, None]).ravel(), (half * jnp.asarray(weights)[None, None]).ravel()
 
 
 @compiled_soon(static=("elements",))

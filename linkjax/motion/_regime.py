@@ -90,7 +90,7 @@ class At:
         return self.sample.pose if known else self._asked(dynamics=False).pose
 
     @property
-    def transmission(self) -> dict[str, Array]:
+    def transmission(self) -> dict[str, Any]:
         """Transmission angles of the groups (rad)."""
         return self.gaps.transmission
 

@@ -1,0 +1,200 @@
+"""Families of measures against closed forms, dense samples, and names that are refused."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax import measures
+from linkjax.library import four_bar, quick_return, scotch_yoke, slider_crank
+from linkjax.mechanism import StructureError
+from tests.physics.machines import machine
+
+EXACT = 1e-12
+
+
+def value(mechanism: lj.Mechanism, *names: str) -> list[float]:
+    """Measures of a machine that turns at 10 rad/s."""
+    found = measures.evaluate(lj.Scene(mechanism, speed=10.0), names)
+    return [float(found[name]) for name in names]
+
+
+def test_stroke_of_a_slider_crank():
+    """In line it is twice the crank; with an offset the difference of two sides of right triangles."""
+    assert value(slider_crank(0.06, 0.3), "stroke.D") == pytest.approx([0.12], rel=EXACT)
+    found = value(slider_crank(0.06, 0.3, 0.05), "stroke.D", "path_length.D", "min_x.D", "max_x.D")
+    ends = [math.sqrt((0.3 + way * 0.06) ** 2 - 0.05**2) for way in (-1, 1)]
+    assert found == pytest.approx([ends[1] - ends[0], 2 * (ends[1] - ends[0]), *ends], rel=EXACT)
+
+
+def test_swing_and_time_ratio_of_a_crank_rocker():
+    """From the triangles in which crank and coupler are in line."""
+    a, b, c, d = 0.1, 0.4, 0.3, 0.4
+    found = value(four_bar(a, b, c, d), "swing.rocker", "time_ratio.rocker", "swing.crank")
+    at_frame = [math.acos((c * c + d * d - reach**2) / (2 * c * d)) for reach in (b + a, b - a)]
+    at_crank = [math.acos((reach**2 + d * d - c * c) / (2 * reach * d)) for reach in (b + a, b - a)]
+    ahead = math.pi + abs(at_crank[0] - at_crank[1])
+    assert found[:2] == pytest.approx([at_frame[0] - at_frame[1], ahead / (2 * math.pi - ahead)], rel=EXACT)
+    assert found[2] == pytest.approx(2 * math.pi, rel=1e-15)
+
+
+def test_time_ratio_of_a_whitworth_drive():
+    """The ram moves in a line through the pivot of the lever: the crank is ahead of it by 2 acos(100/150)."""
+    shaper = quick_return(0.15, 0.1, 0.2, 0.6, -0.1)
+    back = 2 * math.acos(100 / 150)
+    expected = (2 * math.pi - back) / back
+    assert expected == pytest.approx(2.7352, abs=5e-5)
+    assert value(shaper, "time_ratio.R", "stroke.R") == pytest.approx([expected, 0.4], rel=EXACT)
+
+
+def test_speeds_of_a_scotch_yoke():
+    """Harmonic: r ω, r ω², and the root mean square of a sine."""
+    names = ("max_velocity_constant_speed.E", "peak_acceleration_constant_speed.E", "rms_velocity_constant_speed.E")
+    r = 0.05
+    found = value(scotch_yoke(r), *names, "stroke.E", "path_length.B")
+    expected = [r * 10, r * 100, r * 10 / math.sqrt(2), 2 * r, 2 * math.pi * r]
+    assert found == pytest.approx(expected, rel=EXACT)
+
+
+def test_a_crank_by_its_angle():
+    """The angle of a crank is the crank angle from its phase, clockwise negative; its pin moves on a circle."""
+    found = value(four_bar(0.1, 0.4, 0.3, 0.4), "angle.crank@60deg", "x.B@60deg", "y.B@60deg", "max_angle.crank")
+    turned = math.radians(60)
+    assert found == pytest.approx([turned, 0.1 * math.cos(turned), 0.1 * math.sin(turned), 2 * math.pi], rel=EXACT)
+    back = value(four_bar(0.1, 0.4, 0.3, 0.4, rotation="cw"), "angle.crank@60deg", "min_angle.crank")
+    assert back == pytest.approx([-turned, -2 * math.pi], rel=EXACT)
+    speed = value(four_bar(0.1, 0.4, 0.3, 0.4, rotation="cw"), "max_angular_velocity_constant_speed.crank")
+    assert speed == pytest.approx([-10.0], rel=EXACT)
+
+
+def test_a_window_of_crank_angle():
+    """Between 30° and 60° the pin of a crank is farthest at the first, and highest at the second."""
+    names = "max_x.B where 30deg to 60deg", "max_y.B where 30deg to 60deg", "min_y.B where 300deg to 30deg"
+    found = value(four_bar(0.1, 0.4, 0.3, 0.4), *names)
+    expected = [0.1 * math.cos(math.pi / 6), 0.1 * math.sin(math.pi / 3), -0.1 * math.sin(math.pi / 3)]
+    assert found == pytest.approx(expected, rel=EXACT)
+
+
+@functools.cache
+def dense(name: str) -> tuple[lj.Cycle, dict[str, float]]:
+    """A cycle at many crank angles, and all measures."""
+    scene = machine(name)
+    found = measures.evaluate(scene, measures.measure_names(scene))
+    return lj.analyse(scene, angles=4096), {name: float(each) for name, each in found.items()}
+
+
+def over_the_cycle(cycle: lj.Cycle, quantity: str, element: str) -> np.ndarray:
+    """A quantity from the arrays of a cycle: numbers, or the lengths of vectors."""
+    constant = quantity.endswith("_constant_speed")
+    quantity = quantity.removesuffix("_constant_speed")
+    angles = np.asarray(cycle.angles)
+    speed = np.full(angles.size, float(cycle.scene.speed)) if constant else np.asarray(cycle.speed)
+    gain = np.zeros(angles.size) if constant else np.asarray(cycle.acceleration)
+    forces = cycle.forces_constant_speed if constant else cycle.forces
+    points, links = cycle.pose.points, cycle.pose.links
+    if quantity in ("x", "y"):
+        return np.asarray(getattr(points[element].r, quantity))
+    if quantity in ("velocity", "acceleration"):
+        p = points[element]
+        first, second = (np.stack([part.x, part.y]) for part in (p.dr, p.ddr))
+        return np.linalg.norm(first * speed if quantity == "velocity" else second * speed**2 + first * gain, axis=0)
+    if quantity.startswith("angular"):
+        w, e = links[element].w, links[element].e
+        return np.asarray(w * speed if quantity == "angular_velocity" else e * speed**2 + w * gain)
+    if quantity == "reaction":
+        joint, _, link = element.rpartition(".")
+        return np.hypot(*forces.reactions[joint][link][:2])
+    if quantity == "drive_power":
+        return np.asarray(forces.drive_torque) * speed
+    if quantity == "drive_torque":
+        return np.asarray(forces.drive_torque)
+    if quantity == "shaking_moment":
+        return np.asarray(forces.shaking.moment)
+    return np.hypot(*getattr(forces, quantity.removesuffix("_force"))[:2])
+
+
+SAMPLED = [family for family in measures.FAMILIES.values() if family.statistic and family.quantity is not None]
+SAMPLED = [family.name for family in SAMPLED if family.quantity.name not in ("angle", "travel", "crank_speed")]
+
+
+@pytest.mark.parametrize("name", ["slider-crank", pytest.param("hay-press", marks=pytest.mark.slow)])
+def test_extremes_and_means_of_a_dense_sample(name):
+    """4096 crank angles come as near to an extreme as its curvature allows; a mean has the error of its jumps."""
+    cycle, found = dense(name)
+    time = np.diff(np.asarray(cycle.time), append=float(cycle.steady.period))
+    looked = 0
+    for each in SAMPLED:
+        statistic, _, quantity = each.partition("_")
+        for full in (full for full in found if full.partition(".")[0] == each):
+            element = full.partition(".")[2]
+            if "guide" in element or (not element and "reaction" in full):
+                continue  # with a sign, and of all joints: below
+            values = over_the_cycle(cycle, quantity, element)
+            size = np.max(np.abs(values)) or 1.0
+            if statistic == "rms":
+                weights = np.ones(values.size) if quantity.endswith("_constant_speed") else time
+                mean = math.sqrt(np.sum(weights * values**2) / np.sum(weights))
+                assert found[full] == pytest.approx(mean, rel=2e-3, abs=1e-9 * size), full
+            else:
+                best = {"peak": np.max(np.abs(values)), "max": np.max(values), "min": np.min(values)}[statistic]
+                over = (found[full] - best) * (-1 if statistic == "min" else 1) / size
+                assert -1e-9 < over < 2e-3, full  # loads jump between two sampled angles
+            looked += 1
+    assert looked > 90
+
+
+def test_forces_in_a_guide_have_a_sign():
+    """Positive to the left of the guide: of a slider in line with the crank, the y component."""
+    scene = machine("slider-crank")
+    cycle, found = dense("slider-crank")
+    across = np.asarray(cycle.forces_constant_speed.reactions["piston.guide"]["piston"].fy)
+    for way, best in (("max", np.max(across)), ("min", np.min(across))):
+        size = float(np.max(np.abs(across)))
+        assert found[f"{way}_reaction_constant_speed.piston.guide.piston"] == pytest.approx(best, abs=2e-4 * size)
+    assert found["peak_reaction"] == max(each for full, each in found.items() if full.startswith("peak_reaction."))
+    assert found["mean_drive_power"] == pytest.approx(
+        float(cycle.steady.mean_drive_torque) * float(cycle.steady.mean_speed), rel=EXACT
+    )
+    assert scene.mechanism.links  # not prescribed
+
+
+def test_the_path_of_a_coupler_point_with_a_cusp():
+    """A point of a rolling wheel: the length of a cycloid is eight radii. Here on a hypocycloid of radius 4 : 1, an
+    astroid of length 6 R, drawn by a point of a bar that slides in two perpendicular guides at its quarter: an ellipse
+    with axes 1 : 3 by the complete elliptic integral."""
+    scene = machine("elliptic-trammel")
+    found = measures.evaluate(scene, [name for name in measures.measure_names(scene) if "path_length" in name])
+    cycle = lj.analyse(scene, angles=4096)
+    for full, length in found.items():
+        p = cycle.pose.points[full.partition(".")[2]]
+        speed = np.hypot(p.dr.x, p.dr.y)
+        assert float(length) == pytest.approx(float(np.mean(speed)) * scene.cycle, rel=1e-6), full
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("stroke.X", "'X' is not a point of a slider of this machine; known here: P, S3"),
+        ("stroke.C", "'C' is not a point of a slider"),
+        ("stroke", "names no point; write e.g. stroke.P"),
+        ("x.C", "has a value at every crank angle; write min_x.C, max_x.C, x.C@60deg"),
+        ("x.C@here", "'here' is not a crank angle"),
+        ("x.C@3mm", "'3mm' is not a crank angle"),
+        ("stroke.P@60deg", "is not a quantity over the crank angle; delete the crank angle"),
+        ("stroke.P where 10deg to 20deg", "is not an extreme, and has no window"),
+        ("swing.rodd", "'rodd' is not a moving link of this machine; did you mean 'rod'?"),
+        ("peak_reaction.C.piston", "'C.piston' is not a joint with a link"),
+        ("min_margin.rod", "'rod' is not a group"),
+        ("peak_drive_torque.crank", "is of the whole machine, and takes no element"),
+        ("strokes.P", "is not a measure; did you mean 'stroke'?"),
+    ],
+)
+def test_names_that_are_refused(name, words):
+    with pytest.raises(StructureError) as error:
+        measures.evaluate(machine("slider-crank"), [name])
+    assert words in str(error.value)
+    assert name.partition("@")[0].partition(" where")[0] in str(error.value)
