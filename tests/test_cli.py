@@ -213,7 +213,7 @@ def test_everything_at_one_angle_at_constant_speed_after_a_change(call, tmp_path
     words = ("--at", "0.25 rev", "--constant-speed", "--units", "m,rad/s,N m,W", "--set", "speed=600 rpm")
     data, out = analyse_to_json(call, tmp_path, *words)
     assert data["motion"]["speed"] is None and data["work"] is None and data["model"]["method"] == "constant speed"
-    assert all(name.endswith("_constant_speed") for name in data["peaks"])
+    assert all("_constant_speed" in name for name in data["peaks"])
     assert data["forces"] == data["forces_constant_speed"]
     assert "at 90° of crank angle" in out
     crank_pin = next(line.split() for line in out.splitlines() if line.startswith("C "))

@@ -19,9 +19,9 @@ def synthetic(force: float, error: float, least: float, torque: float = 0.0, mea
     size = np.linspace(least, force, 12) if math.isfinite(force) else np.full(12, math.nan)
     joint = {"fx": 0.6 * size, "fy": -0.8 * size, "moment": 0.0 * size}
     peaks = {
-        "reaction.B.rod": {"value": force, "angle": 1.0, "error": error},
-        "reaction.C.rod": {"value": 1000.0, "angle": 2.0, "error": 1e-9},
-        "drive_torque": {"value": torque, "angle": 3.0, "error": 1e-9},
+        "peak_reaction.B.rod": {"value": force, "angle": 1.0, "error": error},
+        "peak_reaction.C.rod": {"value": 1000.0, "angle": 2.0, "error": 1e-9},
+        **{f"{way}_drive_torque": {"value": torque, "angle": 3.0, "error": 1e-9} for way in ("peak", "max", "min")},
     }
     return {
         "angles": angles, "points": {"B": {"x": np.cos(angles), "y": np.sin(angles)}}, "peaks": peaks,
@@ -37,16 +37,16 @@ def told(key: str, *numbers: float) -> tuple[float, bool]:
 
 
 def test_peaks():
-    assert told("reaction.B.rod", 5.0, 1e-6, 1.0) == (5.0, True)
-    assert told("reaction.B.rod", 5.0, 1e-6, 5.0 - 1e-7) == (5.0, False)  # the same everywhere, within its error
-    assert told("reaction.B.rod", 5.0, 1e-6, 5.0 - 1e-5) == (5.0, True)
-    assert told("reaction.B.rod", 1e-10, 1e-20, 0.0) == (0.0, False)  # rounding beside 1 kN
-    assert told("reaction.B.rod", 5.0, 6.0, 0.0) == (0.0, False)  # below its error
-    assert told("reaction.B.rod", math.inf, 1.0, 0.0) == (math.inf, True)  # unbounded, at a change point
-    assert told("reaction.B.rod", 5.0, math.inf, 0.0)[0] == 5.0
-    assert told("drive_torque", 5.0, 1.0, 0.0, 360.0, -360.0) == (360.0, False)
-    assert told("drive_torque", 5.0, 1.0, 0.0, 360.0, 359.0) == (360.0, True)
-    assert told("drive_torque", 5.0, 1.0, 0.0, 1e-14, 1e-14) == (0.0, False)
+    assert told("peak_reaction.B.rod", 5.0, 1e-6, 1.0) == (5.0, True)
+    assert told("peak_reaction.B.rod", 5.0, 1e-6, 5.0 - 1e-7) == (5.0, False)  # the same everywhere, within its error
+    assert told("peak_reaction.B.rod", 5.0, 1e-6, 5.0 - 1e-5) == (5.0, True)
+    assert told("peak_reaction.B.rod", 1e-10, 1e-20, 0.0) == (0.0, False)  # rounding beside 1 kN
+    assert told("peak_reaction.B.rod", 5.0, 6.0, 0.0) == (0.0, False)  # below its error
+    assert told("peak_reaction.B.rod", math.inf, 1.0, 0.0) == (math.inf, True)  # unbounded, at a change point
+    assert told("peak_reaction.B.rod", 5.0, math.inf, 0.0)[0] == 5.0
+    assert told("peak_drive_torque", 5.0, 1.0, 0.0, 360.0, -360.0) == (360.0, False)
+    assert told("peak_drive_torque", 5.0, 1.0, 0.0, 360.0, 359.0) == (360.0, True)
+    assert told("peak_drive_torque", 5.0, 1.0, 0.0, 1e-14, 1e-14) == (0.0, False)
 
 
 def test_measures_of_an_optimisation():

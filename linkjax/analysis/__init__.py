@@ -26,6 +26,7 @@ from linkjax.analysis._tidy import peak_shown as peak_shown
 from linkjax.analysis._tidy import power_scale as power_scale
 from linkjax.analysis._tidy import torque_scale as torque_scale
 from linkjax.analysis._tidy import uneven as uneven
+from linkjax.analysis._words import peak_label as peak_label
 from linkjax.analysis._words import peak_unit as peak_unit
 
 __getattr__ = old_names(__name__)

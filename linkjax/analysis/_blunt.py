@@ -35,6 +35,6 @@ def singular(ready: Prepared, names: list[str]) -> Array:
         if isinstance(path, BranchPath):
             joints = {joint.name for before in ready.mechanism.groups[: number + 1] for joint in before.joints()}
             for name in names:
-                if name.startswith("reaction.") and any(name.startswith(f"reaction.{joint}.") for joint in joints):
+                if any(name.startswith(f"peak_reaction.{joint}.") for joint in joints):
                     found[name] = found[name] | path.touches()
     return jnp.stack(list(found.values()))

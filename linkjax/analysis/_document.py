@@ -11,7 +11,7 @@ import numpy as np
 from linkjax._results import MESSAGES, Result
 from linkjax.forces import Forces, JointForce, indeterminate, other_sides
 from linkjax.kinematics import Reversals, named_groups
-from linkjax.measures import peak_names
+from linkjax.measures import in_motion, peak_names
 from linkjax.motion import Peak
 from linkjax.topology import class_of
 
@@ -47,7 +47,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
         },
         "groups": _groups(cycle),
         "dead_centres": _dead_centres(cycle),
-        "strokes": _strokes(cycle),
+        **_strokes(cycle),
         "reduced": {
             "inertia": cycle.reduced.inertia, "inertia_slope": cycle.reduced.slope, "torque": cycle.reduced.torque,
             "torque_by_load": dict(cycle.reduced.by_load),
@@ -63,7 +63,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
         "forces": None if cycle.forces is None else _forces(cycle, cycle.forces),
         "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
         "peaks": {
-            **_peaks(cycle, cycle.peaks, ""), **_peaks(cycle, cycle.peaks_constant_speed, "_constant_speed"),
+            **_peaks(cycle, cycle.peaks, False), **_peaks(cycle, cycle.peaks_constant_speed, True),
         },
         "checks": {
             "virtual_power": float(cycle.checks.virtual_power), "energy_closure": _maybe(cycle.checks.energy_closure),
@@ -183,8 +183,8 @@ def _stops(cycle: Any, found: Reversals) -> np.ndarray:
 
 
 def _strokes(cycle: Any) -> dict[str, Any]:
-    """Strokes of sliders, angles of oscillation of links, and time ratios at constant crank speed."""
-    rows = {}
+    """Strokes of sliders, swings of links, and time ratios at constant crank speed."""
+    strokes, swings = {}, {}
     for name, value in cycle.strokes.items():
         stops = _stops(cycle, cycle.dead_centres[name])
         if stops.size < 2 or not np.isfinite(value):
@@ -193,9 +193,9 @@ def _strokes(cycle: Any) -> dict[str, Any]:
         ways = np.diff(turn, append=turn[0] + 2 * math.pi)
         ways = ways[ways > SAME]  # a dead centre that repeats in every turn counts once
         ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 else None
-        unit = "m" if name in cycle.pose.points else "rad"
-        rows[name] = {"value": float(value), "unit": unit, "time_ratio": ratio}
-    return rows
+        rows = strokes if name in cycle.pose.points else swings
+        rows[name] = {"value": float(value), "time_ratio": ratio}
+    return {"strokes": strokes, "swings": swings}
 
 
 def _forces(cycle: Any, forces: Forces) -> dict[str, Any]:
@@ -216,11 +216,15 @@ def _vector(force: JointForce) -> dict[str, Any]:
     return {"fx": force.fx, "fy": force.fy, "moment": force.moment}
 
 
-def _peaks(cycle: Any, peak: Peak | None, suffix: str) -> dict[str, Any]:
+def _peaks(cycle: Any, peak: Peak | None, constant: bool) -> dict[str, Any]:
     if peak is None:
         return {}
     names = peak_names(cycle.scene)
     return {
-        f"{name}{suffix}": {"value": float(peak.value[i]), "angle": float(peak.angle[i]), "error": float(peak.error[i])}
+        in_motion(name, constant): {
+            "value": float(peak.value[i]),
+            "angle": float(peak.angle[i]),
+            "error": float(peak.error[i]),
+        }
         for i, name in enumerate(names)
     }

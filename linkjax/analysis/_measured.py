@@ -10,7 +10,7 @@ import numpy as np
 
 from linkjax._results import Result
 from linkjax.analysis._cycle import Cycle
-from linkjax.measures import MEASURES, no_transmission_angle, peak_names
+from linkjax.measures import MEASURES, in_motion, no_transmission_angle, peak_names
 
 NONE: Any = SimpleNamespace(
     delta=None, max_speed=None, min_speed=None, steady_state_margin=None, min_inertia_ratio=None, mean_drive_torque=None
@@ -34,6 +34,7 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "steady_state_margin": (missing or motion).steady_state_margin,
         "min_inertia_ratio": motion.min_inertia_ratio,
         "mean_drive_torque": motion.mean_drive_torque,
+        "mean_drive_power": cycle.steady and motion.mean_drive_torque * cycle.scene.cycle / motion.period,
         "flywheel_for_target_delta": wheel and wheel.for_target_delta,
         "min_margin": min(limits, default=1.0),
         "min_transmission_angle": (
@@ -41,12 +42,12 @@ def measured(cycle: Cycle) -> dict[str, float]:
         ),
         "rms_shaking_force_constant_speed": cycle.rms_shaking_force_constant_speed,
     }
-    for suffix, peak in (("", cycle.peaks), ("_constant_speed", cycle.peaks_constant_speed)):
+    for constant, peak in ((False, cycle.peaks), (True, cycle.peaks_constant_speed)):
         if peak is None:
             continue
         by_name = dict(zip(peak_names(cycle.scene), np.asarray(peak.value), strict=True))
-        found |= {f"peak_{name}{suffix}": by_name[name] for name in ("shaking_force", "drive_torque")}
-        reactions = [value for name, value in by_name.items() if name.startswith("reaction.")]
-        found[f"peak_reaction{suffix}"] = max(reactions, default=0.0)
+        reactions = [value for name, value in by_name.items() if name.startswith("peak_reaction.")]
+        by_name["peak_reaction"] = max(reactions, default=0.0)
+        found |= {in_motion(name, constant): value for name, value in by_name.items()}
     kept = ("min_margin",) if lost else MEASURES
     return {name: float(found[name]) for name in kept if found.get(name) is not None}

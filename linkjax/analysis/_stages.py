@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax._batches import joined
@@ -19,7 +20,7 @@ from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import Pose, Reversals, find_dead_centres, find_margins, find_strokes
 from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene
-from linkjax.measures import peak_names, table
+from linkjax.measures import peak_names, signed_rows, table
 from linkjax.motion import (
     At,
     AtNodes,
@@ -198,30 +199,59 @@ def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
     def vectors(regime, at):
         return _driven(regime, at).vectors
 
+    rows = signed_rows(machine.scene)
     found = vectors(regime, regime.at(at.place, at.sample))
-    at_nodes, rms = machine.run(_by_quantity, regime.grid, found, motions=motions)
-    found = peaks(regime, vectors, at_nodes)
-    return machine.run(_told, machine.ready, regime.steady, found, motions=motions), rms
+    at_nodes, above, rms = machine.run(_by_quantity, regime.grid, found, motions=motions, rows=rows)
+
+    def raised(regime, at):
+        return machine.run(_raised, vectors(regime, at), above, motions=motions, rows=rows)
+
+    found = peaks(regime, raised, at_nodes)
+    return machine.run(_told, machine.ready, regime.steady, found, above, motions=motions), rms
 
 
-@compiled_soon(static=("motions",))
-def _by_quantity(grid: Grid, found: Array, motions: int) -> tuple[Array, Array]:
+@compiled_soon(static=("motions", "rows"))
+def _by_quantity(grid: Grid, found: Array, motions: int, rows: Any) -> tuple[Array, Array, Array]:
+    """The vectors at the nodes, numbers with a sign raised above zero; by how much; and the root mean square."""
     at_nodes = by_node(grid, found)
     shaking = at_nodes[(motions - 1) * at_nodes.shape[0] // motions]  # the first quantity of the last motion
     weights = grid.half[:, None] * grid.rule.w[None]
-    return at_nodes, jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / grid.length)
+    rms = jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / grid.length)
+    above = 2 * jnp.max(jnp.abs(at_nodes[:, 0]), axis=(1, 2))
+    above = jnp.where(above > 0, above, 1.0)
+    return _raised.function(at_nodes, above, motions, rows), above, rms
+
+
+@compiled_soon(static=("motions", "rows"))
+def _raised(vectors: Array, above: Array, motions: int, rows: Any) -> Array:
+    """The vectors whose greatest length is looked for, of every peak; those of numbers with a sign are raised."""
+    every, ways = _of_every_motion(vectors.shape[0], motions, rows)
+    ways = ways.reshape((-1, *[1] * (vectors.ndim - 2)))
+    numbers = vectors[every, 0]
+    first = jnp.where(ways == 0, numbers, above[every].reshape(ways.shape) + ways * numbers)
+    return jnp.stack([first, vectors[every, 1]], axis=1)
+
+
+def _of_every_motion(count: int, motions: int, rows: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the vectors and senses of all peaks, motion by motion."""
+    own, ways = (np.asarray(part) for part in zip(*rows, strict=True))
+    return np.concatenate([own + motion * (count // motions) for motion in range(motions)]), np.tile(ways, motions)
 
 
 @compiled_soon(static=("motions",))
-def _told(made: ReadyScene, motion: Steady | None, found: Peak, motions: int) -> tuple[Peak, ...]:
+def _told(made: ReadyScene, motion: Steady | None, found: Peak, above: Array, motions: int) -> tuple[Peak, ...]:
     """The peaks by motion: infinite where a group passes through a singular position, in the actual motion with the
     error of the motion."""
     names = peak_names(made.scene)
     count = len(names)
+    every, ways = _of_every_motion(above.size, motions, signed_rows(made.scene))
+    over = above[every]
+    value = jnp.where(ways == 0, found.value, jnp.where(ways > 0, found.value - over, over - found.value))
+    found = found._replace(value=value)
     boundless = jnp.tile(singular(made.mechanism, names), motions)
     found = found._replace(value=jnp.where(boundless, jnp.inf, found.value))
     if motion is not None:  # in it, forces depend on the square of the speed and its slope
-        inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * found.value, 0.0)
+        inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * jnp.abs(found.value), 0.0)
         found = found._replace(error=found.error + inexact)
     return tuple(Peak(*(part[i * count : (i + 1) * count] for part in found)) for i in range(motions))
 

@@ -9,8 +9,9 @@ import numpy as np
 from linkjax._display import NONE, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
-from linkjax.analysis._tidy import CONSTANT, peak_shown, power_scale, torque_scale, uneven
-from linkjax.analysis._words import peak_unit
+from linkjax.analysis._tidy import peak_shown, power_scale, torque_scale, uneven
+from linkjax.analysis._words import peak_label, peak_unit
+from linkjax.measures import in_motion, motion_of
 
 SHOW = Numbers()
 DELTA = "coefficient of speed fluctuation δ"
@@ -70,10 +71,10 @@ def _motion(data: Data) -> Rows:
 
 def _peaks(data: Data) -> Rows:
     """Peaks by name in the actual motion and at constant speed, each with its crank angle."""
-    rows = [("peak", "actual motion", "at", "constant speed", "at")]
-    for name in dict.fromkeys(key.removesuffix(CONSTANT) for key in data["peaks"]):
-        cells = [name]
-        for key in (name, f"{name}{CONSTANT}"):
+    rows: Rows = [("peak", "actual motion", "at", "constant speed", "at")]
+    for name in dict.fromkeys(motion_of(key)[0] for key in data["peaks"]):
+        cells = [peak_label(name)]
+        for key in (in_motion(name, constant) for constant in (False, True)):
             value, angle, _ = peak_shown(data, key) if key in data["peaks"] else (float("nan"),) * 3
             cells += [SHOW.quantity(value, peak_unit(name), 6), SHOW.turned(angle)]
         rows.append(tuple(cells))
@@ -85,11 +86,12 @@ def _strokes(data: Data) -> Rows:
     stops: dict[str, list[str]] = {}
     for entry in data["dead_centres"]:
         stops.setdefault(entry.get("point") or entry["link"], []).append(SHOW.turned(entry["angle"]))
-    rows = [("of", "stroke", "time ratio", "dead centres or limit positions at")]
+    rows = [("of", "stroke or swing", "time ratio", "dead centres or limit positions at")]
     for name, places in stops.items():
-        covered = data["strokes"].get(name)
+        unit = "m" if name in data["points"] else "rad"
+        covered = data["strokes" if unit == "m" else "swings"].get(name)
         value, ratio = (None, None) if covered is None else (covered["value"], covered["time_ratio"])
-        stroke = SHOW.told([value], "m" if covered is None else covered["unit"], 6)[0]
+        stroke = SHOW.told([value], unit, 6)[0]
         rows.append((name, stroke, NONE if ratio is None else f"{ratio:.4f}", ", ".join(places)))
     return rows if stops else []
 

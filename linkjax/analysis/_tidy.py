@@ -14,6 +14,7 @@ import numpy as np
 
 from linkjax._display import ROUNDING, above
 from linkjax.analysis._words import peak_unit
+from linkjax.measures import in_motion, motion_of
 
 Data = dict[str, Any]
 CONSTANT = "_constant_speed"
@@ -45,13 +46,14 @@ def power_scale(data: Data) -> float:
 def peak_shown(data: Data, key: str) -> tuple[float, float, float]:
     """A peak: its value, zero if it is below its error or only a rounding error; its crank angle, NaN if the quantity
     is zero or constant; and its error, NaN if the value is only a rounding error."""
-    peak, suffix = data["peaks"][key], CONSTANT if key.endswith(CONSTANT) else ""
-    name, value, error = key.removesuffix(CONSTANT), float(peak["value"]), float(peak["error"])
+    peak, (name, constant) = data["peaks"][key], motion_of(key)
+    value, error, suffix = float(peak["value"]), float(peak["error"]), CONSTANT * constant
     scale = (force_scale if peak_unit(name) == "N" else torque_scale)(data, suffix)
-    if above(value, scale) == 0 or value <= error < math.inf:
+    if above(value, scale) == 0 or abs(value) <= error < math.inf:
         return 0.0, math.nan, error if above(error, scale) else math.nan
     room = max(error if math.isfinite(error) else 0.0, ROUNDING * scale)
-    return value, math.nan if _least(data, name, suffix) >= value - room else float(peak["angle"]), error
+    largest = max(abs(float(data["peaks"][in_motion(each, constant)]["value"])) for each in _with_signs(name))
+    return value, math.nan if _least(data, name, suffix) >= largest - room else float(peak["angle"]), error
 
 
 def uneven(data: Data) -> bool:
@@ -69,7 +71,14 @@ def measure_scales(optimum: Data) -> dict[str, float]:
 
 def _peaks(data: Data, suffix: str) -> list[tuple[str, Data]]:
     found = data.get("peaks", {}).items()
-    return [(key.removesuffix(CONSTANT), peak) for key, peak in found if key.endswith(CONSTANT) == bool(suffix)]
+    named = ((*motion_of(key), peak) for key, peak in found)
+    return [(name, peak) for name, constant, peak in named if constant == bool(suffix)]
+
+
+def _with_signs(name: str) -> list[str]:
+    """The peaks of the same quantity: of largest magnitude, and if it has a sign, the largest and smallest value."""
+    quantity = name.partition("_")[2]
+    return [f"{way}_{quantity}" for way in (("peak", "max", "min") if peak_unit(name) == "N·m" else ("peak",))]
 
 
 def _largest(values: Iterable[Any]) -> float:
@@ -81,6 +90,7 @@ def _least(data: Data, name: str, suffix: str) -> float:
 
     For the drive torque it is the mean, which equals the peak only if the torque is constant.
     """
+    name = name.partition("_")[2]
     if name == "drive_torque" and data["motion"].get("mean_drive_torque") is None:
         return float(np.min(np.abs(data["forces_constant_speed"]["drive_torque"])))
     if name == "drive_torque":

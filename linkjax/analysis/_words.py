@@ -5,5 +5,11 @@ from __future__ import annotations
 
 def peak_unit(name: str) -> str:
     """SI unit of a peak, by its name."""
-    turning = not name.startswith("reaction.") and any(word in name for word in ("torque", "moment"))
-    return "N·m" if turning else "N"
+    head = name.partition(".")[0]
+    return "N·m" if any(word in head for word in ("torque", "moment")) else "N"
+
+
+def peak_label(name: str) -> str:
+    """Name of a peak in words: "drive torque", "max drive torque", but "reaction.B.rod" as in other outputs."""
+    label = name.removeprefix("peak_")
+    return label if label.startswith("reaction.") else label.replace("_", " ")

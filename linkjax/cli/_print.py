@@ -10,9 +10,9 @@ from rich.text import Text
 
 from linkjax._display import NONE, Numbers, above, retold
 from linkjax.analysis import (
-    CONSTANT,
     check_limit,
     moves,
+    peak_label,
     peak_shown,
     peak_unit,
     power_scale,
@@ -23,6 +23,7 @@ from linkjax.cli._console import console
 from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes
 from linkjax.machine import PERMANENT, Scene, load_size, speed_text
+from linkjax.measures import in_motion, motion_of
 from linkjax.mechanism import Mechanism
 from linkjax.topology import Structure
 
@@ -182,12 +183,12 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
 def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     motions = ["actual motion", "at"] if moves(data) else []
     table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
-    for name in dict.fromkeys(name.removesuffix(CONSTANT) for name in data["peaks"]):
-        both = [peak_shown(data, key) for key in (name, f"{name}{CONSTANT}") if key in data["peaks"]]
+    for name in dict.fromkeys(motion_of(name)[0] for name in data["peaks"]):
+        keys = (in_motion(name, constant) for constant in (False, True))
+        both = [peak_shown(data, key) for key in keys if key in data["peaks"]]
         values = [show.quantity(value, peak_unit(name), 6) for value, _, _ in both]
         angles = [show.turned(angle) for _, angle, _ in both]
-        shown = name if name.startswith("reaction.") else name.replace("_", " ")
-        table.add_row(shown, *(cell for pair in zip(values, angles, strict=True) for cell in pair))
+        table.add_row(peak_label(name), *(cell for pair in zip(values, angles, strict=True) for cell in pair))
     console.print()
     console.print(table, highlight=False)
 
@@ -205,13 +206,17 @@ def _print_limits(data: dict[str, Any], show: Numbers) -> None:
         kind, name = ("dead centres", entry["point"]) if "point" in entry else ("limit positions", entry["link"])
         stops.setdefault((kind, name), []).append(show.turned(entry["angle"]))
     for (kind, name), places in stops.items():
-        covered = _stroke(data["strokes"].get(name), show)
+        covered = (
+            _stroke(data["strokes"].get(name), "stroke", "m", show)
+            if kind == "dead centres"
+            else _stroke(data["swings"].get(name), "swing", "rad", show)
+        )
         console.print(f"{kind} of {name}: {', '.join(places)}{covered}", highlight=False)
 
 
-def _stroke(covered: dict[str, Any] | None, show: Numbers) -> str:
+def _stroke(covered: dict[str, Any] | None, what: str, unit: str, show: Numbers) -> str:
     if covered is None:
         return ""
-    value = show.told([covered["value"]], covered["unit"], 6)[0]
+    value = show.told([covered["value"]], unit, 6)[0]
     ratio = "" if covered["time_ratio"] is None else f", time ratio {covered['time_ratio']:.4f}"
-    return f"; {'stroke' if covered['unit'] == 'm' else 'swing angle'} {value}{ratio}"
+    return f"; {what} {value}{ratio}"

@@ -3,8 +3,11 @@
 from linkjax._renamed import old_names as old_names
 from linkjax.measures._families import FAMILIES as FAMILIES
 from linkjax.measures._families import Family as Family
+from linkjax.measures._forces import in_motion as in_motion
+from linkjax.measures._forces import motion_of as motion_of
 from linkjax.measures._forces import peak_names as peak_names
 from linkjax.measures._forces import reaction_names as reaction_names
+from linkjax.measures._forces import signed_rows as signed_rows
 from linkjax.measures._forces import table as table
 from linkjax.measures._gaps import no_transmission_angle as no_transmission_angle
 from linkjax.measures._measures import delta as delta

@@ -12,7 +12,7 @@ from linkjax.machine import Scene
 
 
 def table(scene: Scene, forces: Forces) -> Float[Array, "quantities 2 places"]:
-    """Shaking force, frame force, shaking moment, drive torque and all reactions, in the order of `peak_names`."""
+    """Shaking force, frame force, shaking moment, drive torque and all reactions: the rows of `signed_rows`."""
     zero = jnp.zeros_like(forces.drive_torque)
     rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (forces.drive_torque, zero)]
     rows += [forces.net_frame[:2]] if _net(scene) else []
@@ -21,10 +21,38 @@ def table(scene: Scene, forces: Forces) -> Float[Array, "quantities 2 places"]:
 
 
 def peak_names(scene: Scene) -> list[str]:
-    """Names of the rows of `table`; a reaction is `reaction.<joint>.<link>`."""
+    """Names of the peaks of an analysis, without their motion: of the rows of `table` the largest magnitude, and of the
+    shaking moment and the drive torque the largest and smallest value. A reaction is `peak_reaction.<joint>.<link>`."""
     joints = [f"reaction.{joint}.{link}" for joint, link in reaction_names(scene)]
     net = ["net_frame_force"] if _net(scene) else []
-    return ["shaking_force", "frame_force", "shaking_moment", "drive_torque", *net, *joints]
+    rows = ["shaking_force", "frame_force", "shaking_moment", "drive_torque", *net, *joints]
+    return [f"{way}_{row}" for row in rows for way in (("peak", "max", "min") if row in SIGNED else ("peak",))]
+
+
+SIGNED = ("shaking_moment", "drive_torque")  # rows of one number with a sign
+
+
+def signed_rows(scene: Scene) -> tuple[tuple[int, float], ...]:
+    """For every name of `peak_names`: the row of `table`, and one where the largest number is looked for, minus one for
+    the smallest, zero for the largest magnitude."""
+    rows: dict[str, int] = {}
+    found = []
+    for name in peak_names(scene):
+        way, _, row = name.partition("_")
+        found.append((rows.setdefault(row, len(rows)), {"peak": 0.0, "max": 1.0, "min": -1.0}[way]))
+    return tuple(found)
+
+
+def in_motion(name: str, constant: bool) -> str:
+    """The name of a measure in the actual motion, or at constant speed."""
+    head, dot, element = name.partition(".")
+    return f"{head}{'_constant_speed' * constant}{dot}{element}"
+
+
+def motion_of(name: str) -> tuple[str, bool]:
+    """The name of a measure without its motion, and whether it is at constant speed."""
+    head, dot, element = name.partition(".")
+    return f"{head.removesuffix('_constant_speed')}{dot}{element}", head.endswith("_constant_speed")
 
 
 def _net(scene: Scene) -> bool:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, turning
-from linkjax.analysis import check_limit, moves, peak_shown, peak_unit, power_scale, torque_scale, uneven
+from linkjax.analysis import check_limit, moves, peak_label, peak_shown, peak_unit, power_scale, torque_scale, uneven
 from linkjax.machine import PERMANENT, Scene, load_size
+from linkjax.measures import in_motion, motion_of
 from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
-CONSTANT = "_constant_speed"
 KINDS = {
     "fixed": "fixed", "scaled": "scaled with the length", "stretched": "stretched with the length",
     "section": "from the cross-section",
@@ -103,19 +103,19 @@ def nominal(show: Cells, scene: Scene) -> str:
 def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     """Peak magnitudes over the continuous cycle, in both motions: side by side, or each before and after."""
     found = data.get("peaks", {})
-    names = list(dict.fromkeys(name.removesuffix(CONSTANT) for name in found))
+    names = list(dict.fromkeys(motion_of(name)[0] for name in found))
     if before is None and not any(name in found for name in names):
-        rows = [[words(peak_name(n)), *_peak(show, data, n + CONSTANT)] for n in names]
+        rows = [[words(peak_name(n)), *_peak(show, data, in_motion(n, True))] for n in names]
         return table(["peak", "constant speed", "error", "at"], rows)
     if before is None:
-        rows = [[words(peak_name(n)), *_peak(show, data, n), *_peak(show, data, n + CONSTANT)] for n in names]
+        rows = [[words(peak_name(n)), *_peak(show, data, n), *_peak(show, data, in_motion(n, True))] for n in names]
         return table(["peak", "actual motion", "error", "at", "constant speed", "error", "at"], rows)
     text = ""
-    for motion, suffix in (("actual motion", ""), ("constant speed", CONSTANT)):
+    for motion, constant in (("actual motion", False), ("constant speed", True)):
         rows = []
-        for name in (n for n in names if n + suffix in found):
-            old = peak_shown(before, name + suffix)[0] if name + suffix in before.get("peaks", {}) else None
-            rows.append([words(peak_name(name)), show.amount(old, peak_unit(name)), *_peak(show, data, name + suffix)])
+        for name, key in ((n, key) for n in names if (key := in_motion(n, constant)) in found):
+            old = peak_shown(before, key)[0] if key in before.get("peaks", {}) else None
+            rows.append([words(peak_name(name)), show.amount(old, peak_unit(name)), *_peak(show, data, key)])
         text += table([f"peak, {motion}", "before", "after", "error", "at"], rows) if rows else ""
     return text
 
@@ -125,17 +125,17 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     if key not in data["peaks"]:
         return [Cell(NONE, True)] * 3
     value, angle, error = peak_shown(data, key)
-    unit = peak_unit(key.removesuffix(CONSTANT))
+    unit = peak_unit(key)
     told, bound = show.measured(value, 0.0 if math.isnan(error) else error, unit, most=6)
     return [Cell(told, True), Cell(NONE if math.isnan(error) else bound, True), show.angle(angle)]
 
 
 def peak_name(name: str) -> str:
-    """Name of a peak in words: `reaction.B.rod` is the joint force B on the rod."""
-    if name.startswith("reaction."):
-        joint, _, link = name.removeprefix("reaction.").rpartition(".")
+    """Name of a peak in words: `peak_reaction.B.rod` is the joint force B on the rod."""
+    if name.startswith("peak_reaction."):
+        joint, _, link = name.removeprefix("peak_reaction.").rpartition(".")
         return f"guide force on {link}" if joint.endswith(".guide") else f"joint force {joint} on {link}"
-    return name.replace("_", " ")
+    return peak_label(name)
 
 
 def links(show: Cells, scene: Scene) -> str:
@@ -197,20 +197,22 @@ def groups(show: Cells, data: Data) -> str:
 
 
 def dead_centres(show: Cells, data: Data) -> str:
-    """Dead centres of points and limit positions of links: crank angles, and the stroke or angle between them."""
+    """Dead centres of points and limit positions of links: crank angles, and the stroke or swing between them."""
     found: dict[str, list[str]] = {}
     for entry in data.get("dead_centres", []):
         name = f"point {entry['point']}" if "point" in entry else f"link {entry['link']}"
         found.setdefault(name, []).append(show.turned(float(entry["angle"])))
     rows = []
     for name, angles in found.items():
-        covered = data.get("strokes", {}).get(name.split(maxsplit=1)[1])
+        kind, own = name.split(maxsplit=1)
+        table_of, unit = ("strokes", "m") if kind == "point" else ("swings", "rad")
+        covered = data.get(table_of, {}).get(own)
         ends = [Cell(NONE, True)] * 2
         if covered:
             ratio = NONE if covered["time_ratio"] is None else f"{covered['time_ratio']:.4f}"
-            ends = [*show.several([covered["value"]], covered["unit"], 6), Cell(ratio, True)]
+            ends = [*show.several([covered["value"]], unit, 6), Cell(ratio, True)]
         rows.append([words(name), words(",  ".join(angles)), *ends])
-    head = ["dead centres or limit positions of", "at crank angle", "stroke or angle", "time ratio"]
+    head = ["dead centres or limit positions of", "at crank angle", "stroke or swing", "time ratio"]
     return table(head, rows) if rows else "<p>No point has a dead centre, and no link has a limit position.</p>"
 
 

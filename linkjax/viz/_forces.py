@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from linkjax._display import Units, prefixed
 from linkjax.machine import Scene
+from linkjax.measures import motion_of
 from linkjax.viz._curves import frame_equal, hodograph
 from linkjax.viz._style import (
     BEFORE,
@@ -70,10 +71,10 @@ def motion_keys(found: list[Case], old: list[Case]) -> list[Line2D]:
 def joints(data: Data) -> list[tuple[str, str, str]]:
     """(joint, link, by) for one side of every joint; the force on the other side is equal and opposite."""
     found, peaks = [], data.get("peaks", {})
-    named = {name.removesuffix("_constant_speed") for name in peaks}
+    named = {motion_of(name)[0] for name in peaks}
     for joint, sides in cases(data)[0].forces["reactions"].items():
         seen: set[frozenset[str]] = set()
-        for link in sorted(sides, key=lambda name, joint=joint: f"reaction.{joint}.{name}" not in named):
+        for link in sorted(sides, key=lambda name, joint=joint: f"peak_reaction.{joint}.{name}" not in named):
             by = str(sides[link]["by"])
             if frozenset((link, by)) not in seen:
                 seen.add(frozenset((link, by)))

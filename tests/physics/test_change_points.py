@@ -132,7 +132,7 @@ def test_a_parallelogram_at_work():
     assert list(np.flatnonzero(np.isnan(cycle.reactions["C"]["rocker"].fx))) == [0, 18]
     np.testing.assert_allclose(cycle.forces_constant_speed.drive_torque, 3.0, rtol=1e-9)
     names = lj.measures.peak_names(scene)
-    assert all(np.isinf(v) == n.startswith("reaction") for n, v in zip(names, cycle.peaks.value, strict=True))
+    assert all(np.isinf(v) == n.startswith("peak_reaction") for n, v in zip(names, cycle.peaks.value, strict=True))
     assert max(float(x) for x in (cycle.checks.virtual_power, cycle.checks.force_balance)) < 1e-10
     with pytest.raises(lj.MachineError, match="does not return to its initial position"):
         lj.analyse(lj.Scene(four_bar(0.3, 0.4, 0.4, 0.3), scene.loads, speed=10.0), angles=36)

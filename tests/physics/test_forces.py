@@ -229,7 +229,8 @@ def test_every_peak_has_a_name_of_its_own(name):
 
 
 def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
-    """Size of everything with a reported peak, rows in the order of `peak_names`, from the Newton-Euler equations."""
+    """Everything with a reported peak, rows in the order of `peak_names`, from the Newton-Euler equations: sizes, and
+    for the largest and smallest value the number with its sign."""
     known, mechanism = newton_euler.solve(scene, phi, speed, acceleration), scene.mechanism
     here = oracle.rates(mechanism, phi)
     about = here.points[mechanism.groups[0].needs()[0]].r
@@ -244,7 +245,11 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     acting = oracle.applied(scene, phi, here)
     found["net_frame_force"] = frame + sum(acting[name][2] for name in own)
     found |= {f"reaction.{joint}.{link}": force for (joint, link), (force, _) in known.reactions.items()}
-    return np.abs(np.stack([found[name] + 0 * phi for name in peak_names(scene)]))
+    rows = []
+    for way, _, name in (each.partition("_") for each in peak_names(scene)):
+        value = found[name] + 0 * phi
+        rows.append(np.abs(value) if way == "peak" else value.real)
+    return np.stack(rows)
 
 
 @pytest.mark.parametrize("name", [n if n == "slider-crank" else pytest.param(n, marks=pytest.mark.slow) for n in EVERY])

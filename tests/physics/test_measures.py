@@ -68,13 +68,10 @@ def swept(name: str) -> lj.Scene:
 @functools.cache
 def names_of(name: str) -> tuple[str, ...]:
     """Every measure of a scene; of links that never turn back the time ratio is infinite."""
-    none = measures.no_transmission_angle(machine(name).mechanism)
-    found = measures.evaluate(swept(name), measures.measure_names(swept(name)) if not none else with_angles(name))
+    none = ("min_transmission_angle",) if measures.no_transmission_angle(machine(name).mechanism) else ()
+    known = [each for each in measures.measure_names(swept(name)) if each not in none]
+    found = measures.evaluate(swept(name), known)
     return tuple(each for each, value in found.items() if not (each.startswith("time_ratio") and np.isinf(value)))
-
-
-def NO_ANGLE(name: str) -> list[str]:
-    return [each for each in measures.measure_names(swept(name)) if each != "min_transmission_angle"]
 
 
 def every(scene: lj.Scene, names: tuple[str, ...], nodes: int) -> jax.Array:

@@ -125,8 +125,8 @@ def test_it_can_be_drawn(shaper, tmp_path):
     cycle = lj.analyse(shaper, angles=24)
     assert {p.name for p in lj.viz.write_figures(document(cycle), shaper, tmp_path)} >= {"machine.svg"}
     assert [name for name in peak_names(shaper) if "block" in name] == [
-        "reaction.B.block",
-        "reaction.block.guide.block",
+        "peak_reaction.B.block",
+        "peak_reaction.block.guide.block",
     ]
 
 

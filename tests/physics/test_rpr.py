@@ -35,7 +35,7 @@ def geneva(crank: float, apart: float, offset: float = 0.0, side: int = 1) -> Me
 def test_the_quick_return():
     """Oscillation angle, limit positions and time ratio of the shaper in closed form."""
     data = document(lj.analyse(lj.load("quick-return"), angles=36))
-    lever, ram = data["strokes"]["lever"], data["strokes"]["R"]
+    lever, ram = data["swings"]["lever"], data["strokes"]["R"]
     assert lever["value"] == pytest.approx(2 * REST, rel=1e-12)
     assert lever["time_ratio"] == pytest.approx((math.pi + 2 * REST) / (math.pi - 2 * REST), rel=1e-9)
     ends = [(-0.01 + 0.75 * math.cos(at), -0.35 + 0.75 * math.sin(at)) for at in (AXIS - REST, AXIS + REST)]

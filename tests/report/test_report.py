@@ -82,17 +82,21 @@ def test_results(report):
 def test_peaks(report):
     _, data, page = report
     plain = ("shaking_force", "frame_force", "shaking_moment", "drive_torque", "net_frame_force")
-    names = {name.replace("_", " "): name for name in plain if name in data["peaks"]}
+    names = {name.replace("_", " "): f"peak_{name}" for name in plain if f"peak_{name}" in data["peaks"]}
+    ways = [f"{way}_{name}" for name in ("shaking_moment", "drive_torque") for way in ("max", "min")]
+    names |= {name.replace("_", " "): name for name in ways}
     for name in data["peaks"]:
-        if name.startswith("reaction.") and not name.endswith("_constant_speed"):
-            joint, _, link = name.removeprefix("reaction.").rpartition(".")
+        if name.startswith("peak_reaction."):
+            joint, _, link = name.removeprefix("peak_reaction.").rpartition(".")
             names[f"guide force on {link}" if joint.endswith("guide") else f"joint force {joint} on {link}"] = name
     assert len(names) == len(data["peaks"]) // 2
     for label, name in names.items():
         cells, unit = page.row(label), "N·m" if label.split()[-1] in ("torque", "moment") else "N"
-        for peak, (value, _, at) in zip((name, f"{name}_constant_speed"), (cells[:3], cells[3:]), strict=True):
+        head, dot, element = name.partition(".")
+        both = name, f"{head}_constant_speed{dot}{element}"
+        for peak, (value, _, at) in zip(both, (cells[:3], cells[3:]), strict=True):
             assert_printed(value, data["peaks"][peak]["value"], unit)
-            if peak == "drive_torque":  # a constant torque, which has no angle of its maximum
+            if peak.endswith("drive_torque"):  # a constant torque, which has no angle of its maximum
                 assert at == "–"
                 continue
             assert_printed(at, data["peaks"][peak]["angle"], "°", 180 / math.pi)
@@ -114,7 +118,7 @@ def test_links_groups_and_dead_centres(report):
         kind = "point" if "point" in entry else "link"
         angles, covered, ratio = page.row(f"{kind} {entry[kind]}", cells=4)
         assert f"{math.degrees(entry['angle']):.3f}°" in angles
-        stroke = data["strokes"][entry[kind]]
+        stroke = data["strokes" if kind == "point" else "swings"][entry[kind]]
         unit, scale = ("m", 1.0) if kind == "point" else ("°", 180 / math.pi)
         assert_printed(covered, stroke["value"], unit, scale)
         assert_printed(ratio, stroke["time_ratio"], "")
@@ -193,11 +197,11 @@ def test_before_and_after(compared):
     assert before == "100.000 rad/s"
     assert_printed(after, data["motion"]["max_speed"], "rad/s")
     assert remark.endswith("°")
-    peak = data["peaks"]["drive_torque"]["value"]
+    peak = data["peaks"]["peak_drive_torque"]["value"]
     true, constant = [row for row in page.rows if row[0] == "drive torque"]
     assert_printed(true[1], peak, "kN·m", 1e-3)
     assert true[2].endswith("kN·m")
-    assert_printed(constant[1], data["peaks"]["drive_torque_constant_speed"]["value"], "kN·m", 1e-3)
+    assert_printed(constant[1], data["peaks"]["peak_drive_torque_constant_speed"]["value"], "kN·m", 1e-3)
 
 
 def test_units_that_were_chosen(compared):
