@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from linkjax._numerics import largest
 from linkjax._numerics import smallest as least
 from linkjax._units import QuantityError, in_si
 from linkjax.design._names import DesignError, number
+from linkjax.design._variables import Variable, called
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES, Measure, Parts
 from linkjax.motion import Rows, Wanted
@@ -28,7 +30,9 @@ LONGEST = 160  # characters of another message in ours
 
 @dataclasses.dataclass(frozen=True)
 class Term:
-    """A quantity of a design in SI `unit`; `rows` are all values that can be its largest (or `smallest`)."""
+    """A quantity of a design in SI `unit`; `rows` are all values that can be its largest (or `smallest`). Of a sum of
+    `squares` the only row is the vector of all residuals. `wants` returns the own numbers that belong to it, and raises
+    `DesignError` where the scene lacks what it uses."""
 
     name: str
     unit: str
@@ -36,9 +40,11 @@ class Term:
     rows: Callable[[Parts], Rows | Wanted] | None = None
     smallest: bool = False
     made: str = ""  # the name that determines it: of a scene parameter or a built-in measure
+    squares: bool = False
+    wants: Callable[[Scene], Sequence[Variable]] | None = None
 
 
-Asked = Measure | Callable[[Scene], Array] | str | Term
+Asked = Measure | Callable[..., Array] | str | Term
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +60,7 @@ class Limit:
 
 def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
     """The term of a measure (itself or its name), of a scene parameter by name, or of a user-defined function of the
-    scene, which returns one number in SI.
+    scene (or of the scene and the own numbers), which returns one number in SI.
 
     Raises `DesignError` for anything else. A function that fails or does not return one number raises `DesignError`
     when it is traced. For a function that returns an array see `as_rows`.
@@ -71,8 +77,8 @@ def as_term(asked: Asked, unit: str = "1", name: str = "") -> Term:
     if not callable(asked):
         problem = f"{type(asked).__name__} is neither a measure, nor a name, nor a function"
         raise DesignError(repr(asked)[:LONGEST], problem, 'write e.g. "delta", or a function of the scene')
-    name = name or _name(asked)
-    return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene))
+    name = name or name_of(asked)
+    return Term(name, unit, lambda of: checked(name, SCENE, functools.partial(called, asked), of))
 
 
 def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "", smallest: bool = False) -> Term:
@@ -81,10 +87,10 @@ def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "",
 
     With `smallest` the smallest entry or length counts, for `maximise` and `at_least`. Errors as in `as_term`.
     """
-    name = name or _name(function)
+    name = name or name_of(function)
 
     def rows(of: Parts) -> Rows:
-        at = jnp.asarray(guarded(name, SCENE, function, of.scene))
+        at = jnp.asarray(guarded(name, SCENE, functools.partial(called, function), of))
         if at.ndim not in (1, 2):
             problem = f"returns an array of shape {at.shape}, not of shape (rows,) or (rows, parts)"
             raise DesignError(name, problem, "return an array of one or two axes")
@@ -102,7 +108,8 @@ def made_again(term: str | Term) -> Term:
     return term if isinstance(term, Term) else as_term(term)
 
 
-def _name(function: Any) -> str:
+def name_of(function: Any) -> str:
+    """The name of a function in messages and results."""
     return getattr(function, "__name__", "").strip("<>") or "user-defined function"
 
 
@@ -159,7 +166,7 @@ def at_least(asked: Asked, bound: float | str, *, unit: str | None = None, name:
 
 def _limit(asked: Asked, sense: Sense, bound: float | str, unit: str | None, name: str) -> Limit:
     if callable(asked) and not isinstance(asked, Measure):
-        unit = _unit_of(name or _name(asked), bound, unit)
+        unit = _unit_of(name or name_of(asked), bound, unit)
     term = as_term(asked, unit or "1", name)
     return Limit(term, sense, bound, name or term.name)
 
