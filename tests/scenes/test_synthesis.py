@@ -103,7 +103,9 @@ def test_the_command_line(call, file, tmp_path):
     """Points in mm and crank angles in degrees from a CSV file; own numbers in all results."""
     file.write_text(MACHINE)
     points = tmp_path / "points.csv"
-    rows = [f"{1e3 * x:.15g},{1e3 * y:.15g},{np.degrees(at):.15g}" for (x, y), at in zip(POINTS, PHI - 0.1, strict=True)]
+    rows = [
+        f"{1e3 * x:.15g},{1e3 * y:.15g},{np.degrees(at):.15g}" for (x, y), at in zip(POINTS, PHI - 0.1, strict=True)
+    ]
     points.write_text("\n".join(["x (mm), y (mm), crank [deg]", *rows]) + "\n")
     out, data = tmp_path / "made", tmp_path / "all.json"
     code, told, _ = call(file, "--path-error", f"E={points}", "--free-start", "--json", data)
