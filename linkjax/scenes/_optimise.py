@@ -63,7 +63,7 @@ def _goal(value: Any) -> Any:
     if isinstance(value, str):
         return value
     if not isinstance(value, dict):
-        raise wrong(f"{kind_of(value)} where an objective is needed", f'write e.g. "delta", or {GOAL}')
+        raise wrong(f"{kind_of(value)} where a string or a table is needed", f'write e.g. "delta", or {GOAL}')
     kinds = [name for name in READY if name in value]
     if len(kinds) != 1:
         raise wrong("not one of " + ", ".join(READY) if not kinds else f"both {' and '.join(kinds)}", f"write {GOAL}")
