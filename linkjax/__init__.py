@@ -22,8 +22,12 @@ if TYPE_CHECKING:
     from linkjax.design import Variable as Variable
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
+    from linkjax.design import function_error as function_error
     from linkjax.design import optimise as optimise
     from linkjax.design import optimize as optimize
+    from linkjax.design import path_error as path_error
+    from linkjax.design import position_error as position_error
+    from linkjax.design import sum_of_squares as sum_of_squares
     from linkjax.exchange import from_pylinkage as from_pylinkage
     from linkjax.exchange import read_pylinkage as read_pylinkage
     from linkjax.exchange import to_mjcf as to_mjcf
@@ -143,7 +147,19 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
     "measures": (),
     "rolling": ("Rolling", "RollingMachine"),
     "exchange": ("from_pylinkage", "read_pylinkage", "to_mjcf", "to_pylinkage"),
-    "design": ("Case", "DesignError", "Variable", "at_least", "at_most", "optimise", "optimize"),
+    "design": (
+        "Case",
+        "DesignError",
+        "Variable",
+        "at_least",
+        "at_most",
+        "function_error",
+        "optimise",
+        "optimize",
+        "path_error",
+        "position_error",
+        "sum_of_squares",
+    ),
     "scenes": ("SceneError", "load", "load_rolling", "load_problem", "rolling_names", "scene_names"),
     "viz": (),
     "report": (),

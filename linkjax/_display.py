@@ -156,10 +156,12 @@ def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float,
         for limit, factor, prefix in ((10.0, 1.0, ""), (1e-3, 1e3, "m"), (0.0, 1e6, "µ")):
             if size >= limit and (size > 0 or limit == 0.0):
                 return (factor, prefix + unit) if size > 0 else (1e3, "m" + unit)
+    if unit == "m²" and size >= 1e-9:  # the prefix belongs to the metre
+        return (1.0, unit) if size >= 1 else (1e6, "mm²")
     if size == 0 or unit == "" or (unit in ("m/s", "m/s²") and size >= 1):
         return 1.0, unit
     power = 3 * math.floor(math.log10(size) / 3)
-    if unit.startswith("kg"):
+    if unit.startswith("kg") or unit in ("m²", "rad²"):
         return (1.0, unit) if -3 <= power < 3 else (10.0**-power, f"10{superscript(power)} {unit}")
     power = min(max(power, -9), 9)
     prefix = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}[power]

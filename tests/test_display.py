@@ -96,3 +96,11 @@ def test_the_unit_of_a_speed():
     assert [unit_of(value) for value in ("700 rpm", "-2e1 rev/s", 10, 1.5, "fast", None, True)] == [
         "rpm", "rev/s", "rad/s", "rad/s", "", "", "rad/s",
     ]  # fmt: skip
+
+
+def test_squares_of_lengths_and_angles():
+    """The prefix belongs to the metre: a square millimetre is 1e-6 m²."""
+    assert Numbers().told([9.1e-3, 2e-4], "m^2", 4) == ["9100 mm²", "200.0 mm²"]
+    assert Numbers().told([2.5], "m^2", 3) == ["2.50 m²"]
+    assert Numbers().told([3e-14], "m^2", 2) == ["30·10⁻¹⁵ m²"]
+    assert Numbers().told([3e-5], "rad^2", 2) == ["30·10⁻⁶ rad²"]

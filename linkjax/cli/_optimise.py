@@ -43,6 +43,7 @@ from linkjax.cli._print_optimum import amount
 from linkjax.cli._print_optimum import comment as _comment
 from linkjax.cli._print_optimum import print_optimum as _print
 from linkjax.cli._said import messages_in, units_for
+from linkjax.cli._targets import FreeStart, FunctionError, PathError, PositionError, target
 from linkjax.cli._write import write_out
 from linkjax.design import DesignError, Progress, document, limit, settled, solve
 from linkjax.scenes import load, load_problem, text_of
@@ -85,6 +86,10 @@ def optimise_command(
     json_file: JsonFile = None,
     minimise: Minimise = None,
     maximise: Maximise = None,
+    path_error: PathError = None,
+    function_error: FunctionError = None,
+    position_error: PositionError = None,
+    free_start: FreeStart = False,
     limits: Limits = None,
     free: Free = None,
     starts: Starts = None,
@@ -104,8 +109,12 @@ def optimise_command(
     machine, asked = load_problem(scene, changes_of(scene, set_))
     units = units_for(scene, changes_of(scene, set_), units)
     shown = numbers_in(units)
-    if minimise is not None or maximise is not None:
-        asked |= {"minimise": minimise, "maximise": maximise}
+    with _named(scene):
+        goal = target(path_error, function_error, position_error, free_start)
+    if goal is not None and minimise is not None:
+        raise DesignError(f"{scene}: objective", "two are given", "delete --minimise")
+    if goal is not None or minimise is not None or maximise is not None:
+        asked |= {"minimise": minimise if goal is None else goal, "maximise": maximise}
     given = {"starts": starts, "seed": seed, "solver": solver}
     asked |= {key: value for key, value in given.items() if value is not None}
     with _named(scene):

@@ -12,6 +12,7 @@ from linkjax.analysis import measure_scales
 from linkjax.cli._console import console
 
 Data = dict[str, Any]
+OWN = "own."  # numbers that are not in the scene, so that its file has them as a comment
 
 
 def amount(value: float | None, unit: str, show: Numbers) -> str:
@@ -24,7 +25,9 @@ def comment(data: Data) -> str:
     goal = data["objective"]
     old, new = (NONE if goal[key] is None else f"{goal[key]:.6g}" for key in ("before", "after"))
     change = f"{old} -> {new}{_unit(goal['unit'])}"
-    return f"{data['scene']}, optimised by linkjax {data['linkjax_version']}\n{goal['name']}: {change}"
+    own = [f"\n{name} = {v['after']:.12g}{_unit(v['unit'])}" for name, v in data["variables"].items()
+           if name.startswith(OWN)]  # fmt: skip
+    return f"{data['scene']}, optimised by linkjax {data['linkjax_version']}\n{goal['name']}: {change}" + "".join(own)
 
 
 def print_optimum(data: Data, show: Numbers, seconds: float) -> None:

@@ -7,7 +7,14 @@ Measured on the hay press with ten design variables: 10 to 120 evaluations per s
 its own multipliers missed the moving positions and stopped at a residual of 1e-5 to 1e-3. Subproblems are solved to
 nine digits only until the residual is 1e-3, since `_polish` finds the last digits; with full accuracy throughout, the
 demo took a tenth more steps.
-Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 6 and 18.
+
+With sums of squares three things are added. The curvature is used only if it predicted the last step better than
+Gauss and Newton's model without it (Dennis, Gay and Welsch, An adaptive nonlinear least-squares algorithm, 1981). A
+step that gains less than expected is corrected to second order in the residuals and margins: it costs an evaluation
+and follows curved valleys. A design that violates simple constraints is repaired even if it can be assembled.
+Measured on a four-bar through five points, 40 random starts: 5 reach the optimum without these, 16 with the first, 27
+with the repair of unsound designs, too, and more with all (`benchmarks/synthesis.py`).
+Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 6, 10 and 18.
 """
 
 from __future__ import annotations
@@ -18,13 +25,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from linkjax.design._point import MET, Certificate, Point, certify, lengths, look
+from linkjax.design._point import MET, Certificate, Point, Scaled, certify, lengths, look
 from linkjax.design._polish import polished
 from linkjax.design._problem import Problem
 from linkjax.design._subproblem import FINE, ROUGH, Step, solve
 
 RADIUS, LEAST = 0.2, 1e-11  # initial and smallest half width of the trust region, in units of the variables' ranges
 PENALTY, MOST = 10.0, 1e7
+FIRST = 1e3  # in the repair of a design: weight of constraints against margins, whose scale is a thousandth
+SHARP = 0.75  # with squares: a step with a smaller share of the expected improvement is corrected to second order
+LAST = 0.05  # with squares: share of the tolerance to which the last digits are found; their evaluations are cheap
+RESERVE = 1.5  # times the error of the linear model of a margin: its correction
 NEAR = 1e-3  # a residual below which steps are solved to full precision
 SAME = 1e-10  # relative difference of two merits that can be rounding
 
@@ -52,7 +63,8 @@ def descend(
     path, bend = begin(problem, z, steps), np.zeros((z.size, z.size))
     if path.point.unsound <= 0:
         bend = _down(problem, path, bend, tolerance, steps, callback)
-    for point, certificate in polished(problem, path.point, path.certificate, bend, tolerance):
+    last = tolerance * (LAST if _has_squares(problem) else 1.0)
+    for point, certificate in polished(problem, path.point, path.certificate, bend, last):
         path.point, path.certificate = point, certificate
         path.history.append(point.course)
     path.converged = path.certificate.residual <= tolerance and path.point.violation <= MET
@@ -65,6 +77,8 @@ def _down(
     """Take steps while they improve the merit, until the residual is as wanted; returns the approximate curvature."""
     point, step, tolerance = path.point, None, ROUGH
     radius, penalty = RADIUS, PENALTY
+    squares = _has_squares(problem)
+    curved = not squares  # whether the model has the approximate curvature
     for _ in range(steps):
         if not np.isfinite(point.value + point.violation):
             return bend
@@ -75,15 +89,26 @@ def _down(
         if path.certificate.residual <= NEAR:
             tolerance = FINE
         limits = [*point.limits, *point.sound]
-        step = solve(point.goals, limits, point.z, radius, _convex(bend), penalty, step, tolerance)
+        convex = _convex(bend)
+        model = convex if curved else np.zeros_like(bend)
+        step = solve(point.goals, limits, point.z, radius, model, penalty, step, tolerance)
         if step is None:
             return bend
         penalty = _raised(step, penalty, len(point.goals))
         merit = point.value + penalty * point.violation
         expected = merit - step.model
         trial, got = _tried(problem, point, step, penalty)
+        if squares and not merit - got >= SHARP * expected:
+            second = solve(*_bent(point, trial), point.z, radius, model, penalty, step, tolerance)
+            other, found = (trial, got) if second is None else _tried(problem, point, second, penalty)
+            if found < got:
+                trial, got = other, found
         moved = trial.z - point.z
         size = float(np.max(np.abs(moved)))
+        if squares and np.isfinite(got):
+            more = 0.5 * float(moved @ convex @ moved)
+            without = step.model - (more if curved else 0.0)
+            curved = abs(got - without - more) < abs(got - without)
         if np.isfinite(got):  # a rejected step gives as much curvature as an accepted one
             bend = _sr1(bend, moved, _pull(trial, step) - _pull(point, step) - _turning(point, step, moved))
         better = merit - got >= 1e-4 * expected > 0
@@ -110,11 +135,14 @@ def begin(problem: Problem, z: np.ndarray, steps: int = 200) -> Path:
     other value is meaningful. If there is none, the last point stays unsound."""
     point = look(problem, z)
     path = Path(point, certify(point), [point.course], converged=False)
-    while path.point.unsound > 0 and len(path.history) <= steps:
-        better = _restored(problem, path.point, RADIUS)
+    first = _first if _has_squares(problem) else lambda point: []
+    while _amiss(path.point, first) > 0 and len(path.history) <= steps:
+        better = _restored(problem, path.point, RADIUS, first)
         if better is None:
             break
         arrived(path, better)
+    if path.point.unsound > point.unsound:  # constraints were met, but by no machine that can be assembled
+        arrived(path, point)
     return path
 
 
@@ -138,17 +166,42 @@ def _tried(problem: Problem, point: Point, step: Step, penalty: float) -> tuple[
     return trial, np.inf if trial.unsound > 0 or not np.isfinite(got) else got
 
 
-def _restored(problem: Problem, point: Point, radius: float) -> Point | None:
-    """A step towards a machine that can be assembled and runs."""
+def _restored(problem: Problem, point: Point, radius: float, first: Callable[[Point], list[Scaled]]) -> Point | None:
+    """A step towards a machine that can be assembled and runs, and satisfies the constraints that come first."""
     for _ in range(12):
-        step = solve([], point.sound, point.z, radius, np.zeros((point.z.size,) * 2), PENALTY)
+        step = solve([], [*first(point), *point.sound], point.z, radius, np.zeros((point.z.size,) * 2), PENALTY)
         if step is None:
             return None
         trial = look(problem, np.clip(point.z + step.d, 0.0, 1.0))
-        if trial.unsound < point.unsound:
+        if _amiss(trial, first) < _amiss(point, first):
             return trial
         radius *= 0.5
     return None
+
+
+def _bent(point: Point, trial: Point) -> tuple[list[Scaled], list[Scaled]]:
+    """Objective and constraints with linear models that are exact after a trial step, and margins with a reserve."""
+    d = trial.z - point.z
+    pairs = zip(point.goals, trial.goals, strict=True)
+    goals = [goal.bent_to(other, d) if other.exists else goal for goal, other in pairs]
+    sound = [one.bent_to(other, d, RESERVE) for one, other in zip(point.sound, trial.sound, strict=True)]
+    return goals, [*point.limits, *sound]
+
+
+def _has_squares(problem: Problem) -> bool:
+    """Whether it is one of least squares."""
+    return any(kind.square for kind in problem.kinds)
+
+
+def _first(point: Point) -> list[Scaled]:
+    """The constraints on one number that have a value, with a larger weight than margins: a crank that must be the
+    shortest link rotates fully in another way than one that is longer than the frame, and there is no way between."""
+    return [one.times(FIRST) for one in point.limits if one.exists and one.signed and len(one.rows) == 1]
+
+
+def _amiss(point: Point, first: Callable[[Point], list[Scaled]]) -> float:
+    """What a repair makes small: the shortfall of the margins, and the excess of constraints that come first."""
+    return point.unsound + sum(max(one.excess() - FIRST * MET, 0.0) for one in first(point))
 
 
 def _pull(point: Point, step: Step) -> np.ndarray:

@@ -9,8 +9,8 @@ import numpy as np
 from linkjax.analysis import Cycle, measured
 from linkjax.design._names import number
 from linkjax.design._optimise import Optimum
-from linkjax.design._problem import Case
 from linkjax.design._text import outcome
+from linkjax.design._variables import Case
 from linkjax.measures import MEASURES
 
 WHY = {
@@ -65,7 +65,7 @@ def document(
         },
         **_measures(before, after, {kind.name for kind in problem.kinds}),
         "units": {each.name: each.unit for each in MEASURES.values()},
-        "history": [{"objective": a * goal.scale * (goal.sign if goal.signed else 1.0), "violation": b}
+        "history": [{"objective": goal.value(a), "violation": b}
                     for a, b in found.history],
         "notes": list(found.notes),
         "evaluations": found.evaluations,

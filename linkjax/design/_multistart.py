@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from linkjax._compile import compiled_sooner
-from linkjax._numerics import largest
+from linkjax._numerics import largest, safe_sqrt
 from linkjax._population import map_designs
 from linkjax.design._cone import PENALTY, Path, descend
 from linkjax.design._point import rank
@@ -52,14 +52,16 @@ def _descent(problem: Problem) -> Callable:
     reached, with the merits."""
     import optax
 
+    square = jnp.asarray([k.square for k in problem.kinds])
     factors = jnp.asarray([(k.sign if k.signed else 1.0) / k.scale for k in problem.kinds])
     goals = jnp.asarray([k.role == "objective" for k in problem.kinds])
-    levels = factors * jnp.asarray([0.0 if k.role == "objective" else k.bound for k in problem.kinds])
+    levels = factors * jnp.asarray([0.0 if k.role == "objective" else k.level for k in problem.kinds])
     lower, span = jnp.asarray(problem.lower), jnp.asarray(problem.upper - problem.lower)
     rule = optax.adam(optax.cosine_decay_schedule(PACE, TURNS))
 
     def merit(z):
-        values = problem.values(lower + z * span) * factors
+        values = problem.values(lower + z * span)
+        values = jnp.where(square, safe_sqrt(values), values) * factors
         excess = jnp.where(goals, 0.0, jnp.maximum(values - levels, 0.0))
         return largest(jnp.where(goals, values, -jnp.inf)) + PENALTY * jnp.sum(excess)
 

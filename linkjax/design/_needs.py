@@ -13,6 +13,7 @@ from jaxtyping import Array
 from linkjax._numerics import largest, smallest
 from linkjax.design._names import DesignError
 from linkjax.design._terms import Limit, Term, checked, guarded
+from linkjax.design._variables import Own, OwnParts
 from linkjax.machine import Scene
 from linkjax.measures import Parts, min_margin, steady_state_margin
 from linkjax.mechanism import StructureError
@@ -41,6 +42,8 @@ def rows_for(limits: Sequence[Limit], parts: Parts) -> list[tuple[Rows, Array]]:
 
 
 def _extreme(term: Term, rows: Rows) -> Array:
+    if term.squares:
+        return jnp.sum(rows.vectors**2)
     return smallest(rows.size()) if term.smallest else largest(rows.size())
 
 
@@ -59,15 +62,16 @@ def breaks_of(term: Term) -> tuple[float, ...]:
     return () if term.measure is None else term.measure.breaks
 
 
-def needs(limit: Limit, scene: Scene, nodes: int) -> Needs:
-    """What the term of a constraint or objective needs. A measure says so; a user-defined function is traced."""
+def needs(limit: Limit, scene: Scene, nodes: int, own: Own) -> Needs:
+    """What the term of a constraint or objective needs. A measure says so; a user-defined function is traced, with the
+    own numbers at their start."""
     term = limit.term
     if term.measure is not None:
         name = term.name.partition(".")[0]
         if name in (min_margin.name, steady_state_margin.name):
             return Needs.SCENE if name == min_margin.name else Needs.ASSEMBLY  # they say how far a machine is off
         return Needs.MOTION if term.measure.motion else Needs.ASSEMBLY
-    traced = jax.make_jaxpr(lambda scene: rows_for([limit], Parts(scene, nodes))[0][1])(scene)
+    traced = jax.make_jaxpr(lambda scene: rows_for([limit], OwnParts(scene, nodes, own))[0][1])(scene)
     names = set(_programs(traced.jaxpr))
     return Needs.MOTION if MOTION in names else Needs.ASSEMBLY if POSE in names else Needs.SCENE
 

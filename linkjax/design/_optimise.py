@@ -17,15 +17,26 @@ import numpy as np
 from linkjax._units import nearest
 from linkjax.analysis import Maybe
 from linkjax.design._cone import Path, descend
+from linkjax.design._kinds import Kind
 from linkjax.design._multistart import multistart
 from linkjax.design._names import DesignError, amount, numbers
 from linkjax.design._point import HELD, Point, obstacles, placed, rank
-from linkjax.design._problem import Case, Kind, Problem, Variable, check
+from linkjax.design._problem import Problem
 from linkjax.design._scipy import slsqp, trust
 from linkjax.design._starts import Progress, Run, Start, Traded, feasible, known, objective, trade, violated
 from linkjax.design._terms import Asked, Limit, Term
 from linkjax.design._text import notes, optimum_text
-from linkjax.design._texts import FUNCTION, Range, UnknownName, settled_case, settled_free, settled_limit, settled_term
+from linkjax.design._texts import (
+    FUNCTION,
+    Range,
+    UnknownName,
+    settled_case,
+    settled_free,
+    settled_limit,
+    settled_term,
+    with_own,
+)
+from linkjax.design._variables import Case, Variable, check
 from linkjax.machine import Scene, check_scene
 from linkjax.measures import NODES, measure_names
 
@@ -215,6 +226,8 @@ def settled(
     for key, goal in (("minimise", minimise), ("maximise", maximise)):
         with _in_argument(key):
             goals[key] = None if goal is None else settled_term(scene, goal)
+    with _in_argument("free"):
+        variables = with_own(scene, variables, [*goals.values(), *(one.term for one in found)])
     return {
         "free": variables, **goals, "limits": found, "cases": settled_cases,
         "solver": solver, "trade_off": trade_off and _traded(found, *trade_off), **others,
@@ -275,6 +288,7 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
     roles = ("objective", "limit", "sound")
     order = [i for role in roles for i, kind in enumerate(problem.kinds) if kind.role == role]
     goal = problem.kinds[order[0]]
+    per_size = goal.scale * goal.rate(point.value * goal.scale)
     angles: list[float] = []
     limits: dict[str, ConstraintResult] = {}
     for i, weights in zip(order, certificate.weights, strict=True):
@@ -284,12 +298,12 @@ def _optimum(problem: Problem, path: Path, starts: tuple[Start, ...]) -> Optimum
         if kind.role == "objective":
             angles += at
         else:
-            multiplier = float(np.sum(weights)) * goal.scale / kind.scale
+            multiplier = float(np.sum(weights)) * per_size / (kind.scale * (kind.rate(kind.level) or 1.0))
             value = block.value if block.exists else None
             limits[kind.label] = ConstraintResult(value, kind.bound, multiplier, tuple(sorted(set(at))))
     missed = violated(problem, point)
     held = certificate.lower + certificate.upper
-    pulls = np.where(held > HELD, held, 0.0) * goal.scale / (problem.upper - problem.lower)
+    pulls = np.where(held > HELD, held, 0.0) * per_size / (problem.upper - problem.lower)
     return Optimum(
         problem.scene, problem.design(x), problem, x, known(objective(problem, begin)),
         known(objective(problem, point)), limits,

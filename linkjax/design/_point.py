@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from linkjax.design._problem import Block, Kind, Problem
+from linkjax.design._kinds import Block, Kind
+from linkjax.design._problem import Problem
 
 TIED = 1e-5  # rows this close to the largest may have a multiplier
 MET = 1e-8  # scaled excess up to which a constraint counts as satisfied
@@ -42,6 +43,18 @@ class Scaled(NamedTuple):
         rows = self.rows + self.slope @ d
         return rows[:, 0] if self.signed else lengths(rows)
 
+    def times(self, factor: float) -> Scaled:
+        """The same with another scale."""
+        rows, slope, sizes = self.rows * factor, self.slope * factor, self.sizes * factor
+        return Scaled(rows, slope, self.signed, self.level * factor, sizes, self.top * factor, self.exists)
+
+    def bent_to(self, there: Scaled, d: np.ndarray, times: float = 1.0) -> Scaled:
+        """The same with a linear model that is exact after a step, where it is `there`, instead of at the design; with
+        `times` its error there is corrected more than once."""
+        rows = self.rows + times * (there.rows - self.rows - self.slope @ d)
+        sizes = rows[:, 0] if self.signed else lengths(rows)
+        return self._replace(rows=rows, sizes=sizes, top=float(np.max(sizes)))
+
     def excess(self) -> float:
         """The amount by which the largest row exceeds the level."""
         return self.top - self.level
@@ -57,7 +70,7 @@ def scaled(kind: Kind, block: Block, span: np.ndarray) -> Scaled:
     factor = (kind.sign if kind.signed else 1.0) / kind.scale
     rows, slope = block.vectors * factor, block.slope * (factor * span)
     sizes = rows[:, 0] if kind.signed else lengths(rows)
-    level = 0.0 if kind.role == "objective" else kind.bound * factor
+    level = 0.0 if kind.role == "objective" else kind.level * factor
     return Scaled(rows, slope, kind.signed, level, sizes, float(np.max(sizes)), block.exists)
 
 

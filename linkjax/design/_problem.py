@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,48 +19,18 @@ from jaxtyping import Array, Float
 from linkjax._batches import Whole
 from linkjax._compile import compiled_soon
 from linkjax.analysis import LIGHTEST, massless
+from linkjax.design._kinds import Block, Kind
 from linkjax.design._names import DesignError, Number, changed, in_si_of, number, numbers
 from linkjax.design._needs import Needs, breaks_of, needs, rows_for
 from linkjax.design._terms import INITIAL, Limit, Sense, Term, at_least, made_again
+from linkjax.design._variables import OWN, Case, Own, OwnParts, Variable, check
 from linkjax.machine import Names, Scene, nameless, untitled
-from linkjax.measures import NODES, Parts, found_by, min_margin, steady_state_margin
+from linkjax.measures import NODES, found_by, min_margin, steady_state_margin
 from linkjax.motion import Rows
 
 ASSEMBLED = 1e-3  # smallest assembly margin of a design that counts as assembled
-SLIGHT = 1e-6  # of the effect of the design variables: a bound so close to zero is not used as scale
 FLYWHEEL = "flywheel_for_target_delta"  # this measure also exists for machines without inertia
 RUNNING = 1e-3  # smallest steady-state margin of a design that counts as running
-
-
-@dataclasses.dataclass(frozen=True)
-class Variable:
-    """A design variable: its name, its bounds (SI, or in `optimise` strings with units), and the names of parameters
-    that keep their ratio to it."""
-
-    name: str
-    lower: float | str
-    upper: float | str
-    linked: tuple[str, ...] = ()
-
-
-@dataclasses.dataclass(frozen=True)
-class Case:
-    """A load case: scene parameters that differ, by name (SI, or in `optimise` strings with units)."""
-
-    name: str = ""
-    changes: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
-
-
-class Block(NamedTuple):
-    """One term in one case at one design: its rows, their derivatives with respect to the variables, their crank angles
-    (rad), its value, whether rows count by value, and whether the value exists."""
-
-    vectors: Float[np.ndarray, "rows parts"]
-    slope: Float[np.ndarray, "rows parts n"]
-    angle: Float[np.ndarray, " rows"]
-    value: float
-    signed: bool
-    exists: bool = True
 
 
 class Outputs(NamedTuple):
@@ -71,34 +41,6 @@ class Outputs(NamedTuple):
     slopes: list[Array]
     values: list[Array]
     ratios: list[Array]
-
-
-@dataclasses.dataclass(frozen=True)
-class Kind:
-    """The fixed properties of a block, in SI. Its rows times `sign` are minimised, or kept below `bound` times `sign`
-    for a constraint ("limit") and for the margins of a design ("sound"). `signed` rows count by value, others by
-    length. `own` is its scale without a bound, `effect` its largest change by the variables."""
-
-    name: str
-    case: str
-    unit: str
-    role: Literal["objective", "limit", "sound"]
-    signed: bool
-    sign: float
-    bound: float
-    scale: float
-    own: float = 1.0
-    effect: float = 0.0
-
-    @property
-    def label(self) -> str:
-        """Name, with the case if there are several."""
-        return f"{self.name} ({self.case})" if self.case else self.name
-
-    def bounded(self, bound: float) -> Kind:
-        """The same with another bound, which is also the scale unless it is close to zero."""
-        scale = abs(bound) if abs(bound) > SLIGHT * self.effect else self.own
-        return dataclasses.replace(self, bound=bound, scale=scale)
 
 
 class Task(NamedTuple):
@@ -123,9 +65,16 @@ def _placed(task: Task, scene: Scene, x: Array, ratios: list[list[Any]]) -> Scen
     """The scene with the variables `x` (SI), and the parameters linked to them in their ratios."""
     known, pairs = numbers(scene), []
     for i, (name, linked) in enumerate(zip(task.variables, task.linked, strict=True)):
+        if name.startswith(OWN):
+            continue
         pairs.append((known[name], x[i]))
         pairs += [(known[other], ratio * x[i]) for other, ratio in zip(linked, ratios[i], strict=True)]
     return changed(scene, pairs)
+
+
+def _own(names: Sequence[str], x: Array) -> Own:
+    """The own numbers among the variables."""
+    return Own({name.removeprefix(OWN): x[i] for i, name in enumerate(names) if name.startswith(OWN)})
 
 
 def _rows(
@@ -133,14 +82,14 @@ def _rows(
 ) -> tuple[list[tuple[Rows, Array]], list[Array]]:
     """Rows and exact value of every term, case by case; and of every case the smallest inertia ratio, or one where the
     actual motion is not needed."""
-    found, light = [], []
+    found, light, own = [], [], _own(task.variables, x)
     limits = [Limit(made_again(term), sense, 0.0, "") for term, sense in task.asked]
     breaks = tuple(dict.fromkeys(at for limit in limits for at in breaks_of(limit.term)))
     for names, values in zip(task.changes, changes, strict=True):
         placed = _placed(task, scene, x, ratios)
         known = numbers(placed)
         pairs = [(known[name], value) for name, value in zip(names, values, strict=True)]
-        parts = Parts(changed(placed, pairs), task.nodes, breaks=breaks)
+        parts = OwnParts(changed(placed, pairs), task.nodes, own, breaks)
         found += rows_for(limits, parts)
         light.append(parts.steady.min_inertia_ratio if task.motion else jnp.ones(()))
     return found, light
@@ -221,7 +170,7 @@ class Problem:
     ):
         self.scene, self.variables, self.cases, self.nodes = scene, tuple(variables), tuple(cases), nodes
         check(self.variables)
-        self.numbers = [number(scene, v.name) for v in self.variables]
+        self.numbers = [v.number(scene) for v in self.variables]
         self.lower = np.asarray([v.lower for v in self.variables], float)
         self.upper = np.asarray([v.upper for v in self.variables], float)
         self.start = np.asarray([float(at.read(scene)) for at in self.numbers])
@@ -229,7 +178,9 @@ class Problem:
         goal = Limit(objective, "at least" if maximise else "at most", 0.0, objective.name)
         self.asked: list[Limit] = [goal, *limits]
         self._assembled = len(self.asked)
-        self._needs = [needs(limit, scene, nodes) for limit in self.asked]
+        own = _own([v.name for v in self.variables], jnp.asarray(self.start))
+        self._needs = [needs(limit, scene, nodes, own) for limit in self.asked]
+        _check_used(own)
         self._true_motion = Needs.MOTION in self._needs
         if self._true_motion:
             self._check_moves()
@@ -238,7 +189,7 @@ class Problem:
         for margin, least in margins:
             name = f"{margin.name} at all" if margin.name in taken else margin.name
             self.asked.append(at_least(margin, least, name=name))
-            self._needs.append(needs(self.asked[-1], scene, nodes))
+            self._needs.append(needs(self.asked[-1], scene, nodes, own))
         self._task = Task(
             tuple(v.name for v in self.variables),
             tuple(v.linked for v in self.variables),
@@ -346,8 +297,10 @@ class Problem:
             sign = 1.0 if limit.sense == "at most" else -1.0
             sizes = block.vectors[:, 0] * sign if block.signed else np.linalg.norm(block.vectors, axis=1)
             effect = float(np.max(np.abs(block.slope[int(np.argmax(sizes))] * span)))
-            own = max(_finite(block.value), effect) or 1.0  # a value that happens to be small is not a scale
-            kind = Kind(limit.name, case, limit.term.unit, role, block.signed, sign, 0.0, own, own, effect)
+            kind = Kind(limit.name, case, limit.term.unit, role, block.signed, sign, 0.0, 1.0, 1.0, effect,
+                        limit.term.squares and not block.signed)  # fmt: skip
+            own = max(kind.size(_finite(block.value)), effect) or 1.0  # a value that happens to be small is not a scale
+            kind = dataclasses.replace(kind, scale=own, own=own)
             found.append(kind if role == "objective" else kind.bounded(bound))
         common = max(kind.scale for kind in found if kind.role == "objective")  # all cases have one scale
         return [dataclasses.replace(kind, scale=common) if kind.role == "objective" else kind for kind in found]
@@ -356,6 +309,14 @@ class Problem:
 def _finite(values: Any) -> float:
     """The largest magnitude of the finite values."""
     return float(np.max(np.abs(np.nan_to_num(values, posinf=0.0, neginf=0.0)), initial=0.0))
+
+
+def _check_used(own: Own) -> None:
+    """Raise `DesignError` for an own number that no function uses."""
+    for name in own:
+        if name not in own.read:
+            remedy = f'give a function two parameters, (scene, own), and use own["{name}"], or do not free it'
+            raise DesignError(f"{OWN}{name}", "is a design variable, but no function uses it", remedy)
 
 
 def _linked(scene: Scene, variable: Variable, at: Number) -> list[tuple[Number, float]]:
@@ -367,19 +328,3 @@ def _linked(scene: Scene, variable: Variable, at: Number) -> list[tuple[Number, 
         other = number(scene, name)
         found.append((other, float(other.read(scene)) / value))
     return found
-
-
-def check(variables: Sequence[Variable]) -> None:
-    """Raise `DesignError` without variables, for a parameter that is freed twice, and for wrong bounds."""
-    if not variables:
-        raise DesignError("free", "there is no design variable", 'name one, e.g. {"flywheel.inertia": (0, 40)}')
-    seen: set[str] = set()
-    for v in variables:
-        for name in (v.name, *v.linked):
-            if name in seen:
-                raise DesignError(name, "is freed twice", "name every parameter once, or link it to one variable")
-            seen.add(name)
-        low, high = float(v.lower), float(v.upper)
-        if not np.isfinite([low, high]).all() or not low < high:
-            problem = f"its bounds are {low:g} and {high:g}"
-            raise DesignError(v.name, problem, "give two finite bounds, the lower one first")

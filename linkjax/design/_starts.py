@@ -10,8 +10,9 @@ import numpy as np
 
 from linkjax.analysis import Maybe
 from linkjax.design._cone import Path, descend
+from linkjax.design._kinds import Kind
 from linkjax.design._point import MET, NOTHING, Certificate, Point, certify, look, placed, rank
-from linkjax.design._problem import Kind, Problem
+from linkjax.design._problem import Problem
 
 SCALINGS = 3  # maximum number of rescalings of the objective
 NEAR = 10.0  # an objective within this factor of its scale needs no rescaling
@@ -124,14 +125,14 @@ class Run:
             point, old = self.paths[-1].point, _goal(self.problem).scale
             if rank(point)[0] > 0 or not point.exists or any(rank(path.point) < rank(point) for path in self.paths):
                 return
-            size = abs(objective(self.problem, point))
+            size = _size(self.problem, point)
             new = max(size, SHRINK * old)
             if old / NEAR <= new <= NEAR * old or size <= NOTHING * first:
                 return
             self._rescale(new)
             self._taken(descend(self.problem, point.z, callback=self._callback))
             path = self.paths[-1]
-            gained = size - abs(objective(self.problem, path.point))
+            gained = size - _size(self.problem, path.point)
             if path.certificate.residual > CERTIFIED and abs(gained) <= max(GAINED * size, 1e-9 * first):
                 self._rescale(old)
                 return
@@ -196,8 +197,12 @@ def _goal(problem: Problem) -> Kind:
 
 def objective(problem: Problem, point: Point) -> float:
     """The objective in SI, the worst of all cases; NaN where it does not exist in one of them."""
-    kind = _goal(problem)
-    return float(point.course[0] * kind.scale * (kind.sign if kind.signed else 1.0))
+    return float(_goal(problem).value(point.course[0]))
+
+
+def _size(problem: Problem, point: Point) -> float:
+    """The size of the objective in the unit of its scale."""
+    return abs(float(point.course[0])) * _goal(problem).scale
 
 
 def known(value: float) -> float | None:

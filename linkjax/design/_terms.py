@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ from linkjax._numerics import largest
 from linkjax._numerics import smallest as least
 from linkjax._units import QuantityError, in_si
 from linkjax.design._names import DesignError, number
+from linkjax.design._variables import Variable, called
 from linkjax.machine import Scene
 from linkjax.measures import MEASURES, Measure, Parts, found_by
 from linkjax.mechanism import StructureError
@@ -29,7 +31,9 @@ LONGEST = 160  # characters of another message in ours
 
 @dataclasses.dataclass(frozen=True)
 class Term:
-    """A quantity of a design in SI `unit`; `rows` are all values that can be its largest (or `smallest`)."""
+    """A quantity of a design in SI `unit`; `rows` are all values that can be its largest (or `smallest`). Of a sum of
+    `squares` the only row is the vector of all residuals. `wants` returns the own numbers that belong to it, and raises
+    `DesignError` where the scene lacks what it uses."""
 
     name: str
     unit: str
@@ -38,9 +42,11 @@ class Term:
     smallest: bool = False
     made: str = ""  # the name that determines it: of a scene parameter or a built-in measure
     measure: Measure | None = None
+    squares: bool = False
+    wants: Callable[[Scene], Sequence[Variable]] | None = None
 
 
-Asked = Measure | Callable[[Scene], Array] | str | Term
+Asked = Measure | Callable[..., Array] | str | Term
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,8 +62,8 @@ class Limit:
 
 def as_term(asked: Asked, unit: str = "1", name: str = "", sense: str = "") -> Term:
     """The term of a measure (itself or its name), of a scene parameter by name, or of a user-defined function of the
-    scene, which returns one number in SI. In a constraint of this `sense`, a quantity over the crank angle is the
-    extreme that is limited.
+    scene (or of the scene and the own numbers), which returns one number in SI. In a constraint of this `sense`, a
+    quantity over the crank angle is the extreme that is limited.
 
     Raises `DesignError` for anything else. A function that fails or does not return one number raises `DesignError`
     when it is traced. For a function that returns an array see `as_rows`.
@@ -75,8 +81,8 @@ def as_term(asked: Asked, unit: str = "1", name: str = "", sense: str = "") -> T
     if not callable(asked):
         problem = f"{type(asked).__name__} is neither a measure, nor a name, nor a function"
         raise DesignError(repr(asked)[:LONGEST], problem, 'write e.g. "delta", or a function of the scene')
-    name = name or _name(asked)
-    return Term(name, unit, lambda of: checked(name, SCENE, asked, of.scene))
+    name = name or name_of(asked)
+    return Term(name, unit, lambda of: checked(name, SCENE, functools.partial(called, asked), of))
 
 
 def _found(name: str, sense: str) -> Measure | None:
@@ -92,10 +98,10 @@ def as_rows(function: Callable[[Scene], Array], unit: str = "1", name: str = "",
 
     With `smallest` the smallest entry or length counts, for `maximise` and `at_least`. Errors as in `as_term`.
     """
-    name = name or _name(function)
+    name = name or name_of(function)
 
     def rows(of: Parts) -> Rows:
-        at = jnp.asarray(guarded(name, SCENE, function, of.scene))
+        at = jnp.asarray(guarded(name, SCENE, functools.partial(called, function), of))
         if at.ndim not in (1, 2):
             problem = f"returns an array of shape {at.shape}, not of shape (rows,) or (rows, parts)"
             raise DesignError(name, problem, "return an array of one or two axes")
@@ -113,7 +119,8 @@ def made_again(term: str | Term) -> Term:
     return term if isinstance(term, Term) else as_term(term)
 
 
-def _name(function: Any) -> str:
+def name_of(function: Any) -> str:
+    """The name of a function in messages and results."""
     return getattr(function, "__name__", "").strip("<>") or "user-defined function"
 
 
@@ -170,7 +177,7 @@ def at_least(asked: Asked, bound: float | str, *, unit: str | None = None, name:
 
 def _limit(asked: Asked, sense: Sense, bound: float | str, unit: str | None, name: str) -> Limit:
     if callable(asked) and not isinstance(asked, Measure):
-        unit = _unit_of(name or _name(asked), bound, unit)
+        unit = _unit_of(name or name_of(asked), bound, unit)
     term = as_term(asked, unit or "1", name, sense)
     return Limit(term, sense, bound, name or term.name)
 

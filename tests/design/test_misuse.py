@@ -86,7 +86,10 @@ def on_parts(parts):
         (misspelt, "a Scene with traced numbers: AttributeError: 'Scene' object has no attribute 'mechansm'"),
         (with_numpy, "a Scene with traced numbers: ConcretizationTypeError: "),
         (without_argument, "a Scene with traced numbers: TypeError: without_argument() takes 0 positional arguments"),
-        (Term("on_parts", "1", on_parts), "Parts with traced numbers: AttributeError: 'Parts' object has no attribute"),
+        (
+            Term("on_parts", "1", on_parts),
+            "Parts with traced numbers: AttributeError: 'OwnParts' object has no attribute",
+        ),
     ],
 )
 def test_a_function_that_fails(function, says):

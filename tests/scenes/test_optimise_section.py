@@ -70,7 +70,7 @@ def test_the_hay_press_asks_for_what_the_readme_says():
     ("section", "says"),
     [
         ("minimize = 'delta'", "optimise.minimize = .delta.: not a known key; did you mean 'minimise'"),
-        ("minimise = 3", "optimise.minimise = 3: .* where a string is needed"),
+        ("minimise = 3", "optimise.minimise = 3: .* where a string or a table is needed"),
         ("free = { speed = 3 }", "optimise.free.speed = 3: an integer where a range is needed"),
         ("free = { speed = [1, 2, 3] }", "a list where a range is needed"),
         ("free = { speed = { rage = '± 8 %' } }", "unknown key 'rage'"),
