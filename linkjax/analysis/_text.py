@@ -9,8 +9,9 @@ import numpy as np
 from linkjax._display import NONE, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
-from linkjax.analysis._tidy import CONSTANT, peak_shown, power_scale, torque_scale, uneven
+from linkjax.analysis._tidy import CONSTANT, acts_text, peak_shown, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_unit
+from linkjax.loads import Passage
 
 SHOW = Numbers()
 DELTA = "coefficient of speed fluctuation δ"
@@ -46,6 +47,8 @@ def _head(data: Data, scene: Any) -> Rows:
     else:
         rows.append(("crank speed", f"{SHOW.speed(float(scene.speed))}, constant"))
         rows += [(DELTA, NONE), ("mean drive torque", f"{NONE} (constant torque of the actual motion)")]
+    acting = [load.name for load in scene.loads if isinstance(load.window, Passage)]
+    rows += [(f"load {name} acts", acts_text(data, name, SHOW)) for name in acting]
     rows.append(("flywheel", SHOW.shown(flywheel["given"], "kg·m²")))
     if flywheel["for_target_delta"] is not None:
         need = flywheel["for_target_delta"]

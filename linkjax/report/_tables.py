@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, turning
-from linkjax.analysis import check_limit, moves, peak_shown, peak_unit, power_scale, torque_scale, uneven
-from linkjax.machine import PERMANENT, Scene, load_size
+from linkjax.analysis import acts_text, check_limit, moves, peak_shown, peak_unit, power_scale, torque_scale, uneven
+from linkjax.loads import Passage
+from linkjax.machine import PERMANENT, Scene, load_size, passage_text
 from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
@@ -200,14 +201,18 @@ def dead_centres(show: Cells, data: Data) -> str:
     return table(head, rows) if rows else "<p>No point has a dead centre, and no link has a limit position.</p>"
 
 
-def loads(show: Cells, scene: Scene) -> str:
+def loads(show: Cells, data: Data, scene: Scene) -> str:
     """Loads and gravity."""
     rows = []
     for load in scene.loads:
         size = load_size(show, load)
         window = load.window
         acts = PERMANENT
-        if window is not None:
+        if isinstance(window, Passage):
+            acts = f"{passage_text(show, window)}: {acts_text(data, load.name, show)}"
+        elif window is not None and np.ndim(window.on):
+            acts = acts_text(data, load.name, show)
+        elif window is not None:
             acts = f"{show.turned(float(window.on))} … {show.turned(float(window.off))}"
         where = f"{load.link}, at {load.point}" if load.point else load.link
         rows.append([words(load.name), words(where), words(size), words(acts), words(load.reacts_on or NONE)])
