@@ -90,7 +90,7 @@ class Scene(eqx.Module):
                 raise StructureError(element, f"the name {load.name!r} is used already", "give every load its own name")
             seen.add(load.name)
             if isinstance(load.window, Passage):
-                check_passage(element, self.mechanism, load.window)
+                check_passage(f"loads[{number}].window ({load.name})", self.mechanism, load.window)
             elif load.window is not None and self._whole(load.window):
                 remedy = "omit `window` for a permanent load, or delete a load that never acts"
                 raise StructureError(element, "window start and end coincide", remedy)

@@ -23,10 +23,12 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, once, safe_divide, safe_sqrt, taken, wrapped
 from linkjax._search import BEND, GRID_SCAN, Found, refined, scan_angles, scan_reversals
+from linkjax._types import Tracer
 from linkjax.groups import Seen
 from linkjax.kinematics import Pose
 from linkjax.loads import STILL, Passage, Watched, Window, watched
 from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.mechanism import StructureError
 from linkjax.sampling import Sample, Sampler
 
 REVERSALS = 4  # the most ways per window and crank turn; half as many if they go in one sense only
@@ -59,7 +61,8 @@ class Size(NamedTuple):
 
 class Passed(NamedTuple):
     """The windows of the loads as ranges of crank angle, in the order of the loads; whether there are more ways than
-    slots; and a bound of the error of the work (J) due to the position error of their ends."""
+    slots, or ways that were not seen; and a bound of the error of the work (J) due to the position error of their
+    ends."""
 
     windows: tuple[Window, ...]
     overflow: Array
@@ -69,8 +72,9 @@ class Passed(NamedTuple):
 class Ways(NamedTuple):
     """The ways of one coordinate. Their ends are the reversals `found` (rad), then the `cut` angles (rad), with the
     coordinate `value` there, unwrapped; `begin` and `end` are their numbers. `whole` says that one way is the whole
-    cycle. Ways have a `sense` (1 or -1), are `used` by the window or not, and have the values of the window shifted by
-    `level`, and the coordinate at their end by `lift`, both whole turns of a link. `cross` are the places (rad) where they pass the values of the window, shape (values, ways)."""
+    cycle. Ways have a `sense` (1 or -1), and are `used` by the window or not. The values of the window are shifted by
+    `level`, and the coordinate at the end by `lift`, both whole turns of a link. `cross` are the places (rad) where
+    ways pass the values of the window, shape (values, ways)."""
 
     found: Found
     cut: Array
@@ -103,7 +107,8 @@ def at_crank_angles(scene: Scene | ReadyScene) -> Scene:
     """The scene with ranges of crank angle in the place of windows that are given by what happens.
 
     Each of these becomes a `Window` with arrays of one axis, in which unused ranges have zero width. They hold for this
-    design, and carry its derivatives. Of more than four ways per crank turn the rest is left out.
+    design, and carry its derivatives. Raises `StructureError` if a motion has more ways than can be represented (four
+    per crank turn, or two in one sense), or rests between two of them.
     """
     made = ready(scene)
     machine, scene = Sampler(made), made.scene
@@ -111,6 +116,9 @@ def at_crank_angles(scene: Scene | ReadyScene) -> Scene:
     found = passed(machine, machine.sample(scan, fixed=True, dynamics=False), GRID_SCAN)
     if found is None:
         return scene
+    if not isinstance(found.overflow, Tracer) and bool(found.overflow):
+        problem = "the motion has more ways per crank turn than can be represented, or rests between two of them"
+        raise StructureError("window of a load", problem, "write windows of the crank angle")
     ranges = iter(found.windows)
     loads = tuple(
         dataclasses.replace(load, window=next(ranges)) if isinstance(load.window, Passage) else load
@@ -167,7 +175,7 @@ def _passed(seen: tuple[Watched, ...], ways: tuple[Ways, ...], shares: tuple[Arr
         overflow |= old.overflow
         here = jnp.abs(share[first : first + new.left.size])
         doubt += jnp.sum(here * new.left)  # a load that begins too late, or ends too early, misses this work
-    return Passed(tuple(windows), overflow, jax.lax.stop_gradient(doubt))
+    return Passed(tuple(windows), overflow, jax.lax.stop_gradient(jnp.where(overflow, jnp.inf, doubt)))
 
 
 def _places(ways: tuple[Ways, ...]) -> Array:
@@ -196,9 +204,12 @@ def _ways(seen: Watched, size: Size) -> Ways:
         d[None, None], dd[None, None], scan, slots, lambda start: jnp.broadcast_to(moves, start.shape)
     )
     cut, cuts, crowded = _cuts(curve, window, size) if window.cuts else (jnp.zeros(0), jnp.zeros(0, int), False)
+    # a motion over a closed cycle reverses an even number of times; a rest between two senses is not seen
+    stays = (found.number[0] == 0) & (jnp.abs(curve.value[-1] - curve.value[0]) < math.pi)
+    unseen = moves & (stays | (found.number[0] % 2 == 1))
     turn = jnp.sort(jnp.where(number < found.number, wrapped(found.angle[0], size.cycle), jnp.inf))
     count = jnp.minimum(found.number[0] + cuts, slots) if window.cuts else jnp.minimum(found.number[0], slots)
-    overflow = (found.number[0] > slots) | crowded | (found.number[0] + jnp.sum(cuts) > slots)
+    overflow = unseen | crowded | (found.number[0] + jnp.sum(cuts) > slots)
     ends = jnp.concatenate([turn, cut])
     order = jnp.argsort(ends)[:slots].astype(jnp.int32)
     after = taken(order, jnp.where(number + 1 < count, number + 1, 0))

@@ -13,6 +13,8 @@ import pytest
 
 import linkjax as lj
 from linkjax.forces import kinetostatics
+from linkjax.groups import AbstractLaw
+from linkjax.groups._law import Moved
 from linkjax.motion import (
     at_crank_angles,
     make_grid,
@@ -50,7 +52,7 @@ def used(scene: lj.Scene) -> np.ndarray:
 
 def works(scene: lj.Scene) -> dict[str, float]:
     """Work of every load in a cycle (J)."""
-    grid = make_grid(scene, 48)
+    grid = make_grid(scene, 192)
     weights = np.asarray(grid.half)[:, None] * grid.rule.w[None]
     return {name: float(np.sum(weights * share)) for name, share in node_values(scene, grid).by_load.items()}
 
@@ -197,7 +199,7 @@ def happening(position: Position, low: float, high: float, sense: int, turn: flo
 
     def acts(phi: np.ndarray) -> np.ndarray:
         seen = position(phi + 1e-30j)
-        value, slope = seen.real, seen.imag
+        value, slope = np.real(seen), np.imag(seen)
         value = (value - low) % turn + low if turn else value
         return (value >= low) & (value < high) & ((sense == 0) | (np.sign(slope) == sense))
 
@@ -368,3 +370,39 @@ def test_numbers_of_a_window_are_leaves():
     leaves = jax.tree.leaves(eqx.filter(lj.Passage(point="D", between=(0.1, 0.2), direction=0.3), eqx.is_array))
     assert [float(leaf) for leaf in leaves] == [0.1, 0.2, 0.3]
     assert make_grid(press(), 48).passages[0].on.shape == (2,)
+
+
+def shaken(law: AbstractLaw, turns: int = 1) -> lj.Scene:
+    """A crank that follows a law, with a load on the last bit of each of its ways."""
+    window = lj.Passage(link="crank", last=0.01)
+    mechanism = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, {"crank": lj.Link(0.1)}, [lj.Crank("crank", "A", "B", law=law)])
+    return lj.Scene(mechanism, (lj.Torque("brake", "crank", torque=1.0, window=window),), cycle_turns=turns)
+
+
+class Rest(AbstractLaw):
+    """Forth, a rest, and back."""
+
+    def at(self, phi):
+        s = jnp.clip(jnp.abs(phi - math.pi) / 2, 0.4, jnp.inf) - 0.4
+        ahead = jnp.where(jnp.abs(phi - math.pi) > 0.8, jnp.sign(phi - math.pi), 0.0)
+        return Moved(s**2, s * ahead, 0.5 * ahead**2)
+
+
+def test_more_ways_than_slots_and_rests_are_refused():
+    many = lj.Spline(tuple(0.3 * k for k in range(12)), tuple(0.1 * (-1) ** k for k in range(12)))
+    for law in (many, Rest()):
+        with pytest.raises(lj.StructureError, match="more ways per crank turn than can be represented, or rests"):
+            at_crank_angles(shaken(law))
+        assert bool(make_grid(shaken(law), 24).overflow)
+    harmonic = shaken(lj.Harmonic(0.2, 0.5))
+    want = math.acos(1 - 0.01 / 0.15)
+    np.testing.assert_allclose(used(harmonic), [[math.pi - want, math.pi], [2 * math.pi - want, 0]], atol=FINE)
+
+
+def test_the_optimiser_moves_a_window():
+    free = {"loads.punch.window.last": ("4 mm", "12 mm")}
+    found = lj.optimise(press(offset=0.02), free=free, minimise="delta", limits=["mean_drive_torque >= 50 N m"])
+    # the torque is force times way per radian
+    window = found.after.loads[0].window
+    assert isinstance(window, lj.Passage) and window.last is not None
+    np.testing.assert_allclose(window.last, 2 * math.pi * 50.0 / PUNCH, rtol=1e-8)
