@@ -158,6 +158,24 @@ def test_gradients_through_the_moving_window_are_those_of_differences():
     assert float(value[0]) > 0.1
 
 
+def test_the_gradient_of_a_peak_at_the_moving_end_of_a_window():
+    # the drive torque at constant speed is largest where the punch begins to act
+    at, step = jnp.array([CRANK, ROD, 0.02, LAST]), 1e-4
+
+    def peak(values):
+        crank, rod, offset, last = values
+        scene = press(crank, rod, offset, lj.Passage(point="D", last=last, going="-"))
+        return lj.measures.peak_drive_torque_constant_speed(scene, 48)
+
+    found = np.asarray(jax.jit(jax.grad(peak))(at))
+    sides = np.asarray(
+        jax.jit(jax.vmap(peak))(jnp.stack([at * (1 + s * step * row) for row in np.eye(4) for s in (1, -1)]))
+    )
+    want = (sides[::2] - sides[1::2]) / (2 * step * np.asarray(at))
+    scale = np.max(np.abs(want * at)) / np.asarray(at)
+    assert np.max(np.abs(found - want) / scale) < 1e-7
+
+
 def test_a_way_shorter_than_the_last_part_is_used_as_a_whole():
     window = lj.Passage(point="D", last=1.0, going="-")
     _, dead = floats(exact_ends(CRANK, ROD, 0.02, LAST))
