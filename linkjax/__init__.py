@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from linkjax.loads import Force as Force
     from linkjax.loads import OpposingForce as OpposingForce
     from linkjax.loads import OpposingTorque as OpposingTorque
+    from linkjax.loads import Passage as Passage
     from linkjax.loads import Torque as Torque
     from linkjax.loads import Window as Window
     from linkjax.machine import Scene as Scene
@@ -136,7 +137,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "strokes",
         "transmission_angles",
     ),
-    "loads": ("Force", "OpposingForce", "OpposingTorque", "Torque", "Window"),
+    "loads": ("Force", "OpposingForce", "OpposingTorque", "Passage", "Torque", "Window"),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
     "reduction": ("reduced_model",),

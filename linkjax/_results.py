@@ -22,8 +22,9 @@ class Result(enum.IntEnum):
 LENGTHS = "Change lengths of its links until every margin is positive."
 MESSAGES = {
     Result.SUCCESS: "The machine runs.",
-    Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid can represent; "
-    "the error estimates still hold. Give the load a window with fewer reversals.",
+    Result.TOO_MANY_REVERSALS: "A load opposes a motion that reverses more often than the grid can represent, "
+    "or its window follows such a motion, or one that rests; the error estimates still hold. Give the load a window of "
+    "the crank angle with fewer reversals.",
     Result.INTEGRATION_FAILED: "The differential equation could not be integrated: the solver ran out of steps. Use "
     "the quadrature or, in Python, a larger tolerance.",
     Result.NO_PERIODIC_REGIME: "No steady-state motion exists at this mean speed: the kinetic energy falls to zero "

@@ -14,9 +14,11 @@ from linkjax._compile import planned
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
 from linkjax.analysis._cycle import Cycle, explain, explain_start
+from linkjax.analysis._idle import warn_of_idle
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.analysis._stages import staged
+from linkjax.loads import Passage
 from linkjax.machine import ReadyScene, Scene, check_scene, nameless, ready
 from linkjax.mechanism import StructureError
 from linkjax.sampling import Ahead, Sampler
@@ -62,6 +64,7 @@ def analyse(
     cycle = only_what_exists(_analyse(scene, angles, nodes, constant_speed, method, throw))
     if throw and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         explain(cycle)
+        warn_of_idle(cycle)
     if scene.speed.dtype == jnp.float32 and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         left = fewest_digits(cycle)
         if left < FEWEST:
@@ -116,10 +119,16 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
         "forces_constant_speed": shown.forces[-1], "peaks": found.peaks[0] if moves else None,
         "peaks_constant_speed": found.peaks[-1], "rms_shaking_force_constant_speed": found.rms,
         "flywheel": found.wheels, "work": found.work, "checks": found.checks, "assembled": shown.assembled,
+        "windows": dict(zip(_passages(made.scene), found.grid.passages, strict=True)),
         "result": merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), "nodes": found.grid.size,
     }  # fmt: skip
     results = results if names is None else names.back(results)
     return Cycle(scene=scene, angles=angles, constant_speed=constant_speed, method=method, **results)
+
+
+def _passages(scene: Scene) -> list[str]:
+    """The loads whose window is given by what happens."""
+    return [load.name for load in scene.loads if isinstance(load.window, Passage)]
 
 
 def _ahead(made: ReadyScene, angles: Array, nodes: int, method: str, moves: bool) -> None:

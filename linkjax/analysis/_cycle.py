@@ -23,6 +23,7 @@ from linkjax.groups import (
     slow,
 )
 from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, named_groups, not_assembled_at_start, shortfall
+from linkjax.loads import Window
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion import Peak, Steady
 from linkjax.reduction import Reduced
@@ -78,7 +79,8 @@ class Cycle(eqx.Module):
     `forces` are those of the actual motion, `forces_constant_speed` those at constant nominal speed. `peaks` and
     `peaks_constant_speed` hold the peaks of the continuous cycle in the order of `peak_names`. `transmission_ends` are
     the transmission angles (rad) where the margins are least. `work` is the work of the drive, of weight and of each
-    load per cycle (J).
+    load per cycle (J). `windows` are the ranges of crank angle (rad) of loads whose window is given by what happens, by
+    load: arrays `on` and `off`, equal where a range is not used.
 
     If no actual motion exists, `missing` gives the reason, and `steady`, `speed`, `acceleration`, `time`, `forces`,
     `peaks`, `work` and `checks.energy_closure` are None; so is `flywheel`, unless it holds the inertia for target δ.
@@ -113,6 +115,7 @@ class Cycle(eqx.Module):
     method: str = eqx.field(static=True, default="quadrature")
     nodes: int = eqx.field(static=True, default=0)
     missing: NoMotion | None = None
+    windows: dict[str, Window] = eqx.field(default_factory=dict)
 
     def __str__(self) -> str:
         return cycle_text(self)

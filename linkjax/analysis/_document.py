@@ -59,6 +59,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
             "textbook": _maybe(cycle.flywheel and cycle.flywheel.textbook),
             "target_delta": _maybe(scene.target_delta),
         },
+        "windows": _windows(cycle),
         "work": None if cycle.work is None else {name: float(value) for name, value in cycle.work.items()},
         "forces": None if cycle.forces is None else _forces(cycle, cycle.forces),
         "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
@@ -84,9 +85,15 @@ def _only_assembled(data: dict[str, Any]) -> dict[str, Any]:
     none = dict.fromkeys(("for_target_delta", "textbook"))
     return data | {
         "model": data["model"] | {"method": "none", "why": WHY["none"], "evaluations": None},
-        "motion": dict.fromkeys(data["motion"]), "flywheel": data["flywheel"] | none, "work": None, "forces": None,
-        "peaks": {}, "checks": data["checks"] | {"energy_closure": None},
+        "windows": None, "motion": dict.fromkeys(data["motion"]), "work": None, "forces": None,
+        "flywheel": data["flywheel"] | none, "peaks": {}, "checks": data["checks"] | {"energy_closure": None},
     }  # fmt: skip
+
+
+def _windows(cycle: Any) -> dict[str, list[tuple[float, float]]]:
+    """The ranges of crank angle (rad) in which loads with a window act."""
+    loads = [load for load in cycle.scene.loads if load.window is not None]
+    return {load.name: cycle.windows.get(load.name, load.window).used(cycle.scene.cycle) for load in loads}
 
 
 def _model(cycle: Any) -> dict[str, Any]:

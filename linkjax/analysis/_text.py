@@ -9,8 +9,9 @@ import numpy as np
 from linkjax._display import NONE, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
-from linkjax.analysis._tidy import peak_shown, power_scale, torque_scale, uneven
+from linkjax.analysis._tidy import acts_text, peak_shown, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_label, peak_unit
+from linkjax.loads import Passage
 from linkjax.measures import in_motion, motion_of
 
 SHOW = Numbers()
@@ -47,6 +48,8 @@ def _head(data: Data, scene: Any) -> Rows:
     else:
         rows.append(("crank speed", f"{SHOW.speed(float(scene.speed))}, constant"))
         rows += [(DELTA, NONE), ("mean drive torque", f"{NONE} (constant torque of the actual motion)")]
+    acting = [load.name for load in scene.loads if isinstance(load.window, Passage)]
+    rows += [(f"load {name} acts", acts_text(data, name, SHOW)) for name in acting]
     rows.append(("flywheel", SHOW.shown(flywheel["given"], "kg·m²")))
     if flywheel["for_target_delta"] is not None:
         need = flywheel["for_target_delta"]
@@ -86,7 +89,7 @@ def _strokes(data: Data) -> Rows:
     stops: dict[str, list[str]] = {}
     for entry in data["dead_centres"]:
         stops.setdefault(entry.get("point") or entry["link"], []).append(SHOW.turned(entry["angle"]))
-    rows = [("of", "stroke or swing", "time ratio", "dead centres or limit positions at")]
+    rows = [("of", "stroke or angle", "time ratio", "dead centres or limit positions at")]
     for name, places in stops.items():
         unit = "m" if name in data["points"] else "rad"
         covered = data["strokes" if unit == "m" else "swings"].get(name)

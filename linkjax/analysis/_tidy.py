@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from linkjax._display import ROUNDING, above
+from linkjax._display import ROUNDING, Numbers, above
 from linkjax.analysis._words import peak_unit
 from linkjax.measures import in_motion, motion_of
 
@@ -20,6 +20,12 @@ Data = dict[str, Any]
 CONSTANT = "_constant_speed"
 ENOUGH = 8  # the least number of crank angles at which a quantity must be the same to count as constant
 SUMS = ("N", "N m", "W")  # units of measures that are sums of forces and may be zero
+
+
+def acts_text(data: Data, load: str, show: Numbers) -> str:
+    """The ranges of crank angle in which a load with a window acts, as found by the analysis."""
+    found = (data.get("windows") or {}).get(load, ())
+    return ", ".join(f"{show.turned(float(on))} to {show.turned(float(off))}" for on, off in found) or "never"
 
 
 def force_scale(data: Data, suffix: str = "") -> float:

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from linkjax._display import NONE, Numbers, above, retold
 from linkjax.analysis import (
+    acts_text,
     check_limit,
     moves,
     peak_label,
@@ -22,7 +23,8 @@ from linkjax.analysis import (
 from linkjax.cli._console import console
 from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes
-from linkjax.machine import PERMANENT, Scene, load_size, speed_text
+from linkjax.loads import Passage, Window
+from linkjax.machine import Scene, load_size, speed_text, when_text
 from linkjax.measures import in_motion, motion_of
 from linkjax.mechanism import Mechanism
 from linkjax.topology import Structure
@@ -68,11 +70,10 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
             where = f"{show.shown(weight.mass, 'kg')} on {name} at {show.place((weight.at.x, weight.at.y))}"
             console.print(f"weight     {piece}: {where}, {kind}", highlight=False)
     for load in machine.loads:
-        window = PERMANENT
-        if load.window is not None:
-            window = f"from {show.bound(load.window.on, 'rad')} to {show.bound(load.window.off, 'rad')}"
+        when = when_text(show, load.window)
+        when = f"from {when}" if isinstance(load.window, Window) else when
         where = f"{load.link} {load.point}".strip()
-        told = f"load       {load.name}: {load_size(show, load)}, on {where}, {window}"
+        told = f"load       {load.name}: {load_size(show, load)}, on {where}, {when}"
         console.print(told, highlight=False, markup=False)
 
 
@@ -163,6 +164,10 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
         exact = show.quantity(need, "kg·m²", 6) if need > 0 else "none needed"
         textbook = show.quantity(wheel["textbook"], "kg·m²", 4)
         rows.append((f"flywheel for δ = {target:g}", f"{exact}  (textbook ΔA/(δω²): {textbook})"))
+    rows += [
+        (f"load {load.name} acts", acts_text(data, load.name, show))
+        for load in machine.loads if isinstance(load.window, Passage)
+    ]  # fmt: skip
     for name, value in rows:
         table.add_row(name, value)
     console.print(table, highlight=False)

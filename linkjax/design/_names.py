@@ -21,7 +21,7 @@ from linkjax._renamed import renamed
 from linkjax._units import DIMENSIONS, QuantityError, in_si, quantity
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, Guide, Slot, Teeth
-from linkjax.loads import AbstractLoad
+from linkjax.loads import AbstractLoad, Passage
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
 
@@ -259,7 +259,9 @@ def _law(name: str, law: AbstractLaw, where: Where, unit: str) -> Iterator[Numbe
 def _load(name: str, load: AbstractLoad, where: Where) -> Iterator[Number]:
     for field in dataclasses.fields(load):
         value = getattr(load, field.name)
-        if field.name == "window" and value is not None:
+        if isinstance(value, Passage):
+            yield from _passage(f"{name}.window", value, lambda s: where(s).window)
+        elif field.name == "window" and value is not None:
             yield Number(f"{name}.window.on", lambda s: where(s).window.on, "rad")
             yield Number(f"{name}.window.off", lambda s: where(s).window.off, "rad")
         elif isinstance(value, Vec):
@@ -269,3 +271,14 @@ def _load(name: str, load: AbstractLoad, where: Where) -> Iterator[Number]:
             key = ("force" if load.point else "torque") if size else field.name
             yield Number(f"{name}.{key}", lambda s, f=field.name: getattr(where(s), f),
                          "N" if load.point else "N m", 0.0 if size else -math.inf)  # fmt: skip
+
+
+def _passage(name: str, window: Passage, where: Where) -> Iterator[Number]:
+    """The lengths or angles of a window that is given by what happens."""
+    for key in ("first", "last"):
+        if getattr(window, key) is not None:
+            yield Number(f"{name}.{key}", lambda s, key=key: getattr(where(s), key), window.unit, 0.0)
+    for i in range(0 if window.between is None else 2):
+        yield Number(f"{name}.between[{i}]", lambda s, i=i: where(s).between[i], window.unit)
+    if window.direction is not None:
+        yield Number(f"{name}.direction", lambda s: where(s).direction, "rad")

@@ -24,6 +24,7 @@ from linkjax.groups._followed import followed as followed
 from linkjax.groups._gear import Gear as Gear
 from linkjax.groups._general import General as General
 from linkjax.groups._guide import Guide as Guide
+from linkjax.groups._guide import Seen as Seen
 from linkjax.groups._guide import Slot as Slot
 from linkjax.groups._law import AbstractLaw as AbstractLaw
 from linkjax.groups._law import Harmonic as Harmonic

@@ -1,4 +1,4 @@
-"""Loads: forces and torques, constant or opposing the motion, permanent or in a window of the crank angle."""
+"""Loads: forces and torques, constant or opposing the motion, permanent or in a window."""
 
 from __future__ import annotations
 
@@ -16,17 +16,56 @@ from linkjax._types import as_float, known
 from linkjax._vec import Vec, zero
 from linkjax.groups import PointState
 from linkjax.kinematics import Motion, Pose
+from linkjax.loads._passage import Passage
 
 
 class Window(eqx.Module):
-    """Half-open range [on, off) of the crank angle (rad), modulo the cycle."""
+    """Half-open range [on, off) of the crank angle (rad), modulo the cycle.
+
+    With arrays of one axis it is several ranges; those of zero width do not count.
+    """
 
     on: Array = eqx.field(converter=as_float)
     off: Array = eqx.field(converter=as_float)
 
+    @property
+    def ranges(self) -> tuple[Window, ...]:
+        """Its ranges, one by one."""
+        if jnp.ndim(self.on) == 0:
+            return (self,)
+        return tuple(Window(on, off) for on, off in zip(self.on, self.off, strict=True))
+
+    def used(self, cycle: float) -> list[tuple[float, float]]:
+        """Its ranges (rad) as numbers, from the first on; those that touch are one, and those of zero width are
+        omitted. The end is below the beginning where a range contains the crank angle zero."""
+        if np.ndim(self.on) == 0:
+            return [(float(self.on) % cycle, float(self.off) % cycle)]
+        pairs = zip(np.asarray(self.on).tolist(), np.asarray(self.off).tolist(), strict=True)
+        widths = [(on % cycle, (off - on) % cycle) for on, off in pairs if on != off]
+        return joined_ranges(widths, cycle)
+
     def active(self, angle: Array, cycle: float) -> Array:
         """One inside the window, zero outside."""
-        return jnp.where(wrapped(angle - self.on, cycle) < wrapped(self.off - self.on, cycle), 1.0, 0.0)
+        if jnp.ndim(self.on) == 0:
+            return jnp.where(wrapped(angle - self.on, cycle) < wrapped(self.off - self.on, cycle), 1.0, 0.0)
+        each = [one.active(angle, cycle) for one in self.ranges]
+        return jnp.max(jnp.stack(each), axis=0)
+
+
+def joined_ranges(widths: list[tuple[float, float]], cycle: float) -> list[tuple[float, float]]:
+    """Ranges of crank angle from begin and width (rad), in order, where those that touch are one."""
+    near, found = 1e-12 * cycle, []
+    for on, width in sorted(widths):
+        if found and on - sum(found[-1]) < near:
+            found[-1] = (found[-1][0], on + width - found[-1][0])
+        else:
+            found.append((on, width))
+    if len(found) > 1 and found[0][0] + cycle - sum(found[-1]) < near:
+        (first, width), (last, late) = found.pop(0), found.pop()
+        found.append((last, late + first + cycle - (last + late) + width))
+    if len(found) == 1 and found[0][1] > cycle - near:
+        return [(0.0, cycle)]
+    return [(on, (on + width) % cycle) for on, width in found]
 
 
 class Instant(NamedTuple):
@@ -57,7 +96,7 @@ class AbstractLoad(eqx.Module):
     name: eqx.AbstractVar[str]
     link: eqx.AbstractVar[str]
     point: eqx.AbstractVar[str]
-    window: eqx.AbstractVar[Window | None]
+    window: eqx.AbstractVar[Window | Passage | None]
     reacts_on: eqx.AbstractVar[str | None]
 
     @property
@@ -87,8 +126,9 @@ class AbstractLoad(eqx.Module):
         return jnp.zeros(())
 
     def breakpoints(self) -> tuple[Array, ...]:
-        """Crank angles (rad) at which the load begins or ends to act, or jumps."""
-        return () if self.window is None else (self.window.on, self.window.off)
+        """Crank angles (rad) at which the load begins or ends to act, or jumps, as far as the load itself gives
+        them."""
+        return (self.window.on, self.window.off) if isinstance(self.window, Window) else ()
 
     def __check_init__(self):
         """Raise `TypeError` if a force is not a `Vec`, and `ValueError` if a component or magnitude is invalid."""
@@ -115,7 +155,7 @@ class Force(AbstractLoad):
     link: str = eqx.field(static=True)
     point: str = eqx.field(static=True)
     force: Vec = eqx.field(kw_only=True)
-    window: Window | None = None
+    window: Window | Passage | None = None
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
 
     def wrenches(self, pose, at):
@@ -133,7 +173,7 @@ class OpposingForce(AbstractLoad):
     link: str = eqx.field(static=True)
     point: str = eqx.field(static=True)
     magnitude: Array = eqx.field(converter=as_float, kw_only=True)
-    window: Window | None = None
+    window: Window | Passage | None = None
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
 
     @property
@@ -164,7 +204,7 @@ class Torque(AbstractLoad):
     name: str = eqx.field(static=True)
     link: str = eqx.field(static=True)
     torque: Array = eqx.field(converter=as_float, kw_only=True)
-    window: Window | None = None
+    window: Window | Passage | None = None
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
     point: str = eqx.field(static=True, default="")
 
@@ -182,7 +222,7 @@ class OpposingTorque(AbstractLoad):
     name: str = eqx.field(static=True)
     link: str = eqx.field(static=True)
     magnitude: Array = eqx.field(converter=as_float, kw_only=True)
-    window: Window | None = None
+    window: Window | Passage | None = None
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None)
     point: str = eqx.field(static=True, default="")
 

@@ -10,4 +10,6 @@ from linkjax.machine._scene import ready as ready
 from linkjax.machine._scene import untitled as untitled
 from linkjax.machine._text import PERMANENT as PERMANENT
 from linkjax.machine._text import load_size as load_size
+from linkjax.machine._text import passage_text as passage_text
 from linkjax.machine._text import speed_text as speed_text
+from linkjax.machine._text import when_text as when_text

@@ -18,7 +18,8 @@ from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.groups import Path
 from linkjax.kinematics import Prepared, prepared
-from linkjax.loads import AbstractLoad, Window
+from linkjax.loads import AbstractLoad, Passage, Window
+from linkjax.machine._passages import check_passage
 from linkjax.machine._text import scene_text
 from linkjax.machine._turns import check_turns
 from linkjax.mechanism import Mechanism, StructureError
@@ -88,7 +89,9 @@ class Scene(eqx.Module):
             if load.name in seen:
                 raise StructureError(element, f"the name {load.name!r} is used already", "give every load its own name")
             seen.add(load.name)
-            if load.window is not None and self._whole(load.window):
+            if isinstance(load.window, Passage):
+                check_passage(f"loads[{number}].window ({load.name})", self.mechanism, load.window)
+            elif load.window is not None and self._whole(load.window):
                 remedy = "omit `window` for a permanent load, or delete a load that never acts"
                 raise StructureError(element, "window start and end coincide", remedy)
             if load.link not in self.mechanism.links:
@@ -106,7 +109,7 @@ class Scene(eqx.Module):
 
     def _whole(self, window: Window) -> bool:
         on, off = known(window.on), known(window.off)
-        if on is None or off is None:
+        if on is None or off is None or on.ndim:
             return False
         turns = np.round((off - on) / self.cycle)
         return bool(np.any(np.abs(off - on - turns * self.cycle) < 1e-9 * self.cycle))
@@ -124,9 +127,14 @@ class Scene(eqx.Module):
         return 2 * math.pi * self.cycle_turns
 
     def active(self, side: Array) -> Array:
-        """Which loads act at the crank angles `side` (rad): one or zero, shape (*side.shape, loads)."""
-        ones = jnp.ones_like(side)
-        each = [ones if load.window is None else load.window.active(side, self.cycle) for load in self.loads]
+        """Which loads act at the crank angles `side` (rad): one or zero, shape (*side.shape, loads). Raises
+        `StructureError` if a window is given by what happens, since a single crank angle does not show it."""
+        each = []
+        for load in self.loads:
+            if isinstance(load.window, Passage):
+                problem = f"its window depends on the motion of {load.window.of!r}, not on the crank angle alone"
+                raise StructureError(f"load {load.name!r}", problem, "write lj.motion.at_crank_angles(scene) here")
+            each.append(jnp.ones_like(side) if load.window is None else load.window.active(side, self.cycle))
         return jnp.stack(each, axis=-1) if each else jnp.zeros((*jnp.shape(side), 0))
 
     def with_mechanism(self, mechanism: Mechanism) -> Scene:

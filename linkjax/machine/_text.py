@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from linkjax._display import NONE, Numbers, aligned
 from linkjax.groups import Harmonic, Spline
-from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
+from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Passage, Torque, Window
 from linkjax.mechanism import Mechanism
 
 SHOW = Numbers()
@@ -62,9 +64,31 @@ def _links(mechanism: Mechanism) -> list[tuple[str, ...]]:
 
 
 def _load(load: AbstractLoad) -> tuple[str, ...]:
-    window = load.window
-    when = PERMANENT if window is None else f"{SHOW.bound(window.on, 'rad')} to {SHOW.bound(window.off, 'rad')}"
-    return load.name, load_size(SHOW, load), f"{load.link} {load.point}".strip(), when
+    return load.name, load_size(SHOW, load), f"{load.link} {load.point}".strip(), when_text(SHOW, load.window)
+
+
+def when_text(show: Numbers, window: Window | Passage | None) -> str:
+    """When a load with this window acts."""
+    if window is None:
+        return PERMANENT
+    if isinstance(window, Passage):
+        return passage_text(show, window)
+    if np.ndim(window.on):
+        return f"in {np.size(window.on)} ranges of crank angle"
+    return f"{show.bound(window.on, 'rad')} to {show.bound(window.off, 'rad')}"
+
+
+def passage_text(show: Numbers, window: Passage) -> str:
+    """A window that is given by what happens: "last 8 mm of D, going -"."""
+    if window.between is None:
+        part, size = ("first", window.first) if window.last is None else ("last", window.last)
+        assert size is not None  # one of the three is given
+        text = f"{part} {show.bound(size, window.unit)} of {window.of}"
+    else:
+        low, high = (show.bound(value, window.unit) for value in window.between)
+        text = f"{window.of} between {low} and {high}"
+    along = "" if window.direction is None else f" along {show.bound(window.direction, 'rad')}"
+    return f"{text}{along}{f', going {window.going}' if window.going else ''}"
 
 
 def load_size(show: Numbers, load: AbstractLoad) -> str:

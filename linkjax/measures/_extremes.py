@@ -18,7 +18,8 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import largest, safe_sqrt, smallest
 from linkjax.machine import Scene
 from linkjax.measures._parts import Parts
-from linkjax.measures._quantities import QUANTITIES, Elements, Quantity, Vectors
+from linkjax.measures._quantities import QUANTITIES, Quantity, Vectors
+from linkjax.measures._structure import Elements
 from linkjax.motion import At, Grid, Regime, Rows, Summits, Wanted, by_node, every_row, peaks
 
 Statistic = Literal["peak", "max", "min"]

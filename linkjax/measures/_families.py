@@ -23,8 +23,9 @@ from linkjax.machine import Scene
 from linkjax.measures._extremes import Extreme, Statistic, extremes_of, rows_of
 from linkjax.measures._gaps import limited_groups, margins, transmission_angles
 from linkjax.measures._parts import Parts
-from linkjax.measures._quantities import QUANTITIES, Elements, Quantity, net_turn, turning_groups
+from linkjax.measures._quantities import QUANTITIES, Quantity, net_turn, turning_groups
 from linkjax.measures._strokes import between, path_lengths, stopping, stroke_rows, swing_rows, time_ratio
+from linkjax.measures._structure import Elements
 from linkjax.mechanism import StructureError
 from linkjax.motion import Grid, Place, Rows, Wanted, by_node
 

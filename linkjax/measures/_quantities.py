@@ -21,31 +21,13 @@ from linkjax.groups import FRAME, Guide
 from linkjax.kinematics import Pose, named_groups
 from linkjax.machine import Scene
 from linkjax.measures._parts import Parts
+from linkjax.measures._structure import Elements, by_structure, guided, guides, slots
 from linkjax.motion import At, Grid, Place, Regime
 from linkjax.reduction import mass_sums
 
-Elements = tuple[str, ...]
 Of = Literal["", "point", "link", "group", "joint"]
 Vectors = Float[Array, "elements 2 places"]
 ALL = ""  # in the place of an element: all of them
-
-
-MOST = 64  # structures of which is remembered what follows from them
-
-
-def by_structure(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
-    """A function of what a scene is made of, not of its numbers, computed once for a structure."""
-    known: dict[Any, Any] = {}
-
-    def remembered(scene: Scene) -> Any:
-        key = jax.tree.structure(scene.mechanism)
-        if key not in known:
-            if len(known) >= MOST:
-                known.clear()
-            known[key] = function(scene)
-        return known[key]
-
-    return remembered
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +51,7 @@ class Quantity:
 
     def signed(self, scene: Scene, element: str) -> bool:
         """Whether it is a number with its sign for this element: of a guide the force normal to it."""
-        return not self.vector or (self.of == "joint" and element in _guided(scene))
+        return not self.vector or (self.of == "joint" and element in guided(scene))
 
 
 QUANTITIES: dict[str, Quantity] = {}
@@ -232,42 +214,10 @@ def _angles(grid: Grid, turned: Turned, place: Place, pose: Pose, elements: Elem
     return _stacked(near + nearest_turn(exact - near, 2 * np.pi))
 
 
-@by_structure
-def _slots(scene: Scene) -> dict[str, tuple[int, int]]:
-    """Number of the group, and of its slot, along which each point of a slider moves; a guide of the frame counts
-    before one on a link."""
-    mechanism, moving, fixed = scene.mechanism, {}, {}
-    owners = mechanism.owners()
-    for i, group in enumerate(mechanism.groups):
-        for j, slot in enumerate(group.sliding()):
-            pins = [joint.point for joint in group.joints() if joint.slides and joint.link == slot.block]
-            own = [point for point, link in owners.items() if link == slot.block]
-            found = fixed if slot.guide.on == FRAME else moving
-            found |= dict.fromkeys([*pins, *own], (i, j))
-    return moving | fixed
-
-
-@by_structure
-def _guided(scene: Scene) -> dict[str, tuple[int, int]]:
-    """The same of every sliding joint, by its elements, "<block>.guide.<link>"."""
-    found, sides = {}, other_sides(scene)
-    for i, group in enumerate(scene.mechanism.groups):
-        slots = {slot.block: j for j, slot in enumerate(group.sliding())}
-        for joint in group.joints():
-            if joint.slides and joint.link in slots:
-                found |= {f"{joint.name}.{link}": (i, slots[joint.link]) for link in sides[joint.name]}
-    return found
-
-
-def _guides(scene: Scene, numbers: dict[str, tuple[int, int]], names: Elements) -> dict[str, Guide]:
-    groups = scene.mechanism.groups
-    return {name: groups[i].sliding()[j].guide for name, (i, j) in numbers.items() if name in names}
-
-
-@_quantity("m", "point", moves=False, names=lambda scene: tuple(_slots(scene)))
+@_quantity("m", "point", moves=False, names=lambda scene: tuple(slots(scene)))
 def travel(of: Parts, elements: Elements):
     """Coordinate of a point of a slider along its guide, from the point that the guide passes through."""
-    along = _guides(of.scene, _slots(of.scene), elements)
+    along = guides(of.scene, slots(of.scene), elements)
     return lambda regime, at: of.machine.run(_travels, along, at.pose, elements=elements)
 
 
@@ -283,7 +233,7 @@ def _travels(along: dict[str, Guide], pose: Pose, elements: Elements) -> Vectors
 def reaction(of: Parts, elements: Elements):
     """Force in a joint on a link: of a guide the component along the left normal of its direction."""
     pairs = tuple((*name.rpartition(".")[::2],) for name in elements)
-    along = _guides(of.scene, _guided(of.scene), elements)
+    along = guides(of.scene, guided(of.scene), elements)
 
     def at(regime: Regime, at: At) -> Vectors:
         return of.machine.run(_reactions, along, at.pose, regime.forces(at), elements=elements, pairs=pairs)

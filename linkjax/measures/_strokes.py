@@ -16,7 +16,8 @@ from linkjax.kinematics import Pose, Reversals, stopping_ends
 from linkjax.machine import Scene
 from linkjax.measures._extremes import Extreme, Statistic, looked, lowered
 from linkjax.measures._parts import Parts
-from linkjax.measures._quantities import QUANTITIES, Elements, by_structure, net_turn
+from linkjax.measures._quantities import QUANTITIES, net_turn
+from linkjax.measures._structure import Elements, by_structure
 from linkjax.motion import Rows, Summits, Wanted
 
 CUTS = 8  # per crank turn: the most places where a point is slowest

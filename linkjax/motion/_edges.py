@@ -29,10 +29,10 @@ def pick(mask: Array, values: Array) -> Array:
     return jnp.max(jnp.where(mask, values, -jnp.inf), axis=-1)
 
 
-def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, rolled: bool) -> Array:
+def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, rolled: bool, sure: int) -> Array:
     """Edges of so many panels (rad), sorted, from `fixed` breakpoints and kinks. Of breakpoints closer than `SAME` the
     first is kept; each spare edge halves the panel that is widest relative to its distance from a singularity, in a
-    loop if `rolled`."""
+    loop if `rolled`. Fixed breakpoints may be infinite, that is unused, except `sure` of them."""
     angle = kinks.angle
     given = jnp.stack(fixed) if fixed else jnp.zeros(0)
     far = kinks.distance > REACH
@@ -46,7 +46,7 @@ def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, r
     start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)
     edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
     edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
-    rounds = panels - max(1, given.size)
+    rounds = panels - max(1, sure)
     split = _Split(jax.lax.stop_gradient(edges), jnp.arange(edges.size), _hardness(edges[:-1], edges[1:], kinks, cycle))
     if rounds <= UNROLLED and not rolled:
         for _ in range(rounds):

@@ -24,10 +24,11 @@ from linkjax._search import GRID_SCAN, Found, Motion, own, refined, scan_angles,
 from linkjax._tree import node
 from linkjax.groups import Margin
 from linkjax.kinematics import named_groups
-from linkjax.loads import Window
+from linkjax.loads import Passage, Window
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._edges import Candidates, edges_of, pick
 from linkjax.motion._panels import Rule, rule
+from linkjax.motion._windows import Passed, evaluated, how_many, passed
 from linkjax.reduction import Reduced, loaded, of_crank
 from linkjax.sampling import Sample, Sampler
 
@@ -43,7 +44,8 @@ class Grid:
     `active` says which loads act in each panel. Where several loads switch at one angle there are panels of zero width
     between them, in which loads act as after all of them; in `order` they act as if they switched one after the other,
     so that an integral has the derivative of each switch by itself. `overflow` is true if there are more reversals than
-    the grid has edges for. `doubt` bounds the error of the work (J) due to the position error of reversals.
+    the grid has edges for. `doubt` bounds the error of the work (J) due to the position error of reversals. `passages`
+    are the ranges of crank angle of the windows that are given by what happens, in the order of the loads.
     """
 
     edges: Float[Array, " edges"]
@@ -53,6 +55,7 @@ class Grid:
     order: Float[Array, "panels loads"]
     overflow: Bool[Array, ""]
     doubt: Float[Array, ""]
+    passages: tuple[Window, ...]
     n: int = eqx.field(static=True)
     length: float = eqx.field(static=True)
     loads: tuple[str, ...] = eqx.field(static=True)
@@ -124,7 +127,8 @@ class Place(NamedTuple):
 
 class Plan(NamedTuple):
     """The fixed sizes of a grid: crank turns and their angle (rad), reversals per opposing load, edges, nodes per
-    panel, scan points per turn, names of the loads, and whether panels are halved in a loop."""
+    panel, scan points per turn, names of the loads, whether panels are halved in a loop, and evaluations of the search
+    for windows."""
 
     turns: int
     cycle: float
@@ -135,6 +139,7 @@ class Plan(NamedTuple):
     loads: tuple[str, ...]
     prescribed: bool
     rolled: bool
+    looked: int
 
     @property
     def scan(self) -> np.ndarray:
@@ -144,11 +149,12 @@ class Plan(NamedTuple):
 
 class Switches(NamedTuple):
     """Crank angles (rad) at which every load is switched on and off, None for a permanent one; kinks of the motion law;
-    magnitudes of opposing loads, and their numbers."""
+    magnitudes of opposing loads; and the windows that are given by what happens."""
 
     windows: tuple[Window | None, ...]
     kinks: tuple[Any, ...]
     strengths: tuple[Array, ...]
+    passed: Passed | None
 
 
 def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
@@ -164,7 +170,8 @@ def grid_of(
     scene, turns = machine.scene, machine.scene.cycle_turns
     opposing = [load for load in scene.loads if load.opposing]
     kinks, groups = (*_kinks(scene), *breaks), list(named_groups(scene.mechanism))[1:]
-    windows = sum(load.window is not None for load in scene.loads)
+    windows = sum(how_many(load.window, turns) for load in scene.loads)
+    looked = evaluated([load.window for load in scene.loads if isinstance(load.window, Passage)], turns)
     slots = REVERSALS * turns
     count = max(6 * turns, 2 * windows + len(kinks) + slots * len(opposing) + len(groups) * turns)
     names = tuple(load.name for load in scene.loads)
@@ -178,12 +185,16 @@ def grid_of(
         names,
         scene.mechanism.prescribed,
         not machine.traced,
+        looked,
     )
-    switches = Switches(tuple(load.window for load in scene.loads), kinks, tuple(load.strength() for load in opposing))
     if scanned is None:
         plan = plan._replace(points=GRID_SCAN)
         scanned = machine.sample(plan.scan, fixed=True, dynamics=False, gaps=True)
-    acting = tuple(load.window for load in opposing)
+    late = passed(machine, scanned, plan.points)
+    ranges = iter(() if late is None else late.windows)
+    acts = tuple(next(ranges) if isinstance(load.window, Passage) else load.window for load in scene.loads)
+    switches = Switches(acts, kinks, tuple(load.strength() for load in opposing), late)
+    acting = tuple(window for load, window in zip(scene.loads, acts, strict=True) if load.opposing)
     found, near = None, [list(scanned.margins[name].values()) for name in groups]
     if not opposing:
         return machine.run(_grid, switches, None, None, None, near, plan=plan)
@@ -235,10 +246,9 @@ def _grid(
     plan: Plan,
 ) -> Grid:
     """The grid, from its switches, the reversals before their last refinement, and the margins at the scan angles."""
-    ends = [end for window in switches.windows if window is not None for end in (window.on, window.off)]
-    ends = [wrapped(end, plan.cycle) for end in ends]
+    ends, sure = _ends(switches.windows, plan.cycle)
     kinks, overflow, doubt = Candidates(jnp.zeros(0), jnp.zeros(0)), jnp.asarray(False), jnp.zeros(())
-    evaluations = plan.turns * GRID_SCAN
+    evaluations = plan.turns * GRID_SCAN + plan.looked
     if found is not None and angle is not None and motions is not None:
         v, a = (own(part, plan.slots) for part in stacked_motions(motions))
         turns = refined(angle, v, a, 2 * math.pi / GRID_SCAN, found)
@@ -248,11 +258,13 @@ def _grid(
         # between the true and the computed angle of a reversal its load has the wrong sign
         doubt = jax.lax.stop_gradient(jnp.sum(jnp.abs(jnp.stack(switches.strengths)) * wrong))
         evaluations += POLISH * turns.angle.size
+    if switches.passed is not None:
+        overflow, doubt = overflow | switches.passed.overflow, doubt + switches.passed.doubt
     soft = jax.lax.stop_gradient(_closest(margins, plan))
     kinks = Candidates(*(jnp.concatenate(pair) for pair in zip(kinks, soft, strict=True)))
     kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
     fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks)]
-    edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled)
+    edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled, sure + len(switches.kinks))
     order = _order(switches.windows, _switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
     return Grid(
@@ -263,6 +275,7 @@ def _grid(
         order,
         overflow,
         doubt,
+        () if switches.passed is None else switches.passed.windows,
         plan.n,
         plan.cycle,
         plan.loads,
@@ -306,6 +319,21 @@ def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:
     return Candidates(*(jnp.concatenate(part) for part in zip(*found, strict=True)))
 
 
+def _ends(windows: tuple[Window | None, ...], cycle: float) -> tuple[list[Array], int]:
+    """The ends of all ranges of crank angle (rad), infinite for a range that is not used, and how many are finite in
+    any case."""
+    found, sure = [], 0
+    for window in windows:
+        for one in () if window is None else window.ranges:
+            ends = [wrapped(end, cycle) for end in (one.on, one.off)]
+            if window is one:
+                sure += 2
+            else:
+                ends = [jnp.where(one.on == one.off, jnp.inf, end) for end in ends]
+            found += ends
+    return found, sure
+
+
 def _switched(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
     """The edge number of every window end; ends at one angle get consecutive edges."""
     if not ends:
@@ -324,13 +352,19 @@ def _active(windows: tuple[Window | None, ...], middle: Array, plan: Plan) -> Fl
 
 
 def _order(windows: tuple[Window | None, ...], switched: Array, plan: Plan) -> Float[Array, "panels loads"]:
-    """The same by the numbers of the panels that begin where a window begins or ends, not by angles."""
+    """The same by the numbers of the panels that begin where a window begins or ends, not by angles. Ranges of one load
+    that touch overlap in a panel of zero width: it counts there twice, so that each end has its own derivative."""
     panels, columns, ends = jnp.arange(plan.panels, dtype=jnp.int32), [], iter(range(0, switched.size, 2))
     for window in windows:
         if window is None:
             columns.append(jnp.ones(plan.panels))
             continue
-        first = next(ends)
-        on, off = switched[first], switched[first + 1]
-        columns.append(jnp.where(jnp.mod(panels - on, plan.panels) < jnp.mod(off - on, plan.panels), 1.0, 0.0))
+        parts = []
+        for one in window.ranges:
+            first = next(ends)
+            on, off = switched[first], switched[first + 1]
+            acts = jnp.mod(panels - on, plan.panels) < jnp.mod(off - on, plan.panels)
+            acts = acts if one is window else acts & (one.on != one.off)
+            parts.append(jnp.where(acts, 1.0, 0.0))
+        columns.append(parts[0] if len(parts) == 1 else jnp.sum(jnp.stack(parts), axis=0))
     return jnp.stack(columns, axis=1) if columns else jnp.zeros((plan.panels, 0))

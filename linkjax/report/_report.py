@@ -100,7 +100,7 @@ def write_report(
         "Motion": _stage(view, data, still) if view else still,
         "Optimisation": _optimisation(show, optimum) if optimum else "",
         "Results": _tables.results(show, data, scene, before[0] if before else None),
-        "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.loads(show, scene),
+        "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.loads(show, data, scene),
         "Peaks": _tables.peaks(show, data, before[0] if before else None),
         "Margins": _tables.groups(show, data) + _tables.dead_centres(show, data),
         "Checks": _tables.checks(show, data) + _tables.model(data, scene),

@@ -8,8 +8,19 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, turning
-from linkjax.analysis import check_limit, moves, peak_label, peak_shown, peak_unit, power_scale, torque_scale, uneven
-from linkjax.machine import PERMANENT, Scene, load_size
+from linkjax.analysis import (
+    acts_text,
+    check_limit,
+    moves,
+    peak_label,
+    peak_shown,
+    peak_unit,
+    power_scale,
+    torque_scale,
+    uneven,
+)
+from linkjax.loads import Passage
+from linkjax.machine import PERMANENT, Scene, load_size, passage_text
 from linkjax.measures import in_motion, motion_of
 from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
@@ -197,7 +208,7 @@ def groups(show: Cells, data: Data) -> str:
 
 
 def dead_centres(show: Cells, data: Data) -> str:
-    """Dead centres of points and limit positions of links: crank angles, and the stroke or swing between them."""
+    """Dead centres of points and limit positions of links: crank angles, and the stroke or angle between them."""
     found: dict[str, list[str]] = {}
     for entry in data.get("dead_centres", []):
         name = f"point {entry['point']}" if "point" in entry else f"link {entry['link']}"
@@ -212,18 +223,22 @@ def dead_centres(show: Cells, data: Data) -> str:
             ratio = NONE if covered["time_ratio"] is None else f"{covered['time_ratio']:.4f}"
             ends = [*show.several([covered["value"]], unit, 6), Cell(ratio, True)]
         rows.append([words(name), words(",  ".join(angles)), *ends])
-    head = ["dead centres or limit positions of", "at crank angle", "stroke or swing", "time ratio"]
+    head = ["dead centres or limit positions of", "at crank angle", "stroke or angle", "time ratio"]
     return table(head, rows) if rows else "<p>No point has a dead centre, and no link has a limit position.</p>"
 
 
-def loads(show: Cells, scene: Scene) -> str:
+def loads(show: Cells, data: Data, scene: Scene) -> str:
     """Loads and gravity."""
     rows = []
     for load in scene.loads:
         size = load_size(show, load)
         window = load.window
         acts = PERMANENT
-        if window is not None:
+        if isinstance(window, Passage):
+            acts = f"{passage_text(show, window)}: {acts_text(data, load.name, show)}"
+        elif window is not None and np.ndim(window.on):
+            acts = acts_text(data, load.name, show)
+        elif window is not None:
             acts = f"{show.turned(float(window.on))} … {show.turned(float(window.off))}"
         where = f"{load.link}, at {load.point}" if load.point else load.link
         rows.append([words(load.name), words(where), words(size), words(acts), words(load.reacts_on or NONE)])

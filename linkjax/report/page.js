@@ -215,10 +215,10 @@
     };
   }
   function acts(load, at) {
-    if (!load.window) return true;
-    const cycle = (end * Math.PI) / 180, [on, off] = load.window, angle = (at * Math.PI) / 180;
+    if (!load.windows) return true;
+    const cycle = (end * Math.PI) / 180, angle = (at * Math.PI) / 180;
     const since = (a) => ((a % cycle) + cycle) % cycle;
-    return since(angle - on) < since(off - on);
+    return load.windows.some(([on, off]) => since(angle - on) < (off < cycle ? since(off - on) : off - on));
   }
   function covered(machine, at) { // positions that a label should not cover: joints, links, other labels
     const inside = ([x, y]) => [X(x), Y(y)], found = [];

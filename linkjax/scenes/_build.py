@@ -21,6 +21,7 @@ from linkjax.scenes._explain import explained
 from linkjax.scenes._keys import join, split
 from linkjax.scenes._located import located, part
 from linkjax.scenes._optimise import Optimise
+from linkjax.scenes._passages import passage
 
 Made = TypeVar("Made")
 
@@ -198,7 +199,8 @@ def _place(place: float | file.Polar | file.Cartesian) -> Vec:
 
 
 def _load(load: file.Load) -> AbstractLoad:
-    window = None if load.window is None else Window(*load.window)
+    given = load.window
+    window = Window(*given) if isinstance(given, tuple) else None if given is None else passage(given)
     always: dict[str, Any] = {"name": load.name, "link": load.link, "window": window, "reacts_on": load.reacts_on}
     if load.torque is not None:
         return (

@@ -11,6 +11,7 @@ from linkjax.scenes._explain import fault
 from linkjax.scenes._groups import GroupTable
 from linkjax.scenes._guides import Fault
 from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
+from linkjax.scenes._passages import passage
 from linkjax.scenes._wheels import steep
 
 FORGOTTEN = 100.0  # ratio of sizes: a millimetre read as a metre gives 1000
@@ -220,8 +221,15 @@ def _load(number: int, load: Load) -> Iterator[Fault]:
 def _window(number: int, load: Load, cycle: float) -> Iterator[Fault]:
     if load.window is None:
         return
-    on, off = load.window
     path, turn = ("loads", number, "window"), math.degrees(cycle)
+    if not isinstance(load.window, tuple):
+        try:
+            passage(load.window)
+        except ValueError as error:
+            problem, _, remedy = str(error).partition("; ")
+            yield path, problem, remedy
+        return
+    on, off = load.window
     if abs(math.remainder(off - on, cycle)) < 1e-9 * cycle:
         problem = f"window start and end coincide (the cycle is {turn:.12g} deg long)"
         yield path, problem, "omit `window` for a permanent load, or move one end"

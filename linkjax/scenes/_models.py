@@ -36,6 +36,7 @@ from linkjax.scenes._fields import (
 from linkjax.scenes._groups import BRANCH, Branch, Group
 from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._optimise import Optimise
+from linkjax.scenes._passages import Window
 from linkjax.scenes._wheels import GearPair, RackPair
 
 
@@ -150,8 +151,10 @@ class Load(Table):
         None, description="torque, ccw positive; a magnitude when opposing", examples=["60 N m"]
     )
     opposing: StrictBool = Field(False, description="acts against the motion of the point or link", examples=[True])
-    window: Annotated[tuple[Angle, Angle], Pair] | None = Field(
-        None, description="crank angles [on, off) between which it acts", examples=[["90 deg", "335 deg"]]
+    window: Window | None = Field(
+        None,
+        description="crank angles [on, off) between which it acts, or a table with the part of a way on which it acts",
+        examples=[["90 deg", "335 deg"]],
     )
     reacts_on: Literal["frame"] | None = Field(
         None, description="the reaction of the load acts on the frame", examples=["frame"]

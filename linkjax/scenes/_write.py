@@ -6,7 +6,7 @@ from typing import Any
 
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup
-from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
+from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Passage, Torque, Window
 from linkjax.machine import Scene
 from linkjax.mechanism import Counterweight, Link, StructureError
 from linkjax.scenes._build import build
@@ -143,5 +143,21 @@ def _load(load: AbstractLoad) -> Table:
     else:
         raise StructureError(load.name, "scene files do not support loads of this kind", "write a force or a torque")
     if load.window is not None:
-        table["window"] = [amount(load.window.on, "rad"), amount(load.window.off, "rad")]
+        table["window"] = _window(load.name, load.window)
     return {**table, "reacts_on": load.reacts_on} if load.reacts_on else table
+
+
+def _window(name: str, window: Window | Passage) -> Any:
+    if isinstance(window, Passage):
+        table: Table = {"point": window.point} if window.point else {"link": window.link}
+        for key in ("first", "last"):
+            if getattr(window, key) is not None:
+                table[key] = amount(getattr(window, key), window.unit)
+        if window.between is not None:
+            table["between"] = [amount(value, window.unit) for value in window.between]
+        table |= {"going": window.going} if window.going else {}
+        return table if window.direction is None else {**table, "direction": amount(window.direction, "rad")}
+    if window.on.ndim:
+        raise StructureError(name, "scene files do not support a window of several ranges of crank angle",
+                             "write the window from which they were found, or several loads")  # fmt: skip
+    return [amount(window.on, "rad"), amount(window.off, "rad")]

@@ -89,7 +89,7 @@ def frame_angles(data: Data, scene: Scene, frames: int) -> list[float]:
 def _speed_strip(stage: Stage, data: Data, scene: Scene, share: float, turn: tuple[float, str]) -> tuple[Axes, Line2D]:
     """A small panel with the crank speed, and the dot that moves along the curve."""
     ax = stage.figure.add_axes((0.11, 0.36 * share, 0.85, 0.45 * share))
-    shade(ax, scene)
+    shade(ax, data, scene)
     ax.plot(degrees(data, scene), turn[0] * closed(data, data["motion"]["speed"]), color=BLUE, linewidth=1.3)
     turns = scene.cycle_turns
     ax.set_xlim(0, 360 * turns)

@@ -51,7 +51,7 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
     keys = [key(name, **look) for name, look in looks.items()]
     keys += [key("all loads", **total)] if len(loads) > 1 else []
     keys += [key("drive", **mean), key("change of kinetic energy", **energy_look)] if runs else []
-    keys += [*before_keys(before), *window_keys(scene)]
+    keys += [*before_keys(before), *window_keys(data, scene)]
     figure, ((top,), (bottom,)) = sheet("Torque and work, reduced to the crank", 2, 1, panel=2.1, keys=keys)
 
     torque = closed(data, reduced["torque"])
@@ -80,7 +80,7 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
         bottom.plot(phi, factor * gain, **energy_look)
     bottom.axhline(0, color=GREY, linewidth=0.6)
     bottom.set_title(label(f"work since φ = 0{', and change of kinetic energy' if runs else ''}", shown))
-    over_crank([top, bottom], scene)
+    over_crank([top, bottom], data, scene)
     return figure
 
 
@@ -103,7 +103,7 @@ def speed_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
     name = "time mean" if scene.mean == "time" else "mean of max and min"
     mean = {"color": GREEN, "linewidth": 1.1, "linestyle": (0, (5, 2))}
     keys = [key("actual motion", color=BLUE, linewidth=1.7), key(name, **mean)]
-    keys += [*before_keys(before), *window_keys(scene)]
+    keys += [*before_keys(before), *window_keys(data, scene)]
     figure, ((top,), (bottom,)) = sheet("Crank speed", 2, 1, panel=(2.2, 1.4), keys=keys, right=1.05)
     acceleration = closed(data, motion["acceleration"])
     factor, shown = prefixed(largest([acceleration]), "rad/s²")
@@ -113,7 +113,7 @@ def speed_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
     top.plot(phi, turn * closed(data, motion["speed"]), color=BLUE, linewidth=1.7)
     top.axhline(turn * float(motion["mean_speed"]), **mean)
     top.set_title(label("speed ω", per))
-    over_crank([top, bottom], scene)
+    over_crank([top, bottom], data, scene)
     _extremes(top, data, scene, units)
     if before:
         low, high = top.get_ylim()

@@ -100,7 +100,7 @@ def reactions_figure(data: Data, scene: Scene, before: Data | None = None, units
             panels.append(((joint, link, by), True, couples))
     columns = 3 if len(panels) > 4 else 2
     rows = -(-len(panels) // columns)
-    keys = [*motion_keys(found, old), *window_keys(scene)]
+    keys = [*motion_keys(found, old), *window_keys(data, scene)]
     figure, axes = sheet("Joint forces", rows, columns, panel=1.35, keys=keys, gap=(0.5, 0.42))
     cells = [ax for row in axes for ax in row]
     for ax, (pair, couple, values) in zip(cells, panels, strict=False):
@@ -112,7 +112,7 @@ def reactions_figure(data: Data, scene: Scene, before: Data | None = None, units
         ax.set_title(label(f"{joint_name(*pair)}{', couple' if couple else ''}", shown), fontsize=7.5)
     blank(cells[len(panels) :])
     for column in range(columns):
-        over_crank(cells[column : len(panels) : columns], scene, columns=columns)
+        over_crank(cells[column : len(panels) : columns], data, scene, columns=columns)
     for ax, (_, couple, _) in zip(cells, panels, strict=False):
         if not couple:
             ax.set_ylim(bottom=0)
@@ -172,7 +172,7 @@ def _polar(ax: Axes, scene: Scene, forces: list[tuple[Case, Any, dict[str, Any]]
 def drive_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
     """Drive torque on the crank and its power."""
     found, old = cases(data), cases_before(before)
-    keys = [*motion_keys(found, old), *window_keys(scene)]
+    keys = [*motion_keys(found, old), *window_keys(data, scene)]
     figure, ((top,), (bottom,)) = sheet("Drive", 2, 1, panel=1.8, keys=keys)
     torques = [closed(data, case.forces["drive_torque"]) for case in found]
     powers = [torque * _speed(data, scene, case) for torque, case in zip(torques, found, strict=True)]
@@ -186,7 +186,7 @@ def drive_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
             ax.plot(degrees(data, scene), factor * curve, **case.look)
         ax.axhline(0, color=GREY, linewidth=0.6)
         ax.set_title(label(name, shown))
-    over_crank([top, bottom], scene)
+    over_crank([top, bottom], data, scene)
     return figure
 
 
@@ -201,7 +201,7 @@ def shaking_figure(data: Data, scene: Scene, before: Data | None = None, units: 
     found = [(case, data, case.forces["shaking"]) for case in cases(data)]
     old = [(case, before or data, case.forces["shaking"]) for case in cases_before(before)]
     keys = [*motion_keys([case for case, *_ in found], [case for case, *_ in old]), *mark_keys(scene)]
-    keys += window_keys(scene)
+    keys += window_keys(data, scene)
     figure, ((polar, top), (spare, bottom)) = sheet("Shaking force and moment", 2, 2, panel=1.55, keys=keys)
     low, high = spare.get_position(), polar.get_position()
     spare.remove()
@@ -219,7 +219,7 @@ def shaking_figure(data: Data, scene: Scene, before: Data | None = None, units: 
             draw = partial(behind, ax) if case.name.startswith("before") else ax.plot
             draw(degrees(of, scene), factor * closed(of, read(force)), **case.look)
         ax.set_title(label(name, shown))
-    over_crank([top, bottom], scene, columns=2)
+    over_crank([top, bottom], data, scene, columns=2)
     top.set_ylim(bottom=0)
     bottom.axhline(0, color=GREY, linewidth=0.6)
     return figure

@@ -49,7 +49,7 @@ def centres_figure(data: Data, scene: Scene, before: Data | None = None, units: 
 def _points(data: Data, scene: Scene, before: Data | None, units: Units | None, names: list[str], title: str) -> Figure:
     phi = degrees(data, scene)
     keys = [key(name, **line(i)) for i, name in enumerate(names)]
-    figure, axes = sheet(title, 3, 2, panel=1.55, keys=[*keys, *before_keys(before), *window_keys(scene)])
+    figure, axes = sheet(title, 3, 2, panel=1.55, keys=[*keys, *before_keys(before), *window_keys(data, scene)])
     for row, (quantity, unit, *components) in enumerate(ORDERS):
         curves = {(n, c): closed(data, data["points"][n][c]) for n in names for c in components}
         factor, shown = prefixed(largest(curves.values()), unit, units)
@@ -62,7 +62,7 @@ def _points(data: Data, scene: Scene, before: Data | None, units: Units | None, 
                 ax.plot(phi, factor * curves[name, component], **line(i))
             ax.set_title(label(f"{'xy'[column]}{('', '′', '″')[row]}, {quantity}", shown))
     for column in (0, 1):
-        over_crank([row[column] for row in axes], scene, columns=2)
+        over_crank([row[column] for row in axes], data, scene, columns=2)
     return figure
 
 
@@ -76,7 +76,7 @@ def links_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
     looks = {name: line(i) | {"color": INK, "linewidth": 1.3} for i, name in enumerate(groups)}
     keys = [key(name, **line(i)) for i, name in enumerate(turning)]
     keys += [key(f"μ, {name}", **look) for name, look in looks.items()]
-    figure, axes = sheet("Links", 2, 2, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(scene)])
+    figure, axes = sheet("Links", 2, 2, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(data, scene)])
     (angles, first), (transmission, second) = axes
     if before:
         old = degrees(before, scene)
@@ -98,7 +98,7 @@ def links_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
     second.set_title("ε′ = d²θ/dφ²")
     transmission.set_title("μ, transmission angle  (°)")
     for column in (0, 1):
-        over_crank([row[column] for row in axes], scene, columns=2)
+        over_crank([row[column] for row in axes], data, scene, columns=2)
     transmission.set_ylim(0, 180)
     transmission.set_yticks([0, 40, 90, 140, 180])
     for limit in (40, 140):  # recommended range of the transmission angle
@@ -163,7 +163,9 @@ def inertia_figure(data: Data, scene: Scene, before: Data | None = None, units: 
     phi, reduced = degrees(data, scene), data["reduced"]
     wheel = float(data.get("flywheel", {}).get("given", 0.0))
     keys = [key("flywheel", color=GREY, linewidth=1.0, linestyle=(0, (5, 2)))] if wheel > 0 else []
-    figure, axes = sheet("Reduced inertia", 2, 1, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(scene)])
+    figure, axes = sheet(
+        "Reduced inertia", 2, 1, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(data, scene)]
+    )
     top, bottom = (row[0] for row in axes)
     for ax, kind, name, unit, colour in (
         (top, "inertia", "J", "kg·m²", BLUE),
@@ -178,5 +180,5 @@ def inertia_figure(data: Data, scene: Scene, before: Data | None = None, units: 
         if ax is top and wheel > 0:
             ax.axhline(factor * wheel, color=GREY, linewidth=1.0, linestyle=(0, (5, 2)))
     bottom.axhline(0, color=GREY, linewidth=0.6)
-    over_crank([top, bottom], scene)
+    over_crank([top, bottom], data, scene)
     return figure

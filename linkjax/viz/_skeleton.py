@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from linkjax._display import Units, prefixed
-from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
+from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
-from linkjax.viz._style import Data, closed, lost
+from linkjax.viz._style import Data, closed, lost, ranges
 from linkjax.viz._wheels import Strands, Wheel, wheels_of
 
 Place = tuple[float, float]
@@ -221,7 +221,7 @@ def arrows(data: Data, scene: Scene, angle: float, units: Units | None = None) -
     found, at = [], places(data, scene, angle)
     origins = scene.mechanism.origins()
     for load in scene.loads:
-        if not acts(load, angle, scene.cycle):
+        if not acts(data, scene, load, angle):
             continue
         nothing = np.zeros(2)
         if isinstance(load, Force | OpposingForce):
@@ -246,12 +246,12 @@ def arrows(data: Data, scene: Scene, angle: float, units: Units | None = None) -
     return found
 
 
-def acts(load, angle: float, cycle: float) -> bool:
-    """Whether a load acts at a crank angle."""
-    if load.window is None:
+def acts(data: Data, scene: Scene, load: AbstractLoad, angle: float) -> bool:
+    """Whether a load acts at a crank angle (rad)."""
+    found, cycle = ranges(data, scene, load), scene.cycle
+    if found is None:
         return True
-    on, off = float(load.window.on), float(load.window.off)
-    return (angle - on) % cycle < (off - on) % cycle
+    return any((angle - on) % cycle < ((off - on) % cycle if off < cycle else off - on) for on, off in found)
 
 
 def amount(value: float, unit: str, units: Units | None = None) -> str:
@@ -272,7 +272,7 @@ def clearest(data: Data, scene: Scene, look: Skeleton) -> float:
         lengths = [at[s.pins[1]] - at[s.pins[0]] for s in look.shapes if len(s.pins) > 1]
         spread = min((abs(a[0] * b[1] - a[1] * b[0]) / (math.hypot(*a) * math.hypot(*b) or 1.0)
                       for i, a in enumerate(lengths) for b in lengths[:i]), default=1.0)  # fmt: skip
-        working = sum(acts(load, float(angle), scene.cycle) for load in scene.loads)
+        working = sum(acts(data, scene, load, float(angle)) for load in scene.loads)
         sound = bool(good[int(np.argmin(np.abs(angles - angle)))])
         score = (working if sound else -1, float(gaps.min()) / look.size * (0.15 + spread))
         if score > best:

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from linkjax.loads import AbstractLoad, Passage
 from linkjax.machine import Scene
 
 Data = dict[str, Any]
@@ -210,37 +211,47 @@ def crank_axis(ax: Axes, scene: Scene, *, columns: int = 1, last: bool = True) -
         ax.set_xlabel("crank angle φ  (°)")
 
 
-def spans(scene: Scene) -> list[tuple[str, list[tuple[float, float]]]]:
+def ranges(data: Data, scene: Scene, load: AbstractLoad) -> list[tuple[float, float]] | None:
+    """The ranges of crank angle (rad) in which a load acts, None for a permanent one. Those of a window that is given
+    by what happens come from the analysis."""
+    if load.window is None:
+        return None
+    if isinstance(load.window, Passage):
+        return [(float(on), float(off)) for on, off in (data.get("windows") or {}).get(load.name, ())]
+    return load.window.used(scene.cycle)
+
+
+def spans(data: Data, scene: Scene) -> list[tuple[str, list[tuple[float, float]]]]:
     """Name and ranges of crank angle (degrees) of every load with a window."""
     found, cycle = [], scene.cycle
     for load in scene.loads:
-        if load.window is None:
+        acts = ranges(data, scene, load)
+        if acts is None:
             continue
-        on, off = (float(edge) % cycle for edge in (load.window.on, load.window.off))
-        parts = [(on, off)] if on <= off else [(0.0, off), (on, cycle)]
+        parts = [part for on, off in acts for part in ([(on, off)] if on <= off else [(0.0, off), (on, cycle)])]
         found.append((load.name, [(math.degrees(a), math.degrees(b)) for a, b in parts if b > a]))
     return found
 
 
-def shade(ax: Axes, scene: Scene) -> None:
+def shade(ax: Axes, data: Data, scene: Scene) -> None:
     """Shade the windows of the loads."""
-    for number, (_, parts) in enumerate(spans(scene)):
+    for number, (_, parts) in enumerate(spans(data, scene)):
         for a, b in parts:
             ax.axvspan(a, b, facecolor=WINDOWS[number % len(WINDOWS)], alpha=0.11, linewidth=0, zorder=0)
 
 
-def window_keys(scene: Scene) -> list[Patch]:
+def window_keys(data: Data, scene: Scene) -> list[Patch]:
     """Legend entries for the shaded windows."""
     return [
         Patch(facecolor=WINDOWS[i % len(WINDOWS)], alpha=0.25, linewidth=0, label=f"{name} acts")
-        for i, (name, _) in enumerate(spans(scene))
+        for i, (name, _) in enumerate(spans(data, scene))
     ]
 
 
-def over_crank(axes: Sequence[Axes], scene: Scene, columns: int = 1) -> None:
+def over_crank(axes: Sequence[Axes], data: Data, scene: Scene, columns: int = 1) -> None:
     """Set up one column of panels over the crank angle."""
     for ax in axes:
-        shade(ax, scene)
+        shade(ax, data, scene)
         crank_axis(ax, scene, columns=columns, last=ax is axes[-1])
 
 

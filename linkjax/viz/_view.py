@@ -13,7 +13,7 @@ from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.viz._machine import MARGIN, colour, scale_mark, tint
 from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, heading, outline, path, places, skeleton
-from linkjax.viz._style import Data, lost
+from linkjax.viz._style import Data, lost, ranges
 
 WIDE, TALLEST = 560.0, 400.0  # typographic points
 DIGITS = 9  # significant digits of coordinates: 1e-9 of the size of the machine
@@ -147,10 +147,9 @@ def _names(data: Data, look: Skeleton) -> list[dict[str, Any]]:
 
 
 def _load(data: Data, scene: Scene, load: Any, units: Units | None) -> dict[str, Any] | None:
-    """A load: its point, its window (None: permanent), and its direction: fixed, against the motion, or a sense of
-    rotation. The sense of an opposing torque is given at every angle."""
-    on_off = None if load.window is None else [float(load.window.on), float(load.window.off)]
-    entry: dict[str, Any] = {"window": on_off, "against": False, "along": None, "turn": None}
+    """A load: its point, its ranges of crank angle (None: permanent), and its direction: fixed, against the motion, or
+    a sense of rotation. The sense of an opposing torque is given at every angle."""
+    entry: dict[str, Any] = {"windows": ranges(data, scene, load), "against": False, "along": None, "turn": None}
     if isinstance(load, Force | OpposingForce):
         entry["point"] = load.point
         if isinstance(load, Force):

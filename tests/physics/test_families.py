@@ -142,8 +142,8 @@ def test_extremes_and_means_of_a_dense_sample(name):
             values = over_the_cycle(cycle, quantity, element)
             size = float(np.max(np.abs(values))) or 1.0
             if statistic == "rms":
-                weights = np.ones(values.size) if quantity.endswith("_constant_speed") else time
-                mean = math.sqrt(float(np.sum(weights * values**2)) / float(np.sum(weights)))
+                weights: np.ndarray = np.ones(values.size) if quantity.endswith("_constant_speed") else time
+                mean = np.sqrt(np.sum(weights * values**2) / np.sum(weights))
                 assert found[full] == pytest.approx(mean, rel=2e-3, abs=1e-9 * size), full
             else:
                 best = float({"peak": np.max(np.abs(values)), "max": np.max(values), "min": np.min(values)}[statistic])

@@ -130,7 +130,7 @@ def test_start_from_rest():
 def window(scene: lj.Scene) -> lj.Window:
     """Times at which the load of the press acts."""
     found = scene.loads[0].window
-    assert found is not None
+    assert isinstance(found, lj.Window)
     return found
 
 
