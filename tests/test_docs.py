@@ -9,7 +9,7 @@ import pytest
 
 import linkjax
 from linkjax.groups import KINDS
-from linkjax.measures import MEASURES
+from linkjax.measures import FAMILIES, MEASURES
 from linkjax.topology import KINDS_OF_II
 from tests.helpers import PACKAGE, ROOT
 
@@ -94,6 +94,13 @@ def test_docstring_examples():
             assert outcome.attempted and not outcome.failed, path
 
 
-def test_every_measure_is_in_the_conventions():
-    text = (ROOT / "docs/conventions.md").read_text(encoding="utf-8")
+def test_every_measure_is_on_its_page():
+    text = (ROOT / "docs/measures.md").read_text(encoding="utf-8")
     assert [m.name for m in MEASURES.values() if f"| `{m.name}` | {m.unit} | " not in text] == []
+    for family in FAMILIES.values():
+        of = {"": "machine", "joint": "joint and link"}.get(family.of, family.of)
+        if family.quantity is None:
+            assert f"| `{family.name}` | {family.unit} | {of} | {family.meaning.rstrip('.')} |" in text
+        else:
+            row = re.search(rf"\| `{family.quantity.name}` \| {family.unit} \| {of} \| (.*?) \|", text)
+            assert row and (family.statistic or "–") in [*row[1].split(", "), "–" * (not family.statistic)]

@@ -14,6 +14,7 @@ from linkjax.analysis._document import document as document
 from linkjax.analysis._document import moves as moves
 from linkjax.analysis._document import plain as plain
 from linkjax.analysis._given import at_acceleration as at_acceleration
+from linkjax.analysis._measured import asked_measures as asked_measures
 from linkjax.analysis._measured import measured as measured
 from linkjax.analysis._missing import massless as massless
 from linkjax.analysis._pick import pick as pick

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from linkjax._results import Result
 from linkjax.analysis._cycle import Cycle
-from linkjax.measures import MEASURES, in_motion, no_transmission_angle, peak_names
+from linkjax.measures import MEASURES, evaluate, in_motion, named, no_transmission_angle, peak_names
 
 NONE: Any = SimpleNamespace(
     delta=None, max_speed=None, min_speed=None, steady_state_margin=None, min_inertia_ratio=None, mean_drive_torque=None
@@ -51,3 +52,20 @@ def measured(cycle: Cycle) -> dict[str, float]:
         found |= {in_motion(name, constant): value for name, value in by_name.items()}
     kept = ("min_margin",) if lost else MEASURES
     return {name: float(found[name]) for name in kept if found.get(name) is not None}
+
+
+def asked_measures(cycle: Cycle, names: Sequence[str], nodes: int) -> dict[str, dict[str, Any]]:
+    """Measures of the scene of a cycle by name: `value` (SI; None where it does not exist) and `unit`. Raises
+    `StructureError` for a name that is not a measure of this scene."""
+    asked = [named(name) for name in names]
+    for each in asked:
+        each.check(cycle.scene)
+    lost, still = Result(int(cycle.result)) is Result.CANNOT_BE_ASSEMBLED, cycle.steady is None
+    here = [each for each in asked if each.name.startswith("min_margin") or not (lost or (still and each.motion))]
+    found = evaluate(cycle.scene, here, nodes) if here else {}
+    return {each.name: {"value": maybe(found.get(each.name)), "unit": each.unit} for each in asked}
+
+
+def maybe(value: Any) -> float | None:
+    """A number, or None."""
+    return None if value is None else float(value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +19,7 @@ from linkjax._display import retold
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._units import QuantityError, quantity
-from linkjax.analysis import analyse, at_acceleration, document, explain, pick, plain
+from linkjax.analysis import analyse, asked_measures, at_acceleration, document, explain, pick, plain
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import (
     CsvFolder,
@@ -40,7 +41,9 @@ from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling
 from linkjax.cli._said import messages_in, units_for
 from linkjax.cli._write import write_csv, write_out
 from linkjax.kinematics import assembly_modes, open_at_start
-from linkjax.mechanism import structure
+from linkjax.machine import Scene
+from linkjax.measures import named
+from linkjax.mechanism import StructureError, structure
 from linkjax.rolling import RollingMachine, structure_of
 from linkjax.scenes import (
     SceneError,
@@ -186,6 +189,10 @@ def analyse_command(
         bool, typer.Option("--constant-speed", help="Constant nominal crank speed; the actual motion is not computed.")
     ] = False,
     method: Annotated[Method, typer.Option(help="How the actual motion is computed.")] = Method.quadrature,
+    measure: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Also give this measure, e.g. stroke.D or x.D@60deg. May be repeated."),
+    ] = None,
     nodes: Nodes = NODES,
     units: Units = "",
     set_: Set = None,
@@ -196,7 +203,8 @@ def analyse_command(
     changes = changes_of(scene, set_)
     if load_document(scene).rolling:
         refuse(scene, {"--at": bool(at), "--acceleration": acceleration is not None, "--nodes": nodes != NODES,
-                       "--constant-speed": constant_speed, "--method": method is not Method.quadrature})  # fmt: skip
+                       "--constant-speed": constant_speed, "--method": method is not Method.quadrature,
+                       "--measure": bool(measure)})  # fmt: skip
         bodies, units = load_rolling(scene, changes), units_for(scene, changes, units)
         check_places(out, csv_folder, json_file)
         with messages_in(shown := numbers_in(units)):
@@ -208,12 +216,15 @@ def analyse_command(
     shown = numbers_in(units)
     extra, given = [angle_of(each) for each in at or ()], acceleration_of(acceleration, bool(at))
     check_places(out, csv_folder, json_file)
+    check_measures(measure or (), machine)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     with elapsed("analysing"), messages_in(shown):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed or None,
                         method=method.value, throw=not (json_file or csv_folder))  # fmt: skip
         cycle = pick(whole, slice(0, angles))
         data = document(cycle, scene, __version__)
+        if measure:
+            data["measures"] = asked_measures(cycle, measure, nodes)
     if json_file:
         write_text(json_file, json.dumps(plain(data), allow_nan=False))
     if csv_folder:
@@ -230,6 +241,15 @@ def analyse_command(
     if cycle.missing is not None and cycle.missing.fails:  # everything else has been printed and written
         title = f"Scene {machine.title!r}: " if machine.title else ""
         raise MachineError(retold(f"{title}{cycle.missing.reason}", shown), Result.NO_PERIODIC_REGIME)
+
+
+def check_measures(names: Sequence[str], machine: Scene) -> None:
+    """Raise `SceneError`, before anything is computed, for a name that is not a measure of this machine."""
+    for name in names:
+        try:
+            named(name).check(machine)
+        except StructureError as error:
+            raise SceneError("--measure", "", name, error.problem, error.remedy) from error
 
 
 def acceleration_of(text: str | None, at: bool) -> float | None:

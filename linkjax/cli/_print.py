@@ -125,6 +125,7 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     _print_motion(data, machine, show)
     _print_peaks(data, show)
     _print_limits(data, show)
+    _print_measures(data, show)
     checks, model, run = data["checks"].items(), data["model"], data["motion"]
     residuals = ", ".join(f"{name.replace('_', ' ')} {value:.0e}" for name, value in checks if value is not None)
     console.print(f"\nchecks     {residuals}", highlight=False)
@@ -196,6 +197,16 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
         table.add_row(peak_label(name), *(cell for pair in zip(values, angles, strict=True) for cell in pair))
     console.print()
     console.print(table, highlight=False)
+
+
+def _print_measures(data: dict[str, Any], show: Numbers) -> None:
+    """Print the measures that were asked for."""
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, found in data.get("measures", {}).items():
+        table.add_row(name, show.told([found["value"]], found["unit"], 8)[0])
+    if table.row_count:
+        console.print()
+        console.print(table, highlight=False, markup=False)
 
 
 def _print_limits(data: dict[str, Any], show: Numbers) -> None:

@@ -39,5 +39,7 @@ from linkjax.measures._registry import measure as measure
 from linkjax.measures._registry import measure_names as measure_names
 from linkjax.measures._registry import named as named
 from linkjax.measures._registry import peak as peak
+from linkjax.measures._subgradients import Subgradient as Subgradient
+from linkjax.measures._subgradients import subgradients as subgradients
 
 __getattr__ = old_names(__name__)

@@ -21,6 +21,7 @@ from linkjax._numerics import safe_sqrt, smallest
 from linkjax._units import QuantityError, in_si, nearest
 from linkjax.machine import Scene
 from linkjax.measures._extremes import Extreme, Statistic, extremes_of, rows_of
+from linkjax.measures._forces import reaction_names
 from linkjax.measures._gaps import limited_groups, margins, transmission_angles
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES, Quantity, net_turn, turning_groups
@@ -105,12 +106,13 @@ def _families(quantity: Quantity) -> None:
     """Register the families of a quantity."""
     for constant in (False, True) if quantity.moves and quantity.name != "crank_speed" else (False,):
         motion = quantity.moves and not constant
-        how = "" if not quantity.moves else " In the actual motion." if motion else " At constant nominal speed."
+        how = "" if not quantity.moves else " in the actual motion" if motion else " at constant nominal speed"
         for statistic in ("", *STATISTICS[quantity.name]):
             name = f"{statistic}_{quantity.name}".lstrip("_") + CONSTANT * constant
-            meaning = f"{SAID[statistic]}: {quantity.meaning}" if statistic else quantity.meaning
+            what = quantity.meaning.rstrip(".")
+            meaning = f"{SAID[statistic]} of the {what[0].lower()}{what[1:]}{how}." if statistic else f"{what}{how}."
             FAMILIES[name] = Family(
-                name, quantity.unit, meaning + how, quantity.of, quantity.names, motion, quantity, statistic
+                name, quantity.unit, meaning, quantity.of, quantity.names, motion, quantity, statistic
             )
 
 
@@ -225,7 +227,8 @@ def extreme(asked: Asked, scene: Scene) -> Extreme | None:
     if family.quantity is None or family.statistic not in ("peak", "max", "min"):
         return None
     ways: dict[str, Statistic] = {"peak": "peak", "max": "max", "min": "min"}
-    elements = (asked.element,) if asked.element else family.names(scene) if family.of else ()
+    every = tuple(f"{joint}.{link}" for joint, link in reaction_names(scene)) if family.of else ()
+    elements = (asked.element,) if asked.element else every
     return Extreme(family.quantity, elements, ways[family.statistic], not family.motion, asked.window)
 
 

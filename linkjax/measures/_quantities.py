@@ -139,19 +139,19 @@ def acceleration(of: Parts, elements: Elements):
 
 @_quantity("rad/s", "link")
 def angular_velocity(of: Parts, elements: Elements):
-    """Angular velocity of a link, positive counter-clockwise."""
+    """Angular velocity of a link (positive counter-clockwise)."""
     return _asked_of_pose("angular_velocity", elements)
 
 
 @_quantity("rad/s^2", "link")
 def angular_acceleration(of: Parts, elements: Elements):
-    """Angular acceleration of a link, positive counter-clockwise."""
+    """Angular acceleration of a link (positive counter-clockwise)."""
     return _asked_of_pose("angular_acceleration", elements)
 
 
 @_quantity("rad", "link", moves=False)
 def angle(of: Parts, elements: Elements):
-    """Angle of a link from the x axis, without jumps over the cycle, between -180° and 180° at crank angle zero."""
+    """Angle of a link from the x axis (without jumps over the cycle, between -180° and 180° at crank angle zero)."""
     machine, grid = of.machine, jax.lax.stop_gradient(of.grid)
     turned = whole_turns(of)
 
@@ -231,7 +231,7 @@ def _travels(along: dict[str, Guide], pose: Pose, elements: Elements) -> Vectors
 
 @_quantity("N", "joint", vector=True)
 def reaction(of: Parts, elements: Elements):
-    """Force in a joint on a link: of a guide the component along the left normal of its direction."""
+    """Force in a joint on a link (of a guide the component along the left normal of its direction)."""
     pairs = tuple((*name.rpartition(".")[::2],) for name in elements)
     along = guides(of.scene, guided(of.scene), elements)
 
@@ -268,7 +268,7 @@ def _shaking(pose: Pose, speed: Array, acceleration: Array) -> Vectors:
 
 @_quantity("N", "", vector=True)
 def shaking_force(of: Parts, elements: Elements):
-    """Shaking force: the inertia force on the frame."""
+    """Shaking force (the inertia force on the frame)."""
     return lambda regime, at: regime.machine.run(_shaking, at.pose, *regime.crank(at))
 
 
@@ -290,7 +290,7 @@ def _asked_of_forces(what: str) -> Callable[[Regime, At], Vectors]:
 
 @_quantity("N m", "")
 def shaking_moment(of: Parts, elements: Elements):
-    """Shaking moment about the crank pivot: the inertia moment on the frame."""
+    """Shaking moment about the crank pivot (the inertia moment on the frame)."""
     return _asked_of_forces("shaking_moment")
 
 
@@ -302,13 +302,13 @@ def frame_force(of: Parts, elements: Elements):
 
 @_quantity("N", "", vector=True)
 def net_frame_force(of: Parts, elements: Elements):
-    """Force on the foundation: that on the frame and the reactions of loads on the frame."""
+    """Force on the foundation (that on the frame and the reactions of loads on the frame)."""
     return _asked_of_forces("net_frame_force")
 
 
 @_quantity("N m", "")
 def drive_torque(of: Parts, elements: Elements):
-    """Drive torque by kinetostatics, positive along the rotation of the crank."""
+    """Drive torque (by kinetostatics, positive along the rotation of the crank)."""
     return _asked_of_forces("drive_torque")
 
 

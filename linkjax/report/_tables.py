@@ -131,6 +131,12 @@ def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     return text
 
 
+def measures(show: Cells, data: Data) -> str:
+    """The measures that were asked for."""
+    rows = [[words(n), *show.several([each["value"]], each["unit"], 8)] for n, each in data.get("measures", {}).items()]
+    return table(["measure", "value"], rows) if rows else ""
+
+
 def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     """Value, error and crank angle of a peak."""
     if key not in data["peaks"]:
