@@ -157,6 +157,11 @@ def taken_apart(text: str) -> Asked | None:
     if found := WINDOW.fullmatch(text):
         text, ends = found[1].strip(), found.groups()[1:]
         window = _crank_angle(ends[0], text), _crank_angle(ends[1], text)
+    elif " where " in text:
+        head, _, rest = text.partition(" where ")
+        if head.partition(".")[0] not in FAMILIES:
+            return None
+        raise StructureError(head, f"{rest.strip()!r} is not a window", "write e.g. where 90deg to 180deg")
     head, at, place = text.partition("@")
     family, _, element = head.strip().partition(".")
     if family not in FAMILIES:
