@@ -335,7 +335,20 @@ def test_strings_in_structures_are_names_or_choices():
     rooms = (lj.groups, lj.mechanism, lj.loads)
     classes = {c for room in rooms for c in vars(room).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
     names = {"link", "links", "block", "blocks", "from_", "to", "end", "meet", "about", "pivot", "centre", "carrier"}
-    names |= {"through", "on", "at", "members", "outer", "link_names", "centre_name", "pins", "name", "point"}
+    names |= {
+        "through",
+        "on",
+        "at",
+        "members",
+        "outer",
+        "link_names",
+        "centre_name",
+        "pins",
+        "name",
+        "point",
+        "ends",
+        "uniform",
+    }
     kinds = ("str", "Literal", "Rotation", "Mass")
     static = (field for each in classes for field in dataclasses.fields(each) if field.metadata.get("static"))
     texts = {field.name for field in static if any(kind in str(field.type) for kind in kinds)}

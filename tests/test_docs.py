@@ -102,5 +102,5 @@ def test_every_measure_is_on_its_page():
         if family.quantity is None:
             assert f"| `{family.name}` | {family.unit} | {of} | {family.meaning.rstrip('.')} |" in text
         else:
-            row = re.search(rf"\| `{family.quantity.name}` \| {family.unit} \| {of} \| (.*?) \|", text)
+            row = re.search(rf"\| `{family.quantity.name}` \| {re.escape(family.unit)} \| {of} \| (.*?) \|", text)
             assert row and (family.statistic or "–") in [*row[1].split(", "), "–" * (not family.statistic)]

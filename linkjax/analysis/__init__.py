@@ -24,8 +24,10 @@ from linkjax.analysis._tidy import CONSTANT as CONSTANT
 from linkjax.analysis._tidy import acts_text as acts_text
 from linkjax.analysis._tidy import force_scale as force_scale
 from linkjax.analysis._tidy import measure_scales as measure_scales
+from linkjax.analysis._tidy import peak_place as peak_place
 from linkjax.analysis._tidy import peak_shown as peak_shown
 from linkjax.analysis._tidy import power_scale as power_scale
+from linkjax.analysis._tidy import tied as tied
 from linkjax.analysis._tidy import torque_scale as torque_scale
 from linkjax.analysis._tidy import uneven as uneven
 from linkjax.analysis._words import peak_label as peak_label

@@ -232,6 +232,7 @@ def _peaks(cycle: Any, peak: Peak | None, constant: bool) -> dict[str, Any]:
             "value": float(peak.value[i]),
             "angle": float(peak.angle[i]),
             "error": float(peak.error[i]),
+            "tied": None if np.isnan(peak.tied[i]) else float(peak.tied[i]),
         }
         for i, name in enumerate(names)
     }

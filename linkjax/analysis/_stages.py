@@ -22,6 +22,7 @@ from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene
 from linkjax.measures import peak_names, signed_rows, table
 from linkjax.motion import (
+    TIED,
     At,
     AtNodes,
     Grid,
@@ -201,59 +202,95 @@ def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
 
     rows = signed_rows(machine.scene)
     found = vectors(regime, regime.at(at.place, at.sample))
-    at_nodes, above, rms = machine.run(_by_quantity, regime.grid, found, motions=motions, rows=rows)
+    at_nodes, raised, rms = machine.run(_by_quantity, regime.grid, found, motions=motions, rows=rows)
 
-    def raised(regime, at):
-        return machine.run(_raised, vectors(regime, at), above, motions=motions, rows=rows)
+    def looked(regime, at):
+        return machine.run(_looked, vectors(regime, at), raised, motions=motions, rows=rows)
 
-    found = peaks(regime, raised, at_nodes)
-    return machine.run(_told, machine.ready, regime.steady, found, above, motions=motions), rms
+    found = peaks(regime, looked, at_nodes)
+    return machine.run(_told, machine.ready, regime.steady, found, raised, motions=motions), rms
+
+
+class Raised(NamedTuple):
+    """Numbers with a sign, (motions, numbers): the sign of the one of largest magnitude, and an amount above all."""
+
+    sign: Array
+    above: Array
 
 
 @compiled_soon(static=("motions", "rows"))
-def _by_quantity(grid: Grid, found: Array, motions: int, rows: Any) -> tuple[Array, Array, Array]:
-    """The vectors at the nodes, numbers with a sign raised above zero; by how much; and the root mean square."""
+def _by_quantity(grid: Grid, found: Array, motions: int, rows: tuple[int, ...]) -> tuple[Array, Raised, Array]:
+    """The vectors whose greatest length is looked for, at the nodes; and the root mean square of the shaking force."""
     at_nodes = by_node(grid, found)
     shaking = at_nodes[(motions - 1) * at_nodes.shape[0] // motions]  # the first quantity of the last motion
     weights = grid.half[:, None] * grid.rule.w[None]
     rms = jnp.sqrt(jnp.sum(weights * jnp.sum(shaking * shaking, axis=0)) / grid.length)
-    above = 2 * jnp.max(jnp.abs(at_nodes[:, 0]), axis=(1, 2))
-    above = jnp.where(above > 0, above, 1.0)
-    return _raised.function(at_nodes, above, motions, rows), above, rms
+    numbers = at_nodes.reshape((motions, -1, *at_nodes.shape[1:]))[:, np.asarray(rows), 0]
+    high, low = jnp.max(numbers, axis=(2, 3)), jnp.min(numbers, axis=(2, 3))
+    above = 2 * jnp.maximum(jnp.abs(high), jnp.abs(low))
+    raised = Raised(jnp.where(high >= -low, 1.0, -1.0), jnp.where(above > 0, above, 1.0))
+    return _looked.function(at_nodes, raised, motions, rows), raised, rms
 
 
 @compiled_soon(static=("motions", "rows"))
-def _raised(vectors: Array, above: Array, motions: int, rows: Any) -> Array:
-    """The vectors whose greatest length is looked for, of every peak; those of numbers with a sign are raised."""
-    every, ways = _of_every_motion(vectors.shape[0], motions, rows)
-    ways = ways.reshape((-1, *[1] * (vectors.ndim - 2)))
-    numbers = vectors[every, 0]
-    first = jnp.where(ways == 0, numbers, above[every].reshape(ways.shape) + ways * numbers)
-    return jnp.stack([first, vectors[every, 1]], axis=1)
-
-
-def _of_every_motion(count: int, motions: int, rows: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the vectors and senses of all peaks, motion by motion."""
-    own, ways = (np.asarray(part) for part in zip(*rows, strict=True))
-    return np.concatenate([own + motion * (count // motions) for motion in range(motions)]), np.tile(ways, motions)
+def _looked(vectors: Array, raised: Raised, motions: int, rows: tuple[int, ...]) -> Array:
+    """The vectors whose greatest length is looked for: numbers with a sign raised above zero, where theirs is that of
+    the largest magnitude; and then the same with the other sign, motion by motion."""
+    every = vectors.reshape((motions, -1, *vectors.shape[1:]))
+    own = every[:, np.asarray(rows)]
+    shape = (*raised.sign.shape, *[1] * (vectors.ndim - 2))
+    sign, above = raised.sign.reshape(shape), raised.above.reshape(shape)
+    sides = [own.at[:, :, 0].set(above + way * own[:, :, 0]) for way in (sign, -sign)]
+    both = jnp.concatenate([every.at[:, np.asarray(rows)].set(sides[0]), sides[1]], axis=1)
+    return both.reshape((-1, *vectors.shape[1:]))
 
 
 @compiled_soon(static=("motions",))
-def _told(made: ReadyScene, motion: Steady | None, found: Peak, above: Array, motions: int) -> tuple[Peak, ...]:
-    """The peaks by motion: infinite where a group passes through a singular position, in the actual motion with the
-    error of the motion."""
-    names = peak_names(made.scene)
-    count = len(names)
-    every, ways = _of_every_motion(above.size, motions, signed_rows(made.scene))
-    over = above[every]
-    value = jnp.where(ways == 0, found.value, jnp.where(ways > 0, found.value - over, over - found.value))
-    found = found._replace(value=value)
-    boundless = jnp.tile(singular(made.mechanism, names), motions)
-    found = found._replace(value=jnp.where(boundless, jnp.inf, found.value))
-    if motion is not None:  # in it, forces depend on the square of the speed and its slope
-        inexact = jnp.where(jnp.arange(2 * count) < count, MOTION * motion.delta_error * jnp.abs(found.value), 0.0)
-        found = found._replace(error=found.error + inexact)
-    return tuple(Peak(*(part[i * count : (i + 1) * count] for part in found)) for i in range(motions))
+def _told(made: ReadyScene, motion: Steady | None, found: Peak, raised: Raised, motions: int) -> tuple[Peak, ...]:
+    """The peaks by motion, in the order of `peak_names`: infinite where a group passes through a singular position, in
+    the actual motion with the error of the motion."""
+    names, rows, told = peak_names(made.scene), signed_rows(made.scene), []
+    boundless = singular(made.mechanism, names)
+    size = found.value.size // motions
+    for number in range(motions):
+        own = Peak(*(part[number * size : (number + 1) * size] for part in found))
+        every = _by_name(own, names, rows, raised.sign[number], raised.above[number])
+        every = every._replace(value=jnp.where(boundless, jnp.inf, every.value))
+        if motion is not None and number == 0:  # in it, forces depend on the square of the speed and its slope
+            every = every._replace(error=every.error + MOTION * motion.delta_error * jnp.abs(every.value))
+        told.append(every)
+    return tuple(told)
+
+
+def _by_name(found: Peak, names: list[str], rows: tuple[int, ...], sign: Array, above: Array) -> Peak:
+    """The peaks of one motion by name: of numbers with a sign the largest magnitude, the largest and smallest value."""
+    first, base = found.value.size - len(rows), {}
+    each = []
+    for name in names:
+        way, _, row = name.partition("_")
+        at = base.setdefault(row, len(base))
+        if at not in rows:
+            each.append(jax.tree.map(lambda part, at=at: part[at], found))
+            continue
+        k = rows.index(at)
+        one, other = (jax.tree.map(lambda part, j=j: part[j], found) for j in (at, first + k))
+        one = one._replace(value=sign[k] * (one.value - above[k]))
+        other = other._replace(value=sign[k] * (above[k] - other.value))
+        if way == "peak":
+            each.append(_larger(one, other))
+        else:
+            same = sign[k] > 0 if way == "max" else sign[k] < 0
+            each.append(jax.tree.map(lambda a, b, same=same: jnp.where(same, a, b), one, other))
+    return jax.tree.map(lambda *parts: jnp.stack(parts), *each)
+
+
+def _larger(one: Peak, other: Peak) -> Peak:
+    """The peak of larger magnitude, of a number that has one of either sign."""
+    one, other = (each._replace(value=jnp.abs(each.value)) for each in (one, other))
+    first = one.value >= other.value
+    both = jax.tree.map(lambda a, b: jnp.where(first, a, b), one, other)
+    equal = jnp.minimum(one.value, other.value) >= (1 - TIED) * both.value
+    return both._replace(tied=jnp.where(equal, jnp.where(first, other.angle, one.angle), both.tied))
 
 
 def _spans(machine: Sampler, limits: Margins) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from linkjax._display import NONE, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
-from linkjax.analysis._tidy import acts_text, peak_shown, power_scale, torque_scale, uneven
+from linkjax.analysis._tidy import acts_text, peak_place, peak_shown, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_label, peak_unit
 from linkjax.loads import Passage
 from linkjax.measures import in_motion, motion_of
@@ -79,7 +79,8 @@ def _peaks(data: Data) -> Rows:
         cells = [peak_label(name)]
         for key in (in_motion(name, constant) for constant in (False, True)):
             value, angle, _ = peak_shown(data, key) if key in data["peaks"] else (float("nan"),) * 3
-            cells += [SHOW.quantity(value, peak_unit(name), 6), SHOW.turned(angle)]
+            place = peak_place(data, key, SHOW) if key in data["peaks"] else SHOW.turned(angle)
+            cells += [SHOW.quantity(value, peak_unit(name), 6), place]
         rows.append(tuple(cells))
     return rows
 

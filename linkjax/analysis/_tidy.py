@@ -62,6 +62,17 @@ def peak_shown(data: Data, key: str) -> tuple[float, float, float]:
     return value, math.nan if _least(data, name, suffix) >= largest - room else float(peak["angle"]), error
 
 
+def tied(data: Data, key: str) -> float | None:
+    """The crank angle of another peak of equal size; None without one, and for a quantity that is constant."""
+    return None if math.isnan(peak_shown(data, key)[1]) else data["peaks"][key].get("tied")
+
+
+def peak_place(data: Data, key: str, show: Numbers) -> str:
+    """The crank angle of a peak, and of another one of equal size."""
+    other = tied(data, key)
+    return show.turned(peak_shown(data, key)[1]) + ("" if other is None else f" and {show.turned(other)}")
+
+
 def uneven(data: Data) -> bool:
     """Whether the speed fluctuates by more than the error of δ; otherwise it has no largest value."""
     delta, error = (data["motion"][key] for key in ("delta", "delta_error"))

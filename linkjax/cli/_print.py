@@ -14,6 +14,7 @@ from linkjax.analysis import (
     check_limit,
     moves,
     peak_label,
+    peak_place,
     peak_shown,
     peak_unit,
     power_scale,
@@ -190,10 +191,12 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     motions = ["actual motion", "at"] if moves(data) else []
     table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
     for name in dict.fromkeys(motion_of(name)[0] for name in data["peaks"]):
-        keys = (in_motion(name, constant) for constant in (False, True))
-        both = [peak_shown(data, key) for key in keys if key in data["peaks"]]
+        keys = [key for constant in (False, True) if (key := in_motion(name, constant)) in data["peaks"]]
+        both = [peak_shown(data, key) for key in keys]
         values = [show.quantity(value, peak_unit(name), 6) for value, _, _ in both]
-        angles = [show.turned(angle) for _, angle, _ in both]
+        angles = [
+            peak_place(data, in_motion(name, c), show) for c in (False, True) if in_motion(name, c) in data["peaks"]
+        ]
         table.add_row(peak_label(name), *(cell for pair in zip(values, angles, strict=True) for cell in pair))
     console.print()
     console.print(table, highlight=False)

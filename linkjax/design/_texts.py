@@ -13,7 +13,7 @@ from linkjax.design._names import DesignError, Number, amount, near, number, num
 from linkjax.design._terms import INITIAL, UNSETTLED, Asked, Limit, Term, as_term, at_least, at_most
 from linkjax.design._variables import OWN, Case, Variable, check, check_own
 from linkjax.machine import Scene
-from linkjax.measures import measure_names
+from linkjax.measures import FAMILIES, MEASURES, measure_names
 from linkjax.mechanism import StructureError
 
 Range = Any  # two bounds, or a string
@@ -134,8 +134,8 @@ def settled_term(scene: Scene, asked: Asked) -> Term:
     known = numbers(scene)
     if term.name not in known:
         problem = "is neither a measure nor a scene parameter"
-        hint = near(term.name, [*measure_names(scene), *known])
-        hint = hint or "linkjax.measures.MEASURES and linkjax.design.numbers(scene) hold the names"
+        hint = near(term.name, [*(measure_names(scene) if "." in term.name else (*MEASURES, *FAMILIES)), *known])
+        hint = hint or "linkjax.measures.measure_names(scene) and linkjax.design.numbers(scene) give the names"
         raise UnknownName(term.name, problem, hint)
     return dataclasses.replace(term, unit=known[term.name].unit)
 

@@ -32,15 +32,10 @@ def peak_names(scene: Scene) -> list[str]:
 SIGNED = ("shaking_moment", "drive_torque")  # rows of one number with a sign
 
 
-def signed_rows(scene: Scene) -> tuple[tuple[int, float], ...]:
-    """For every name of `peak_names`: the row of `table`, and one where the largest number is looked for, minus one for
-    the smallest, zero for the largest magnitude."""
-    rows: dict[str, int] = {}
-    found = []
-    for name in peak_names(scene):
-        way, _, row = name.partition("_")
-        found.append((rows.setdefault(row, len(rows)), {"peak": 0.0, "max": 1.0, "min": -1.0}[way]))
-    return tuple(found)
+def signed_rows(scene: Scene) -> tuple[int, ...]:
+    """The rows of `table` that are numbers with a sign."""
+    rows = [name.partition("_")[2] for name in peak_names(scene) if name.startswith("peak")]
+    return tuple(rows.index(name) for name in SIGNED)
 
 
 def in_motion(name: str, constant: bool) -> str:

@@ -16,6 +16,7 @@ from linkjax.motion._grid import Grid as Grid
 from linkjax.motion._grid import Place as Place
 from linkjax.motion._grid import grid_of as grid_of
 from linkjax.motion._grid import make_grid as make_grid
+from linkjax.motion._peaks import TIED as TIED
 from linkjax.motion._peaks import Peak as Peak
 from linkjax.motion._peaks import by_node as by_node
 from linkjax.motion._peaks import peaks as peaks

@@ -24,14 +24,18 @@ NEAR = 2e-4  # half width, in half panels, of the parabola that refines a peak o
 COARSE = 9.0  # precision this many times the square root of the rounding unit
 ROUNDINGS = 4000.0  # rounding units of a peak: the least error stated
 FAR = 3e-2  # the most that the parabola may move a peak
+TIED, APART = 1e-9, 1e-3  # summits are equal within this, relative, and two if they are so far apart (rad)
 
 
 class Peak(NamedTuple):
-    """Largest magnitude over the continuous cycle, its crank angle (rad), and an error bound (for the given motion)."""
+    """Largest magnitude over the continuous cycle, its crank angle (rad), and an error bound (for the given motion);
+    and the crank angle of another summit of equal height (NaN if there is none): there the peak has no gradient, only
+    that of either summit."""
 
     value: Array
     angle: Array
     error: Array
+    tied: Array
 
 
 def peaks(
@@ -51,9 +55,9 @@ def peaks(
     machine, grid, still = regime.machine, regime.grid, regime.still
     at_nodes = node_vectors(still, components) if at_nodes is None else at_nodes
     spots, heights, hidden = machine.run(_two_summits, still.grid, at_nodes, rolled=not machine.traced)
-    spot, three = machine.run(_higher, still.grid, spots, components(still, still.at(spots.place)))
+    spot, three, tied = machine.run(_higher, still.grid, spots, components(still, still.at(spots.place)))
     x, gained, place = machine.run(_parabola, grid, spot, components(still, still.at(three)))
-    return machine.run(_peaked, grid, x, gained, place, components(regime, regime.at(place)), heights, hidden)
+    return machine.run(_peaked, grid, x, gained, place, components(regime, regime.at(place)), heights, hidden, tied)
 
 
 class Spots(NamedTuple):
@@ -105,11 +109,17 @@ def _two_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Arra
 
 
 @compiled_soon
-def _higher(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place]:
-    """The higher summit of each quantity, and three places around it."""
-    first = jnp.argmax(squares(own_rows(found, spots.x)), axis=1)[:, None]
+def _higher(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place, Array]:
+    """The higher summit of each quantity, three places around it, and the crank angle of the other if it is equal."""
+    height = squares(own_rows(found, spots.x))
+    first = jnp.argmax(height, axis=1)[:, None]
     panel, x = (jnp.take_along_axis(part, first, axis=1) for part in (spots.panel, spots.x))
-    return spots_at(grid, panel[:, 0], x[:, 0]), spots_at(grid, *three_around(panel[:, 0], x[:, 0])).place
+    phi = spots.place.phi.reshape(spots.x.shape)
+    apart = jnp.abs(nearest_turn(phi[:, 1] - phi[:, 0], grid.length)) > APART
+    equal = jnp.min(height, axis=1) >= (1 - 2 * TIED) * jnp.max(height, axis=1)
+    other = jnp.where(first[:, 0] == 0, phi[:, 1], phi[:, 0])
+    tied = jnp.where(apart & equal, wrapped(other, grid.length), jnp.nan)
+    return spots_at(grid, panel[:, 0], x[:, 0]), spots_at(grid, *three_around(panel[:, 0], x[:, 0])).place, tied
 
 
 def _near(x: Array) -> float:
@@ -148,7 +158,9 @@ def _parabola(grid: Grid, spot: Spots, found: Array) -> tuple[Array, Array, Plac
 
 
 @compiled_soon
-def _peaked(grid: Grid, x: Array, gained: Array, place: Place, found: Array, heights: Array, hidden: Array) -> Peak:
+def _peaked(
+    grid: Grid, x: Array, gained: Array, place: Place, found: Array, heights: Array, hidden: Array, tied: Array
+) -> Peak:
     top, phi = safe_sqrt(squares(own_rows(found, x))), place.phi
     places = grid.middle[:, None] + grid.half[:, None] * jnp.asarray(grid.rule.fine)[None]
     away = jnp.abs(nearest_turn(places[None] - phi[:, None, None], grid.length))
@@ -156,7 +168,7 @@ def _peaked(grid: Grid, x: Array, gained: Array, place: Place, found: Array, hei
     near &= (jnp.abs(x) < 1)[:, None, None]  # a summit at the end of a panel may continue in the next one
     rival = jnp.max(jnp.where(near, 0.0, jnp.sqrt(heights) + hidden[:, :, None]), axis=(1, 2)) - top
     doubt = safe_divide(gained, 2 * top) + jnp.maximum(rival, 0.0) + ROUNDINGS * jnp.finfo(top.dtype).eps * top
-    return Peak(top, wrapped(phi, grid.length), jax.lax.stop_gradient(doubt))
+    return Peak(top, wrapped(phi, grid.length), jax.lax.stop_gradient(doubt), tied)
 
 
 def interpolated(grid: Grid, at_nodes: Array) -> tuple[Array, Array]:

@@ -13,9 +13,11 @@ from linkjax.analysis import (
     check_limit,
     moves,
     peak_label,
+    peak_place,
     peak_shown,
     peak_unit,
     power_scale,
+    tied,
     torque_scale,
     uneven,
 )
@@ -144,7 +146,8 @@ def _peak(show: Cells, data: Data, key: str) -> list[Cell]:
     value, angle, error = peak_shown(data, key)
     unit = peak_unit(key)
     told, bound = show.measured(value, 0.0 if math.isnan(error) else error, unit, most=6)
-    return [Cell(told, True), Cell(NONE if math.isnan(error) else bound, True), show.angle(angle)]
+    place = show.angle(angle) if tied(data, key) is None else Cell(peak_place(data, key, show), True)
+    return [Cell(told, True), Cell(NONE if math.isnan(error) else bound, True), place]
 
 
 def peak_name(name: str) -> str:

@@ -15,9 +15,24 @@ from linkjax.measures import MEASURES, evaluate, min_margin, steady_state_margin
 
 COUNT, NODES = 100, 160
 GROUPS = (
-    ("delta", "max_crank_speed", "min_crank_speed", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque"),
+    (
+        "delta",
+        "max_crank_speed",
+        "min_crank_speed",
+        "steady_state_margin",
+        "min_inertia_ratio",
+        "mean_drive_torque",
+        "mean_drive_power",
+    ),
     ("peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed", "min_margin"),
-    ("peak_drive_torque_constant_speed", "peak_reaction_constant_speed", "min_transmission_angle"),
+    (
+        "peak_drive_torque_constant_speed",
+        "peak_reaction_constant_speed",
+        "min_transmission_angle",
+        "peak_shaking_moment_constant_speed",
+        "max_drive_torque_constant_speed",
+        "min_drive_torque_constant_speed",
+    ),
     ("peak_shaking_force", "peak_reaction"),
     ("flywheel_for_target_delta",),
 )
