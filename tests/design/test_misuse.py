@@ -137,7 +137,7 @@ def test_wrong_types_are_named():
     ("name", "near"),
     [
         ("shaking_forces", ["'peak_shaking_force'", "'rms_shaking_force'"]),
-        ("peak_reactions", ["'peak_reaction'", "'peak_reaction_constant_speed'"]),
+        ("peak_reactions", ["'peak_reaction'", "'max_reaction'"]),
         ("links.rod.lenght", ["'links.rod.length'"]),
         ("regime_margin", ["it is called 'steady_state_margin' now"]),
         ("xyz", ["linkjax.measures.measure_names(scene) and linkjax.design.numbers(scene) give the names"]),

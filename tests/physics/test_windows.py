@@ -83,6 +83,19 @@ def test_the_punch_of_a_press_begins_where_the_closed_form_says():
     assert abs(60 * math.cos(on) + math.sqrt(300**2 - (60 * math.sin(on)) ** 2) - 248) < 1e-10
 
 
+def test_the_punch_of_a_press_whose_crank_angle_begins_at_the_top():
+    """The last 8 mm before the dead centre in which crank and rod are stretched, by the law of cosines."""
+    window = lj.Passage(point="D", last=LAST, going="+")
+    scene = press(window=window)
+    crank = lj.Crank("crank", "A", "B", phase=math.pi)
+    groups = (crank, *scene.mechanism.groups[1:])
+    scene = scene.with_mechanism(dataclasses.replace(scene.mechanism, groups=groups))
+    away = CRANK + ROD - LAST
+    begin = math.pi - math.acos((CRANK**2 + away**2 - ROD**2) / (2 * CRANK * away))
+    assert math.degrees(begin) == pytest.approx(152.6079, abs=5e-5)
+    np.testing.assert_allclose(used(scene)[0], [begin, math.pi], rtol=0, atol=FINE)
+
+
 def test_the_same_with_an_offset_guide():
     for offset in (0.02, -0.05):
         want = floats(exact_ends(CRANK, ROD, offset, LAST))
