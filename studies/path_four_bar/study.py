@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 import linkjax as lj
 from benchmarks.synthesis import FIVE, five, shortest
@@ -83,8 +82,8 @@ def structural_error(of: Generator) -> np.ndarray:
 def generator(found: Optimum, side: int) -> Generator:
     """The four-bar that an optimisation found."""
     x = {name: after for name, (_, after) in found.variables.items()}
-    bars = [x[f"links.{name}.length"] for name in LENGTHS]
-    return Generator(*bars, x["groups.crank.phase"], x["own.rocker_start"], side)
+    crank, coupler, rocker = (x[f"links.{name}.length"] for name in LENGTHS)
+    return Generator(crank, coupler, rocker, x["groups.crank.phase"], x["own.rocker_start"], side)
 
 
 def least_squares(side: int, starts: int = 12) -> Optimum:
@@ -127,8 +126,8 @@ def precision_points(crank_start: float, rocker_start: float) -> Generator | Non
     b = np.stack([a * np.cos(phi), a * np.sin(phi)])
     to_d, to_c = np.array([[1.0], [0.0]]) - b, np.stack([1 + c * np.cos(psi), c * np.sin(psi)]) - b
     left = to_d[0] * to_c[1] - to_d[1] * to_c[0] > 0
-    turned = [start + np.pi * (bar < 0) for start, bar in ((crank_start, a), (rocker_start, c))]
-    found = Generator(abs(a), np.sqrt(square), abs(c), *turned, 1 if left[0] else -1)
+    first, second = (start + np.pi * (bar < 0) for start, bar in ((crank_start, a), (rocker_start, c)))
+    found = Generator(abs(a), np.sqrt(square), abs(c), first, second, 1 if left[0] else -1)
     return found if left.all() or not left.any() else None
 
 
@@ -194,19 +193,16 @@ def constructed(t, arc: int):
     return np.where(exists, np.arccos(np.clip(worst, 0, 1)), 0.0), a / frame, b / frame, 1 / frame
 
 
-def _worse(t: float, arc: int) -> float:
-    return -float(constructed(t, arc)[0])
-
-
 def best_constructed(places: int = 20001) -> tuple[float, ...]:
-    """The best of both circles: the best of many places, refined between its neighbours."""
+    """The best of both circles: the best of many places, three times, each time between the neighbours of the last."""
     found = []
     for arc in (-1, 1):
-        t = np.linspace(0, 2 * np.pi, places)
-        top = t[np.argmax(constructed(t, arc)[0])]
-        between = (top - t[1], top + t[1])
-        best = minimize_scalar(_worse, bounds=between, args=(arc,), method="bounded", options={"xatol": 1e-12})
-        found.append(tuple(float(each) for each in constructed(best.x, arc)))
+        low, high = 0.0, 2 * np.pi
+        for _ in range(3):
+            t = np.linspace(low, high, places)
+            top, step = t[np.argmax(constructed(t, arc)[0])], t[1] - t[0]
+            low, high = top - step, top + step
+        found.append(tuple(float(each) for each in constructed(0.5 * (low + high), arc)))
     return max(found)
 
 

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from scipy.optimize import fsolve, least_squares, minimize_scalar
+from scipy.optimize import least_squares
 
 from benchmarks.synthesis import FIVE
 from studies.path_four_bar import study
@@ -66,24 +66,25 @@ def test_equal_extremes(name):
     which the README reaches within 0.1 % (its 241 places) and its last digit."""
     lengths, starts, left = of(name)
     error = rocker_error(lengths, starts, left)[0]
-    p, step = np.array([*lengths, *starts]), 1e-6
+
+    def at(p, places):
+        return rocker_error(p[:3], p[3:], left, X[places])[0]
+
+    def levelled(z, places):
+        return 1e3 * (at(z[:5], places) - z[5] * (-1.0) ** np.arange(6))
+
+    places = np.zeros(6, dtype=int)
+    z = np.array([*lengths, *starts, rocker_error(lengths, starts, left)[0][0]])
     for _ in range(3):
-        error = rocker_error(p[:3], p[3:], left)[0]
+        error = rocker_error(z[:3], z[3:5], left)[0]
         places = np.array([0, *np.flatnonzero(np.diff(np.sign(np.diff(error)))) + 1, X.size - 1])
-        signs = np.sign(error[places])
-        assert places.size == 6 and set(np.diff(signs)) == {-2, 2}
-
-        def at(p, places=places):
-            return rocker_error(p[:3], p[3:], left, X[places])[0]
-
-        found = fsolve(
-            lambda z, at=at, signs=signs: 1e3 * (at(z[:5]) - z[5] * signs), [*p, NUMBERS[name][1]], xtol=1e-12
-        )
-        p, level = found[:5], found[5]
-    np.testing.assert_allclose(p, [*lengths, *starts], atol=2e-3)
-    assert level - 6e-7 <= NUMBERS[name][1] <= 1.001 * level + 6e-7
-    gradients = np.stack([(at(p + step * e) - at(p - step * e)) / (2 * step) for e in np.eye(5)])
-    weights = np.linalg.svd(gradients)[2][-1] * signs
+        z = least_squares(levelled, z, args=(places,), x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        assert places.shape == (6,) and np.abs(levelled(z, places)).max() < 1e-8
+    np.testing.assert_allclose(z[:5], [*lengths, *starts], atol=2e-3)
+    assert abs(z[5]) - 6e-7 <= NUMBERS[name][1] <= 1.001 * abs(z[5]) + 6e-7
+    p, step = z[:5], 1e-6
+    gradients = np.stack([(at(p + step * e, places) - at(p - step * e, places)) / (2 * step) for e in np.eye(5)])
+    weights = np.linalg.svd(gradients)[2][-1] * (-1.0) ** np.arange(6)
     assert np.all(weights > 0) or np.all(weights < 0)
 
 
@@ -98,6 +99,7 @@ def test_three_precision_points():
     error = rocker_error(bars, angles, design.side > 0)[0]
     assert np.abs(error).max() == pytest.approx(NUMBERS[name][1], abs=6e-7)
     again = study.precision_points(*of("least largest error")[1])
+    assert again is not None
     np.testing.assert_allclose(again[:3], NUMBERS[f"{name}, these initial angles"][3:6], atol=2e-5)
 
 
@@ -112,7 +114,7 @@ def crank_rocker(a, guess):
         k = (np.pi + abs(crank[1] - crank[0])) / (np.pi - abs(crank[1] - crank[0]))
         return abs(rocker[0] - rocker[1]) - np.pi / 3, k - 1.2
 
-    b, c = fsolve(at_limits, guess, xtol=1e-13)
+    b, c = least_squares(at_limits, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     assert np.abs(at_limits((b, c))).max() < 1e-10
     worst = max(abs(b**2 + c**2 - (1 + s * a) ** 2) / (2 * b * c) for s in (1, -1))
     return np.degrees(np.arccos(worst)), b, c
@@ -124,11 +126,9 @@ def test_swing_and_time_ratio():
     np.testing.assert_allclose([np.degrees(built[0]), *built[1:]], NUMBERS["construction"], atol=6e-7)
     np.testing.assert_allclose(ours, NUMBERS["construction"], atol=1.1e-6)
     mu, a, b, c = ours
-    best = minimize_scalar(
-        lambda crank: -crank_rocker(crank, (b, c))[0], bounds=(a - 0.01, a + 0.01), method="bounded",
-        options={"xatol": 1e-9},
-    )  # fmt: skip
-    assert -best.fun == pytest.approx(mu, abs=1e-6) and best.x == pytest.approx(a, abs=1e-6)
+    assert crank_rocker(a, (b, c)) == pytest.approx((mu, b, c), abs=2e-6)
+    others = [crank_rocker(a + step, (b, c))[0] for step in np.linspace(-0.02, 0.02, 41)]
+    assert max(others) < mu + 1e-6 and min(others) < mu - 0.01
 
 
 def test_path():
