@@ -78,7 +78,7 @@ def _down(
     point, step, tolerance = path.point, None, ROUGH
     radius, penalty = RADIUS, PENALTY
     squares = _has_squares(problem)
-    curved = not squares  # whether the model has the approximate curvature
+    held, curved = _holds(problem), not squares  # whether the model has the approximate curvature
     for _ in range(steps):
         if not np.isfinite(point.value + point.violation):
             return bend
@@ -98,8 +98,8 @@ def _down(
         merit = point.value + penalty * point.violation
         expected = merit - step.model
         trial, got = _tried(problem, point, step, penalty)
-        if squares and not merit - got >= SHARP * expected:
-            second = solve(*_bent(point, trial), point.z, radius, model, penalty, step, tolerance)
+        if (squares or held) and not merit - got >= SHARP * expected:
+            second = solve(*_bent(point, trial, held), point.z, radius, model, penalty, step, tolerance)
             other, found = (trial, got) if second is None else _tried(problem, point, second, penalty)
             if found < got:
                 trial, got = other, found
@@ -179,13 +179,24 @@ def _restored(problem: Problem, point: Point, radius: float, first: Callable[[Po
     return None
 
 
-def _bent(point: Point, trial: Point) -> tuple[list[Scaled], list[Scaled]]:
+def _bent(point: Point, trial: Point, held: bool) -> tuple[list[Scaled], list[Scaled]]:
     """Objective and constraints with linear models that are exact after a trial step, and margins with a reserve."""
     d = trial.z - point.z
     pairs = zip(point.goals, trial.goals, strict=True)
     goals = [goal.bent_to(other, d) if other.exists else goal for goal, other in pairs]
     sound = [one.bent_to(other, d, RESERVE) for one, other in zip(point.sound, trial.sound, strict=True)]
-    return goals, [*point.limits, *sound]
+    limits = [a.bent_to(b, d) for a, b in zip(point.limits, trial.limits, strict=True)] if held else point.limits
+    return goals, [*limits, *sound]
+
+
+def _holds(problem: Problem) -> bool:
+    """Whether two constraints hold a value from both sides: steps leave their curved surface, and are corrected."""
+    seen = {}
+    for kind in problem.kinds:
+        if kind.role == "limit":
+            name = kind.name.removesuffix(" at most").removesuffix(" at least")
+            seen.setdefault((name, kind.case, kind.bound), set()).add(kind.sign)
+    return any(len(signs) == 2 for signs in seen.values())
 
 
 def _has_squares(problem: Problem) -> bool:
