@@ -264,31 +264,30 @@ def _told(made: ReadyScene, motion: Steady | None, found: Peak, raised: Raised, 
 
 def _by_name(found: Peak, names: list[str], rows: tuple[int, ...], sign: Array, above: Array) -> Peak:
     """The peaks of one motion by name: of numbers with a sign the largest magnitude, the largest and smallest value."""
-    first, base = found.value.size - len(rows), {}
-    each = []
-    for name in names:
-        way, _, row = name.partition("_")
-        at = base.setdefault(row, len(base))
-        if at not in rows:
-            each.append(jax.tree.map(lambda part, at=at: part[at], found))
-            continue
-        k = rows.index(at)
-        one, other = (jax.tree.map(lambda part, j=j: part[j], found) for j in (at, first + k))
-        one = one._replace(value=sign[k] * (one.value - above[k]))
-        other = other._replace(value=sign[k] * (above[k] - other.value))
-        if way == "peak":
-            each.append(_larger(one, other))
-        else:
-            same = sign[k] > 0 if way == "max" else sign[k] < 0
-            each.append(jax.tree.map(lambda a, b, same=same: jnp.where(same, a, b), one, other))
-    return jax.tree.map(lambda *parts: jnp.stack(parts), *each)
+    base: dict[str, int] = {}
+    which = [base.setdefault(name.partition("_")[2], len(base)) for name in names]
+    ends = [np.asarray(each, np.int32) for each in (rows, range(found.value.size - len(rows), found.value.size))]
+    one, other = (Peak(*(part[end] for part in found)) for end in ends)
+    one = one._replace(value=sign * (one.value - above))
+    other = other._replace(value=sign * (above - other.value))
+    up = sign > 0
+    sides = {"peak": _larger(one, other), "max": _of(up, one, other), "min": _of(up, other, one)}
+    every = Peak(*(part[np.asarray(which, np.int32)] for part in found))
+    for way, own in sides.items():
+        places = [names.index(f"{way}_{row}") for row, at in base.items() if at in rows]
+        every = Peak(*(part.at[np.asarray(places)].set(new) for part, new in zip(every, own, strict=True)))
+    return every
+
+
+def _of(first: Array, one: Peak, other: Peak) -> Peak:
+    return Peak(*(jnp.where(first, a, b) for a, b in zip(one, other, strict=True)))
 
 
 def _larger(one: Peak, other: Peak) -> Peak:
-    """The peak of larger magnitude, of a number that has one of either sign."""
+    """The peaks of larger magnitude, of numbers that have one of either sign."""
     one, other = (each._replace(value=jnp.abs(each.value)) for each in (one, other))
     first = one.value >= other.value
-    both = jax.tree.map(lambda a, b: jnp.where(first, a, b), one, other)
+    both = _of(first, one, other)
     equal = jnp.minimum(one.value, other.value) >= (1 - TIED) * both.value
     return both._replace(tied=jnp.where(equal, jnp.where(first, other.angle, one.angle), both.tied))
 
