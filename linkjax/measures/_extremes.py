@@ -61,6 +61,14 @@ class Extreme(NamedTuple):
             found.append((way, vector))
         return tuple(found)
 
+    def numbers(self, scene: Scene) -> bool:
+        """Whether they are numbers with a sign."""
+        return all(self.quantity.signed(scene, name) for name in self.elements or ("",))
+
+    def deep(self, scene: Scene) -> bool:
+        """Whether it is the smallest length of a vector, which may have a sharp minimum between two nodes."""
+        return self.statistic == "min" and not self.numbers(scene)
+
 
 class Looked(NamedTuple):
     """Extremes of one motion as greatest lengths: of which vectors, by how much numbers are raised, their signs."""
@@ -147,8 +155,9 @@ def lowered(found: Array, above: Array, signs: Signs) -> Array:
 def extremes_of(of: Parts, extremes: Sequence[Extreme]) -> list[Array]:
     """The values of extremes; those of one motion are found together."""
     found: dict[int, Array] = {}
+    by_rows = [i for i, each in enumerate(extremes) if each.window is not None or each.deep(of.scene)]
     for still in (True, False):
-        which = [i for i, each in enumerate(extremes) if each.window is None and each.still is still]
+        which = [i for i, each in enumerate(extremes) if i not in by_rows and each.still is still]
         if not which:
             continue
         look = looked(of, [extremes[i] for i in which])
@@ -161,10 +170,8 @@ def extremes_of(of: Parts, extremes: Sequence[Extreme]) -> list[Array]:
             most = smallest if extremes[i].statistic == "min" else largest
             found[i] = own[0] if size == 1 else most(own)
             first += size
-    for i, each in enumerate(extremes):
-        if each.window is not None:
-            own = every_row([rows_of(of, each)])[0].size()
-            found[i] = smallest(own) if each.statistic == "min" else largest(own)
+    for i, own in zip(by_rows, every_row([rows_of(of, extremes[i]) for i in by_rows]), strict=True):
+        found[i] = smallest(own.size()) if extremes[i].statistic == "min" else largest(own.size())
     return [found[i] for i in range(len(extremes))]
 
 

@@ -184,12 +184,15 @@ def for_every_angle(asked: Asked, sense: str) -> Asked:
 
 
 def _crank_angle(text: str, name: str) -> float:
+    text, remedy = text.strip(), "write it e.g. as 60deg"
     try:
-        value, unit = in_si(text.strip())
+        value, unit = in_si(text)
     except QuantityError as error:
-        raise StructureError(name, f"{text.strip()!r} is not a crank angle: {error.problem}", error.remedy) from error
-    if unit not in ("rad", "1"):
-        raise StructureError(name, f"{text.strip()!r} is not a crank angle", 'write it e.g. as "60deg"')
+        raise StructureError(name, f"{text!r} is not a crank angle: {error.problem}", remedy) from error
+    if unit == "1":
+        raise StructureError(name, f"{text!r} is a crank angle without a unit", f"write {text}deg")
+    if unit != "rad" or not math.isfinite(value):
+        raise StructureError(name, f"{text!r} is not a crank angle", remedy)
     return float(value)
 
 
@@ -198,6 +201,14 @@ def _degrees(angle: float) -> str:
     """A crank angle as it is written in names, so that it is read back exactly."""
     text = f"{math.degrees(angle):.12g}deg"
     return text if float(in_si(text)[0]) == angle else f"{angle!r}rad"
+
+
+def breaks_of(asked: Asked) -> tuple[float, ...]:
+    """The crank angles (rad) at which panels must end for a measure: at the ends of its window, and at zero, where the
+    angle of a link that turns fully begins anew."""
+    quantity = FAMILIES[asked.family].quantity
+    turning = asked.family == "swing" or (quantity is not None and quantity.name == "angle")
+    return (*((0.0,) if turning else ()), *(asked.window or ()))
 
 
 def checked(asked: Asked, scene: Scene) -> None:
@@ -214,7 +225,11 @@ def checked(asked: Asked, scene: Scene) -> None:
         what = {"group": "group with a transmission angle", "joint": "joint with a link"}.get(family.of, what)
         raise StructureError(name, f"{asked.element!r} is not a {what} of this machine", nearest(asked.element, known))
     if asked.angle is not None and (family.quantity is None or family.statistic):
-        raise StructureError(name, "is not a quantity over the crank angle", "delete the crank angle")
+        bare = "delete the crank angle"
+        if family.quantity is not None:
+            plain = asked._replace(family=family.name.removeprefix(f"{family.statistic}_"))
+            bare = f"write {plain.text()}, or {bare}"
+        raise StructureError(name, "is one value of the whole cycle, not one at a crank angle", bare)
     if asked.window is not None and (family.quantity is None or family.statistic not in ("peak", "max", "min")):
         raise StructureError(name, "is not an extreme, and has no window", "use a measure that begins with max or min")
     if asked.angle is None and family.quantity is not None and not family.statistic:
@@ -283,7 +298,10 @@ def _plan(of: Parts, asked: Asked) -> tuple[list[Extreme], Callable[..., Array]]
         return [], lambda: at_angle(of, family, asked.element, angle)
     found = extreme(asked, of.scene)
     assert found is not None
-    return [found], lambda most: _beyond(of, asked, most) if quantity.name == "angle" else most
+    if family.statistic == "peak" and found.window is None and len(found.elements) < 2 and found.numbers(of.scene):
+        sides: tuple[Statistic, ...] = ("max", "min")  # better than two summits of the magnitude
+        return [found._replace(statistic=way) for way in sides], lambda high, low: jnp.maximum(high, -low)
+    return [found], lambda most: most
 
 
 def has_rows(asked: Asked) -> bool:
@@ -299,25 +317,7 @@ def rows(of: Parts, asked: Asked) -> Rows | Wanted:
         return family.rows(of, asked.element)
     found = extreme(asked, of.scene)
     assert found is not None
-    wanted = rows_of(of, found)
-    if family.quantity is None or family.quantity.name != "angle":
-        return wanted
-    finish = wanted.finish
-    assert finish is not None
-
-    def finished(found: Any) -> Rows:
-        every = finish(found)
-        return Rows(_beyond(of, asked, every.vectors), every.angle, signed=True)
-
-    return wanted._replace(finish=finished)
-
-
-def _beyond(of: Parts, asked: Asked, value: Array) -> Array:
-    """The extreme angle of a link that turns fully: that at one end of the cycle."""
-    family, net = FAMILIES[asked.family], net_turn(of, asked.element)
-    first = at_angle(of, FAMILIES["angle"], asked.element, 0.0)
-    ahead = jnp.maximum(net, 0.0) if family.statistic == "max" else jnp.minimum(net, 0.0)
-    return jnp.where(net != 0, first + ahead, value)
+    return rows_of(of, found)
 
 
 def at_angle(of: Parts, family: Family, element: str, angle: float) -> Array:

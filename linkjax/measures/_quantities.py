@@ -152,6 +152,7 @@ def angular_acceleration(of: Parts, elements: Elements):
 @_quantity("rad", "link", moves=False)
 def angle(of: Parts, elements: Elements):
     """Angle of a link from the x axis (without jumps over the cycle, between -180° and 180° at crank angle zero)."""
+    # of a link that turns fully it jumps at crank angle zero, where a panel must end: see `Measure.breaks`
     machine, grid = of.machine, jax.lax.stop_gradient(of.grid)
     turned = whole_turns(of)
 
@@ -207,7 +208,7 @@ def _angles(grid: Grid, turned: Turned, place: Place, pose: Pose, elements: Elem
     which = np.asarray([names.index(name) for name in elements])
     node = jnp.searchsorted(jnp.asarray(0.5 * (grid.rule.x[1:] + grid.rule.x[:-1])), place.x)
     phi = grid.nodes[place.panel, node]
-    after = jnp.floor(phi / grid.length) - jnp.floor(place.phi / grid.length)  # of a node beyond the end of the cycle
+    after = jnp.floor(phi / grid.length) - jnp.floor(place.side / grid.length)  # of a node beyond the end of the cycle
     angle, rate = (part[which][:, place.panel, node] for part in (turned.angle, turned.rate))
     near = angle + rate * (place.phi - phi)[None] + turned.net[which][:, None] * after[None]
     exact = jnp.stack([jnp.arctan2(pose.links[name].u.y, pose.links[name].u.x) for name in elements])
@@ -354,4 +355,4 @@ def off_square(of: Parts, elements: Elements):
 def turning_groups(scene: Scene) -> Elements:
     """The groups that have a transmission angle."""
     groups = list(named_groups(scene.mechanism).items())
-    return tuple(name for name, group in groups[1:] if not group.numerical())
+    return tuple(name for name, group in groups[1:] if not (group.numerical() or group.wheels() or group.passive()))

@@ -15,7 +15,18 @@ from jaxtyping import Array
 from linkjax._numerics import largest, smallest
 from linkjax._units import nearest
 from linkjax.machine import Names, ReadyScene, Scene, nameless
-from linkjax.measures._families import FAMILIES, Asked, checked, for_every_angle, has_rows, rows, taken_apart, values_of
+from linkjax.measures._families import (
+    FAMILIES,
+    Asked,
+    breaks_of,
+    checked,
+    for_every_angle,
+    has_rows,
+    rows,
+    taken_apart,
+    values_of,
+)
+from linkjax.measures._gaps import no_transmission_angle
 from linkjax.measures._parts import NODES, Parts
 from linkjax.mechanism import StructureError
 from linkjax.motion import Rows, Wanted, every_row, peaks
@@ -47,7 +58,7 @@ class Measure:
     @property
     def breaks(self) -> tuple[float, ...]:
         """The crank angles (rad) at which panels of the grid must end."""
-        return () if self.asked is None or self.asked.window is None else self.asked.window
+        return () if self.asked is None else breaks_of(self.asked)
 
     def check(self, scene: Scene | ReadyScene) -> None:
         """Raise `StructureError` where the scene has no such element."""
@@ -83,7 +94,10 @@ def named(name: str) -> Measure:
     90deg to 180deg". Raises `StructureError` for any other name."""
     found = found_by(name)
     if found is None:
-        raise StructureError(name, "is not a measure", nearest(name.partition(".")[0], [*MEASURES, *FAMILIES]))
+        base = name.partition(" where ")[0].partition("@")[0]
+        if base in MEASURES:
+            raise StructureError(base, "takes neither a window nor a crank angle", f"write {base}")
+        raise StructureError(name, "is not a measure", nearest(name.partition(".")[0].lower(), [*MEASURES, *FAMILIES]))
     return found
 
 
@@ -100,7 +114,8 @@ def found_by(name: str, sense: str = "") -> Measure | None:
 
 def measure_names(scene: Scene) -> tuple[str, ...]:
     """The names of all measures that a scene has, without those at a crank angle or in a window."""
-    found = list(MEASURES)
+    lacking = ("min_transmission_angle",) if no_transmission_angle(scene.mechanism) else ()
+    found = [name for name in MEASURES if name not in lacking]
     for family in FAMILIES.values():
         if family.quantity is not None and not family.statistic:
             continue
@@ -148,8 +163,9 @@ def of_family(name: str) -> Measure:
 
 def evaluate(scene: Scene | ReadyScene, measures: Iterable[Measure | str], nodes: int = NODES) -> dict[str, Array]:
     """Several measures of one scene, themselves or their names, by name. They share grid and node values, and all
-    extremes are found together, so they cost little more than one. Raises `StructureError` for a name that is not a
-    measure of this scene."""
+    extremes are found together, so they cost little more than one. Where no steady-state motion exists
+    (`steady_state_margin` is negative), or the machine cannot be assembled (`min_margin`), the others are finite but
+    meaningless. Raises `StructureError` for a name that is not a measure of this scene."""
     every = [measures] if isinstance(measures, str | Measure) else list(measures)
     asked = [named(one) if isinstance(one, str) else one for one in every]
     for one in asked:

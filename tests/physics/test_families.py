@@ -5,11 +5,14 @@ from __future__ import annotations
 import functools
 import math
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import linkjax as lj
 from linkjax import measures
+from linkjax.kinematics import pose, prepared, transmission_of_pose
 from linkjax.library import four_bar, quick_return, scotch_yoke, slider_crank
 from linkjax.mechanism import StructureError
 from tests.physics.machines import machine
@@ -77,6 +80,43 @@ def test_a_window_of_crank_angle():
     found = value(four_bar(0.1, 0.4, 0.3, 0.4), *names)
     expected = [0.1 * math.cos(math.pi / 6), 0.1 * math.sin(math.pi / 3), -0.1 * math.sin(math.pi / 3)]
     assert found == pytest.approx(expected, rel=EXACT)
+
+
+def test_the_angle_of_a_link_that_turns_fully_in_a_window():
+    """Its angle in the window, not that at the ends of the cycle."""
+    names = ("max_angle.crank where 90deg to 180deg", "min_angle.crank where 90deg to 180deg")
+    for rotation, ends in (("ccw", [180.0, 90.0]), ("cw", [-90.0, -180.0])):
+        found = value(four_bar(0.1, 0.4, 0.3, 0.4, rotation=rotation), *names)
+        assert np.degrees(found) == pytest.approx(ends, rel=EXACT)
+
+
+def test_a_least_force_between_two_nodes():
+    """A force that almost vanishes has a sharp minimum: a fine sample around it, from an analysis."""
+    scene, name = machine("hay-press"), "min_reaction_constant_speed.E.link4"
+    found = float(measures.evaluate(scene, [name])[name])
+    coarse = lj.analyse(scene, angles=3600, constant_speed=True)
+    force = coarse.forces.reactions["E"]["link4"]
+    least = float(coarse.angles[np.argmin(np.hypot(force.fx, force.fy))])
+    fine = lj.analyse(scene, angles=np.linspace(least - 2e-3, least + 2e-3, 4001), constant_speed=True)
+    force = fine.forces.reactions["E"]["link4"]
+    assert found == pytest.approx(float(np.min(np.hypot(force.fx, force.fy))), rel=1e-4)
+
+
+def test_a_peak_is_the_larger_of_both_signs():
+    """Two summits of almost equal height, of either sign."""
+    scene = machine("hay-press")
+    names = [f"{way}_angular_acceleration.crank" for way in ("peak", "max", "min")]
+    peak, high, low = (float(each) for each in measures.evaluate(scene, names).values())
+    assert peak == max(high, -low) and high > -low > 0.99 * high
+
+
+def test_groups_with_a_transmission_angle():
+    """Those that give one, in every built-in scene."""
+    for name in lj.scene_names():
+        scene = lj.load(name)
+        ready = prepared(scene.mechanism, scene.cycle_turns)
+        angles = jax.eval_shape(lambda ready: transmission_of_pose(ready.mechanism, pose(ready, jnp.zeros(()))), ready)
+        assert set(measures.FAMILIES["min_transmission_angle"].names(scene)) == set(angles), name
 
 
 @functools.cache
@@ -168,10 +208,10 @@ def test_forces_in_a_guide_have_a_sign():
     assert scene.mechanism.links  # not prescribed
 
 
-def test_the_path_of_a_coupler_point_with_a_cusp():
-    """A point of a rolling wheel: the length of a cycloid is eight radii. Here on a hypocycloid of radius 4 : 1, an
-    astroid of length 6 R, drawn by a point of a bar that slides in two perpendicular guides at its quarter: an ellipse
-    with axes 1 : 3 by the complete elliptic integral."""
+@pytest.mark.slow
+def test_paths_of_all_points_of_a_trammel():
+    """Every point of an elliptic trammel, one of which moves in a line: against the mean of its speed coefficient over
+    4096 crank angles, which is exact for a periodic function."""
     scene = machine("elliptic-trammel")
     found = measures.evaluate(scene, [name for name in measures.measure_names(scene) if "path_length" in name])
     cycle = lj.analyse(scene, angles=4096)
@@ -190,7 +230,12 @@ def test_the_path_of_a_coupler_point_with_a_cusp():
         ("x.C", "has a value at every crank angle; write min_x.C, max_x.C, x.C@60deg"),
         ("x.C@here", "'here' is not a crank angle"),
         ("x.C@3mm", "'3mm' is not a crank angle"),
-        ("stroke.P@60deg", "is not a quantity over the crank angle; delete the crank angle"),
+        ("stroke.P@60deg", "is one value of the whole cycle, not one at a crank angle; delete the crank angle"),
+        ("max_x.C@60deg", "not one at a crank angle; write x.C@60deg, or delete the crank angle"),
+        ("x.C@60", "'60' is a crank angle without a unit; write 60deg"),
+        ("max_x.C where 30 to 50", "'30' is a crank angle without a unit"),
+        ("x.C@nan deg", "write it e.g. as 60deg"),
+        ("delta where 0deg to 10deg", "takes neither a window nor a crank angle; write delta"),
         ("stroke.P where 10deg to 20deg", "is not an extreme, and has no window"),
         ("swing.rodd", "'rodd' is not a moving link of this machine; did you mean 'rod'?"),
         ("peak_reaction.C.piston", "'C.piston' is not a joint with a link"),

@@ -171,6 +171,7 @@ def test_gradients_through_the_moving_window_are_those_of_differences():
     assert float(value[0]) > 0.1
 
 
+@pytest.mark.slow
 def test_the_gradient_of_a_peak_at_the_moving_end_of_a_window():
     # the drive torque at constant speed is largest where the punch begins to act
     at, step = jnp.array([CRANK, ROD, 0.02, LAST]), 1e-4
@@ -362,6 +363,7 @@ def test_other_loads_switch_at_the_same_dead_centre():
         np.testing.assert_allclose(works(scene)[name], work, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_diffrax_and_runs_see_the_same_window():
     scene = press(offset=0.02)
     by_diffrax, by_quadrature = steady_by_diffrax(scene, 48), steady_motion(scene, 96)
