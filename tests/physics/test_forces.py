@@ -230,7 +230,7 @@ def test_every_peak_has_a_name_of_its_own(name):
 
 def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     """Everything with a reported peak, rows in the order of `peak_names`, from the Newton-Euler equations: sizes, and
-    for the largest and smallest value the number with its sign."""
+    for the largest value the number with its sign, for the smallest its opposite."""
     known, mechanism = newton_euler.solve(scene, phi, speed, acceleration), scene.mechanism
     here = oracle.rates(mechanism, phi)
     about = here.points[mechanism.groups[0].needs()[0]].r
@@ -240,7 +240,7 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
         moment = moment + ((s.r - about).conjugate() * known.momentum_rate[name]).imag + known.spin_rate[name]
     frame = sum(known.reactions[j.name, j.link][0] for j in newton_euler.joints(mechanism) if j.by == "frame")
     found = {"shaking_force": sum(known.momentum_rate.values()), "frame_force": frame}
-    found |= {"shaking_moment": moment, "drive_torque": known.drive}
+    found |= {"shaking_moment": -moment, "drive_torque": known.drive}
     own = [load.name for load in scene.loads if load.reacts_on == "frame"]
     acting = oracle.applied(scene, phi, here)
     found["net_frame_force"] = frame + sum(acting[name][2] for name in own)
@@ -248,7 +248,7 @@ def magnitudes(scene, phi, speed, acceleration) -> np.ndarray:
     rows = []
     for way, _, name in (each.partition("_") for each in peak_names(scene)):
         value = found[name] + 0 * phi
-        rows.append(np.abs(value) if way == "peak" else value.real)
+        rows.append({"peak": np.abs(value), "max": value.real, "min": -value.real}[way])
     return np.stack(rows)
 
 
@@ -262,6 +262,7 @@ def test_peaks_and_checks(name):
     crank = jax.jit(jax.vmap(lambda phi: cycle.steady.at(scene, cycle.steady.grid.place(phi))))
     scan = np.linspace(0.0, scene.cycle, 20_000, endpoint=False)
     edges = np.concatenate([oracle.jumps(scene) - 1e-10, oracle.jumps(scene) + 1e-10])
+    opposite = np.asarray([-1.0 if each.startswith("min") else 1.0 for each in peak_names(scene)])
     for peak, constant in ((cycle.peaks, False), (cycle.peaks_constant_speed, True)):
 
         def sizes(phi, constant=constant):
@@ -275,8 +276,9 @@ def test_peaks_and_checks(name):
         known = np.maximum(coarse.max(axis=1), np.diagonal(fine).max(axis=0))
         assert peak.value.shape == known.shape
         # at a reversal the load has the direction of a speed of 1e-9: accurate to eight digits
-        np.testing.assert_allclose(peak.value, known, rtol=1e-8)
-        assert np.all(np.abs(np.asarray(peak.value) - known) <= np.asarray(peak.error) + 1e-8 * known)
+        value = opposite * np.asarray(peak.value)
+        np.testing.assert_allclose(value, known, rtol=1e-8)
+        assert np.all(np.abs(value - known) <= np.asarray(peak.error) + 1e-8 * np.abs(known))
         at = np.asarray(peak.angle)
         there = np.max([np.diagonal(sizes(at + side)) for side in (-1e-9, 1e-9)], axis=0)
         np.testing.assert_allclose(there, known, rtol=1e-6)

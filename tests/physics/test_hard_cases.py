@@ -53,7 +53,8 @@ def told(scene: lj.Scene) -> lj.analysis.Cycle:
     """An analysis that does not raise: every number finite, and the document can be written."""
     cycle = lj.analyse(scene, throw=False)
     for path, leaf in jax.tree_util.tree_leaves_with_path(cycle):
-        if jnp.issubdtype(jnp.asarray(leaf).dtype, jnp.floating):
+        single = jax.tree_util.keystr(path).endswith(".tied")  # NaN without an equal peak
+        if jnp.issubdtype(jnp.asarray(leaf).dtype, jnp.floating) and not single:
             assert not np.any(np.isnan(np.asarray(leaf))), jax.tree_util.keystr(path)
     json.dumps(plain(document(cycle, "hard", "0")), allow_nan=False)
     return cycle

@@ -201,6 +201,7 @@ def test_a_way_shorter_than_the_last_part_is_used_as_a_whole():
     np.testing.assert_allclose(works(press(offset=0.02, window=both))["punch"], -2 * PUNCH * stroke, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_position_that_is_never_reached_is_reported_and_finite():
     window = lj.Passage(point="D", between=(0.7, 0.8))
     with pytest.warns(UserWarning, match="load 'punch' never acts: its window is D between 700 mm and 800 mm, but D "
