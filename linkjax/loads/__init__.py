@@ -12,5 +12,4 @@ from linkjax.loads._loads import power as power
 from linkjax.loads._passage import STILL as STILL
 from linkjax.loads._passage import Passage as Passage
 from linkjax.loads._passage import Watched as Watched
-from linkjax.loads._passage import guides_of as guides_of
 from linkjax.loads._passage import watched as watched

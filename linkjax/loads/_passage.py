@@ -148,10 +148,4 @@ def watched(mechanism: Mechanism, window: Passage, pose: Pose) -> Watched:
 
 def guide_of(mechanism: Mechanism, window: Passage) -> Guide | None:
     """The guide along which the point of a window is measured; None with a `direction`, and for a link."""
-    return None if window.link or window.direction is not None else guides_of(mechanism, window.point)[0]
-
-
-def guides_of(mechanism: Mechanism, point: str) -> list[Guide]:
-    """The guides of all sliders to which a point belongs."""
-    slots = [slot for group in mechanism.groups for slot in group.sliding()]
-    return [slot.guide for slot in slots if point in mechanism.points_on(slot.block)]
+    return None if window.link or window.direction is not None else mechanism.guides_of(window.point)[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from linkjax._units import nearest
-from linkjax.loads import Passage, guides_of
+from linkjax.loads import Passage
 from linkjax.mechanism import Mechanism, StructureError
 
 
@@ -22,7 +22,7 @@ def check_passage(element: str, mechanism: Mechanism, window: Passage) -> None:
         raise StructureError(element, problem, "name another point")
     if point not in known:
         raise StructureError(element, f"point {point!r} is not defined", nearest(point, known))
-    guides = len(guides_of(mechanism, point))
+    guides = len(mechanism.guides_of(point))
     if window.direction is None and guides != 1:
         problem = f"point {point!r} is on {'several sliders' if guides else 'no slider'}, so its position has no "
         remedy = 'add the direction of its coordinate, direction = "x", "y" or an angle such as "30 deg"'

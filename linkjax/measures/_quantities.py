@@ -21,7 +21,7 @@ from linkjax.groups import FRAME, Guide
 from linkjax.kinematics import Pose, named_groups
 from linkjax.machine import Scene
 from linkjax.measures._parts import Parts
-from linkjax.measures._structure import Elements, by_structure, guided, guides, slots
+from linkjax.measures._structure import Elements, by_structure, guided, guides, sliding_points
 from linkjax.motion import At, Grid, Place, Regime
 from linkjax.reduction import mass_sums
 
@@ -215,10 +215,10 @@ def _angles(grid: Grid, turned: Turned, place: Place, pose: Pose, elements: Elem
     return _stacked(near + nearest_turn(exact - near, 2 * np.pi))
 
 
-@_quantity("m", "point", moves=False, names=lambda scene: tuple(slots(scene)))
+@_quantity("m", "point", moves=False, names=sliding_points)
 def travel(of: Parts, elements: Elements):
     """Coordinate of a point of a slider along its guide, from the point that the guide passes through."""
-    along = guides(of.scene, slots(of.scene), elements)
+    along = {name: of.scene.mechanism.guides_of(name)[0] for name in elements}
     return lambda regime, at: of.machine.run(_travels, along, at.pose, elements=elements)
 
 
@@ -234,7 +234,7 @@ def _travels(along: dict[str, Guide], pose: Pose, elements: Elements) -> Vectors
 def reaction(of: Parts, elements: Elements):
     """Force in a joint on a link (of a guide the component along the left normal of its direction)."""
     pairs = tuple((*name.rpartition(".")[::2],) for name in elements)
-    along = guides(of.scene, guided(of.scene), elements)
+    along = guides(of.scene, elements)
 
     def at(regime: Regime, at: At) -> Vectors:
         return of.machine.run(_reactions, along, at.pose, regime.forces(at), elements=elements, pairs=pairs)

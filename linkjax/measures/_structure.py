@@ -8,7 +8,7 @@ from typing import Any
 import jax
 
 from linkjax.forces import other_sides
-from linkjax.groups import FRAME, Guide
+from linkjax.groups import Guide
 from linkjax.machine import Scene
 
 Elements = tuple[str, ...]
@@ -31,23 +31,15 @@ def by_structure(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
 
 
 @by_structure
-def slots(scene: Scene) -> dict[str, tuple[int, int]]:
-    """Number of the group, and of its slot, along which each point of a slider moves; a guide of the frame counts
-    before one on a link."""
-    mechanism, moving, fixed = scene.mechanism, {}, {}
-    owners = mechanism.owners()
-    for i, group in enumerate(mechanism.groups):
-        for j, slot in enumerate(group.sliding()):
-            pins = [joint.point for joint in group.joints() if joint.slides and joint.link == slot.block]
-            own = [point for point, link in owners.items() if link == slot.block]
-            found = fixed if slot.guide.on == FRAME else moving
-            found |= dict.fromkeys([*pins, *own], (i, j))
-    return moving | fixed
+def sliding_points(scene: Scene) -> Elements:
+    """The points of sliders."""
+    mechanism = scene.mechanism
+    return tuple(name for name in mechanism.owners() if mechanism.guides_of(name))
 
 
 @by_structure
 def guided(scene: Scene) -> dict[str, tuple[int, int]]:
-    """The same of every sliding joint, by its elements, "<block>.guide.<link>"."""
+    """Number of the group and of its slot of every sliding joint, by its elements, "<block>.guide.<link>"."""
     found, sides = {}, other_sides(scene)
     for i, group in enumerate(scene.mechanism.groups):
         slots = {slot.block: j for j, slot in enumerate(group.sliding())}
@@ -57,7 +49,7 @@ def guided(scene: Scene) -> dict[str, tuple[int, int]]:
     return found
 
 
-def guides(scene: Scene, numbers: dict[str, tuple[int, int]], names: Elements) -> dict[str, Guide]:
-    """The guides of these names, from the numbers of their groups and slots."""
-    groups = scene.mechanism.groups
+def guides(scene: Scene, names: Elements) -> dict[str, Guide]:
+    """The guides of those of these elements that are in a sliding joint."""
+    groups, numbers = scene.mechanism.groups, guided(scene)
     return {name: groups[i].sliding()[j].guide for name, (i, j) in numbers.items() if name in names}

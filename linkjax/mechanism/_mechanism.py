@@ -11,7 +11,7 @@ import numpy as np
 from linkjax._types import known as number_of
 from linkjax._units import nearest
 from linkjax._vec import Vec
-from linkjax.groups import AbstractGroup, Guide
+from linkjax.groups import FRAME, AbstractGroup, Guide
 from linkjax.mechanism._link import Flywheel, Link
 from linkjax.mechanism._text import structure_text
 from linkjax.topology import Structure, origins, owners, structure_of
@@ -84,6 +84,12 @@ class Mechanism(eqx.Module):
         ends = {pin for group in self.groups for pin in group.pins().get(link, ()) if pin is not None}
         own = self.links[link]
         return {*ends, own.centre_name, *own.point_names(), *own.counterweights}
+
+    def guides_of(self, point: str) -> list[Guide]:
+        """The guides of all sliders that a point belongs to; those on the frame first."""
+        slots = [slot for group in self.groups for slot in group.sliding()]
+        found = [slot.guide for slot in slots if point in self.points_on(slot.block)]
+        return sorted(found, key=lambda guide: guide.on != FRAME)
 
     def formula(self) -> str:
         """Structural formula, e.g. `I1(crank) → II2(rod, slider) → II1(link4, rocker)`; see `Structure.formula`."""

@@ -194,6 +194,15 @@ def test_extremes_and_means_of_a_dense_sample(name):
     assert looked > 90
 
 
+@pytest.mark.parametrize("name", ["slider-crank", pytest.param("hay-press", marks=pytest.mark.slow)])
+def test_strokes_are_those_between_dead_centres(name):
+    """The analysis finds the dead centres, the measures the outermost positions."""
+    cycle, found = dense(name)
+    for each, covered in cycle.strokes.items():
+        measure = f"stroke.{each}" if each in cycle.pose.points else f"swing.{each}"
+        assert found[measure] == pytest.approx(float(covered), rel=1e-11), each
+
+
 def test_forces_in_a_guide_have_a_sign():
     """Positive to the left of the guide: of a slider in line with the crank, the y component."""
     scene = machine("slider-crank")

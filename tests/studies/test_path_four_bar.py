@@ -41,7 +41,7 @@ def test_errors_of_the_function(name):
     rms, largest, least = NUMBERS[name][:3]
     assert np.sqrt(np.trapezoid(error**2, X)) == pytest.approx(rms, abs=1e-4)
     assert np.abs(error).max() == pytest.approx(largest, abs=1e-4)
-    assert mu == pytest.approx(least, abs=0.06)
+    assert mu == pytest.approx(least, abs=0.05 + 1e-4)  # written with one decimal
     bars = sorted([*NUMBERS[name][3:6], 1.0])
     assert bars[0] + bars[3] > bars[1] + bars[2]  # no link rotates fully (Grashof)
 
