@@ -79,7 +79,7 @@ class Looked(NamedTuple):
 
 
 def looked(of: Parts, extremes: Sequence[Extreme]) -> Looked:
-    """What is looked for, by extremes of one motion and without windows."""
+    """What is looked for by extremes of one motion, over the whole cycle: windows are left to the rows."""
     regime, machine = extremes[0].regime(of), of.machine
     signs = tuple(sign for each in extremes for sign in each.signs(of.scene))
     elements: dict[str, dict[str, int]] = {}  # of every quantity, once
