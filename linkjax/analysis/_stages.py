@@ -138,7 +138,7 @@ def _every_motion(made: ReadyScene, grid: Grid, steady: Steady | None, place: Pl
     speed, acceleration = zip(*motions, strict=True)
 
     def one(phi, side, here, active, speed, acceleration):
-        return forces_of_pose(scene, here, Instant(phi, side), active, speed, acceleration)
+        return forces_of_pose(scene, here, Instant(phi, side, speed), active, speed, acceleration)
 
     every = jax.vmap(one, in_axes=(0, 0, 0, 0, 0, 0))
     both = jax.vmap(every, in_axes=(None, None, None, None, 0, 0))

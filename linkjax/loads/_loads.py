@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -69,11 +69,12 @@ def joined_ranges(widths: list[tuple[float, float]], cycle: float) -> list[tuple
 
 
 class Instant(NamedTuple):
-    """The crank angle `phi` (rad) at which a load is evaluated, and an angle `side` (rad) on the side of one-sided
-    limits at jumps."""
+    """The crank angle `phi` (rad) at which a load is evaluated, an angle `side` (rad) on the side of one-sided limits
+    at jumps, and the crank speed `speed` (rad/s, None where only loads that depend on position alone are evaluated)."""
 
     phi: Array
     side: Array
+    speed: Any = None
 
 
 class Applied(NamedTuple):

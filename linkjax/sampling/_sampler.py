@@ -28,8 +28,8 @@ def _samples(ready: ReadyScene, phi: Array, side: Array, dynamics: bool, gaps: b
 def _forces(
     ready: ReadyScene, phi: Array, side: Array, pose: Pose, active: Array, speed: Array, acceleration: Array
 ) -> Forces:
-    def at(phi, side, here, *given):
-        return forces_of_pose(ready.scene, here, Instant(phi, side), *given)
+    def at(phi, side, here, active, speed, acceleration):
+        return forces_of_pose(ready.scene, here, Instant(phi, side, speed), active, speed, acceleration)
 
     return jax.vmap(at)(phi, side, pose, active, speed, acceleration)
 
