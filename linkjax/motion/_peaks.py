@@ -20,8 +20,9 @@ from linkjax.motion._steady import node_places
 
 FOLLOW = 3  # steps on the interpolants
 RIVALS = 2  # panels whose summits are compared on the function itself
-NEAR = 2e-4  # half width, in half panels, of the parabola that refines a peak on the function itself; in single
-COARSE = 9.0  # precision this many times the square root of the rounding unit
+NEAR = 2e-4  # half width, in half panels, of the parabola that refines a peak on the function itself
+CLOSER = 16.0  # the half width of a second parabola is smaller by this
+COARSE = 9.0  # in single precision: this many times the square root of the rounding unit
 ROUNDINGS = 4000.0  # rounding units of a peak: the least error stated
 FAR = 3e-2  # the most that the parabola may move a peak
 TIED, APART = 1e-9, 1e-3  # summits are equal within this, relative, and two if they are so far apart (rad)
@@ -122,26 +123,27 @@ def _higher(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place, Array
     return spots_at(grid, panel[:, 0], x[:, 0]), spots_at(grid, *three_around(panel[:, 0], x[:, 0])).place, tied
 
 
-def _near(x: Array) -> float:
-    return max(NEAR, COARSE * math.sqrt(jnp.finfo(x.dtype).eps))
+def _near(x: Array, closer: bool) -> float:
+    return max(NEAR / CLOSER if closer else NEAR, COARSE * math.sqrt(jnp.finfo(x.dtype).eps))
 
 
-def three_around(panel: Array, x: Array) -> tuple[Array, Array]:
-    """Three places around each one, in the same panel."""
-    near = _near(x)
+def three_around(panel: Array, x: Array, closer: bool = False) -> tuple[Array, Array]:
+    """Three places around each one, in the same panel; nearer to it if `closer`."""
+    near = _near(x, closer)
     centre = jnp.clip(x, -1.0 + near, 1.0 - near)
     three = jnp.stack([centre - near, centre, centre + near], axis=-1)
     return jnp.broadcast_to(panel[..., None], three.shape), three
 
 
-def sharpened(followed: Array, y: Array) -> tuple[Array, Array]:
+def sharpened(followed: Array, y: Array, closer: bool = False) -> tuple[Array, Array]:
     """The coordinate of a summit by a parabola through three squared values, and the increase of the square by it.
+    `closer` is as in `three_around`.
 
     The position of a maximum is as accurate as its parabola is narrow. With points 3e-3 of a half panel apart, the
     third derivative shifted it by 1e-6 and the derivative of the peak equally. At `NEAR` this is a hundred times less,
     and rounding, which grows as the points approach each other, is still smaller.
     """
-    near = _near(followed)
+    near = _near(followed, closer)
     centre = jnp.clip(followed, -1.0 + near, 1.0 - near)
     bend, tilt = y[..., 2] - 2 * y[..., 1] + y[..., 0], 0.5 * (y[..., 2] - y[..., 0])
     step = jnp.where(bend < 0, -near * safe_divide(tilt, bend), jnp.sign(tilt))

@@ -156,19 +156,19 @@ def _all_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Plac
 
 @compiled_soon
 def _again(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place]:
-    x = _sharp(spots, found)
-    return spots._replace(x=x), spots_at(grid, *three_around(spots.panel, x)).place
+    x = _sharp(spots, found, closer=False)
+    return spots._replace(x=x), spots_at(grid, *three_around(spots.panel, x, closer=True)).place
 
 
-def _sharp(spots: Spots, found: Array) -> Array:
+def _sharp(spots: Spots, found: Array, closer: bool) -> Array:
     three = jnp.broadcast_to(spots.x[..., None], (*spots.x.shape, 3))
-    return sharpened(spots.x, squares(own_rows(found, three)))[0]
+    return sharpened(spots.x, squares(own_rows(found, three)), closer)[0]
 
 
 @compiled_soon
 def _settled(grid: Grid, spots: Spots, found: Array) -> Place:
     """The two ends and the two summits of every panel, flat."""
-    x = _sharp(spots, found)
+    x = _sharp(spots, found, closer=True)
     ends = jnp.broadcast_to(jnp.asarray([-1.0, 1.0], x.dtype), (*x.shape[:2], 2))
     panel = jnp.concatenate([spots.panel, spots.panel], axis=-1).ravel()
     return settle(grid, panel, jnp.concatenate([ends, x], axis=-1).ravel())
