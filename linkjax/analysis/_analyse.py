@@ -112,7 +112,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
     shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
     results = {
         "pose": shown.pose, "transmission": shown.transmission, "transmission_ends": found.spans,
-        "margins": found.limits, "dead_centres": found.dead, "strokes": found.covered, "reduced": shown.reduced,
+        "margins": found.limits, "dead_centres": found.dead, "strokes": found.covered, "reduced": shown.reduced[0],
         "steady": motion, "speed": shown.speed[0] if moves else None,
         "acceleration": shown.acceleration[0] if moves else None, "time": shown.time,
         "forces": None if still else shown.forces[-1 if constant_speed else 0],

@@ -25,11 +25,11 @@ LIGHTEST = 1e-6  # least reduced inertia divided by its mean; below it the crank
 
 class Shown(NamedTuple):
     """Results at the crank angles asked for; `forces`, `speed` and `acceleration` in the actual motion (if it exists)
-    and at constant speed."""
+    and at constant speed, and so the reduced model if loads depend on the speed."""
 
     pose: Pose
     transmission: dict[str, Array]
-    reduced: Reduced
+    reduced: tuple[Reduced, ...]
     forces: tuple[Forces, ...]
     speed: tuple[Array, ...]
     acceleration: tuple[Array, ...]
@@ -50,7 +50,8 @@ def checks_of(
 ) -> tuple[Checks, Array]:
     """The checks of the analysis, and its result code."""
     bodies = _masses(at)
-    motions = jax.tree.map(lambda *leaves: jnp.stack(leaves), *zip(at.forces, at.speed, at.acceleration, strict=True))
+    parts = [at.forces, at.speed, at.acceleration, *([at.reduced] if len(at.reduced) > 1 else [])]
+    motions = jax.tree.map(lambda *leaves: jnp.stack(leaves), *zip(*parts, strict=True))
     found = jax.vmap(lambda given: _residuals(scene, at, bodies, *given))(motions)
     power, balance = (jnp.max(part) for part in found)
     none = {"loops": closed_to(power.dtype)}  # a singular value is zero only to rounding
@@ -90,13 +91,15 @@ def _masses(at: Shown) -> Masses:
 
 
 def _residuals(
-    scene: Scene, at: Shown, bodies: Masses, forces: Forces, speed: Array, acceleration: Array
-) -> tuple[Array, Array]:
+    scene: Scene, at: Shown, bodies: Masses, forces: Forces, speed: Array, acceleration: Array,
+    reduced: Reduced | None = None,
+) -> tuple[Array, Array]:  # fmt: skip
     """Virtual power and force balance in one of the two motions, relative to the largest term of the sums, because in a
     balanced machine the sums themselves are zero. At a change point drive torque and frame forces come from these sums,
     so only the power is compared there, with the reduced model."""
     crank = at.pose.links[scene.mechanism.driving_link].w
-    inertia, slope, torque = at.reduced[:3]
+    reduced = at.reduced[0] if reduced is None else reduced
+    inertia, slope, torque = reduced[:3]
     parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
     power, point = jnp.abs(forces.drive_torque - sum(parts)), bodies.at
     about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
@@ -104,7 +107,7 @@ def _residuals(
     square, slow = speed[None] ** 2, acceleration[None]
     pull = jnp.abs(bodies.mass * _length(point.ddr * square + point.dr * slow))
     spin = jnp.abs(bodies.inertia * (bodies.e * square + bodies.w * slow) * bodies.w)
-    size = sum(jnp.abs(share) for share in at.reduced.by_load.values())
+    size = sum(jnp.abs(share) for share in reduced.by_load.values())
     size = size + scene.mechanism.flywheel.inertia * jnp.abs(acceleration * crank)
     size = size + jnp.sum(pull * _length(point.dr) + spin, axis=0)
     joints = [side for sides in forces.reactions.values() for side in sides.values()]
@@ -130,14 +133,17 @@ def _energy_closure(
     bodies: Masses,
 ) -> Array:  # fmt: skip
     """Kinetic energy of the links, from their velocities, compared with the work of the loads, each integrated
-    separately, and of the drive: of its constant torque, or of the torque that the motion law requires."""
+    separately, and of the drive: of its constant torque, of that of the motor, or of the torque that the motion law
+    requires."""
     speed, grid = at.speed[0], motion.grid
     spin = at.pose.links[scene.mechanism.driving_link].w * speed
     kinetic = 0.5 * scene.mechanism.flywheel.inertia * spin**2
     energy = bodies.mass * bodies.at.dr.squared() + bodies.inertia * bodies.w**2
     kinetic = kinetic + 0.5 * jnp.sum(energy, axis=0) * speed**2
     torques = list(here.by_load.values())
-    if closing is None:
+    if motion.driven is not None:
+        torques.append(motion.drive_torque(here))
+    elif closing is None:
         torques.append(jnp.broadcast_to(motion.mean_drive_torque, grid.nodes.shape))
     else:
         torques += [-torque for torque in torques]  # the drive balances the loads

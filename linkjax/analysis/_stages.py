@@ -30,7 +30,9 @@ from linkjax.motion import (
     Place,
     Regime,
     Steady,
+    all_loads,
     at_nodes,
+    at_speed,
     by_node,
     crank_at,
     flywheel_on,
@@ -40,7 +42,7 @@ from linkjax.motion import (
     steady_on,
     textbook_flywheel,
 )
-from linkjax.reduction import Reduced
+from linkjax.reduction import Reduced, by_speed
 from linkjax.sampling import Sample, Sampler
 
 ROUNDING = 64.0  # units of rounding of the period: a time this close to zero is zero
@@ -88,7 +90,7 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     spans = _spans(machine, limits)
     dead = find_dead_centres(machine, turns, scanned.pose)
     covered = find_strokes(machine, dead, turns, scanned.pose)
-    here = None if motion is None else at.here
+    here = None if motion is None else all_loads(machine, grid, at, motion)
     closing = _law_torque(machine) if moves and scene.mechanism.prescribed else None
     checks, code = machine.run(checks_of, scene, grid, motion, here, closing, angles, shown, limits)
     work, wheels = machine.run(_totals, scene, motion, here, wheels) if moves else (None, None)
@@ -132,9 +134,9 @@ def _driven(regime: Regime, at: At) -> Driven:
 @compiled_soon
 def _every_motion(made: ReadyScene, grid: Grid, steady: Steady | None, place: Place, sample: Sample) -> Driven:
     scene, active = made.scene, taken(grid.active, place.panel)
-    motions = [crank_at(grid, None, scene.speed, place, sample.dynamics)]
+    motions = [crank_at(grid, None, scene.speed, place, sample.dynamics, None)]
     if steady is not None:
-        motions.insert(0, crank_at(grid, steady, scene.speed, place, sample.dynamics))
+        motions.insert(0, crank_at(grid, steady, scene.speed, place, sample.dynamics, sample.pose))
     speed, acceleration = zip(*motions, strict=True)
 
     def one(phi, side, here, active, speed, acceleration):
@@ -159,7 +161,10 @@ def _shown(regime: Regime, angles: Array) -> Shown:
     if continued(machine.mechanism):
         forces = tuple(machine.run(_without_joints, machine.scene, at.sample.pose, each) for each in forces)
     pose, transmission = at.sample.pose, at.sample.transmission
-    return machine.cut(Shown(pose, transmission, reduced, forces, speed, acceleration, time, assembled), angles)
+    every = (reduced,)
+    if by_speed(machine.scene):
+        every = tuple(machine.run(_with_speed, machine.scene, grid, at.place, pose, reduced, each) for each in speed)
+    return machine.cut(Shown(pose, transmission, every, forces, speed, acceleration, time, assembled), angles)
 
 
 @compiled_soon
@@ -184,6 +189,12 @@ def _at_angles(
         late = motion.clock.at(place) - motion.clock.at(grid.place(jnp.zeros(())))
         time = within(late, motion.period)
     return grid.loaded(dynamics, place.panel), assembled, time
+
+
+@compiled_soon
+def _with_speed(scene: Scene, grid: Grid, place: Place, pose: Pose, reduced: Reduced, speed: Array) -> Reduced:
+    """The reduced model with the loads that depend on the speed."""
+    return at_speed(scene, grid, place, pose, reduced, speed)
 
 
 def within(late: Array, period: Array) -> Array:

@@ -43,7 +43,7 @@ def _extreme_speeds(of: Parts, finish: Callable[[Rows, Rows], Rows]) -> Wanted:
         fast, slow = found.vectors
         return finish(Rows(fast, found.angle[0], signed=True), Rows(above - slow, found.angle[1], signed=True))
 
-    inertia = jnp.maximum(of.reduced.inertia, of.steady.inertia_floor)
+    inertia = of.steady.inertia(of.reduced.inertia)
     work = of.steady.work.at(of.grid.node_places())
     at_nodes = jnp.sqrt(jnp.maximum(2 * (of.steady.energy + work) / inertia, 0.0))
     return Wanted(of.true_motion, speeds, jnp.stack([at_nodes, above - at_nodes])[:, None], finished)
@@ -53,7 +53,7 @@ def _swings(of: Parts) -> Wanted:
     """δ of every pair of a largest and a smallest speed, with the angle of the largest."""
 
     def pairs(fast: Rows, slow: Rows) -> Rows:
-        every = (fast.vectors - slow.vectors.T) / of.scene.speed
+        every = (fast.vectors - slow.vectors.T) / of.steady.reference(of.scene.speed)
         angle = jnp.broadcast_to(fast.angle[:, None], every.shape)
         return Rows(every.reshape((-1, 1)), angle.ravel(), signed=True)
 
@@ -78,10 +78,13 @@ def min_crank_speed(of: Parts) -> Array:
     return of.steady.min_speed
 
 
-def _least_energies(of: Parts) -> Wanted:
-    """Steady-state margins, for every kinetic energy that may be the smallest."""
+def _least_energies(of: Parts) -> Wanted | Rows:
+    """Steady-state margins, for every kinetic energy that may be the smallest; the margin itself where torques depend
+    on the speed."""
     steady = of.steady
-    inertia = jnp.maximum(of.reduced.inertia, steady.inertia_floor)
+    if steady.driven is not None:
+        return Rows(steady.steady_state_margin[None, None], jnp.full(1, jnp.nan), signed=True)
+    inertia = steady.inertia(of.reduced.inertia)
     per_joule = 1 / (0.5 * _mean(of, inertia) * of.scene.speed**2)
     work = steady.work.at(of.grid.node_places())
     above = 2 * jax.lax.stop_gradient(jnp.max(jnp.abs(steady.energy + work)))
@@ -109,11 +112,12 @@ def _mean(of: Parts, at_nodes: Array) -> Array:
 
 def _light_places(of: Parts) -> Wanted:
     """Reduced inertias, divided by their mean, that may be the smallest."""
-    inertia, mean = of.reduced.inertia, _mean(of, jnp.maximum(of.reduced.inertia, of.steady.inertia_floor))
+    inertia, mean = of.reduced.inertia + of.steady.rotor, _mean(of, of.steady.inertia(of.reduced.inertia))
     above = 2 * jax.lax.stop_gradient(jnp.max(inertia))
 
     def missing(regime: Regime, at: At) -> Array:
-        return (above - regime.grid.reduced(at.sample.dynamics, at.place.panel).inertia)[None, None]
+        found = regime.grid.reduced(at.sample.dynamics, at.place.panel).inertia
+        return (above - found - of.steady.rotor)[None, None]
 
     def finished(found: Summits) -> Rows:
         light = safe_divide(above - found.vectors[0], mean)
@@ -130,13 +134,13 @@ def min_inertia_ratio(of: Parts) -> Array:
 
 @measure("N m", motion=True)
 def mean_drive_torque(of: Parts) -> Array:
-    """Constant drive torque that balances the cycle."""
+    """Mean torque of the drive on the crank; without a motor the constant torque that balances the cycle."""
     return of.steady.mean_drive_torque
 
 
 @measure("W", motion=True)
 def mean_drive_power(of: Parts) -> Array:
-    """Mean power of the constant drive torque that balances the cycle."""
+    """Mean power of the drive on the crank: its work per cycle divided by the period."""
     return of.steady.mean_drive_torque * of.scene.cycle / of.steady.period
 
 

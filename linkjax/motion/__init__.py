@@ -1,6 +1,7 @@
 """Motion of the crank over the cycle: the steady state by quadrature, any motion by diffrax."""
 
 from linkjax._renamed import old_names as old_names
+from linkjax.motion._by_speed import at_speed as at_speed
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
 from linkjax.motion._diffrax import run_in_time as run_in_time
@@ -16,6 +17,9 @@ from linkjax.motion._grid import Grid as Grid
 from linkjax.motion._grid import Place as Place
 from linkjax.motion._grid import grid_of as grid_of
 from linkjax.motion._grid import make_grid as make_grid
+from linkjax.motion._nodes import AtNodes as AtNodes
+from linkjax.motion._nodes import at_nodes as at_nodes
+from linkjax.motion._nodes import node_values as node_values
 from linkjax.motion._peaks import TIED as TIED
 from linkjax.motion._peaks import Peak as Peak
 from linkjax.motion._peaks import by_node as by_node
@@ -28,11 +32,9 @@ from linkjax.motion._rows import Rows as Rows
 from linkjax.motion._rows import Summits as Summits
 from linkjax.motion._rows import Wanted as Wanted
 from linkjax.motion._rows import every_row as every_row
-from linkjax.motion._steady import AtNodes as AtNodes
 from linkjax.motion._steady import Steady as Steady
-from linkjax.motion._steady import at_nodes as at_nodes
+from linkjax.motion._steady import all_loads as all_loads
 from linkjax.motion._steady import begin as begin
-from linkjax.motion._steady import node_values as node_values
 from linkjax.motion._steady import steady_motion as steady_motion
 from linkjax.motion._steady import steady_on as steady_on
 from linkjax.motion._windows import at_crank_angles as at_crank_angles

@@ -25,9 +25,10 @@ from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
-from linkjax.motion._flow import LEAST, Flow, Primitive
+from linkjax.motion._flow import LEAST, Begun, Flow, Primitive, duty_of, spotted
 from linkjax.motion._grid import Grid, grid_of, make_grid
-from linkjax.motion._steady import Begun, Steady, at_nodes, conclude, duty_of, reduced_in, spotted, steady_on
+from linkjax.motion._nodes import at_nodes, reduced_in
+from linkjax.motion._steady import Steady, conclude, steady_on
 from linkjax.motion._torque import Torque, fixed_torque, torque_at
 from linkjax.reduction import of_crank, reduced_model
 from linkjax.sampling import Sampler

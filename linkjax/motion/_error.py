@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import functools
 import math
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,16 +24,9 @@ from jaxtyping import Array, Float
 
 from linkjax._numerics import nearest_turn, safe_divide, taken
 from linkjax.motion._flow import Ends, Flow, Spots
+from linkjax.motion._nodes import AtEdges
 
 FLOOR, ROUNDINGS = 2e-11, 60.0  # the least error stated: an absolute one, and rounding units of the largest speed
-
-
-class AtEdges(NamedTuple):
-    """Reduced inertia at every panel's first edge, and the torque there from inside the panel and from before it."""
-
-    inertia: Array
-    after: Array
-    before: Array
 
 
 def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots: Spots) -> Array:

@@ -17,12 +17,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from linkjax._numerics import highest, largest, once, root, safe_divide, smallest, taken
+from linkjax._numerics import highest, largest, once, root, safe_divide, safe_sqrt, smallest, taken
 from linkjax._tree import node
+from linkjax.kinematics import Pose
+from linkjax.machine import Scene
+from linkjax.motion._by_speed import Driven, moving_at
 from linkjax.motion._extremum import Pieces, best_piece, doubt, newton, pieces
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import series_sum
-from linkjax.reduction import Reduced
+from linkjax.reduction import Moving, Reduced
 
 LEAST = 1e-6  # least kinetic energy, relative to ½ J ω_m², of a steady-state motion (ω_min / ω_m about 1e-3)
 NO_INERTIA = 1e-9  # a reduced inertia smaller than this, relative to its mean, counts as zero
@@ -103,7 +106,8 @@ class Ends(NamedTuple):
 @node
 class Flow:
     """Node values of one cycle: reduced inertia with slope and torque (`here`), work, balancing drive torque; `added`
-    is a flywheel inertia (kg m²) that the machine itself does not have."""
+    is the inertia of a flywheel and of a rotor (kg m²) that the reduced model of the machine does not have. Where the
+    motion is `driven` by torques that depend on the speed, `here` contains all torques, and `drive` is zero."""
 
     duty: Duty
     grid: Grid
@@ -117,9 +121,13 @@ class Flow:
     mean: Array
     floor: Array
     added: Array
+    driven: Driven | None
 
     @staticmethod
-    def of(duty: Duty, grid: Grid, here: Reduced, work: Primitive, drive: Array, added: Array | float = 0.0) -> Flow:
+    def of(
+        duty: Duty, grid: Grid, here: Reduced, work: Primitive, drive: Array, added: Array | float = 0.0,
+        driven: Driven | None = None,
+    ) -> Flow:  # fmt: skip
         """The flow with what follows from its parts."""
         r, weights = grid.rule, grid.half[:, None] * grid.rule.w[None]
         mean = jnp.sum(weights * here.inertia) / duty.cycle
@@ -129,8 +137,9 @@ class Flow:
         scale = 0.5 * duty.speed**2 * jnp.sum(weights * inertia) / duty.cycle
         here = here._replace(inertia=inertia)
         return Flow(
-            duty, grid, here, work, drive, inertia, weights, at_nodes, scale, mean, floor, jnp.asarray(added, float)
-        )
+            duty, grid, here, work, drive, inertia, weights, at_nodes, scale, mean, floor, jnp.asarray(added, float),
+            driven,
+        )  # fmt: skip
 
     def running(self, energy: Array) -> Array:
         """Kinetic energy, kept positive: unchanged above `LEAST`, continued by a smooth positive function below."""
@@ -228,6 +237,13 @@ class Flow:
         here = self.grid.reduced(dynamics, panel)
         return here._replace(inertia=here.inertia + self.added)
 
+    def moving(self, pose: Pose | None, place: Place) -> Moving | None:
+        """What loads that depend on the speed need at places, of which `pose` may have more."""
+        if pose is None or self.driven is None:
+            return None
+        here = jax.tree.map(lambda leaf: leaf[: place.phi.shape[0]], pose)
+        return moving_at(self.driven.torques.numbers, self.grid, here, place.phi, place.panel)
+
     def speeds(self, ends: Ends) -> Array:
         """Largest and smallest speed (rad/s)."""
         return self.speed(ends.height * ends.inertia, ends.inertia)
@@ -251,14 +267,24 @@ class Flow:
         panel, x, bend = (jnp.concatenate([four, one[None]]) for four, one in zip(best, least, strict=True))
         return Spots(panel, x, bend, speed, doubt(rule, *(part[0] for part in both)))
 
-    def tilt(self, panel: Array, x: Array, energy: Array, here: Reduced) -> tuple[Array, Array, Array]:
+    def tilt(
+        self, panel: Array, x: Array, energy: Array, here: Reduced, moving: Moving | None
+    ) -> tuple[Array, Array, Array]:
         """At places: (E₀ + W) / J, its slope with respect to x, and the reduced inertia, at least `floor`."""
         place, inertia = self.grid.at(panel, x), jnp.maximum(here.inertia, self.floor)
         height = (energy + self.work.at(place)) / inertia
-        return height, taken(self.grid.half, panel) * self.rise(here._replace(inertia=inertia), height), inertia
+        rise = self.rise(here._replace(inertia=inertia), height, moving)
+        return height, taken(self.grid.half, panel) * rise, inertia
 
     def ends(
-        self, bend: Array, move: Array, tilt: Array, place: Place, energy: Array, here: Reduced
+        self,
+        bend: Array,
+        move: Array,
+        tilt: Array,
+        place: Place,
+        energy: Array,
+        here: Reduced,
+        moving: Moving | None,
     ) -> tuple[Ends, tuple[Array, Array]]:
         """The extremes, and the least reduced inertia relative to its mean with its angle (rad). `here` belongs to the
         places, which a step `move` of Newton's method reached from where the slope was `tilt`.
@@ -267,9 +293,9 @@ class Flow:
         the step, since an extreme value does not depend on its position to first order (envelope theorem); the second
         derivative is correct.
         """
-        at, own = (jax.tree.map(lambda leaf: leaf[:4], part) for part in (place, here))
+        at, own, moving = (jax.tree.map(lambda leaf: leaf[:4], part) for part in (place, here, moving))
         sign, bend, move = jnp.asarray(SIGNS[:4], tilt.dtype), bend[:4], move[:4]
-        height, slope, inertia = self.tilt(at.panel, at.x, energy, own)
+        height, slope, inertia = self.tilt(at.panel, at.x, energy, own, moving)
         secant = sign * safe_divide(tilt[:4] - jax.lax.stop_gradient(slope), move)
         bend = jnp.where((secant > 0.3 * bend) & (secant < 3 * bend), secant, bend)
         last = jnp.clip(newton(at.x, sign * slope, bend), -jnp.abs(move), jnp.abs(move))
@@ -291,9 +317,36 @@ class Flow:
         least = jnp.minimum(found, at_node) * self.duty.speed**2 / (2 * self.scale)
         return jnp.where(self.mean > 0, least, jnp.minimum(least, -1.0)), phi
 
-    def rise(self, here: Reduced, height: Array) -> Array:
+    def rise(self, here: Reduced, height: Array, moving: Moving | None) -> Array:
         """Derivative of `height` = (E₀ + W) / J with respect to the crank angle."""
-        return (here.torque + self.drive - height * here.slope) / here.inertia
+        torque = here.torque + self.drive
+        if self.driven is not None:
+            speed = safe_sqrt(2 * height, 1e-9 * self.duty.speed)
+            bare = here._replace(inertia=here.inertia - self.driven.torques.rotor)
+            torque = self.driven.rise(bare, moving, speed)
+        return (torque - height * here.slope) / here.inertia
+
+
+class Begun(NamedTuple):
+    """The work over the cycle, the energy constant for the wanted time mean, the time, and guesses of the extremes with
+    their places."""
+
+    flow: Flow
+    energy: Array
+    clock: Primitive
+    spots: Spots
+    place: Place
+
+
+def spotted(flow: Flow, energy: Array) -> tuple[Spots, Place]:
+    """Guesses of the extremes, with their places."""
+    spots = jax.lax.stop_gradient(flow).spots(jax.lax.stop_gradient(energy))
+    return spots, flow.grid.at(spots.panel, spots.x)
+
+
+def duty_of(scene: Scene) -> Duty:
+    """What a scene asks of its crank."""
+    return Duty(scene.speed, scene.cycle, scene.mean, scene.mechanism.prescribed)
 
 
 def inertia_floor(mean: Array) -> Array:

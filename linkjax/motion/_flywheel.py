@@ -14,8 +14,12 @@ from linkjax._numerics import root, safe_divide, smallest
 from linkjax._types import Scalar, Tracer
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import Flywheel
+from linkjax.motion._by_speed import speed_dependent
+from linkjax.motion._driven import begun_by_speed
+from linkjax.motion._flow import duty_of
 from linkjax.motion._grid import Grid, grid_of
-from linkjax.motion._steady import AtNodes, Steady, at_nodes, begin, duty_of, fluctuation
+from linkjax.motion._nodes import AtNodes, at_nodes
+from linkjax.motion._steady import Steady, begin, fluctuation
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -38,8 +42,8 @@ def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 
 def flywheel_on(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any = None) -> Any:
     """The same from the node values; see `flywheel_for`. `known` is δ with the given flywheel.
 
-    Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. The work over the
-    cycle does not depend on the flywheel, so it is not computed again. Negative (down to minus half the least reduced
+    Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. Positions and loads
+    do not depend on the flywheel, so they are not computed again. Negative (down to minus half the least reduced
     inertia) if δ is smaller even without a flywheel.
     """
     scene = machine.scene
@@ -48,8 +52,13 @@ def flywheel_on(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: An
     given, duty = scene.mechanism.flywheel.inertia, duty_of(scene)
     state, more = machine.run(_search, given, at.here)
 
+    def begun(added):
+        if speed_dependent(scene):
+            return begun_by_speed(machine, grid, at, added)[0]
+        return machine.run(begin, duty, grid, at.here, added)
+
     def step(state):
-        got = fluctuation(machine, machine.run(begin, duty, grid, at.here, state.added))
+        got = fluctuation(machine, begun(state.added))
         return machine.run(_step, state, got, delta, given, more)
 
     def excess(inertia):

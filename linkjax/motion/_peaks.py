@@ -14,9 +14,9 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, once, safe_divide, safe_sqrt, taken, wrapped
 from linkjax.motion._extremum import Summit, climb, search, settle
 from linkjax.motion._grid import Grid, Place
+from linkjax.motion._nodes import node_places
 from linkjax.motion._panels import polynomials
 from linkjax.motion._regime import Components, Regime
-from linkjax.motion._steady import node_places
 
 FOLLOW = 3  # steps on the interpolants
 RIVALS = 2  # panels whose summits are compared on the function itself

@@ -15,8 +15,10 @@ from linkjax._numerics import taken
 from linkjax.forces import Forces
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
+from linkjax.motion._by_speed import moving_at
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._steady import Steady
+from linkjax.reduction import by_speed
 from linkjax.sampling import Sample, Sampler
 
 
@@ -62,7 +64,8 @@ class Regime:
         """The loads that act, crank speed and acceleration, found anew."""
         scene = self.machine.still.scene if self.fixed else self.scene
         dynamics = None if self.steady is None or self.grid.prescribed else at.sample.dynamics
-        return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, dynamics)
+        here = None if dynamics is None or not by_speed(scene) else at.sample.pose
+        return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, dynamics, here)
 
 
 class At:
@@ -113,14 +116,19 @@ Components = Callable[[Regime, At], Float[Array, "quantities parts places"]]
 
 @compiled_soon
 def _driven(
-    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any
+    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any, here: Pose | None
 ) -> tuple[Array, tuple[Array, Array]]:
-    return taken(grid.active, place.panel), crank_at(grid, steady, nominal, place, dynamics)
+    return taken(grid.active, place.panel), crank_at(grid, steady, nominal, place, dynamics, here)
 
 
-def crank_at(grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any) -> tuple[Array, Array]:
+def crank_at(
+    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any, here: Pose | None
+) -> tuple[Array, Array]:
     """Crank speed (rad/s) and acceleration (rad/s²) at places, in the actual motion or, without one, at constant
-    nominal speed."""
+    nominal speed; with the pose there, if loads depend on the speed."""
     if steady is None or grid.prescribed:
         return nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
-    return steady.crank(nominal, grid.reduced(dynamics, place.panel), place)
+    moving = None
+    if here is not None and steady.driven is not None:
+        moving = moving_at(steady.driven.torques.numbers, grid, here, place.phi, place.panel)
+    return steady.crank(nominal, grid.reduced(dynamics, place.panel), place, moving)

@@ -16,17 +16,19 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import once, taken, wrapped
+from linkjax._numerics import safe_sqrt, taken, wrapped
 from linkjax._tree import node
 from linkjax._types import Scalar
-from linkjax.kinematics import pose
-from linkjax.loads import Instant
+from linkjax.kinematics import Pose, pose
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion._error import AtEdges, delta_error
+from linkjax.motion._by_speed import Driven, moving_at, speed_dependent, torques_of
+from linkjax.motion._driven import begun_by_speed, moving_at_nodes
+from linkjax.motion._error import delta_error
 from linkjax.motion._extremum import newton
-from linkjax.motion._flow import LEAST, SIGNS, Duty, Ends, Flow, Primitive, Spots, primitive
+from linkjax.motion._flow import LEAST, SIGNS, Begun, Duty, Ends, Flow, Primitive, Spots, duty_of, primitive, spotted
 from linkjax.motion._grid import Grid, Place, grid_of
-from linkjax.reduction import Reduced, loaded, of_crank, reduce_pose
+from linkjax.motion._nodes import AtEdges, AtNodes, at_nodes, reduced_in
+from linkjax.reduction import Moving, Reduced, by_speed
 from linkjax.sampling import Sample, Sampler
 
 
@@ -61,6 +63,7 @@ class Steady:
     angle_of_min_inertia: Array
     inertia_floor: Array
     excess_work: Array
+    driven: Driven | None
     evaluations: int | None = eqx.field(static=True)
 
     @property
@@ -68,19 +71,50 @@ class Steady:
         """The cycle grid."""
         return self.work.grid
 
+    @property
+    def rotor(self) -> Array | float:
+        """Inertia of the motor's rotor on the crank (kg m²), which the reduced inertia of the machine lacks."""
+        return 0.0 if self.driven is None else self.driven.torques.rotor
+
+    def inertia(self, bare: Array) -> Array:
+        """The reduced inertia that moves (kg m²), with the rotor and above zero, from that of the machine."""
+        return jnp.maximum(bare if self.driven is None else bare + self.rotor, self.inertia_floor)
+
+    def reference(self, nominal: Scalar) -> Any:
+        """The mean speed to which δ is relative (rad/s): the one found where torques depend on the speed."""
+        return nominal if self.driven is None else self.mean_speed
+
+    def drive_torque(self, here: Reduced) -> Array:
+        """Torque of the drive on the crank at the nodes (N m), shape (panels, n), with the reduced model there of all
+        loads."""
+        if self.driven is None:
+            return jnp.broadcast_to(self.mean_drive_torque, here.torque.shape)
+        return self.driven.torques.drive_torque(here, self.node_speeds(here.inertia), self.driven.constant)
+
+    def node_speeds(self, bare: Array) -> Array:
+        """Crank speed at the nodes (rad/s), shape (panels, n), from the reduced inertia of the machine there."""
+        work = self.work.at(self.grid.node_places())
+        return safe_sqrt(2 * (self.energy + work) / self.inertia(bare))
+
     def at(self, scene: Scene | ReadyScene, place: Place) -> tuple[Array, Array]:
         """Crank speed (rad/s) and acceleration (rad/s²) of a scene at one place of the grid."""
         made = ready(scene)
-        return self.crank(made.scene.speed, reduced_in(made, self.grid, place.phi, place.panel), place)
+        grid, at = self.grid, pose(made.mechanism, place.phi)
+        here = reduced_in(made, grid, place.phi, place.panel, at)
+        moving = moving_at(by_speed(made.scene), grid, at, place.phi, place.panel)
+        return self.crank(made.scene.speed, here, place, moving)
 
-    def crank(self, nominal: Scalar, here: Reduced, place: Place) -> tuple[Array, Array]:
-        """Crank speed (rad/s) and acceleration (rad/s²) at places of the grid, with the reduced model there and the
-        `nominal` speed (rad/s)."""
+    def crank(self, nominal: Scalar, here: Reduced, place: Place, moving: Moving | None = None) -> tuple[Array, Array]:
+        """Crank speed (rad/s) and acceleration (rad/s²) at places of the grid, with the reduced model there, what loads
+        that depend on the speed need there, and the `nominal` speed (rad/s)."""
         if self.grid.prescribed:
             return nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
-        inertia = jnp.maximum(here.inertia, self.inertia_floor)
+        inertia = self.inertia(here.inertia)
         floor = LEAST * 0.5 * inertia * nominal**2
         speed = jnp.sqrt(2 * jnp.maximum(self.energy + self.work.at(place), floor) / inertia)
+        if self.driven is not None:
+            rise = self.driven.rise(here, moving, speed)
+            return speed, (rise - 0.5 * here.slope * speed**2) / inertia
         return speed, (here.torque + self.mean_drive_torque - 0.5 * here.slope * speed**2) / inertia
 
 
@@ -94,88 +128,37 @@ def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
     return steady_on(machine, grid, at_nodes(machine, grid))
 
 
-class AtNodes(NamedTuple):
-    """The machine at the nodes: places and samples, first of the nodes, then of the edges if they were asked for; the
-    reduced model, shape (panels, n); and what the error of δ needs of the edges."""
-
-    place: Place
-    sample: Sample
-    here: Reduced
-    edges: AtEdges | None
-
-
-def at_nodes(machine: Sampler, grid: Grid, edges: bool = True, gaps: bool = False) -> AtNodes:
-    """The machine at every node of the grid, and at the `edges` of the panels for the error of δ; with margins and
-    transmission angles if `gaps`."""
-    place = machine.run(node_places, grid, edges=edges)
-    sample = machine.sample(place.phi, place.side, gaps=gaps)
-    return AtNodes(place, sample, *machine.run(_node_values, grid, sample.dynamics, edges=edges))
-
-
-@compiled_soon(static=("edges",))
-def node_places(grid: Grid, edges: bool) -> Place:
-    """The nodes, then the first edge of every panel."""
-    nodes = jax.tree.map(jnp.ravel, grid.node_places())
-    if not edges:
-        return nodes
-    number = jnp.arange(grid.panels, dtype=jnp.int32)
-    first = Place(number, jnp.full(grid.panels, -1.0), grid.edges[:-1], grid.middle)
-    return Place(*(jnp.concatenate(pair) for pair in zip(nodes, first, strict=True)))
-
-
-@compiled_soon(static=("edges",))
-def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtEdges | None]:
-    shape = grid.nodes.shape
-    inertia, slope, shares = jax.tree.map(lambda leaf: leaf[: grid.size].reshape(shape), dynamics)
-    order = jnp.broadcast_to(grid.order[:, None], (*shape, len(grid.loads)))
-    here = of_crank(loaded(inertia, slope, shares, grid.loads, order), grid.prescribed)
-    here = here._replace(inertia=once(here.inertia), slope=once(here.slope), torque=once(here.torque))
-    if not edges:
-        return here, None
-    number = jnp.arange(grid.panels, dtype=jnp.int32)
-    rest = jax.tree.map(lambda leaf: leaf[grid.size :], dynamics)
-    after, before = grid.reduced(rest, number), grid.reduced(rest, jnp.roll(number, 1))
-    return here, AtEdges(after.inertia, after.torque, before.torque)
-
-
-def reduced_in(made: ReadyScene, grid: Grid, phi: Array, panel: Array) -> Reduced:
-    """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid."""
-    at, here = Instant(phi, grid.middle[panel]), pose(made.mechanism, phi)
-    return of_crank(reduce_pose(made.scene, at, here, grid.order[panel]), grid.prescribed)
-
-
-def node_values(scene: Scene | ReadyScene, grid: Grid) -> Reduced:
-    """Reduced inertia, slope and torque at every node, shape (panels, n)."""
-    return at_nodes(Sampler(ready(scene)), grid, edges=False).here
-
-
-def duty_of(scene: Scene) -> Duty:
-    """What a scene asks of its crank."""
-    return Duty(scene.speed, scene.cycle, scene.mean, scene.mechanism.prescribed)
-
-
 def steady_on(machine: Sampler, grid: Grid, at: AtNodes) -> Steady:
     """Steady-state motion from the node values; see `steady_motion`."""
-    begun = machine.run(begin, duty_of(machine.scene), grid, at.here, 0.0)
+    if speed_dependent(machine.scene):
+        begun, _, edges = begun_by_speed(machine, grid, at)
+        return conclude(machine, begun, edges)
+    here = all_loads(machine, grid, at, None) if grid.prescribed else at.here
+    begun = machine.run(begin, duty_of(machine.scene), grid, here, 0.0)
     return conclude(machine, begun, at.edges)
 
 
-class Begun(NamedTuple):
-    """The work over the cycle, the energy constant for the wanted time mean, the time, and guesses of the extremes with
-    their places."""
+def all_loads(machine: Sampler, grid: Grid, at: AtNodes, steady: Steady | None) -> Reduced:
+    """The reduced model at the nodes with all loads: those that depend on the speed at that of the actual motion, or at
+    the nominal speed without one."""
+    if not by_speed(machine.scene):
+        return at.here
+    return machine.run(_all_loads, machine.scene, grid, at.here, at.sample.pose, steady)
 
-    flow: Flow
-    energy: Array
-    clock: Primitive
-    spots: Spots
-    place: Place
+
+@compiled_soon
+def _all_loads(scene: Scene, grid: Grid, here: Reduced, pose: Pose, steady: Steady | None) -> Reduced:
+    torques, speed = torques_of(scene), scene.speed * jnp.ones_like(grid.nodes)
+    if steady is not None and steady.driven is not None:
+        speed = steady.node_speeds(here.inertia)
+    return torques.loaded(here, moving_at_nodes(grid, torques, pose), speed)
 
 
 def conclude(machine: Sampler, begun: Begun, edges: AtEdges | None) -> Steady:
     """The motion that follows from the work over the cycle and the energy constant for the wanted time mean."""
     flow, energy, clock, spots, place = begun
     ends, light = _extremes(machine, flow, energy, spots, place)
-    if machine.scene.mean == "time":
+    if machine.scene.mean == "time" or flow.driven is not None:
         return machine.run(_concluded, flow, energy, clock, ends, light, spots, None, edges, rounds=1)
     for _ in range(2):  # energy and extremes depend on each other: quadratic convergence
         energy, spots, place = machine.run(_midrange, flow, energy, ends)
@@ -186,17 +169,22 @@ def conclude(machine: Sampler, begun: Begun, edges: AtEdges | None) -> Steady:
 
 def fluctuation(machine: Sampler, begun: Begun) -> Any:
     """δ alone."""
-    if machine.scene.mean != "time":
+    if machine.scene.mean != "time" and begun.flow.driven is None:
         return conclude(machine, begun, None).delta
     flow, energy, _, spots, place = begun
-    return machine.run(_fluctuation, flow, _extremes(machine, flow, energy, spots, place)[0])
+    return machine.run(_fluctuation, flow, energy, _extremes(machine, flow, energy, spots, place)[0])
 
 
 def _extremes(machine: Sampler, flow: Flow, energy: Any, spots: Spots, place: Place) -> tuple[Ends, Any]:
     """The extremes of the speed, and the least reduced inertia with its angle, in two rounds of evaluations."""
     first = machine.sample(place.phi, place.side, fixed=True)
-    moved = machine.run(_moved, flow, energy, spots[:3], first.dynamics)
-    return machine.run(_ended, flow, energy, moved, machine.sample(moved.place.phi, moved.place.side).dynamics)
+    moved = machine.run(_moved, flow, energy, spots[:3], *_asked(flow, first))
+    return machine.run(_ended, flow, energy, moved, *_asked(flow, machine.sample(moved.place.phi, moved.place.side)))
+
+
+def _asked(flow: Flow, sample: Sample) -> tuple[tuple, Pose | None]:
+    """The reduced model of samples, and their pose if loads depend on the speed."""
+    return sample.dynamics, sample.pose if flow.driven is not None and flow.driven.torques.numbers else None
 
 
 @compiled_soon
@@ -210,12 +198,6 @@ def begin(duty: Duty, grid: Grid, here: Reduced, added: Scalar) -> Begun:
     return Begun(flow, energy, clock, *spotted(flow, energy))
 
 
-def spotted(flow: Flow, energy: Array) -> tuple[Spots, Place]:
-    """Guesses of the extremes, with their places."""
-    spots = jax.lax.stop_gradient(flow).spots(jax.lax.stop_gradient(energy))
-    return spots, flow.grid.at(spots.panel, spots.x)
-
-
 class Moved(NamedTuple):
     """Bends at the guesses of the extremes, the steps of Newton's method from them, the slopes before, and the new
     places."""
@@ -227,11 +209,11 @@ class Moved(NamedTuple):
 
 
 @compiled_soon
-def _moved(flow: Flow, energy: Array, spots: tuple[Array, Array, Array], dynamics: tuple) -> Moved:
+def _moved(flow: Flow, energy: Array, spots: tuple[Array, Array, Array], dynamics: tuple, pose: Pose | None) -> Moved:
     fixed, energy = jax.lax.stop_gradient((flow, energy))
     panel, x, bend = spots
-    here = fixed.reduced(dynamics, panel)
-    slope = fixed.tilt(panel, x, energy, here)[1]
+    here, moving = fixed.reduced(dynamics, panel), fixed.moving(pose, fixed.grid.at(panel, x))
+    slope = fixed.tilt(panel, x, energy, here, moving)[1]
     slope = jnp.concatenate([slope[:-1], (taken(fixed.grid.half, panel) * here.slope)[-1:]])
     move = newton(x, jnp.asarray(SIGNS, x.dtype) * slope, bend)
     move = jnp.concatenate([jax.lax.stop_gradient(move[:-1]), move[-1:]])
@@ -239,15 +221,21 @@ def _moved(flow: Flow, energy: Array, spots: tuple[Array, Array, Array], dynamic
 
 
 @compiled_soon
-def _ended(flow: Flow, energy: Array, moved: Moved, dynamics: tuple) -> tuple[Ends, tuple[Array, Array]]:
+def _ended(
+    flow: Flow, energy: Array, moved: Moved, dynamics: tuple, pose: Pose | None
+) -> tuple[Ends, tuple[Array, Array]]:
     """The extremes, and the least reduced inertia with its angle."""
-    return flow.ends(*moved, energy, flow.reduced(dynamics, moved.place.panel))
+    here, moving = flow.reduced(dynamics, moved.place.panel), flow.moving(pose, moved.place)
+    return flow.ends(*moved, energy, here, moving)
 
 
 @compiled_soon
-def _fluctuation(flow: Flow, ends: Ends) -> Array:
+def _fluctuation(flow: Flow, energy: Array, ends: Ends) -> Array:
     fastest, slowest = flow.speeds(ends)
-    return (fastest - slowest) / flow.duty.speed
+    if flow.driven is None:
+        return (fastest - slowest) / flow.duty.speed
+    time = flow.duty.cycle / flow.period(energy)
+    return (fastest - slowest) / (time if flow.duty.mean == "time" else 0.5 * (fastest + slowest))
 
 
 @compiled_soon
@@ -270,7 +258,7 @@ def _concluded(
 ) -> Steady:  # fmt: skip
     """The motion; `slow` are the extremes at the lowest mean speed where it is the mean of the extremes."""
     duty, grid = flow.duty, flow.grid
-    if duty.mean == "midrange":
+    if duty.mean == "midrange" and flow.driven is None:
         new = flow.energy_for_midrange(energy, ends)
         ends, energy = ends._replace(height=ends.height + (new - energy) / ends.inertia), new
         clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, flow.inertia))
@@ -287,10 +275,14 @@ def _concluded(
         shares = sum(flow.here.by_load.values(), jnp.zeros_like(flow.here.torque))
         drive = -jnp.sum(flow.weights * shares) / duty.cycle
         error = None if error is None else jnp.zeros_like(drive)
+    margin, unit = (energy + least) / flow.scale - LEAST, duty.speed
+    if flow.driven is not None:
+        drive, lowest, unit = flow.driven.mean_torque, jnp.zeros_like(period), mean
+        margin = jnp.where(flow.driven.found, margin, flow.driven.margin)
     return Steady(
-        flow.work, clock, energy, drive, period, mean, (fastest - slowest) / duty.speed,
+        flow.work, clock, energy, drive, period, mean, (fastest - slowest) / unit,
         None if error is None else jax.lax.stop_gradient(error), fastest, slowest, top, bottom,
-        (energy + least) / flow.scale - LEAST, wrapped(angle[1], duty.cycle), lowest,
-        light[0], wrapped(light[1], duty.cycle), flow.floor, most - least,
+        margin, wrapped(angle[1], duty.cycle), lowest,
+        light[0], wrapped(light[1], duty.cycle), flow.floor, most - least, flow.driven,
         grid.evaluations + grid.size + 8 * rounds + grid.half.size + 2,
     )  # fmt: skip

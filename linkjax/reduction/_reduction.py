@@ -6,7 +6,7 @@ Mechanisms and Machines, 1988, ch. 15; Eksergian, Dynamical analysis of machines
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -16,7 +16,7 @@ from jaxtyping import Array
 from linkjax._types import Scalar
 from linkjax._vec import Vec
 from linkjax.kinematics import Pose, pose
-from linkjax.loads import Instant
+from linkjax.loads import AbstractLoad, Instant
 from linkjax.machine import ReadyScene, Scene, ready
 
 
@@ -38,7 +38,8 @@ def reduce_pose(scene: Scene, at: Instant, here: Pose, active: Array | None = No
 
 
 def unloaded(scene: Scene, at: Instant, here: Pose) -> tuple[Array, Array, dict[str, Array]]:
-    """Reduced inertia, its slope, and the shares of gravity and of every load, each as if it acted."""
+    """Reduced inertia, its slope, and the shares of gravity and of every load that does not depend on the speed, each
+    as if it acted."""
     inertia, half_slope, weight = scene.mechanism.flywheel.inertia, jnp.zeros_like(at.phi), jnp.zeros_like(at.phi)
     if scene.mechanism.prescribed:
         turn = here.links[scene.mechanism.driving_link]
@@ -48,13 +49,15 @@ def unloaded(scene: Scene, at: Instant, here: Pose) -> tuple[Array, Array, dict[
         inertia = inertia + body.mass * point.dr.squared() + body.inertia * (turn.w * turn.w)
         half_slope = half_slope + body.mass * point.dr.dot(point.ddr) + body.inertia * (turn.w * turn.e)
         weight = weight + body.mass * scene.gravity.dot(point.dr)
-    return inertia, 2 * half_slope, {"gravity": weight, **{load.name: load.share(here, at) for load in scene.loads}}
+    shares = {load.name: load.share(here, at) for load in scene.loads if "speed" not in load.depends_on}
+    return inertia, 2 * half_slope, {"gravity": weight, **shares}
 
 
 def loaded(inertia: Array, slope: Array, shares: dict[str, Array], loads: Sequence[str], active: Array) -> Reduced:
     """The reduced model with the shares of the loads that act; `active` has their axis last, in the order of the names
-    `loads`."""
-    by_load = {"gravity": shares["gravity"], **{name: shares[name] * active[..., i] for i, name in enumerate(loads)}}
+    `loads`; those without a share are left out."""
+    by_load = {"gravity": shares["gravity"]}
+    by_load |= {name: shares[name] * active[..., i] for i, name in enumerate(loads) if name in shares}
     return Reduced(inertia, slope, sum(by_load.values(), jnp.zeros_like(inertia)), by_load)
 
 
@@ -84,6 +87,34 @@ def of_crank(here: Reduced, prescribed: bool) -> Reduced:
         return here
     none = jnp.zeros_like(here.torque)
     return here._replace(inertia=none + 1.0, slope=none, torque=none)
+
+
+class Moving(NamedTuple):
+    """What loads that depend on the speed need at places: pose, crank angle and side (rad), and which loads act there,
+    with the axis of all loads last."""
+
+    pose: Pose
+    phi: Array
+    side: Array
+    active: Array
+
+
+def by_speed(scene: Scene) -> tuple[int, ...]:
+    """Numbers of the loads that depend on the speed."""
+    return tuple(number for number, load in enumerate(scene.loads) if "speed" in load.depends_on)
+
+
+def shares_at(loads: Mapping[int, AbstractLoad], moving: Moving, speed: Array) -> dict[str, Array]:
+    """Shares of the reduced torque (N m) of loads that depend on the speed, by name, at the crank speed (rad/s) of each
+    place; `loads` are by their number in the scene."""
+
+    def one(moving: Moving, speed: Array) -> dict[str, Array]:
+        at = Instant(moving.phi, moving.side, speed)
+        return {load.name: load.share(moving.pose, at) * moving.active[number] for number, load in loads.items()}
+
+    for _ in range(jnp.ndim(speed)):
+        one = jax.vmap(one)
+    return one(moving, speed)
 
 
 def mass_sums(here: Pose) -> tuple[Vec, Vec]:
