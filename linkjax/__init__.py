@@ -28,6 +28,16 @@ if TYPE_CHECKING:
     from linkjax.design import path_error as path_error
     from linkjax.design import position_error as position_error
     from linkjax.design import sum_of_squares as sum_of_squares
+    from linkjax.drives import ConstantTorque as ConstantTorque
+    from linkjax.drives import DCMotor as DCMotor
+    from linkjax.drives import InductionCircuit as InductionCircuit
+    from linkjax.drives import InductionMotor as InductionMotor
+    from linkjax.drives import LineMotor as LineMotor
+    from linkjax.drives import MotorDrive as MotorDrive
+    from linkjax.drives import NoMotor as NoMotor
+    from linkjax.drives import Servo as Servo
+    from linkjax.drives import TableMotor as TableMotor
+    from linkjax.drives import Transmission as Transmission
     from linkjax.exchange import from_pylinkage as from_pylinkage
     from linkjax.exchange import read_pylinkage as read_pylinkage
     from linkjax.exchange import to_mjcf as to_mjcf
@@ -138,6 +148,18 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "transmission_angles",
     ),
     "loads": ("Force", "OpposingForce", "OpposingTorque", "Passage", "Torque", "Window"),
+    "drives": (
+        "ConstantTorque",
+        "DCMotor",
+        "InductionCircuit",
+        "InductionMotor",
+        "LineMotor",
+        "MotorDrive",
+        "NoMotor",
+        "Servo",
+        "TableMotor",
+        "Transmission",
+    ),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
     "reduction": ("reduced_model",),
