@@ -78,11 +78,17 @@ if TYPE_CHECKING:
     from linkjax.library import six_bar as six_bar
     from linkjax.library import slider_crank as slider_crank
     from linkjax.library import toggle_press as toggle_press
+    from linkjax.loads import Damper as Damper
+    from linkjax.loads import Drag as Drag
+    from linkjax.loads import DragTorque as DragTorque
     from linkjax.loads import Force as Force
     from linkjax.loads import OpposingForce as OpposingForce
     from linkjax.loads import OpposingTorque as OpposingTorque
     from linkjax.loads import Passage as Passage
+    from linkjax.loads import Spring as Spring
     from linkjax.loads import Torque as Torque
+    from linkjax.loads import TorsionDamper as TorsionDamper
+    from linkjax.loads import TorsionSpring as TorsionSpring
     from linkjax.loads import Window as Window
     from linkjax.machine import Scene as Scene
     from linkjax.mechanism import Counterweight as Counterweight
@@ -147,7 +153,6 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "strokes",
         "transmission_angles",
     ),
-    "loads": ("Force", "OpposingForce", "OpposingTorque", "Passage", "Torque", "Window"),
     "drives": (
         "ConstantTorque",
         "DCMotor",
@@ -159,6 +164,20 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "Servo",
         "TableMotor",
         "Transmission",
+    ),
+    "loads": (
+        "Damper",
+        "Drag",
+        "DragTorque",
+        "Force",
+        "OpposingForce",
+        "OpposingTorque",
+        "Passage",
+        "Spring",
+        "Torque",
+        "TorsionDamper",
+        "TorsionSpring",
+        "Window",
     ),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),

@@ -39,14 +39,26 @@ DIMENSIONS = {
     "torque": Dimension("N m", "a torque", '"60 N m"', ("N m", "kN m", "N mm", "lbf ft")),
     "area": Dimension("m^2", "an area", '"600 mm^2"', ("m^2", "mm^2", "cm^2", "in^2")),
     "density": Dimension("kg/m^3", "a density", '"7850 kg/m^3"', ("kg/m^3", "g/cm^3", "kg/dm^3")),
+    "stiffness": Dimension("N/m", "a stiffness", '"2 kN/m"', ("N/m", "kN/m", "N/mm", "lbf/in")),
+    "torsional_stiffness": Dimension(
+        "N m/rad", "a torsional stiffness", '"5 N m/rad"', ("N m/rad", "N m/deg", "N mm/rad", "kN m/rad")
+    ),
+    "damping": Dimension("N s/m", "a damping coefficient", '"200 N s/m"', ("N s/m", "kN s/m", "N s/mm")),
+    "torsional_damping": Dimension(
+        "N m s/rad", "a torsional damping coefficient", '"0.5 N m s/rad"', ("N m s/rad", "N m s/deg", "N mm s/rad")
+    ),
+    "quadratic_drag": Dimension("N s^2/m^2", "a coefficient of quadratic drag", '"0.8 N s^2/m^2"', ("N s^2/m^2",)),
+    "quadratic_drag_torque": Dimension(
+        "N m s^2/rad^2", "a coefficient of quadratic drag torque", '"2e-4 N m s^2/rad^2"', ("N m s^2/rad^2",)
+    ),
     "number": Dimension("", "a plain number", "0.15", ()),
 }
+TWOFOLD = ("damping", "quadratic_drag")  # their units, kg/s and kg/m, are those of other quantities, too
 
 ALSO = {
     "s": "a time",
     "m/s": "a velocity",
     "s^-1": "a frequency",
-    "N/m": "a stiffness",
     "Pa": "a pressure",
     "W": "a power",
 }
@@ -179,7 +191,8 @@ def _factor(unit: str, wanted: Dimension) -> decimal.Decimal:
     """SI value of one `unit`; raises `QuantityError` if it is unknown or of another dimension."""
     factor, dimension = _resolve(unit, wanted)
     if dimension != _dimensions()[wanted.phrase]:
-        named = [phrase for phrase, known in _dimensions().items() if known == dimension and known]
+        twofold = [DIMENSIONS[name].phrase for name in TWOFOLD]
+        named = [p for p, known in _dimensions().items() if known == dimension and known and p not in twofold]
         given = named[0] if named else f"a quantity in {unit}"
         raise QuantityError(f"{given} where {wanted.phrase} is needed", _example(wanted))
     return factor

@@ -25,7 +25,7 @@ from linkjax.cli._console import console
 from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes
 from linkjax.loads import Passage, Window
-from linkjax.machine import Scene, load_size, speed_text, when_text
+from linkjax.machine import Scene, load_place, load_size, speed_text, when_text
 from linkjax.measures import in_motion, motion_of
 from linkjax.mechanism import Mechanism
 from linkjax.topology import Structure
@@ -73,8 +73,7 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
     for load in machine.loads:
         when = when_text(show, load.window)
         when = f"from {when}" if isinstance(load.window, Window) else when
-        where = f"{load.link} {load.point}".strip()
-        told = f"load       {load.name}: {load_size(show, load)}, on {where}, {when}"
+        told = f"load       {load.name}: {load_size(show, load)}, on {load_place(load)}, {when}"
         console.print(told, highlight=False, markup=False)
 
 

@@ -46,6 +46,11 @@ LEAST = {
     "tension": 0.0,
     "pressure_angle": 0.0,
 }  # discs have a radius
+OF_LOADS = {  # units of the numbers of loads: at a point, and on a link without one
+    "stiffness": ("N/m", "N m/rad"), "coefficient": ("N s/m", "N m s/rad"), "linear": ("N s/m", "N m s/rad"),
+    "quadratic": ("N s^2/m^2", "N m s^2/rad^2"), "free_length": ("m", "m"), "free_angle": ("rad", "rad"),
+}  # fmt: skip
+POSITIVE = ("magnitude", "stiffness", "coefficient", "linear", "quadratic", "free_length")  # of loads: zero or more
 
 
 @dataclasses.dataclass(frozen=True)
@@ -267,10 +272,10 @@ def _load(name: str, load: AbstractLoad, where: Where) -> Iterator[Number]:
         elif isinstance(value, Vec):
             yield from _vec(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), ("x", "y"), "N")
         elif eqx.is_array(value):
-            size = field.name == "magnitude"
-            key = ("force" if load.point else "torque") if size else field.name
-            yield Number(f"{name}.{key}", lambda s, f=field.name: getattr(where(s), f),
-                         "N" if load.point else "N m", 0.0 if size else -math.inf)  # fmt: skip
+            key = ("force" if load.point else "torque") if field.name == "magnitude" else field.name
+            unit = OF_LOADS.get(field.name, ("N", "N m"))[0 if load.point else 1]
+            yield Number(f"{name}.{key}", lambda s, f=field.name: getattr(where(s), f), unit,
+                         0.0 if field.name in POSITIVE else -math.inf)  # fmt: skip
 
 
 def _passage(name: str, window: Passage, where: Where) -> Iterator[Number]:

@@ -91,7 +91,7 @@ class AbstractLoad(eqx.Module):
     "frame" if its reaction acts on the frame of the machine.
 
     A new kind of load is a subclass with the fields below and `wrenches`. `link` and `point` are where it acts; a load
-    between two links names one of them and returns the wrenches on both.
+    between two links names one of them, returns the wrenches on both, and names both in `attachments`.
     """
 
     name: eqx.AbstractVar[str]
@@ -110,6 +110,10 @@ class AbstractLoad(eqx.Module):
         """Whether the load depends on the direction of motion."""
         return False
 
+    def attachments(self) -> tuple[tuple[str, str], ...]:
+        """Where the load acts, as (link, point): the link may be "frame", and the point is empty for a couple."""
+        return ((self.link, self.point),)
+
     @abc.abstractmethod
     def wrenches(self, pose: Pose, at: Instant) -> list[Applied]:
         """Forces and couples on the links while the load acts."""
@@ -117,6 +121,10 @@ class AbstractLoad(eqx.Module):
     def share(self, pose: Pose, at: Instant) -> Array:
         """Share of the reduced torque (N m) while the load acts: its power at unit crank speed."""
         return power(pose, self.wrenches(pose, at))
+
+    def energy(self, pose: Pose) -> Array | None:
+        """Potential energy (J) that the load stores in a pose while it acts; None if it stores none."""
+        return None
 
     def opposed(self, pose: Pose) -> Motion | None:
         """The motion that the load opposes; None if it does not depend on the direction of motion."""

@@ -14,12 +14,11 @@ from jaxtyping import Array
 
 from linkjax._tree import node
 from linkjax._types import as_float, known
-from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.groups import Path
 from linkjax.kinematics import Prepared, prepared
-from linkjax.loads import AbstractLoad, Passage, Window
-from linkjax.machine._passages import check_passage
+from linkjax.loads import AbstractLoad, Passage
+from linkjax.machine._loads import check_loads
 from linkjax.machine._text import scene_text
 from linkjax.machine._turns import check_turns
 from linkjax.mechanism import Mechanism, StructureError
@@ -83,40 +82,7 @@ class Scene(eqx.Module):
         if not isinstance(self.loads, tuple) or not all(isinstance(load, AbstractLoad) for load in self.loads):
             problem = f"are {type(self.loads).__name__}"
             raise StructureError("loads", problem, "write a tuple of loads, (load,) for a single one")
-        seen = {"gravity", "drive"}
-        for number, load in enumerate(self.loads):
-            element = f"loads[{number}] ({load.name})"
-            if load.name in seen:
-                raise StructureError(element, f"the name {load.name!r} is used already", "give every load its own name")
-            seen.add(load.name)
-            if isinstance(load.window, Passage):
-                check_passage(f"loads[{number}].window ({load.name})", self.mechanism, load.window)
-            elif load.window is not None and self._whole(load.window):
-                remedy = "omit `window` for a permanent load, or delete a load that never acts"
-                raise StructureError(element, "window start and end coincide", remedy)
-            if load.link not in self.mechanism.links:
-                remedy = nearest(load.link, self.mechanism.links)
-                raise StructureError(element, f"link {load.link!r} is not defined", remedy)
-            if load.opposing and self._never_moves(load):
-                what = f"point {load.point!r}" if load.point else f"link {load.link!r}"
-                problem = f"{what} never {'moves' if load.point else 'turns'}, so there is no motion to oppose"
-                remedy = f"name another {'point' if load.point else 'link'}, or delete the load"
-                raise StructureError(element, problem, remedy)
-            on_link = self.mechanism.points_on(load.link)
-            if load.point and load.point not in on_link:
-                problem = f"point {load.point!r} is not on link {load.link!r}"
-                raise StructureError(element, problem, nearest(load.point, on_link))
-
-    def _whole(self, window: Window) -> bool:
-        on, off = known(window.on), known(window.off)
-        if on is None or off is None or on.ndim:
-            return False
-        turns = np.round((off - on) / self.cycle)
-        return bool(np.any(np.abs(off - on - turns * self.cycle) < 1e-9 * self.cycle))
-
-    def _never_moves(self, load: AbstractLoad) -> bool:
-        translating = {link for group in self.mechanism.groups for link in group.translating()}
-        return load.point in self.mechanism.fixed if load.point else load.link in translating
+        check_loads(self.mechanism, self.loads, self.cycle)
 
     def __str__(self) -> str:
         return scene_text(self)

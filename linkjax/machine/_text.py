@@ -7,8 +7,22 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, Numbers, aligned
-from linkjax.groups import Harmonic, Spline
-from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Passage, Torque, Window
+from linkjax.groups import FRAME, Harmonic, Spline
+from linkjax.loads import (
+    AbstractLoad,
+    Damper,
+    Drag,
+    DragTorque,
+    Force,
+    OpposingForce,
+    OpposingTorque,
+    Passage,
+    Spring,
+    Torque,
+    TorsionDamper,
+    TorsionSpring,
+    Window,
+)
 from linkjax.mechanism import Mechanism
 
 SHOW = Numbers()
@@ -64,7 +78,7 @@ def _links(mechanism: Mechanism) -> list[tuple[str, ...]]:
 
 
 def _load(load: AbstractLoad) -> tuple[str, ...]:
-    return load.name, load_size(SHOW, load), f"{load.link} {load.point}".strip(), when_text(SHOW, load.window)
+    return load.name, load_size(SHOW, load), load_place(load), when_text(SHOW, load.window)
 
 
 def when_text(show: Numbers, window: Window | Passage | None) -> str:
@@ -101,7 +115,33 @@ def load_size(show: Numbers, load: AbstractLoad) -> str:
         return show.shown(load.torque, "N·m")
     if isinstance(load, OpposingTorque):
         return f"{show.shown(load.magnitude, 'N·m')} against the rotation"
+    if isinstance(load, Spring | TorsionSpring):
+        return _spring(show, load)
+    if isinstance(load, Damper | TorsionDamper):
+        return show.shown(load.coefficient, "N·s/m" if load.point else "N·m·s/rad")
+    if isinstance(load, Drag | DragTorque):
+        units = ("N·s/m", "N·s²/m²") if load.point else ("N·m·s/rad", "N·m·s²/rad²")
+        parts = {"linear": (load.linear, units[0]), "quadratic": (load.quadratic, units[1])}
+        return ", ".join(f"{key} {show.shown(*part)}" for key, part in parts.items() if float(part[0])) or NONE
     return NONE
+
+
+def _spring(show: Numbers, load: Spring | TorsionSpring) -> str:
+    """Stiffness, length or angle without load, and preload of a spring."""
+    preload = show.shown(load.preload, "N" if load.point else "N·m")
+    if not float(load.stiffness):
+        return f"{preload}, constant"
+    if isinstance(load, Spring):
+        text = f"{show.shown(load.stiffness, 'N/m')}, free length {show.shown(load.free_length, 'm')}"
+    else:
+        text = f"{show.shown(load.stiffness, 'N·m/rad')}, free angle {show.bound(load.free_angle, 'rad')}"
+    return f"{text}, preload {preload}" if float(load.preload) else text
+
+
+def load_place(load: AbstractLoad, between: str = " ") -> str:
+    """Where a load acts: a link and its point, with a string between them, or two of both; no frame for a couple."""
+    ends = [end for end in load.attachments() if end != (FRAME, "")]
+    return " and ".join(between.join(part for part in end if part) for end in ends)
 
 
 def speed_text(scene: Any, show: Numbers) -> str:

@@ -22,7 +22,7 @@ from linkjax.analysis import (
     uneven,
 )
 from linkjax.loads import Passage
-from linkjax.machine import PERMANENT, Scene, load_size, passage_text
+from linkjax.machine import PERMANENT, Scene, load_place, load_size, passage_text
 from linkjax.measures import in_motion, motion_of
 from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
@@ -249,8 +249,15 @@ def loads(show: Cells, data: Data, scene: Scene) -> str:
             acts = acts_text(data, load.name, show)
         elif window is not None:
             acts = f"{show.turned(float(window.on))} … {show.turned(float(window.off))}"
-        where = f"{load.link}, at {load.point}" if load.point else load.link
-        rows.append([words(load.name), words(where), words(size), words(acts), words(load.reacts_on or NONE)])
+        rows.append(
+            [
+                words(load.name),
+                words(load_place(load, ", at ")),
+                words(size),
+                words(acts),
+                words(load.reacts_on or NONE),
+            ]
+        )
     pull = scene.gravity
     size = f"({show.shown(pull.x, 'm/s²')}, {show.shown(pull.y, 'm/s²')})"
     rows.append([words("gravity"), words("every link"), words(size), words(PERMANENT), words(NONE)])

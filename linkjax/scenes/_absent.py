@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from linkjax.scenes._keys import Path, lookup
+from linkjax.scenes._keys import Path
 
 MEANT = {  # words of other programs and textbooks for a key of the same table
     "length": "radius l size",
@@ -19,6 +19,15 @@ MEANT = {  # words of other programs and textbooks for a key of the same table
     "pins": "joints nodes ends connections vertices",
     "link": "body member part bar",
     "point": "location application_point",
+    "kind": "type",
+    "to": "other end anchor",
+    "stiffness": "spring_constant spring_rate rate k",
+    "free_length": "natural_length unstretched_length rest_length unloaded_length initial_length l0",
+    "free_angle": "natural_angle rest_angle unloaded_angle initial_angle angle0 theta0",
+    "preload": "initial_tension initial_force pretension tension",
+    "coefficient": "c damping damping_coefficient viscosity",
+    "linear": "c1 linear_coefficient",
+    "quadratic": "c2 square quadratic_coefficient",
     "force": "magnitude load",
     "torque": "moment couple",
     "window": "interval range active",
@@ -65,10 +74,12 @@ ONE_DRIVE = (
     "model a piston that is driven by gas as a load"
 )
 SPRING = (
-    'there are no springs yet; they will be [[loads]] kind = "spring"; until then write constant forces in windows of '
-    "the crank angle; several windows approximate a variable force"
+    'a spring is a load: write it under [[loads]] with kind = "spring", a torsion spring with kind = "torsion_spring"'
 )
-DAMPER = 'there are no dampers yet; they will be [[loads]] kind = "damper"; until then delete it'
+DAMPER = (
+    'a damper is a load: write it under [[loads]] with kind = "damper", a torsion damper with kind = "torsion_damper"'
+)
+DRAG = 'the drag of a fluid is a load: write it under [[loads]] with kind = "drag" for a force, or "drag_torque"'
 TABLE = (
     'there are no tables yet; they will be [[loads]] kind = "table"; until then write several [[loads]] of constant '
     "magnitude, each with its window of the crank angle"
@@ -91,9 +102,11 @@ ABSENT = (
     Absent("motors drives inputs actuator actuators drivers engines input_links", "", ONE_DRIVE),
     Absent("kinematic_chains", "", ONE_DRIVE),
     Absent("spring springs torsion_spring", "*", SPRING),
-    Absent("stiffness preload free_length spring_constant rate k", "loads links groups drive slots", SPRING),
+    Absent("stiffness preload free_length", "links groups drive slots", SPRING),
+    Absent("spring_constant spring_rate rate k", "loads links groups drive slots", SPRING),
     Absent("damper dampers damping dashpot dashpots damping_coefficient viscosity", "*", DAMPER),
     Absent("c", "loads", DAMPER),
+    Absent("drag drags drag_coefficient drag_torque air_resistance air_drag windage", "*", DRAG),
     Absent("table tables at values angles points curve profile data csv function", "loads", TABLE),
     Absent(
         "angle direction", "loads",
@@ -148,10 +161,6 @@ ABSENT = (
         "crank angles in the results",
     ),
 )  # fmt: skip
-LOAD_KINDS = {  # values of a key `kind` (or `type`) of a load
-    "spring": SPRING, "damper": DAMPER, "table": TABLE, "gas": GAS, "friction": FRICTION, "motor": MOTOR,
-    "force": "delete it: a load with `force` is a force", "torque": "delete it: a load with `torque` is a torque",
-}  # fmt: skip
 SHAPES = {  # values of known keys in the form of other programs: (table, key, type) -> message
     ("", "drive", list): ONE_DRIVE, ("drive", "link", list): ONE_DRIVE,
     ("loads", "force", dict): TABLE, ("loads", "torque", dict): TABLE, ("loads", "torque", list): TABLE,
@@ -159,13 +168,10 @@ SHAPES = {  # values of known keys in the form of other programs: (table, key, t
 }  # fmt: skip
 
 
-def absent(path: Path, table: Any) -> str:
-    """The message about an unknown key or its value; "" where there is none."""
+def absent(path: Path) -> str:
+    """The message about an unknown key, or about an unknown value as the last step of the path; "" where there is
+    none."""
     key, at = plain(path[-1]), str(path[0]) if len(path) > 1 else ""
-    held = lookup(table, path[:-1])
-    kind = held.get("kind", held.get("type")) if isinstance(held, dict) and at == "loads" else None
-    if isinstance(kind, str) and plain(kind) in LOAD_KINDS:
-        return LOAD_KINDS[plain(kind)]
     rows = (row for row in ABSENT if key in row.words.split() and {at, "*"} & set(row.tables.split() or [""]))
     return next((row.says for row in rows), "")
 

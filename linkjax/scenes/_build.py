@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 from linkjax._vec import Vec
 from linkjax.design import Case
-from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
 from linkjax.machine import Scene
 from linkjax.mechanism import OF_LENGTH, Counterweight, Flywheel, Link, Mechanism, StructureError, linkage
 from linkjax.scenes import _models as file
@@ -21,7 +20,6 @@ from linkjax.scenes._explain import explained
 from linkjax.scenes._keys import join, split
 from linkjax.scenes._located import located, part
 from linkjax.scenes._optimise import Optimise
-from linkjax.scenes._passages import passage
 
 Made = TypeVar("Made")
 
@@ -96,7 +94,7 @@ def build(document: Document) -> Scene:
         check(model, source, table)
         return Scene(
             _mechanism(model),
-            tuple(_each(_load, model.loads, "loads")),
+            tuple(_each(lambda load: load.build(), model.loads, "loads")),
             Vec(*model.gravity) if isinstance(model.gravity, tuple) else Vec(0.0, -model.gravity),
             model.speed,
             model.target_delta,
@@ -196,17 +194,3 @@ def _place(place: float | file.Polar | file.Cartesian) -> Vec:
     if isinstance(place, file.Cartesian):
         return Vec(place.along, place.across)
     return Vec(place, 0.0)
-
-
-def _load(load: file.Load) -> AbstractLoad:
-    given = load.window
-    window = Window(*given) if isinstance(given, tuple) else None if given is None else passage(given)
-    always: dict[str, Any] = {"name": load.name, "link": load.link, "window": window, "reacts_on": load.reacts_on}
-    if load.torque is not None:
-        return (
-            OpposingTorque(magnitude=load.torque, **always) if load.opposing else Torque(torque=load.torque, **always)
-        )
-    always["point"] = load.point
-    if isinstance(load.force, tuple):
-        return Force(force=Vec(*load.force), **always)
-    return OpposingForce(magnitude=load.force, **always)

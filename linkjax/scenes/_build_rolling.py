@@ -18,9 +18,9 @@ from linkjax.rolling import (
 from linkjax.scenes._document import ROLLING, Document, load_document, overridden
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained, fault
+from linkjax.scenes._fields import amount
 from linkjax.scenes._located import located
 from linkjax.scenes._rolling import RollingFile
-from linkjax.scenes._write import amount
 
 SIZES = ("inner_radius", "outer_radius", "eccentricity")
 

@@ -10,7 +10,8 @@ from linkjax.mechanism import OF_LENGTH
 from linkjax.scenes._explain import fault
 from linkjax.scenes._groups import GroupTable
 from linkjax.scenes._guides import Fault
-from linkjax.scenes._models import Counterweight, Link, Load, SceneFile
+from linkjax.scenes._loads import LoadTable
+from linkjax.scenes._models import Counterweight, Link, SceneFile
 from linkjax.scenes._passages import passage
 from linkjax.scenes._wheels import steep
 
@@ -32,7 +33,10 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
     for number, group in enumerate(model.groups):
         yield from _group(number, group, model)
     for number, load in enumerate(model.loads):
-        yield from _load(number, load)
+        if load.name == "gravity":
+            yield ("loads", number, "name"), "reserved for the weight of the links", "give the load another name"
+        for inner, problem, remedy in load.faults():
+            yield ("loads", number, *inner), problem, remedy
         yield from _window(number, load, 2 * math.pi * model.cycle_turns)
 
 
@@ -189,36 +193,7 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
         yield (*path, *inner), problem, remedy
 
 
-def _load(number: int, load: Load) -> Iterator[Fault]:
-    path = ("loads", number)
-    if load.name == "gravity":
-        yield (*path, "name"), "reserved for the weight of the links", "give the load another name"
-    if load.force is None and load.torque is None:
-        yield (
-            (*path, "force"),
-            "missing",
-            'add force = "30 kN" with opposing = true, force = [fx, fy], or torque = "60 N m"',
-        )
-    elif load.torque is not None:
-        if load.force is not None:
-            yield (*path, "torque"), "a load is a force or a torque, not both", "write two [[loads]]"
-        if load.point is not None:
-            yield (*path, "point"), "a torque has no point", "delete point"
-        if load.opposing and load.torque < 0:
-            remedy = "write the magnitude; the motion gives the direction of an opposing torque"
-            yield (*path, "torque"), "must not be negative", remedy
-    else:
-        if load.point is None:
-            yield (*path, "point"), "missing", "add the point of the link where the force acts"
-        if load.opposing and isinstance(load.force, tuple):
-            problem = "two components, but opposing = true: the motion gives the direction"
-            yield (*path, "force"), problem, 'write the magnitude alone, e.g. force = "30 kN", or delete opposing'
-        if not load.opposing and not isinstance(load.force, tuple):
-            remedy = 'add opposing = true, or write both components, e.g. force = ["0 N", "-3 kN"]'
-            yield (*path, "force"), "has no direction", remedy
-
-
-def _window(number: int, load: Load, cycle: float) -> Iterator[Fault]:
+def _window(number: int, load: LoadTable, cycle: float) -> Iterator[Fault]:
     if load.window is None:
         return
     path, turn = ("loads", number, "window"), math.degrees(cycle)

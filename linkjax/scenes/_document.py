@@ -223,7 +223,7 @@ def _unknown(document: Document, key: str, value: Any, reached: str, known: list
     close = difflib.get_close_matches(step, known, n=1)
     whole = difflib.get_close_matches(key, [join(leaf) for leaf in leaves(document.table)], n=1)
     same = meant(step, known)
-    lacking = "" if is_rolling(document.table) or same else absent(split(reached), document.table)
+    lacking = "" if is_rolling(document.table) or same else absent(split(reached))
     if lacking or renamed(step, known):
         remedy = lacking or nearest(step, known)
     elif same or close:

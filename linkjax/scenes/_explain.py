@@ -14,6 +14,7 @@ from linkjax.mechanism import StructureError
 from linkjax.scenes._absent import absent, meant, misshapen
 from linkjax.scenes._errors import SceneError, shown
 from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_rolling, is_table, join, lookup, settle
+from linkjax.scenes._loads import TABLES as LOAD_TABLES
 from linkjax.scenes._models import SceneFile
 
 File = TypeVar("File", bound=BaseModel)
@@ -59,10 +60,10 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "missing":
         return "missing", _addition(table, path)
     if kind == "union_tag_invalid":
-        if lacking := absent((*path, str(given["kind"])), table):
-            return "not a known kind of group", lacking
-        kinds = re.findall(r"'#([^']*)'", context["expected_tags"])
-        return "not a known kind of group", _choice(str(given["kind"]), kinds)
+        problem = f"not a known kind of {'load' if path[0] == 'loads' else 'group'}"
+        if lacking := absent((*path, str(given["kind"]))):
+            return problem, lacking
+        return problem, _choice(str(given["kind"]), re.findall(r"'#([^']*)'", context["expected_tags"]))
     if kind == "literal_error":
         return "not one of the choices", _choice(str(given), re.findall(r"'([^']*)'", context["expected"]))
     if kind == "string_type":
@@ -97,11 +98,23 @@ def unknown(table: Any, path: Path) -> str:
     if same := meant(last, keys):
         example = examples(annotation_at(table, path[:-1])).get(same)
         return f"did you mean {same!r}?" + ("" if example is None else f" Write e.g. {same} = {shown(example)}")
-    lacking = "" if is_rolling(table) or path[0] == "optimise" else absent(path, table)
+    lacking = "" if is_rolling(table) or path[0] == "optimise" else _of_kind(path) or absent(path)
     if lacking or misspelt.startswith("did you mean"):
         return lacking or misspelt
     elsewhere = meant(last, [key for key in fields(SceneFile) if key not in ("loads", "links")])
     return _home(table, path) or (_home(table, (*path[:-1], elsewhere)) if elsewhere else "") or misspelt
+
+
+def _of_kind(path: Path) -> str:
+    """The kinds of loads that have a key, which this load does not have."""
+    if path[0] != "loads" or len(path) != 3:
+        return ""
+    kinds = [kind for kind, model in LOAD_TABLES.values() if kind and str(path[-1]) in fields(model)]
+    return (
+        f"only a load of the kind {' or '.join(map(shown, kinds))} has this key: write kind = {shown(kinds[0])}"
+        if (kinds)
+        else ""
+    )
 
 
 def _home(table: Any, path: Path) -> str:

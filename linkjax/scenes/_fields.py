@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Pla
 from pydantic_core import PydanticCustomError, core_schema
 
 from linkjax._units import DIMENSIONS, QuantityError, kind_of, quantity
+from linkjax.mechanism import StructureError
 
 SMALLEST, LARGEST = 1e-30, 1e20  # of any quantity but zero, in SI units: squares and products stay far from overflow
 
@@ -123,3 +124,22 @@ Force = Annotated[float, Quantity("force")]
 Torque = Annotated[float, Quantity("torque")]
 Ratio = Annotated[float, Quantity("number", "positive")]
 Turns = Annotated[int, PlainValidator(_turns), WithJsonSchema({"type": "integer", "minimum": 1, "maximum": 1000})]
+Stiffness = Annotated[float, Quantity("stiffness", "zero")]
+TorsionalStiffness = Annotated[float, Quantity("torsional_stiffness", "zero")]
+Damping = Annotated[float, Quantity("damping", "zero")]
+TorsionalDamping = Annotated[float, Quantity("torsional_damping", "zero")]
+QuadraticDrag = Annotated[float, Quantity("quadratic_drag", "zero")]
+QuadraticDragTorque = Annotated[float, Quantity("quadratic_drag_torque", "zero")]
+
+
+def number_of(value: Any) -> float:
+    """A single number. Raises `StructureError` for a traced or batched number."""
+    try:
+        return float(value)
+    except Exception as error:
+        raise StructureError("scene", "its numbers are traced or batched", "write one scene at a time") from error
+
+
+def amount(value: Any, unit: str) -> str:
+    """A number with its unit, to the last bit. Raises `StructureError` for a traced or batched number."""
+    return f"{number_of(value)!r} {unit}"

@@ -16,11 +16,9 @@ from linkjax.scenes._fields import (
     Area,
     Density,
     Distance,
-    Force,
     Inertia,
     Length,
     LinkLength,
-    Magnitude,
     Mass,
     Name,
     Pair,
@@ -29,14 +27,13 @@ from linkjax.scenes._fields import (
     Speed,
     Table,
     Thickness,
-    Torque,
     Turns,
     Weight,
 )
 from linkjax.scenes._groups import BRANCH, Branch, Group
 from linkjax.scenes._joints import Drive, Slot
+from linkjax.scenes._loads import Load
 from linkjax.scenes._optimise import Optimise
-from linkjax.scenes._passages import Window
 from linkjax.scenes._wheels import GearPair, RackPair
 
 
@@ -132,33 +129,6 @@ class Flywheel(Table):
     """The flywheel on the crankshaft."""
 
     inertia: Inertia = Field(default=0.0, description="moment of inertia about the crankshaft", examples=["40 kg m^2"])
-
-
-class Load(Table):
-    """A working load on one link."""
-
-    name: Name = Field(description="name of the load", examples=["cutting"])
-    link: Name = Field(description="the link it acts on", examples=["slider"])
-    point: Name | None = Field(None, description="the point of that link where a force acts", examples=["D"])
-    force: (
-        Annotated[
-            Annotated[Magnitude, Tag("#scalar")] | Annotated[tuple[Force, Force], Pair, Tag("#vector")],
-            Discriminator(_vector),
-        ]
-        | None
-    ) = Field(None, description="magnitude (with opposing = true) or [fx, fy]", examples=["30 kN"])
-    torque: Torque | None = Field(
-        None, description="torque, ccw positive; a magnitude when opposing", examples=["60 N m"]
-    )
-    opposing: StrictBool = Field(False, description="acts against the motion of the point or link", examples=[True])
-    window: Window | None = Field(
-        None,
-        description="crank angles [on, off) between which it acts, or a table with the part of a way on which it acts",
-        examples=[["90 deg", "335 deg"]],
-    )
-    reacts_on: Literal["frame"] | None = Field(
-        None, description="the reaction of the load acts on the frame", examples=["frame"]
-    )
 
 
 class SceneFile(Table):

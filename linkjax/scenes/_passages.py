@@ -6,8 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from linkjax import loads
 from linkjax.loads import Passage
-from linkjax.scenes._fields import Angle, Length, Name, Pair, Quantity, Table, wrong
+from linkjax.mechanism import StructureError
+from linkjax.scenes._fields import Angle, Length, Name, Pair, Quantity, Table, amount, wrong
 
 AXES = {"x": "0 deg", "y": "90 deg"}
 Part = Annotated[float, Quantity("length", "positive", "a part of the way is positive; `going` gives its sense")]
@@ -72,3 +74,20 @@ Window = Annotated[
 def passage(table: PointWindow | LinkWindow) -> Passage:
     """The window of a table. Raises `ValueError` if its keys contradict each other."""
     return Passage(**{key: value for key, value in table.model_dump().items() if value is not None})
+
+
+def window_keys(load: str, window: loads.Window | Passage) -> Any:
+    """The window of a load as written in a scene file. Raises `StructureError` for several ranges of crank angle."""
+    if isinstance(window, Passage):
+        table: dict[str, Any] = {"point": window.point} if window.point else {"link": window.link}
+        for key in ("first", "last"):
+            if getattr(window, key) is not None:
+                table[key] = amount(getattr(window, key), window.unit)
+        if window.between is not None:
+            table["between"] = [amount(value, window.unit) for value in window.between]
+        table |= {"going": window.going} if window.going else {}
+        return table if window.direction is None else {**table, "direction": amount(window.direction, "rad")}
+    if window.on.ndim:
+        raise StructureError(load, "scene files do not support a window of several ranges of crank angle",
+                             "write the window from which they were found, or several loads")  # fmt: skip
+    return [amount(window.on, "rad"), amount(window.off, "rad")]

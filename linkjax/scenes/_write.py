@@ -6,14 +6,15 @@ from typing import Any
 
 from linkjax._vec import Vec
 from linkjax.groups import AbstractGroup
-from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Passage, Torque, Window
 from linkjax.machine import Scene
 from linkjax.mechanism import Counterweight, Link, StructureError
 from linkjax.scenes._build import build
 from linkjax.scenes._document import Document
 from linkjax.scenes._errors import SceneError
+from linkjax.scenes._fields import amount, number_of
 from linkjax.scenes._groups import TABLES
 from linkjax.scenes._joints import drawn_keys, is_drawn, pins_of
+from linkjax.scenes._loads import load_keys
 
 Table = dict[str, Any]
 
@@ -46,7 +47,7 @@ def table_of(scene: Scene) -> Table:
     if drive is not None and drive.rotation == "cw":
         table["rotation"] = "cw"
     if scene.target_delta is not None:
-        table["target_delta"] = _number(scene.target_delta)
+        table["target_delta"] = number_of(scene.target_delta)
     table["fixed"] = {name: _pair(at, "m") for name, at in mechanism.fixed.items()}
     table["links"] = {name: _link(mechanism.links[name]) for name in mechanism.link_names}
     table["flywheel"] = {"inertia": amount(mechanism.flywheel.inertia, "kg m^2")}
@@ -59,7 +60,7 @@ def table_of(scene: Scene) -> Table:
     else:
         table["groups"] = [_group(group) for group in mechanism.groups]
     if scene.loads:
-        table["loads"] = [_load(load) for load in scene.loads]
+        table["loads"] = [load_keys(load) for load in scene.loads]
     return table
 
 
@@ -72,18 +73,6 @@ def _fits(table: Table) -> bool:
     return True
 
 
-def _number(value: Any) -> float:
-    try:
-        return float(value)
-    except Exception as error:
-        raise StructureError("scene", "its numbers are traced or batched", "write one scene at a time") from error
-
-
-def amount(value: Any, unit: str) -> str:
-    """A number with its unit, to the last bit. Raises `StructureError` for a traced or batched number."""
-    return f"{_number(value)!r} {unit}"
-
-
 def _pair(at: Vec, unit: str) -> list[str]:
     return [amount(at.x, unit), amount(at.y, unit)]
 
@@ -94,11 +83,11 @@ def _place(at: Vec) -> Table:
 
 def _link(link: Link) -> Table:
     table: Table = {}
-    if _number(link.length):
+    if number_of(link.length):
         table["length"] = amount(link.length, "m")
     if link.mass_properties != "section":
         table["mass"] = amount(link.mass, "kg")
-        if link.uniform is not False and _number(link.mass) > 0:
+        if link.uniform is not False and number_of(link.mass) > 0:
             table["uniform"] = link.uniform if link.uniform is True else list(link.uniform)
         else:
             table |= {"inertia": amount(link.inertia, "kg m^2"), "centre": _place(link.centre)}
@@ -128,36 +117,3 @@ def _group(group: AbstractGroup) -> Table:
         raise StructureError("-".join(group.link_names()), f"scene files do not support groups of kind {group.kind!r}",
                              f"known here: {', '.join(TABLES)}")  # fmt: skip
     return {"kind": group.kind, **TABLES[group.kind].keys_of(group)}
-
-
-def _load(load: AbstractLoad) -> Table:
-    table: Table = {"name": load.name, "link": load.link}
-    if isinstance(load, Force):
-        table |= {"point": load.point, "force": _pair(load.force, "N")}
-    elif isinstance(load, OpposingForce):
-        table |= {"point": load.point, "force": amount(load.magnitude, "N"), "opposing": True}
-    elif isinstance(load, Torque):
-        table["torque"] = amount(load.torque, "N m")
-    elif isinstance(load, OpposingTorque):
-        table |= {"torque": amount(load.magnitude, "N m"), "opposing": True}
-    else:
-        raise StructureError(load.name, "scene files do not support loads of this kind", "write a force or a torque")
-    if load.window is not None:
-        table["window"] = _window(load.name, load.window)
-    return {**table, "reacts_on": load.reacts_on} if load.reacts_on else table
-
-
-def _window(name: str, window: Window | Passage) -> Any:
-    if isinstance(window, Passage):
-        table: Table = {"point": window.point} if window.point else {"link": window.link}
-        for key in ("first", "last"):
-            if getattr(window, key) is not None:
-                table[key] = amount(getattr(window, key), window.unit)
-        if window.between is not None:
-            table["between"] = [amount(value, window.unit) for value in window.between]
-        table |= {"going": window.going} if window.going else {}
-        return table if window.direction is None else {**table, "direction": amount(window.direction, "rad")}
-    if window.on.ndim:
-        raise StructureError(name, "scene files do not support a window of several ranges of crank angle",
-                             "write the window from which they were found, or several loads")  # fmt: skip
-    return [amount(window.on, "rad"), amount(window.off, "rad")]

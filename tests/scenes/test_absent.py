@@ -7,11 +7,12 @@ import pytest
 
 from linkjax import cli
 from linkjax.scenes import SceneError, load, loads_text
-from linkjax.scenes._absent import ABSENT, LOAD_KINDS, MEANT
+from linkjax.scenes._absent import ABSENT, MEANT
 from linkjax.scenes._groups import Group
 from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._keys import fields
-from linkjax.scenes._models import Link, Load, SceneFile
+from linkjax.scenes._loads import Load
+from linkjax.scenes._models import Link, SceneFile
 from tests.helpers import PACKAGE
 
 PRESS = (PACKAGE / "scenes/builtin/hay-press.toml").read_text(encoding="utf-8")
@@ -71,6 +72,7 @@ to = "O"
 stiffness = "2084 N/m"
 preload = "24.91 N"
 """
+LOAD = '[[loads]]\nname = "return"\nlink = "yoke"\npoint = "P"\n'
 FIVE_BAR = """speed = "60 rpm"
 [fixed]
 A = [0, 0]
@@ -102,7 +104,7 @@ def add(text: str, after: str, more: str) -> str:
     return text.replace(f"{after}\n", f"{after}\n{more}\n", 1)
 
 
-NO_SPRING, NO_TABLE = 'they will be [[loads]] kind = "spring"', 'they will be [[loads]] kind = "table"'
+A_SPRING, NO_TABLE = '[[loads]] with kind = "spring"', 'they will be [[loads]] kind = "table"'
 ONE = "linkjax has one drive"
 TABLE_OF = 'force = { at = ["0 deg", "90 deg"], values = ["0 N", "30 kN"] }'
 # fmt: off
@@ -111,16 +113,24 @@ CASES = {  # file, key, parts of the message
     "the power of the drive": (add(SHAFT, 'link = "shaft"', 'power = "5 kW"'), "drive.power",
         "no [motor] yet", "`speed`"),
     "a motor": (SHAFT + '[motor]\nkind = "line"\n', "motor", "there is no [motor] yet", "constant torque"),
-    "springs": (YOKE + SPRING, "springs", NO_SPRING, "constant forces in windows"),
-    "dampers": (YOKE + '[[dampers]]\nlink = "yoke"\n', "dampers", 'kind = "damper"', "no dampers yet"),
-    "a load that is a spring": (
-        YOKE + '[[loads]]\nname = "return"\nkind = "spring"\nlink = "yoke"\npoint = "P"\nstiffness = "2084 N/m"\n',
-        "loads[0].kind", NO_SPRING, "no springs yet"),
-    "a spring between two points": (
-        YOKE + '[[loads]]\nname = "return"\nlink = "yoke"\nto = "O"\nkind = "spring"\n', "loads[0].to", NO_SPRING, ""),
+    "springs": (YOKE + SPRING, "springs", A_SPRING, "a spring is a load"),
+    "dampers": (YOKE + '[[dampers]]\nlink = "yoke"\n', "dampers", '[[loads]] with kind = "damper"', "a load"),
+    "a torsion spring of a link": (
+        add(PRESS, 'mass = "15 kg"', 'stiffness = "2 N m/rad"'), "links.rod.stiffness", A_SPRING, "torsion_spring"),
+    "drag": (YOKE + '[drag]\nlink = "yoke"\n', "drag", 'kind = "drag"', "drag_torque"),
+    "several springs in one": (
+        YOKE + LOAD + 'kind = "springs"\nto = "O"\n', "loads[0].kind", A_SPRING, "not a known kind of load"),
+    "an unknown kind of load": (
+        YOKE + LOAD + 'kind = "magnet"\n', "loads[0].kind", 'write "force" or "spring"', "not a known kind of load"),
+    "a kind that is a number": (YOKE + LOAD + "kind = 1\n", "loads[0].kind", "an integer where a string", ""),
     "a load with a stiffness": (
-        YOKE + '[[loads]]\nname = "return"\nlink = "yoke"\nstiffness = "2 N/mm"\n',
-        "loads[0].stiffness", NO_SPRING, ""),
+        YOKE + LOAD + 'stiffness = "2 N/mm"\n', "loads[0].stiffness",
+        'only a load of the kind "spring" or "torsion_spring" has this key', 'write kind = "spring"'),
+    "a load with another end": (YOKE + LOAD + 'to = "O"\n', "loads[0].to", 'write kind = "spring"', '"damper"'),
+    "a spring constant": (
+        YOKE + LOAD + 'kind = "spring"\nto = "O"\nk = "2 N/mm"\n', "loads[0].k", "did you mean 'stiffness'?",
+        'Write e.g. stiffness = "2 kN/m"'),
+    "a type": (YOKE + LOAD + 'type = "spring"\n', "loads[0].type", "did you mean 'kind'?", ""),
     "a load that is gas": (PRESS.replace('name = "hay"', 'name = "hay"\nkind = "gas"'),
         "loads[0].kind", 'kind = "gas"', ""),
     "a table of forces": (PRESS.replace('force = "30 kN"', TABLE_OF), "loads[0].force", NO_TABLE,
@@ -187,13 +197,13 @@ def test_a_five_bar_with_two_motors():
 
 
 def test_the_same_by_set():
-    for key, part in (("springs", NO_SPRING), ("groups[2].friction", "[friction]"), ("omega", "did you mean 'speed'?")):
+    for key, part in (("springs", A_SPRING), ("groups[2].friction", "[friction]"), ("omega", "did you mean 'speed'?")):
         with pytest.raises(SceneError, match=re.escape(part)):
             load("hay-press", {key: 1})
 
 
 def test_the_command_says_it_in_one_line(tmp_path, monkeypatch, capsys):
-    for text, part in ((MOTOR, "[motor]"), (YOKE + SPRING, '[[loads]] kind = "spring"')):
+    for text, part in ((MOTOR, "[motor]"), (YOKE + SPRING, '[[loads]] with kind = "spring"')):
         (tmp_path / "bad.toml").write_text(text, encoding="utf-8")
         monkeypatch.setattr("sys.argv", ["linkjax", "analyse", str(tmp_path / "bad.toml")])
         with pytest.raises(SystemExit) as stopped:
@@ -204,14 +214,14 @@ def test_the_command_says_it_in_one_line(tmp_path, monkeypatch, capsys):
 
 def test_what_is_there_is_not_said_to_be_absent():
     """The list shrinks: no row names a key that the format supports in the same table."""
-    groups = {
-        key for branch in typing.get_args(typing.get_args(Group)[0]) for key in fields(typing.get_args(branch)[0])
-    }
-    tables = {"": set(fields(SceneFile)), "links": set(fields(Link)), "loads": set(fields(Load)), "groups": groups,
+    groups, loads = (
+        {key for branch in typing.get_args(typing.get_args(union)[0]) for key in fields(typing.get_args(branch)[0])}
+        for union in (Group, Load)
+    )
+    tables = {"": set(fields(SceneFile)), "links": set(fields(Link)), "loads": loads, "groups": groups,
               "drive": set(fields(Drive)), "slots": set(fields(Slot))}  # fmt: skip
     for row in ABSENT:
         for table in tables if row.tables == "*" else row.tables.split() or [""]:
             assert not tables[table] & set(row.words.split()), (table, row.says)
-    assert "kind" not in tables["loads"] or not LOAD_KINDS
     words = [word for words in MEANT.values() for word in words.split()]
     assert all(word == word.lower() for word in words)
