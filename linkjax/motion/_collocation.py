@@ -107,14 +107,14 @@ def follow(rate: Rate, panels: Panels, start: Array) -> Passed:
         def step(state):
             count, nodes, _ = state
             missing, _, d = left(nodes)
-            move = _lapack.solve(eye - half * inside * d, missing)
+            move = _lapack.solve(eye - half * inside * d[None], missing)
             new = jnp.maximum(nodes + move, KEPT * nodes)
             return count + 1, new, jnp.max(jnp.abs(new - nodes)) > 1e-10 * (panels.unit + jnp.max(jnp.abs(new)))
 
         first = (jnp.zeros((), jnp.int32), jnp.full(panels.n, energy), jnp.asarray(True))
         _, nodes, _ = jax.lax.while_loop(lambda s: s[2] & (s[0] < INNER), step, first)
         missing, f, d = left(nodes)
-        gain = 1 + half * w @ (d * _lapack.solve(eye - half * inside * d, jnp.ones(panels.n)))
+        gain = 1 + half * w @ (d * _lapack.solve(eye - half * inside * d[None], jnp.ones(panels.n)))
         end = energy + half * w @ f
         failed = jnp.max(jnp.abs(missing)) > 1e-6 * (panels.unit + energy)
         stopped = stopped | failed | ~(end > least) | ~(jnp.min(nodes) > least)
@@ -199,8 +199,8 @@ def _newton(
     inside, w, eye = jnp.asarray(panels.inside), jnp.asarray(panels.rule.w), jnp.eye(panels.n)
     f, d = jax.jvp(lambda e: panels.slopes(rate, e), (nodes,), (jnp.ones_like(nodes),))
     f = f + constant
-    right = [jnp.ones_like(nodes), edges[:, None] + half * f @ inside.T - nodes, half * jnp.sum(inside, axis=1)]
-    matrix = eye - half[:, :, None] * inside * d[:, None, :]
+    right = [jnp.ones_like(nodes), edges[:, None] + half * f @ inside.T - nodes, half * jnp.sum(inside, axis=1)[None]]
+    matrix = eye[None] - half[:, :, None] * inside[None] * d[:, None, :]
     unit, rest, extra = jnp.moveaxis(jax.vmap(_lapack.solve)(matrix, jnp.stack(right, axis=-1)), -1, 0)
 
     def ends(inside_panel):

@@ -1,0 +1,203 @@
+"""Steady-state motion under torques that depend on the speed: SciPy, published numbers, energy, derivatives."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax.motion import Steady, flywheel_for, steady_motion
+from tests.physics.driven import line, shoot, slider_crank
+from tests.physics.machines import machine
+
+steady = compiled_soon(steady_motion, static=("nodes",))
+ANGLES = np.linspace(0.05, 2 * math.pi, 40)
+
+
+@compiled_soon
+def speeds(motion: Steady, scene: lj.Scene, angles: jax.Array) -> jax.Array:
+    return jax.vmap(lambda phi: motion.at(scene, motion.grid.place(phi))[0])(angles)
+
+
+def test_a_pump_with_a_motor():
+    """Published: slider-crank with T = 2 (1 - ω/40) and -5 v on the piston; DOP853 at 1e-13 and an energy integral."""
+    found = steady(slider_crank(line()))
+    assert found.driven is not None
+    assert float(found.period) == pytest.approx(0.234702480734, abs=1e-12)
+    assert float(found.mean_speed) == pytest.approx(26.770851707770, rel=1e-12)
+    assert float(found.max_speed) == pytest.approx(30.073746764842, rel=1e-11)
+    assert float(found.min_speed) == pytest.approx(23.838643247398, rel=1e-11)
+    assert float(found.mean_drive_torque) * 2 * math.pi == pytest.approx(4.103543706651, rel=1e-12)
+    assert float(found.driven.multiplier) == pytest.approx(0.28557260, abs=1e-8)
+    assert abs(float(found.delta) - 0.232906430677) <= float(found.delta_error) < 1e-9
+    start = speeds(found, slider_crank(line()), jnp.zeros(1))
+    assert float(start[0]) == pytest.approx(29.749740950780, rel=1e-11)
+
+
+def test_the_same_by_an_analysis():
+    """Forces, works and checks of the motion found: the motor's work is that of the pump."""
+    cycle = lj.analyse(slider_crank(line()), angles=24)
+    assert cycle.missing is None and cycle.work is not None
+    assert float(cycle.work["drive"]) == pytest.approx(-float(cycle.work["pump"]), rel=1e-12)
+    assert float(cycle.checks.virtual_power) < 1e-13
+    assert float(cycle.checks.energy_closure) < 1e-10
+    assert float(cycle.checks.force_balance) < 1e-13
+    assert cycle.forces is not None and cycle.speed is not None
+    np.testing.assert_allclose(cycle.forces.drive_torque, 2 * (1 - np.asarray(cycle.speed) / 40), rtol=1e-9)
+
+
+def test_a_punch_press_with_a_line_motor():
+    """A shaft with a flywheel, 1000 N m over 60 degrees, 1200 rpm without load and 176 N m at 1120 rpm. By DOP853; the
+    source states δ = 0.0545."""
+    links = {"shaft": lj.Link(length=0.1)}
+    shaft = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [lj.Crank("shaft", "A", "B")], lj.Flywheel(12.5))
+    rpm = math.pi / 30
+    motor = lj.MotorDrive(lj.LineMotor([(1200 * rpm, 0.0), (1120 * rpm, 176.0)]))
+    load = lj.OpposingTorque("punch", "shaft", magnitude=1000.0, window=lj.Window(0.0, math.pi / 3))
+    scene = lj.Scene(shaft, (load,), speed=1150 * rpm, motor=motor)
+    found = steady(scene)
+    lap = shoot(scene, lambda _, w: 176 * (1200 * rpm - w) / (80 * rpm), 1150 * rpm)
+    np.testing.assert_allclose(speeds(found, scene, jnp.asarray(ANGLES)), lap.speeds(ANGLES), rtol=1e-9)
+    assert float(found.period) == pytest.approx(lap.period, rel=1e-11)
+    assert float(found.delta) == pytest.approx(0.0545, abs=5e-4)
+    assert found.driven is not None
+    assert float(found.driven.multiplier) == pytest.approx(lap.multiplier, abs=1e-5)
+
+
+CASES = [
+    ("hay-press", 400.0, 90.0, 2.0, 20.0),
+    ("four-bar", 8.0, 30.0, 0.4, 2.0),
+    ("quick-return", 60.0, 40.0, 1.0, 5.0),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "stall", "no_load", "rotor", "ratio"),
+    CASES[1:2] + [pytest.param(*case, marks=pytest.mark.slow) for case in (CASES[0], CASES[2])],
+)
+def test_a_motor_on_a_machine(name, stall, no_load, rotor, ratio):
+    """ω(φ) at 40 angles against DOP853, with a gear and a rotor, a fan on the crank and all loads of the scene."""
+    plain = machine(name)
+    motor = line(
+        no_load * ratio, 20 * stall / ratio, transmission=lj.Transmission(ratio=ratio), inertia=rotor / ratio**2
+    )
+    fan = lj.DragTorque("fan", plain.mechanism.driving_link, quadratic=1e-3 * stall / no_load)
+    scene = dataclasses.replace(plain, motor=motor, loads=(*plain.loads, fan), target_delta=None, speed=0.9 * no_load)
+    found = steady(scene, nodes=192)
+    assert found.driven is not None and bool(found.driven.found)
+
+    def extra(_, w):
+        return 20 * stall * (1 - w / no_load) - 1e-3 * stall / no_load * w * w
+
+    lap = shoot(dataclasses.replace(plain, target_delta=None), extra, float(found.mean_speed), rotor)
+    size = np.max(lap.speeds(ANGLES))
+    assert np.max(np.abs(speeds(found, scene, jnp.asarray(ANGLES)) - lap.speeds(ANGLES))) < 1e-9 * size
+    assert float(found.period) == pytest.approx(lap.period, rel=1e-10)
+
+
+def test_a_constant_torque_against_a_pump():
+    """Without a motor the drive torque is constant and gives the wanted mean speed, whatever the pump takes."""
+    scene = slider_crank()
+    found = steady(scene)
+    assert found.driven is not None
+    assert float(found.mean_speed) == pytest.approx(25.0, rel=1e-13)
+    drive = float(found.mean_drive_torque)
+    lap = shoot(dataclasses.replace(scene, loads=()), lambda phi, w: drive + _pump(phi, w, 5.0), 25.0)
+    np.testing.assert_allclose(speeds(found, scene, jnp.asarray(ANGLES)), lap.speeds(ANGLES), rtol=1e-10)
+
+
+def _pump(phi: float, speed: float, c: float) -> float:
+    """Torque of the pump, from the closed form of the slider's velocity."""
+    bow = math.sqrt(0.3**2 - (0.1 * math.sin(phi)) ** 2)
+    slope = -0.1 * math.sin(phi) - 0.1**2 * math.sin(phi) * math.cos(phi) / bow
+    return -c * slope**2 * speed
+
+
+def test_a_weak_damper_is_the_limit_of_none():
+    """As the pump becomes weaker the motion tends to that by quadrature, which has no equation in the speed."""
+    none = steady(slider_crank(pump=0.0))
+    assert none.driven is None
+    away = [abs(float(steady(slider_crank(pump=c)).delta - none.delta)) for c in (1e-3, 1e-6, 1e-9)]
+    assert away[1] == pytest.approx(1e-3 * away[0], rel=1e-2)
+    assert away[2] < 1e-11
+
+
+def test_midrange_mean_with_a_pump():
+    """The wanted mean speed is the mean of the extremes."""
+    found = steady(slider_crank(mean="midrange"))
+    assert 0.5 * float(found.max_speed + found.min_speed) == pytest.approx(25.0, rel=1e-11)
+    assert float(found.mean_speed) == pytest.approx(25.0, rel=1e-11)
+
+
+MEASURED = ("delta", "mean_speed", "period", "max_speed", "min_speed", "mean_drive_torque")
+
+
+def several(scene: lj.Scene) -> jax.Array:
+    found = steady_motion(scene)
+    return jnp.stack([getattr(found, name) for name in MEASURED])
+
+
+@pytest.mark.parametrize("motor", [True, False])
+def test_derivatives(motor):
+    """Forward, reverse and fourth-order differences by every number of the machine, the pump and the motor."""
+    scene = slider_crank(line(transmission=lj.Transmission(1.3, 0.95, 0.9), inertia=0.002) if motor else None)
+    leaves, tree = jax.tree.flatten(scene)
+    size = np.asarray([abs(float(leaf)) or 0.03 for leaf in leaves])
+
+    @compiled_soon
+    def moved(scene, by):
+        leaves, tree = jax.tree.flatten(scene)
+        return several(jax.tree.unflatten(tree, [leaf + d for leaf, d in zip(leaves, by, strict=True)]))
+
+    ahead = compiled_soon(jax.jacfwd(moved, argnums=1))(scene, jnp.zeros(len(leaves))) * size
+    back = compiled_soon(jax.jacrev(moved, argnums=1))(scene, jnp.zeros(len(leaves))) * size
+    norm = np.linalg.norm(back, axis=1, keepdims=True)
+    assert np.max(np.abs(ahead - back) / norm) < 1e-12
+    h, differences = 1e-3, []
+    for i in range(len(leaves)):
+        f = [np.asarray(moved(scene, h * k * size[i] * jnp.eye(len(leaves))[i])) for k in (-2, -1, 1, 2)]
+        differences.append((f[0] - f[3] + 8 * (f[2] - f[1])) / (12 * h))
+    assert np.max(np.abs(np.stack(differences, axis=1) - back) / norm) < 1e-6
+
+
+def test_a_motor_that_is_too_weak():
+    """No steady-state motion is a result: finite, a negative margin with a slope, and an analysis that says so."""
+    weak = slider_crank(lj.MotorDrive(lj.ConstantTorque(-0.1)))
+    found, slope = compiled_soon(jax.value_and_grad(lambda s: steady_motion(s).steady_state_margin))(weak)
+    assert float(found) < 0
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
+    assert float(slope.motor.motor.value) > 0
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(steady(weak)))
+    cycle = lj.analyse(weak, angles=8)
+    assert cycle.missing is not None and "steady" in str(cycle.missing)
+
+
+def test_a_motor_with_three_crossings():
+    """A fan crosses the characteristic of an induction motor three times: two states are stable."""
+    motor = lj.TableMotor(speeds=(0.0, 10.0, 30.0, 40.0), torques=(2.0, 1.0, 3.0, 0.0))
+    scene = slider_crank(lj.MotorDrive(motor), pump=0.0, speed=35.0, flywheel=0.5)
+    brake = lj.DragTorque("fan", "crank", linear=0.09)
+    scene = dataclasses.replace(scene, loads=(brake,))
+    found = steady(scene)
+    assert found.driven is not None
+    assert int(found.driven.number) == 2
+    assert 0 < float(found.driven.multiplier) < 1
+    slow = steady(eqx.tree_at(lambda s: s.speed, scene, jnp.asarray(12.0)))
+    assert float(slow.mean_speed) < 20 < float(found.mean_speed)
+    for each in (slow, found):
+        w = float(each.mean_speed)
+        assert float(motor.torque(jnp.asarray(w))) == pytest.approx(0.09 * w, rel=0.02)
+
+
+def test_flywheel_for_a_wanted_fluctuation_with_a_motor():
+    scene = slider_crank(line())
+    needed = float(compiled_soon(lambda s: flywheel_for(s, 0.05))(scene))
+    heavy = steady(slider_crank(line(), flywheel=needed))
+    assert float(heavy.delta) == pytest.approx(0.05, rel=1e-8)
