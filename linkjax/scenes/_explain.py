@@ -59,10 +59,11 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "missing":
         return "missing", _addition(table, path)
     if kind == "union_tag_invalid":
-        if lacking := absent((*path, str(given["kind"])), table):
+        what = "motor" if path == ("motor",) else "group"
+        if lacking := absent((*path, str(given["kind"])), table) if what == "group" else "":
             return "not a known kind of group", lacking
-        kinds = re.findall(r"'#([^']*)'", context["expected_tags"])
-        return "not a known kind of group", _choice(str(given["kind"]), kinds)
+        kinds = [kind for kind in re.findall(r"'#([^']*)'", context["expected_tags"]) if kind != "circuit"]
+        return f"not a known kind of {what}", _choice(str(given["kind"]), kinds)
     if kind == "literal_error":
         return "not one of the choices", _choice(str(given), re.findall(r"'([^']*)'", context["expected"]))
     if kind == "string_type":
@@ -162,6 +163,8 @@ def _inner(table: Any, path: Path) -> str:
 def _addition(table: Any, path: Path) -> str:
     if len(path) == 1 and path[0] in ADD:
         return ADD[str(path[0])]
+    if path == ("motor", "kind"):
+        return 'add kind = "torque", "line", "table", "dc", "induction", "servo", "none" or "balance"'
     if path[-1] == "kind":
         return 'add kind = "crank", "linear_driver", "RRR", "RRP", "RPR", "PRP", "RPP", "gear", "rack" or "pinion"'
     return f"add {path[-1]} = {_example(table, path)}"
