@@ -51,6 +51,13 @@ DIMENSIONS = {
     "quadratic_drag_torque": Dimension(
         "N m s^2/rad^2", "a coefficient of quadratic drag torque", '"2e-4 N m s^2/rad^2"', ("N m s^2/rad^2",)
     ),
+    "power": Dimension("W", "a power", '"5.5 kW"', ("W", "kW", "MW", "hp", "PS")),
+    "voltage": Dimension("V", "a voltage", '"230 V"', ("V", "mV", "kV")),
+    "current": Dimension("A", "a current", '"12 A"', ("A", "mA", "kA")),
+    "resistance": Dimension("ohm", "a resistance", '"0.56 ohm"', ("ohm", "Ω", "mohm", "kohm")),
+    "motor_constant": Dimension("V s", "a motor constant", '"0.64 V s"', ("V s", "N m/A", "N mm/A")),
+    "frequency": Dimension("Hz", "a frequency", '"50 Hz"', ("Hz", "kHz")),
+    "weight_moment": Dimension("N m^2", "a flywheel effect as a weight", '"24 N m^2"', ("N m^2", "kp m^2")),
     "number": Dimension("", "a plain number", "0.15", ()),
 }
 TWOFOLD = ("damping", "quadratic_drag")  # their units, kg/s and kg/m, are those of other quantities, too
@@ -60,7 +67,6 @@ ALSO = {
     "m/s": "a velocity",
     "s^-1": "a frequency",
     "Pa": "a pressure",
-    "W": "a power",
 }
 
 DEFINITIONS = """
@@ -94,6 +100,11 @@ bar = 100000 * pascal
 psi = 6894.757293168361 * pascal
 joule = newton * meter = J
 watt = joule / second = W
+horsepower = 745.69987158227022 * watt = hp
+metric_horsepower = 735.49875 * watt = PS
+ampere = [current] = A = amp
+volt = watt / ampere = V
+ohm = volt / ampere = Ω
 """
 
 NUMBER = re.compile(r"([+-]?(?:[0-9][0-9_]*\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*)", re.DOTALL)

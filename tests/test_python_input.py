@@ -29,6 +29,9 @@ for wrong in (
     lambda: lj.dead_centres(Scene(mechanism)),
     lambda: lj.kinematics.min_margin(Scene(mechanism)),
     lambda: lj.pose("four-bar", 0.0),
+    lambda: Scene(mechanism, motor=lj.NoMotor()),
+    lambda: lj.MotorDrive(24.0),
+    lambda: lj.MotorDrive(lj.NoMotor(), 5.0),
 ):
     try:
         wrong()
@@ -57,6 +60,9 @@ TypeError: a Mechanism is needed, not Scene; write scene.mechanism
 TypeError: a Mechanism is needed, not Scene; write scene.mechanism
 TypeError: a Mechanism is needed, not Scene; write scene.mechanism
 TypeError: a Mechanism is needed, not str; write a Mechanism, e.g. from lj.library
+StructureError: motor: is NoMotor; write a MotorDrive, e.g. MotorDrive(DCMotor(24.0, 0.5, 0.1))
+TypeError: motor of a MotorDrive is 24.0; write e.g. DCMotor(24.0, 0.5, 0.1)
+TypeError: transmission of a MotorDrive is 5.0; write e.g. Transmission(ratio=5.0, efficiency=0.95)
 """
 
 

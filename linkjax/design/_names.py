@@ -20,6 +20,7 @@ from jaxtyping import Array
 from linkjax._renamed import renamed
 from linkjax._units import DIMENSIONS, QuantityError, in_si, quantity
 from linkjax._vec import Vec
+from linkjax.drives import drive_numbers
 from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, Guide, Slot, Teeth
 from linkjax.loads import AbstractLoad, Passage
 from linkjax.machine import Scene
@@ -187,6 +188,9 @@ def _numbers(scene: Scene) -> Iterator[Number]:
                           group.drive_slides())  # fmt: skip
     for i, load in enumerate(scene.loads):
         yield from _load(f"loads.{load.name}", load, lambda s, i=i: s.loads[i])
+    for each in () if scene.motor is None else drive_numbers(scene.motor):
+        yield Number(f"motor.{each.key}", lambda s, where=each.where: where(s.motor), each.unit,
+                     -math.inf if each.signed else 0.0)  # fmt: skip
     yield Number("speed", lambda s: s.speed, "rad/s", 0.0)
     yield from _vec("gravity", lambda s: s.gravity, ("x", "y"), "m/s^2")
 

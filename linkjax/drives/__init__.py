@@ -11,6 +11,10 @@ from linkjax.drives._induction import InductionCircuit as InductionCircuit
 from linkjax.drives._induction import InductionMotor as InductionMotor
 from linkjax.drives._induction import phase_voltage_of as phase_voltage_of
 from linkjax.drives._induction import warm_resistance as warm_resistance
+from linkjax.drives._keys import KEYS as KEYS
+from linkjax.drives._keys import UNITS as UNITS
+from linkjax.drives._keys import DriveNumber as DriveNumber
+from linkjax.drives._keys import drive_numbers as drive_numbers
 from linkjax.drives._motors import AbstractMotor as AbstractMotor
 from linkjax.drives._motors import ConstantTorque as ConstantTorque
 from linkjax.drives._motors import DCMotor as DCMotor

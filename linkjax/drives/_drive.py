@@ -48,7 +48,7 @@ class MotorDrive(eqx.Module):
     def __check_init__(self):
         for name, kind in (("motor", AbstractMotor), ("transmission", Transmission)):
             given = getattr(self, name)
-            if not isinstance(given, kind) and isinstance(given, int | float | str | dict | tuple | list):
+            if not isinstance(given, kind):
                 raise TypeError(f"{name} of a MotorDrive is {given!r}; write e.g. {EXAMPLES[name]}")
         check_numbers("a MotorDrive", {}, {"inertia": self.inertia})
 

@@ -15,6 +15,7 @@ from jaxtyping import Array
 from linkjax._tree import node
 from linkjax._types import as_float, known
 from linkjax._vec import Vec
+from linkjax.drives import MotorDrive, Servo
 from linkjax.groups import Path
 from linkjax.kinematics import Prepared, prepared
 from linkjax.loads import AbstractLoad, Passage
@@ -29,9 +30,11 @@ class Scene(eqx.Module):
 
     `speed` is positive, and `mean` defines it: "time" (2π turns / period) or "midrange" ((max + min) / 2).
     `target_delta` is the target coefficient of speed fluctuation δ, for which analyses find the flywheel; it may be
-    None. `cycle_turns` is the number of crank turns after which motion and loads repeat. The drive is a constant torque
-    on the crank that balances the work of the loads over the cycle. With `constant_speed` the crank turns at `speed`
-    whatever the loads, and analyses omit the actual motion.
+    None. `cycle_turns` is the number of crank turns after which motion and loads repeat. With `constant_speed` the
+    crank turns at `speed` whatever the loads, and analyses omit the actual motion.
+
+    `motor` is what drives the crank, with its transmission and rotor. With None the drive is a constant torque on the
+    crank that balances the work of the loads over the cycle. A driver that follows a motion law has a `Servo` or None.
 
     Raises `StructureError` for an invalid value, for a load on an unknown link or point, and if the mechanism does not
     return to its initial position after `cycle_turns`, as far as its gears and motion law show.
@@ -46,6 +49,7 @@ class Scene(eqx.Module):
     cycle_turns: int = eqx.field(static=True, default=1)
     title: str = eqx.field(static=True, default="")
     constant_speed: bool = eqx.field(static=True, default=False)
+    motor: MotorDrive | None = None
 
     def __check_init__(self):
         if not isinstance(self.mechanism, Mechanism):
@@ -73,6 +77,7 @@ class Scene(eqx.Module):
             )
             raise StructureError("cycle_turns", problem, "write the number of crank turns after which the law repeats")
         check_turns(self.mechanism, self.cycle_turns)
+        self._check_motor(law is not None)
         if law is not None and self.target_delta is not None:
             problem = "has no effect: the driver follows a law, so its speed does not fluctuate"
             raise StructureError("target_delta", problem, "delete target_delta or the law")
@@ -83,6 +88,21 @@ class Scene(eqx.Module):
             problem = f"are {type(self.loads).__name__}"
             raise StructureError("loads", problem, "write a tuple of loads, (load,) for a single one")
         check_loads(self.mechanism, self.loads, self.cycle)
+
+    def _check_motor(self, prescribed: bool) -> None:
+        """Raise `StructureError` for anything but a motor, and for one that does not fit the way in which it drives."""
+        if self.motor is None:
+            return
+        if not isinstance(self.motor, MotorDrive):
+            problem = f"is {type(self.motor).__name__}"
+            raise StructureError("motor", problem, "write a MotorDrive, e.g. MotorDrive(DCMotor(24.0, 0.5, 0.1))")
+        servo = isinstance(self.motor.motor, Servo)
+        if prescribed and not servo:
+            problem = "its torque has no effect: the driver follows a motion law"
+            raise StructureError("motor", problem, 'write a Servo (kind = "servo"), or delete the motor or the law')
+        if servo and not prescribed and not self.constant_speed:
+            problem = "a servo motor follows a motion law, and the driver has none"
+            raise StructureError("motor", problem, "add a law, constant_speed = true, or write another kind of motor")
 
     def __str__(self) -> str:
         return scene_text(self)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from linkjax._display import NONE, Numbers, aligned
+from linkjax.drives import MotorDrive, Servo
 from linkjax.groups import FRAME, Harmonic, Spline
 from linkjax.loads import (
     AbstractLoad,
@@ -52,6 +53,7 @@ def _lines(scene: Any) -> list[str]:
         ("fixed points", fixed or NONE),
         ("gravity", SHOW.place((scene.gravity.x, scene.gravity.y), "m/s²")),
         ("flywheel", f"{SHOW.shown(mechanism.flywheel.inertia, 'kg·m²')}{target}"),
+        *(() if scene.motor is None else (("motor", motor_text(scene.motor, SHOW)),)),
     ]
     pieces = [(name, *each) for name in mechanism.link_names
               for each in mechanism.links[name].counterweights.items()]  # fmt: skip
@@ -148,6 +150,21 @@ def speed_text(scene: Any, show: Numbers) -> str:
     """The nominal crank speed, and whether it is constant, or which mean it is."""
     constant = scene.constant_speed or scene.mechanism.prescribed
     return f"{show.bound(scene.speed, 'rad/s')}, {'constant' if constant else f'{scene.mean} mean'}"
+
+
+def motor_text(drive: MotorDrive, show: Numbers) -> str:
+    """The kind of a motor, its torque at rest and its speed without load, the ratio and the rotor."""
+    motor, parts = drive.motor, [type(drive.motor).__name__]
+    if isinstance(motor, Servo):
+        parts += [f"up to {show.shown(motor.max_torque, 'N·m')}, {show.bound(motor.max_speed, 'rad/s')}"]
+    else:
+        idle = motor.no_load_speed()
+        parts += [f"{show.shown(motor.stall_torque(), 'N·m')} at rest"]
+        parts += [] if idle is None or not np.isfinite(idle) else [f"{show.bound(idle, 'rad/s')} without load"]
+    gear = drive.transmission
+    parts += [f"ratio {float(gear.ratio):g}"] * (float(gear.ratio) != 1)
+    parts += [f"efficiency {float(gear.efficiency):g}"] * (float(gear.efficiency) != 1)
+    return ", ".join([*parts, f"rotor {show.shown(drive.inertia, 'kg·m²')}"])
 
 
 def drive_text(mechanism: Mechanism, show: Numbers) -> str:

@@ -50,6 +50,15 @@ MEANT = {  # words of other programs and textbooks for a key of the same table
     "cycle_turns": "turns cycles revolutions",
     "target_delta": "delta fluctuation coefficient_of_fluctuation",
     "limits": "constraints",
+    "ratio": "gear_ratio transmission_ratio i",
+    "no_load_speed": "free_speed idle_speed no_load",
+    "stall_torque": "starting_torque locked_rotor_torque stall",
+    "constant": "k torque_constant motor_constant kt ke",
+    "resistance": "r armature_resistance",
+    "voltage": "u v armature_voltage",
+    "breakdown_ratio": "breakdown_torque pull_out_torque max_torque_ratio",
+    "starting_ratio": "starting_torque locked_rotor_torque",
+    "magnetizing_reactance": "magnetising_reactance xm",
     "free": "variables design_variables parameters",
     "minimise": "minimize objective",
     "maximise": "maximize",
@@ -66,9 +75,10 @@ class Absent(NamedTuple):
 
 
 MOTOR = (
-    "there is no [motor] yet (it will give the driving torque); until then the drive applies the constant torque that "
-    "balances the cycle, at the mean `speed`"
+    "the motor is a table of its own, [motor], with `kind` (torque, line, table, dc, induction, none) and its `ratio` "
+    "to the crank; without it the drive applies the constant torque that balances the cycle, at the mean `speed`"
 )
+EFFICIENCY = "the efficiency of a gear or belt between motor and crank is `efficiency` under [motor]; joints are ideal"
 ONE_DRIVE = (
     "linkjax has one drive, for machines of one degree of freedom: keep one, and couple other cranks to it by gears; "
     "model a piston that is driven by gas as a load"
@@ -98,7 +108,11 @@ SLIDERS = (
 ABSENT = (
     Absent("torque power motor torque_curve torque_speed", "drive", MOTOR),
     Absent("power torque motor", "groups", MOTOR),
-    Absent("motor motor_torque motor_power drive_torque driving_torque input_torque", "*", MOTOR),
+    Absent("motor", "drive groups links loads", MOTOR),
+    Absent("motor_torque motor_power drive_torque driving_torque input_torque", "*", MOTOR),
+    Absent("poles number_of_poles", "motor", "write pole_pairs, half the number of poles"),
+    Absent("efficiency", "", EFFICIENCY),
+    Absent("efficiency", "drive groups links slots loads", EFFICIENCY),
     Absent("motors drives inputs actuator actuators drivers engines input_links", "", ONE_DRIVE),
     Absent("kinematic_chains", "", ONE_DRIVE),
     Absent("spring springs torsion_spring", "*", SPRING),
@@ -115,7 +129,7 @@ ABSENT = (
     ),
     Absent("gas pressure cylinder_pressure indicator_diagram bore", "loads", GAS),
     Absent("gas pressure cylinders engine combustion", "", GAS),
-    Absent("friction mu friction_coefficient coulomb efficiency losses lubrication bearings", "*", FRICTION),
+    Absent("friction mu friction_coefficient coulomb losses lubrication bearings", "*", FRICTION),
     Absent(
         "joints pins revolutes revolute_joints hinges", "",
         "a pin is a point that two links name in their `pins`, a point under [fixed] is a pin on the frame, and a "

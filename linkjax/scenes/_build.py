@@ -102,6 +102,7 @@ def build(document: Document) -> Scene:
             cycle_turns=model.cycle_turns,
             title=model.title,
             constant_speed=model.constant_speed,
+            motor=None if model.motor is None else model.motor.build(),
         )
 
 

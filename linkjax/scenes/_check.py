@@ -30,6 +30,8 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
     yield from _centre_names(model)
     for name, link in model.links.items():
         yield from _link(name, link)
+    if model.motor is not None:
+        yield from model.motor.faults()
     for number, group in enumerate(model.groups):
         yield from _group(number, group, model)
     for number, load in enumerate(model.loads):

@@ -60,10 +60,12 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "missing":
         return "missing", _addition(table, path)
     if kind == "union_tag_invalid":
-        problem = f"not a known kind of {'load' if path[0] == 'loads' else 'group'}"
-        if lacking := absent((*path, str(given["kind"]))):
+        what = {"motor": "motor", "loads": "load"}.get(str(path[0]), "group")
+        problem = f"not a known kind of {what}"
+        if lacking := absent((*path, str(given["kind"])), table) if what != "motor" else "":
             return problem, lacking
-        return problem, _choice(str(given["kind"]), re.findall(r"'#([^']*)'", context["expected_tags"]))
+        kinds = [kind for kind in re.findall(r"'#([^']*)'", context["expected_tags"]) if kind != "circuit"]
+        return problem, _choice(str(given["kind"]), kinds)
     if kind == "literal_error":
         return "not one of the choices", _choice(str(given), re.findall(r"'([^']*)'", context["expected"]))
     if kind == "string_type":
@@ -175,6 +177,8 @@ def _inner(table: Any, path: Path) -> str:
 def _addition(table: Any, path: Path) -> str:
     if len(path) == 1 and path[0] in ADD:
         return ADD[str(path[0])]
+    if path == ("motor", "kind"):
+        return 'add kind = "torque", "line", "table", "dc", "induction", "servo", "none" or "balance"'
     if path[-1] == "kind":
         return 'add kind = "crank", "linear_driver", "RRR", "RRP", "RPR", "PRP", "RPP", "gear", "rack" or "pinion"'
     return f"add {path[-1]} = {_example(table, path)}"

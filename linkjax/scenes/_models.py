@@ -33,6 +33,7 @@ from linkjax.scenes._fields import (
 from linkjax.scenes._groups import BRANCH, Branch, Group
 from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._loads import Load
+from linkjax.scenes._motors import Motor
 from linkjax.scenes._optimise import Optimise
 from linkjax.scenes._wheels import GearPair, RackPair
 
@@ -161,6 +162,7 @@ class SceneFile(Table):
     )
     links: dict[Name, Link] = Field(description="the links by name")
     flywheel: Flywheel = Field(Flywheel(), description="the flywheel on the crankshaft")
+    motor: Motor | None = Field(None, description="the motor; default: the torque that balances the cycle")
     groups: list[Group] = Field([], description="crank and structural groups in their order of attachment")
     branch: Branch = BRANCH
     drive: Drive | None = Field(None, description="the drive, in a scene without groups")

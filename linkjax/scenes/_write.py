@@ -15,6 +15,7 @@ from linkjax.scenes._fields import amount, number_of
 from linkjax.scenes._groups import TABLES
 from linkjax.scenes._joints import drawn_keys, is_drawn, pins_of
 from linkjax.scenes._loads import load_keys
+from linkjax.scenes._motors import motor_keys
 
 Table = dict[str, Any]
 
@@ -51,6 +52,8 @@ def table_of(scene: Scene) -> Table:
     table["fixed"] = {name: _pair(at, "m") for name, at in mechanism.fixed.items()}
     table["links"] = {name: _link(mechanism.links[name]) for name in mechanism.link_names}
     table["flywheel"] = {"inertia": amount(mechanism.flywheel.inertia, "kg m^2")}
+    if scene.motor is not None:
+        table["motor"] = motor_keys(scene.motor)
     if is_drawn(mechanism):
         for name, pins in pins_of(mechanism).items():
             table["links"][name] = {"pins": pins, **table["links"][name]}

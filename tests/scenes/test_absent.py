@@ -13,6 +13,7 @@ from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._keys import fields
 from linkjax.scenes._loads import Load
 from linkjax.scenes._models import Link, SceneFile
+from linkjax.scenes._motors import Motor
 from tests.helpers import PACKAGE
 
 PRESS = (PACKAGE / "scenes/builtin/hay-press.toml").read_text(encoding="utf-8")
@@ -109,10 +110,9 @@ ONE = "linkjax has one drive"
 TABLE_OF = 'force = { at = ["0 deg", "90 deg"], values = ["0 N", "30 kN"] }'
 # fmt: off
 CASES = {  # file, key, parts of the message
-    "a motor's torque-speed line": (MOTOR, "drive.torque", "there is no [motor] yet", "constant torque that balances"),
-    "the power of the drive": (add(SHAFT, 'link = "shaft"', 'power = "5 kW"'), "drive.power",
-        "no [motor] yet", "`speed`"),
-    "a motor": (SHAFT + '[motor]\nkind = "line"\n', "motor", "there is no [motor] yet", "constant torque"),
+    "a motor's torque-speed line": (MOTOR, "drive.torque", "[motor], with `kind`", "constant torque that balances"),
+    "the power of the drive": (add(SHAFT, 'link = "shaft"', 'power = "5 kW"'), "drive.power", "[motor]", "`speed`"),
+    "a motor of the drive": (add(SHAFT, 'link = "shaft"', 'motor = "dc"'), "drive.motor", "[motor]", "`ratio`"),
     "springs": (YOKE + SPRING, "springs", A_SPRING, "a spring is a load"),
     "dampers": (YOKE + '[[dampers]]\nlink = "yoke"\n', "dampers", '[[loads]] with kind = "damper"', "a load"),
     "a torsion spring of a link": (
@@ -149,7 +149,8 @@ CASES = {  # file, key, parts of the message
         "[joints.B] for one"),
     "friction of a link": (add(PRESS, 'mass = "15 kg"', "mu = 0.1"), "links.rod.mu", "it will be [friction]", ""),
     "friction": (PRESS + "[friction]\ncoefficient = 0.1\n", "friction", "there is no friction yet", ""),
-    "efficiency": ("efficiency = 0.9\n" + PRESS, "efficiency", "there is no friction yet", ""),
+    "efficiency": ("efficiency = 0.9\n" + PRESS, "efficiency", "`efficiency` under [motor]", ""),
+    "efficiency of a drive": (add(SHAFT, 'link = "shaft"', "efficiency = 1"), "drive.efficiency", "under [motor]", ""),
     "an engine": (PRESS + '[engine_layout]\nkind = "V"\n', "engine_layout", "no engine layouts yet", ""),
     "cams": (PRESS + '[[cams]]\nlink = "crank"\n', "cams", "there are no cams", "`law` of the drive"),
     "a cam as a group": (PRESS.replace('kind = "RRR"', 'kind = "cam"'), "groups[2].kind", "there are no cams", "`law`"),
@@ -214,12 +215,12 @@ def test_the_command_says_it_in_one_line(tmp_path, monkeypatch, capsys):
 
 def test_what_is_there_is_not_said_to_be_absent():
     """The list shrinks: no row names a key that the format supports in the same table."""
-    groups, loads = (
+    groups, loads, motors = (
         {key for branch in typing.get_args(typing.get_args(union)[0]) for key in fields(typing.get_args(branch)[0])}
-        for union in (Group, Load)
+        for union in (Group, Load, Motor)
     )
     tables = {"": set(fields(SceneFile)), "links": set(fields(Link)), "loads": loads, "groups": groups,
-              "drive": set(fields(Drive)), "slots": set(fields(Slot))}  # fmt: skip
+              "drive": set(fields(Drive)), "slots": set(fields(Slot)), "motor": motors}  # fmt: skip
     for row in ABSENT:
         for table in tables if row.tables == "*" else row.tables.split() or [""]:
             assert not tables[table] & set(row.words.split()), (table, row.says)

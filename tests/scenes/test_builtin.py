@@ -20,6 +20,7 @@ from linkjax.machine import Scene
 from linkjax.mechanism import Flywheel, Link, Mechanism
 from linkjax.motion import steady_motion
 from linkjax.scenes import json_schema, load, load_document, loads_text, scene_names, starter
+from linkjax.scenes._groups import TABLES
 from tests.helpers import PACKAGE, ROOT
 
 NAMES = (
@@ -126,7 +127,8 @@ def test_starter_with_all_that_it_offers():
 
 def test_every_kind_of_group_can_be_written():
     definitions = json_schema()["$defs"]
-    assert {d["properties"]["kind"]["const"] for d in definitions.values() if "kind" in d["properties"]} == set(KINDS)
+    found = [definitions[table.__name__]["properties"]["kind"]["const"] for table in TABLES.values()]
+    assert found == list(TABLES) and set(TABLES) == set(KINDS)
 
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
