@@ -332,7 +332,7 @@ def draw_names(stage: Stage, data: Data, look: Skeleton, at: Places, working: li
         corners = [at[p] for p in (*shape.pins, *shape.marked)]
         solid += [along(a, b, 2.5 * unit) for i, a in enumerate(corners) for b in corners[:i]]
         solid += [at[shape.pins[0]] + unit * _raster(BLOCK[0], -BLOCK[1], BLOCK[1])] if shape.block else []
-    solid += [along(*(at[p] for p in tie.ends), 2.5 * unit) for tie in look.ties]
+    solid += [along(at[tie.ends[0]], at[tie.ends[1]], 2.5 * unit) for tie in look.ties]
     solid += [at[p] + unit * _raster(9.0, -13.0, -3.0) for p in look.pivots]
     for guide in look.guides:
         normal = np.array([-math.sin(guide.angle), math.cos(guide.angle)]) * (BLOCK[1] + 1.5) * unit

@@ -141,10 +141,14 @@ def test_gradients_with_respect_to_design_loads_and_speed(rng):
 
 
 def test_what_is_refused():
-    for kind, keys in ((lj.Damper, {"coefficient": -1.0, "to_point": "Q"}), (lj.Drag, {"linear": -1.0}),
-                       (lj.Drag, {"quadratic": -1.0})):  # fmt: skip
+    negative = (
+        lambda: lj.Damper("d", "yoke", "E", to_point="Q", coefficient=-1.0),
+        lambda: lj.Drag("d", "yoke", "E", linear=-1.0),
+        lambda: lj.Drag("d", "yoke", "E", quadratic=-1.0),
+    )
+    for make in negative:
         with pytest.raises(ValueError, match=r"of load 'd' must not be negative, but is -1\.0; write zero"):
-            kind("d", "yoke", "E", **keys)
+            make()
     with pytest.raises(ValueError, match="coefficient of load 'd' is nan; write a finite number"):
         lj.TorsionDamper("d", "crank", coefficient=math.nan)
     with pytest.raises(ValueError, match="quadratic of load 'd' is inf; write a finite number"):
