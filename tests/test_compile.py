@@ -348,6 +348,8 @@ def test_strings_in_structures_are_names_or_choices():
         "point",
         "ends",
         "uniform",
+        "to_link",
+        "to_point",
     }
     kinds = ("str", "Literal", "Rotation", "Mass")
     static = (field for each in classes for field in dataclasses.fields(each) if field.metadata.get("static"))

@@ -18,6 +18,7 @@ from linkjax.analysis._idle import warn_of_idle
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.analysis._stages import staged
+from linkjax.analysis._wound import warn_of_wound
 from linkjax.loads import Passage
 from linkjax.machine import ReadyScene, Scene, check_scene, nameless, ready
 from linkjax.mechanism import StructureError
@@ -65,6 +66,7 @@ def analyse(
     if throw and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         explain(cycle)
         warn_of_idle(cycle)
+        warn_of_wound(cycle)
     if scene.speed.dtype == jnp.float32 and not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(cycle)):
         left = fewest_digits(cycle)
         if left < FEWEST:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -38,10 +40,10 @@ class AbstractTie(AbstractLoad):
             problem = f"load {self.name!r} has {FRAME!r} as its link"
             raise ValueError(f"{problem}; write the moving link as link, and the frame as to_link")
         if self.link == self.to_link:
-            problem = f"both ends of load {self.name!r} are on link {self.link!r}"
+            problem = f"link {self.link!r} has both ends of load {self.name!r}"
             raise ValueError(f"{problem}; attach one of them to another link or to the frame")
         if self.point and self.point == self.to_point:
-            problem = f"both ends of load {self.name!r} are the point {self.point!r}"
+            problem = f"point {self.point!r} is both ends of load {self.name!r}"
             raise ValueError(f"{problem}; name two different points")
 
     def attachments(self):
@@ -83,7 +85,7 @@ def turning(pose: Pose, load: AbstractTie) -> Array:
     return own if load.to_link == FRAME else own - pose.links[load.to_link].w
 
 
-def speed_of(load: AbstractLoad, at: Instant) -> Array:
+def speed_of(load: AbstractLoad, at: Instant) -> Any:
     """The crank speed (rad/s). Raises `ValueError` where it is not given."""
     if at.speed is None:
         raise ValueError(f"load {load.name!r} depends on the crank speed, which is not known here; evaluate it with "

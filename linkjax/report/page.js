@@ -164,6 +164,19 @@
       }
     };
   }
+  function tie(parent, machine, entry, edge) { // a spring or a damper between two points
+    const shape = make(parent, "path", { fill: "none", stroke: edge, "stroke-width": 1.3, "stroke-linejoin": "round" });
+    const text = make(parent, "text", { fill: edge, "text-anchor": "middle" }, entry.text);
+    return (at) => {
+      const [[x1, y1], [x2, y2]] = entry.ends.map((name) => position(machine, name, at)).map(([x, y]) => [X(x), Y(y)]);
+      const size = Math.hypot(x2 - x1, y2 - y1) || 1, tx = (x2 - x1) / size, ty = (y2 - y1) / size;
+      const place = ([f, d, v]) => `${(x1 + f * (x2 - x1) + d * tx + v * ty).toFixed(2)} `
+        + `${(y1 + f * (y2 - y1) + d * ty - v * tx).toFixed(2)}`;
+      shape.setAttribute("d", entry.lines.map((line) => `M${line.map(place).join("L")}`).join(""));
+      const side = tx < 0 ? -1 : 1; // above the middle
+      set(text, { x: ((x1 + x2) / 2 + 12 * side * ty).toFixed(2), y: ((y1 + y2) / 2 - 12 * side * tx + 3).toFixed(2) });
+    };
+  }
   function weight(parent, machine, link, name, radius, edge, fill) {
     const arm = make(parent, "line", { stroke: fill, "stroke-width": 4.5 });
     const disc = make(parent, "circle", { r: radius === null ? 7 : radius * view.scale, fill: fill, stroke: edge,
@@ -335,6 +348,7 @@
       moves.push(wheel(solid, machine, entry, old || !on ? "#a8a8a8" : on.colour));
     }
     for (const entry of machine.belts) moves.push(belt(solid, machine, entry, GREY));
+    for (const entry of machine.ties) moves.push(tie(solid, machine, entry, old ? "#a8a8a8" : LOAD));
     for (const name of machine.dots) moves.push(dot(solid, machine, name, 2, { fill: ink, stroke: ink }));
     for (const name of machine.joints) moves.push(dot(solid, machine, name, 3.4, { fill: "#fff", stroke: ink }));
     if (!old) {

@@ -23,7 +23,7 @@ MEANT = {  # words of other programs and textbooks for a key of the same table
     "to": "other end anchor",
     "stiffness": "spring_constant spring_rate rate k",
     "free_length": "natural_length unstretched_length rest_length unloaded_length initial_length l0",
-    "free_angle": "natural_angle rest_angle unloaded_angle initial_angle angle0 theta0",
+    "free_angle": "angle natural_angle rest_angle unloaded_angle initial_angle angle0 theta0",
     "preload": "initial_tension initial_force pretension tension",
     "coefficient": "c damping damping_coefficient viscosity",
     "linear": "c1 linear_coefficient",

@@ -211,8 +211,8 @@ class SpringTable(BetweenPoints):
     preload: Force = Field(0.0, description="tension at the free length", examples=["25 N"])
 
     def build(self) -> loads.AbstractLoad:
-        sizes = {"stiffness": self.stiffness, "free_length": self.free_length, "preload": self.preload}
-        return loads.Spring(**self.ends(), **sizes)
+        sizes: dict[str, Any] = {"stiffness": self.stiffness, "free_length": self.free_length}
+        return loads.Spring(**self.ends(), **sizes, preload=self.preload)
 
     @staticmethod
     def keys_of(load: loads.Spring) -> dict[str, Any]:
@@ -233,8 +233,8 @@ class TorsionSpringTable(BetweenLinks):
     preload: Torque = Field(0.0, description="couple at the free angle, clockwise on the link", examples=["2 N m"])
 
     def build(self) -> loads.AbstractLoad:
-        sizes = {"stiffness": self.stiffness, "free_angle": self.free_angle, "preload": self.preload}
-        return loads.TorsionSpring(**self.ends(), **sizes)
+        sizes: dict[str, Any] = {"stiffness": self.stiffness, "free_angle": self.free_angle}
+        return loads.TorsionSpring(**self.ends(), **sizes, preload=self.preload)
 
     @staticmethod
     def keys_of(load: loads.TorsionSpring) -> dict[str, Any]:

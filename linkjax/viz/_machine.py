@@ -199,6 +199,8 @@ def draw_links(stage: Stage, look: Skeleton, at: Places, working: list[Arrow]) -
     artists += draw_wheels(look.wheels, look.belts, at, {link: colour(i) for i, link in enumerate(order)}, GREY)
     for slot in look.slots:
         artists += _rails(stage, slot, at, order.index(slot.on))
+    for tie in look.ties:
+        artists += [Line2D(*line.T, color=VERMILION, linewidth=1.3, zorder=5.5) for line in tie.drawn(at, stage.unit)]
     dots = {p for shape in look.shapes for p in shape.marked} - set(look.joints)
     marks = [(p, JOINT) for p in look.joints] + [(p, 2.0) for p in sorted(dots)]
     for point, radius in marks:
@@ -324,11 +326,13 @@ def draw_names(stage: Stage, data: Data, look: Skeleton, at: Places, working: li
     for arrow in working:
         start = arrow.at + np.array([0, ARC * unit]) if arrow.turn else _tail(stage, arrow)[0]
         names.append((arrow.text, start, VERMILION))
+    names += [(tie.text, 0.5 * (at[tie.ends[0]] + at[tie.ends[1]]), VERMILION) for tie in look.ties]
     solid = [at[p][None] for p in (*look.joints, *centres, *pieces)] + [_covered(stage, arrow) for arrow in working]
     for shape in look.shapes:
         corners = [at[p] for p in (*shape.pins, *shape.marked)]
         solid += [along(a, b, 2.5 * unit) for i, a in enumerate(corners) for b in corners[:i]]
         solid += [at[shape.pins[0]] + unit * _raster(BLOCK[0], -BLOCK[1], BLOCK[1])] if shape.block else []
+    solid += [along(at[tie.ends[0]], at[tie.ends[1]], 2.5 * unit) for tie in look.ties]
     solid += [at[p] + unit * _raster(9.0, -13.0, -3.0) for p in look.pivots]
     for guide in look.guides:
         normal = np.array([-math.sin(guide.angle), math.cos(guide.angle)]) * (BLOCK[1] + 1.5) * unit

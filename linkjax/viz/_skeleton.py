@@ -12,6 +12,7 @@ from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, To
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
 from linkjax.viz._style import Data, closed, lost, ranges
+from linkjax.viz._ties import Tie, ties_of
 from linkjax.viz._wheels import Strands, Wheel, wheels_of
 
 Place = tuple[float, float]
@@ -75,6 +76,7 @@ class Skeleton(NamedTuple):
     traced: tuple[str, ...]
     wheels: tuple[Wheel, ...]
     belts: tuple[Strands, ...]
+    ties: tuple[Tie, ...]
     low: np.ndarray
     high: np.ndarray
 
@@ -97,7 +99,10 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
             shapes.append(Shape(name, pins, tuple(link.points), link.centre_name if heavy else None, name in upon,
                                 _weights(link), upon.get(name, "frame") != "frame"))  # fmt: skip
             joints += [p for p in pins if p not in joints]
-    drawn = {p for s in shapes for p in (*s.pins, *s.marked, *s.weights, *([s.centre] if s.centre else []))}
+    ties = ties_of(scene)
+    held = dict.fromkeys(p for tie in ties for p in tie.ends)
+    joints += [p for p in held if p in mechanism.fixed and p not in joints]
+    drawn = {p for s in shapes for p in (*s.pins, *s.marked, *s.weights, *([s.centre] if s.centre else []))} | {*held}
     paths = {p: path(data, p) for p in data["points"] if p in drawn}
     discs = [(p, r) for s in shapes for p, r in s.weights.items() if r]
     wheels, belts = wheels_of(scene, lambda point: path(data, point))
@@ -114,7 +119,7 @@ def skeleton(data: Data, scene: Scene) -> Skeleton:
     guides = tuple(g for g in (_guide(data, shape, paths) for shape in shapes if shape.block and not shape.upon) if g)
     low, high = sound.min(axis=1), sound.max(axis=1)
     return Skeleton(tuple(shapes), pivots, tuple(joints), guides, _slots(data, scene), tuple(dict.fromkeys(traced)),
-                    wheels, belts, low, high)  # fmt: skip
+                    wheels, belts, ties, low, high)  # fmt: skip
 
 
 def _slots(data: Data, scene: Scene) -> tuple[Slot, ...]:

@@ -81,6 +81,7 @@ def _machine(data: Data, scene: Scene, look: Skeleton, scale: float, units: Unit
         ],
         "wheels": [wheel._asdict() for wheel in look.wheels],
         "belts": [[belt.one._asdict(), belt.other._asdict(), belt.crossed] for belt in look.belts],
+        "ties": [tie._asdict() for tie in look.ties],
         "lost": np.flatnonzero(lost(data)).tolist(),
         "links": links,
         "guides": [[*map(float, (*guide.ends[0], *guide.ends[1]))] for guide in look.guides],

@@ -54,8 +54,8 @@ def test_the_same_by_an_analysis():
 
 
 def test_a_punch_press_with_a_line_motor():
-    """A shaft with a flywheel, 1000 N m over 60 degrees, 1200 rpm without load and 176 N m at 1120 rpm. By DOP853; the
-    source states δ = 0.0545."""
+    """A shaft with a flywheel, 1000 N m over 60 degrees, 1200 rpm without load and 176 N m at 1120 rpm, by DOP853. A
+    textbook prints δ = 0.0545 for it, which belongs to a flywheel of 1.146 kg m²."""
     links = {"shaft": lj.Link(length=0.1)}
     shaft = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [lj.Crank("shaft", "A", "B")], lj.Flywheel(12.5))
     rpm = math.pi / 30
@@ -66,7 +66,8 @@ def test_a_punch_press_with_a_line_motor():
     lap = shoot(scene, lambda _, w: 176 * (1200 * rpm - w) / (80 * rpm), 1150 * rpm)
     np.testing.assert_allclose(speeds(found, scene, jnp.asarray(ANGLES)), lap.speeds(ANGLES), rtol=1e-9)
     assert float(found.period) == pytest.approx(lap.period, rel=1e-11)
-    assert float(found.delta) == pytest.approx(0.0545, abs=5e-4)
+    ends = sorted(lap.speeds(np.asarray([0.0, math.pi / 3])))
+    assert abs(float(found.delta) - (ends[1] - ends[0]) * lap.period / scene.cycle) < 1e-10
     assert found.driven is not None
     assert float(found.driven.multiplier) == pytest.approx(lap.multiplier, abs=1e-5)
 
@@ -148,7 +149,7 @@ def several(scene: lj.Scene) -> jax.Array:
 def test_derivatives(motor):
     """Forward, reverse and fourth-order differences by every number of the machine, the pump and the motor."""
     scene = slider_crank(line(transmission=lj.Transmission(1.3, 0.95, 0.9), inertia=0.002) if motor else None)
-    leaves, tree = jax.tree.flatten(scene)
+    leaves = jax.tree.leaves(scene)
     size = np.asarray([abs(float(leaf)) or 0.03 for leaf in leaves])
 
     @compiled_soon
@@ -156,8 +157,8 @@ def test_derivatives(motor):
         leaves, tree = jax.tree.flatten(scene)
         return several(jax.tree.unflatten(tree, [leaf + d for leaf, d in zip(leaves, by, strict=True)]))
 
-    ahead = compiled_soon(jax.jacfwd(moved, argnums=1))(scene, jnp.zeros(len(leaves))) * size
-    back = compiled_soon(jax.jacrev(moved, argnums=1))(scene, jnp.zeros(len(leaves))) * size
+    ahead = compiled_soon(jax.jacfwd(moved, argnums=1))(scene, jnp.zeros(len(leaves))) * size[None]
+    back = compiled_soon(jax.jacrev(moved, argnums=1))(scene, jnp.zeros(len(leaves))) * size[None]
     norm = np.linalg.norm(back, axis=1, keepdims=True)
     assert np.max(np.abs(ahead - back) / norm) < 1e-12
     h, differences = 1e-3, []

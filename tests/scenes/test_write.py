@@ -33,9 +33,19 @@ def rich() -> lj.Scene:
         },
     }
     scene = lj.load("hay-press", changes)
-    return dataclasses.replace(
-        scene, loads=(*scene.loads, Torque("motor", "crank", torque=-3.3), *machine("slider-crank").loads[:0])
+    window = lj.Window(0.3, 4.0)
+    more = (
+        Torque("motor", "crank", torque=-3.3),
+        lj.Spring("spring", "rod", "E", to_point="F", stiffness=2e3, free_length=0.1, preload=-4.0, window=window),
+        lj.Spring("between", "rod", "E", "rocker", to_point="G", stiffness=2e3),
+        lj.TorsionSpring("twist", "rocker", stiffness=3.0, free_angle=-0.4, preload=1.0),
+        lj.TorsionSpring("hinge", "rocker", "link4", stiffness=3.0, free_angle=0.4),
+        lj.Damper("damper", "slider", "D", to_point="A", coefficient=5.0),
+        lj.TorsionDamper("rub", "rocker", "link4", coefficient=5.0),
+        lj.Drag("air", "slider", "D", linear=1.0, quadratic=2.0, reacts_on="frame"),
+        lj.DragTorque("fan", "crank", linear=1.0, quadratic=2.0, window=lj.Passage(point="D", last=0.01)),
     )
+    return dataclasses.replace(scene, loads=(*scene.loads, *more))
 
 
 @pytest.mark.parametrize(
