@@ -61,12 +61,13 @@ def _lack(panels: Panels, energy: Array) -> Array:
 
 
 def begun_by_speed(
-    machine: Sampler, grid: Grid, at: AtNodes, added: Scalar | float = 0.0
-) -> tuple[Begun, Reduced, AtEdges | None]:
-    """The motion from the values at the nodes; the reduced model there with all loads; and the edges, if known. `added`
-    is a flywheel inertia (kg m²) that the machine does not have."""
+    machine: Sampler, grid: Grid, at: AtNodes, added: Scalar | float = 0.0, ratio: Scalar | float = 1.0
+) -> tuple[Begun, AtEdges | None]:
+    """The motion from the values at the nodes; and the edges, if known. `added` is a flywheel inertia (kg m²) that the
+    machine does not have; without a motor the time mean of the speed is the wanted one times `ratio`."""
     pose = at.sample.pose if by_speed(machine.scene) else None
-    given = (duty_of(machine.scene), machine.scene, grid, at.here, at.sample.dynamics, pose, jnp.asarray(added, float))
+    numbers = (jnp.asarray(number, float) for number in (added, ratio))
+    given = (duty_of(machine.scene), machine.scene, grid, at.here, at.sample.dynamics, pose, *numbers)
     return machine.run(_begun, *given, edges=at.edges is not None)
 
 
@@ -99,15 +100,16 @@ def _solved(panels: Panels, speed: Array) -> Solved:
 
 @compiled_soon(static=("edges",))
 def _begun(
-    duty: Duty, scene: Scene, grid: Grid, here: Reduced, dynamics: tuple, pose: Pose | None, added: Array, edges: bool
-) -> tuple[Begun, Reduced, AtEdges | None]:
+    duty: Duty, scene: Scene, grid: Grid, here: Reduced, dynamics: tuple, pose: Pose | None, added: Array,
+    ratio: Array, edges: bool,
+) -> tuple[Begun, AtEdges | None]:  # fmt: skip
     torques, weights = torques_of(scene), grid.half[:, None] * grid.rule.w[None]
     here = here._replace(inertia=here.inertia + added)
     total = here.inertia + torques.rotor
     inertia = jnp.maximum(total, inertia_floor(jnp.sum(weights * total) / duty.cycle))
     unit = 0.5 * duty.speed**2 * jnp.sum(weights * inertia) / duty.cycle
     moving = moving_at_nodes(grid, torques, pose)
-    given = Given(torques, LEAST * LEAST * unit, 1 / duty.speed)
+    given = Given(torques, LEAST * LEAST * unit, 1 / (duty.speed * ratio))
     panels = Panels(grid.half, given, Nodes(here, moving, inertia), unit, grid.n)
     orbit, found, number, gain = _solved(panels, duty.speed)
     rise = panels.slopes(_rate, orbit.nodes) + orbit.constant
@@ -119,7 +121,7 @@ def _begun(
     energy = orbit.edges[0]
     clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, flow.inertia))
     ends = _edges(grid, flow, driven, dynamics, pose, added, orbit.edges) if edges else None
-    return Begun(flow, energy, clock, *spotted(flow, energy)), full, ends
+    return Begun(flow, energy, clock, *spotted(flow, energy)), ends
 
 
 def moving_at_nodes(grid: Grid, torques: BySpeed, pose: Pose | None) -> Moving | None:

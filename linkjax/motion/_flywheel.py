@@ -15,11 +15,10 @@ from linkjax._types import Scalar, Tracer
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import Flywheel
 from linkjax.motion._by_speed import speed_dependent
-from linkjax.motion._driven import begun_by_speed
 from linkjax.motion._flow import duty_of
 from linkjax.motion._grid import Grid, grid_of
 from linkjax.motion._nodes import AtNodes, at_nodes
-from linkjax.motion._steady import Steady, begin, fluctuation
+from linkjax.motion._steady import Steady, begin, driven_on, fluctuation
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -54,7 +53,7 @@ def flywheel_on(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: An
 
     def begun(added):
         if speed_dependent(scene):
-            return begun_by_speed(machine, grid, at, added)[0]
+            return driven_on(machine, grid, at, added)[0]
         return machine.run(begin, duty, grid, at.here, added)
 
     def step(state):

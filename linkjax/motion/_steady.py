@@ -31,6 +31,8 @@ from linkjax.motion._nodes import AtEdges, AtNodes, at_nodes, reduced_in
 from linkjax.reduction import Moving, Reduced, by_speed
 from linkjax.sampling import Sample, Sampler
 
+REPEATS = 5  # of the motion, for a mean of the extremes
+
 
 @node
 class Steady:
@@ -131,8 +133,7 @@ def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
 def steady_on(machine: Sampler, grid: Grid, at: AtNodes) -> Steady:
     """Steady-state motion from the node values; see `steady_motion`."""
     if speed_dependent(machine.scene):
-        begun, _, edges = begun_by_speed(machine, grid, at)
-        return conclude(machine, begun, edges)
+        return conclude(machine, *driven_on(machine, grid, at))
     here = all_loads(machine, grid, at, None) if grid.prescribed else at.here
     begun = machine.run(begin, duty_of(machine.scene), grid, here, 0.0)
     return conclude(machine, begun, at.edges)
@@ -152,6 +153,26 @@ def _all_loads(scene: Scene, grid: Grid, here: Reduced, pose: Pose, steady: Stea
     if steady is not None and steady.driven is not None:
         speed = steady.node_speeds(here.inertia)
     return torques.loaded(here, moving_at_nodes(grid, torques, pose), speed)
+
+
+def driven_on(machine: Sampler, grid: Grid, at: AtNodes, added: Scalar | float = 0.0) -> tuple[Begun, AtEdges | None]:
+    """The motion under torques that depend on the speed, before its extremes are refined, and the edges; with a
+    flywheel inertia `added` (kg m²). Where a constant torque gives the mean of the extremes, the time mean for it is
+    found by repetition, which converges like powers of the square of δ."""
+    begun, edges = begun_by_speed(machine, grid, at, added)
+    if machine.scene.mean == "time" or machine.scene.motor is not None:
+        return begun, edges
+    for _ in range(REPEATS):
+        ends, _ = _extremes(machine, begun.flow, begun.energy, begun.spots, begun.place)
+        ratio = machine.run(_ratio, begun.flow, begun.energy, ends)
+        begun, edges = begun_by_speed(machine, grid, at, added, ratio)
+    return begun, edges
+
+
+@compiled_soon
+def _ratio(flow: Flow, energy: Array, ends: Ends) -> Array:
+    """The time mean of the speed over the mean of its extremes."""
+    return flow.duty.cycle / flow.period(energy) / (0.5 * jnp.sum(flow.speeds(ends)))
 
 
 def conclude(machine: Sampler, begun: Begun, edges: AtEdges | None) -> Steady:
