@@ -223,13 +223,13 @@ moves = [
         assert peak["value"] == pytest.approx(sign * force * speed, rel=1e-9) and peak["error"] < 1e-9
         assert peak["angle"] == pytest.approx((0.4 if sign > 0 else 0.6) * TURN / 3, abs=1e-9)
 
-    def peak(over):
+    def torque(over):
         return evaluate(
             changed(scene, {"groups.ram.law.moves[0].over": over}), [MEASURES["max_drive_torque_constant_speed"]]
         )
 
     over = jnp.asarray(TURN / 3)
-    (value,), (slope,) = (jax.tree.leaves(each) for each in (peak(over), jax.jit(jax.jacfwd(peak))(over)))
+    (value,), (slope,) = (jax.tree.leaves(each) for each in (torque(over), jax.jit(jax.jacfwd(torque))(over)))
     assert float(value) == pytest.approx(force * speed, rel=1e-9)
     assert float(slope) == pytest.approx(-3 * force * speed / float(over), rel=1e-6)  # in proportion to over^-3
 
