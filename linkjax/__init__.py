@@ -56,6 +56,8 @@ if TYPE_CHECKING:
     from linkjax.groups import Guide as Guide
     from linkjax.groups import Harmonic as Harmonic
     from linkjax.groups import LinearDriver as LinearDriver
+    from linkjax.groups import Move as Move
+    from linkjax.groups import Moves as Moves
     from linkjax.groups import Pinion as Pinion
     from linkjax.groups import Rack as Rack
     from linkjax.groups import RackPair as RackPair
@@ -134,6 +136,8 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "General",
         "Guide",
         "Harmonic",
+        "Move",
+        "Moves",
         "Pinion",
         "Rack",
         "RackPair",

@@ -351,7 +351,7 @@ def test_strings_in_structures_are_names_or_choices():
         "to_link",
         "to_point",
     }
-    kinds = ("str", "Literal", "Rotation", "Mass")
+    kinds = ("str", "Literal", "Rotation", "Mass", "Shape")
     static = (field for each in classes for field in dataclasses.fields(each) if field.metadata.get("static"))
     texts = {field.name for field in static if any(kind in str(field.type) for kind in kinds)}
     assert texts - names <= CHOICES

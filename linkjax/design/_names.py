@@ -21,7 +21,7 @@ from linkjax._renamed import renamed
 from linkjax._units import DIMENSIONS, QuantityError, in_si, quantity
 from linkjax._vec import Vec
 from linkjax.drives import drive_numbers
-from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, Guide, Slot, Teeth
+from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, Guide, Moves, Slot, Teeth
 from linkjax.loads import AbstractLoad, Passage
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
@@ -258,11 +258,23 @@ def _law(name: str, law: AbstractLaw, where: Where, unit: str) -> Iterator[Numbe
     """The parameters of a motion law; each value of a spline is one."""
     for field in dataclasses.fields(law):
         value = getattr(law, field.name)
-        if isinstance(value, tuple) and not field.metadata.get("static"):
+        if isinstance(law, Moves) and field.name == "moves":
+            yield from _moves(f"{name}.moves", law, lambda s: where(s).moves, unit)
+        elif isinstance(value, tuple) and not field.metadata.get("static"):
             for i in range(len(value)):
                 yield Number(f"{name}.{field.name}[{i}]", lambda s, f=field.name, i=i: getattr(where(s), f)[i], unit)
         elif eqx.is_array(value):
             yield Number(f"{name}.{field.name}", lambda s, f=field.name: getattr(where(s), f), unit)
+
+
+def _moves(name: str, law: Moves, where: Where, unit: str) -> Iterator[Number]:
+    """The values, crank angles and ramps of the moves of a law."""
+    units = {"to": unit, "over": "rad", "ramp": "1"}
+    for i, move in enumerate(law.moves):
+        for key in units:
+            if getattr(move, key) is not None:
+                yield Number(f"{name}[{i}].{key}", lambda s, i=i, k=key: getattr(where(s)[i], k), units[key],
+                             -math.inf if key == "to" else 0.0)  # fmt: skip
 
 
 def _load(name: str, load: AbstractLoad, where: Where) -> Iterator[Number]:

@@ -30,6 +30,9 @@ from linkjax.groups._law import AbstractLaw as AbstractLaw
 from linkjax.groups._law import Harmonic as Harmonic
 from linkjax.groups._law import Rotation as Rotation
 from linkjax.groups._law import Spline as Spline
+from linkjax.groups._law_moves import Move as Move
+from linkjax.groups._law_moves import Moves as Moves
+from linkjax.groups._law_moves import Shape as Shape
 from linkjax.groups._lost import Lost as Lost
 from linkjax.groups._mesh import PRESSURE as PRESSURE
 from linkjax.groups._mesh import Belt as Belt

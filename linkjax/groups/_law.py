@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import abc
 import math
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -44,16 +44,21 @@ class AbstractLaw(eqx.Module):
         """Crank angle (rad) after which the motion repeats."""
         return 2 * math.pi
 
-    def breaks(self) -> tuple[float, ...]:
-        """Crank angles (rad) of one period where a derivative jumps."""
+    def breaks(self) -> tuple[Any, ...]:
+        """Crank angles (rad) of one period where a derivative jumps: numbers, or arrays where they follow from the
+        design."""
         return ()
+
+    def jumps(self) -> bool:
+        """Whether the acceleration jumps at a break, so that values there are one-sided limits."""
+        return False
 
 
 def check_law(law: object, drawn: bool = False) -> None:
     """Raise `TypeError` for anything but a motion law, and `ValueError` for one without a start unless a sketch can
     give it (`drawn`)."""
     if law is not None and not isinstance(law, AbstractLaw):
-        raise TypeError(f"a motion law must be a Harmonic or a Spline, but is {law!r}")
+        raise TypeError(f"a motion law must be a Harmonic, a Spline or Moves, but is {law!r}")
     if isinstance(law, Harmonic) and law.start is None and not drawn:
         raise ValueError("a harmonic law needs a start, except in the drive of a drawn linkage; set `start`")
 

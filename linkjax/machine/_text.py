@@ -8,7 +8,7 @@ import numpy as np
 
 from linkjax._display import NONE, Numbers, aligned
 from linkjax.drives import MotorDrive, Servo
-from linkjax.groups import FRAME, Harmonic, Spline
+from linkjax.groups import FRAME, Harmonic, Moves, Spline
 from linkjax.loads import (
     AbstractLoad,
     Damper,
@@ -175,10 +175,19 @@ def drive_text(mechanism: Mechanism, show: Numbers) -> str:
     phase = 0.0 if slides or drive.phase is None else float(drive.phase)
     if law is None:
         return f"{who} rotates {ROTATION[drive.rotation]}, phase {show.turned(phase)}"
-    if not isinstance(law, Harmonic | Spline):
+    if not isinstance(law, Harmonic | Spline | Moves):
         return f"{who} follows the motion law {type(law).__name__}"
-    places: Any = law.values if isinstance(law, Spline) else (law.start, law.stop)
-    values = [float(value) for value in places]
+    values = [float(value) for value in _places(law)]
     low, high = (show.shown(v, "m") if slides else show.turned(phase + v) for v in (min(values), max(values)))
-    how = "harmonic" if isinstance(law, Harmonic) else f"spline through {len(law.values)} positions"
+    how = "harmonic" if isinstance(law, Harmonic) else f"spline through {len(values)} positions"
+    how = f"law of {len(law.moves)} moves" if isinstance(law, Moves) else how
     return f"{who} {'moves' if slides else 'oscillates'} between {low} and {high} ({how})"
+
+
+def _places(law: Harmonic | Spline | Moves) -> list[Any]:
+    """The values between which a law moves."""
+    if isinstance(law, Spline):
+        return list(law.values)
+    if isinstance(law, Harmonic):
+        return [law.start, law.stop]
+    return [law.start, *(move.to for move in law.moves if move.to is not None)]

@@ -45,7 +45,8 @@ class Grid:
     between them, in which loads act as after all of them; in `order` they act as if they switched one after the other,
     so that an integral has the derivative of each switch by itself. `overflow` is true if there are more reversals than
     the grid has edges for. `doubt` bounds the error of the work (J) due to the position error of reversals. `passages`
-    are the ranges of crank angle of the windows that are given by what happens, in the order of the loads.
+    are the ranges of crank angle of the windows that are given by what happens, in the order of the loads. With
+    `one_sided`, the acceleration of the motion law jumps at edges, so that the ends of panels lie just inside of them.
     """
 
     edges: Float[Array, " edges"]
@@ -60,6 +61,7 @@ class Grid:
     length: float = eqx.field(static=True)
     loads: tuple[str, ...] = eqx.field(static=True)
     prescribed: bool = eqx.field(static=True)
+    one_sided: bool = eqx.field(static=True)
     evaluations: int = eqx.field(static=True)
 
     @property
@@ -94,8 +96,10 @@ class Grid:
 
     def at(self, panel: Int[Array, " *places"], x: Array) -> Place:
         """The place at the coordinate `x` of a panel."""
-        middle = taken(self.middle, panel)
-        return Place(panel, x, middle + taken(self.half, panel) * x, middle)
+        middle, half = taken(self.middle, panel), taken(self.half, panel)
+        if self.one_sided:
+            half = half - jnp.minimum(half, 16 * jnp.finfo(half.dtype).eps * self.length)
+        return Place(panel, x, middle + half * x, middle)
 
     def node_places(self) -> Place:
         """The nodes as places, every leaf of shape (panels, n)."""
@@ -138,6 +142,7 @@ class Plan(NamedTuple):
     points: int
     loads: tuple[str, ...]
     prescribed: bool
+    one_sided: bool
     rolled: bool
     looked: int
 
@@ -184,6 +189,7 @@ def grid_of(
         points,
         names,
         scene.mechanism.prescribed,
+        (law := scene.mechanism.driver.follows()) is not None and law.jumps(),
         not machine.traced,
         looked,
     )
@@ -280,6 +286,7 @@ def _grid(
         plan.cycle,
         plan.loads,
         plan.prescribed,
+        plan.one_sided,
         evaluations,
     )
 
@@ -290,7 +297,8 @@ def _kinks(scene: Scene) -> tuple[Any, ...]:
     if law is None:
         return ()
     times = round(scene.cycle / law.period())
-    return tuple(np.asarray(angle + k * law.period(), float) for k in range(times) for angle in law.breaks())
+    found = [angle + k * law.period() for k in range(times) for angle in law.breaks()]
+    return tuple(angle if isinstance(angle, jax.Array) else np.asarray(angle, float) for angle in found)
 
 
 def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:

@@ -6,15 +6,16 @@ import abc
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from linkjax import groups
 from linkjax._units import nearest
 from linkjax.mechanism import StructureError
-from linkjax.scenes._fields import SMALLEST, Angle, Length, Name, Table
+from linkjax.scenes._fields import SMALLEST, Angle, Length, Name, Quantity, Ratio, Table
 
+Turned = Annotated[float, Quantity("angle", "positive")]
 Fault = tuple[tuple[str | int, ...], str, str]
 """An error: path of the key, problem, remedy."""
 
@@ -87,17 +88,46 @@ class Guide(Table):
             yield (*path, "through"), problem, nearest(self.through, fixed)
 
 
+class MoveTable(Table):
+    """A move of a motion law to a value over a crank angle."""
+
+    over: Turned | None = Field(
+        None, description="crank angle over which it moves; the last move takes the rest", examples=["120 deg"]
+    )
+    shape: groups.Shape = Field("3-4-5", description="shape of the move", examples=["modified_sine"])
+    ramp: Ratio | None = Field(
+        None, description="with trapezoidal: part of the angle in which the speed increases", examples=[0.25]
+    )
+
+    def build(self) -> groups.Move:
+        return groups.Move(getattr(self, "to", None), self.over, self.shape, self.ramp)
+
+
+class AngleMove(MoveTable):
+    """A move of a crank."""
+
+    to: Angle | None = Field(None, description="angle at its end", examples=["60 deg"])
+
+
+class LengthMove(MoveTable):
+    """A move of a slider."""
+
+    to: Length | None = Field(None, description="distance at its end", examples=["80 mm"])
+
+
 class LawTable(Table):
-    """A motion law: an oscillation between two values, or a spline through given values."""
+    """A motion law: an oscillation between two values, a spline through given values, or a sequence of moves."""
 
     angles: list[Angle] | None = Field(
         None, description="crank angles of the values", examples=[["0 deg", "120 deg", "240 deg"]]
     )
 
-    cycle: Angle | None = Field(None, description="period of a spline in crank angle", examples=["720 deg"])
+    cycle: Angle | None = Field(None, description="period of spline or moves in crank angle", examples=["720 deg"])
 
     def build(self) -> groups.AbstractLaw:
-        start, stop, values = (getattr(self, key) for key in ("start", "stop", "values"))
+        start, stop, values, moves = (getattr(self, key) for key in ("start", "stop", "values", "moves"))
+        if moves is not None:
+            return groups.Moves(start, [move.build() for move in moves], self.period())
         if self.angles is None:
             return groups.Harmonic(start, stop)
         return groups.Spline(tuple(self.angles), values, self.period())
@@ -109,10 +139,21 @@ class LawTable(Table):
     def faults(self, path: tuple[str | int, ...], drawn: bool = False) -> Iterator[Fault]:
         """The errors. In a `drawn` machine the start may be omitted: it then follows from the sketch."""
         ends, spline = ("start", "stop"), ("angles", "values")
-        given = [key for key in (*ends, *spline) if getattr(self, key) is not None]
-        if set(given) not in (set(ends), set(spline), {"stop"} if drawn else set(ends)):
+        moves = ("start", "moves")
+        given = [key for key in (*ends, *spline, "moves") if getattr(self, key) is not None]
+        if set(given) not in (set(ends), set(spline), set(moves), {"stop"} if drawn else set(ends)):
             problem = f"has {' and '.join(given) or 'no key'}, but a law has start and stop, or angles and values"
-            yield path, problem, "write the two ends of the motion, or crank angles and the values there"
+            yield (
+                path,
+                f"{problem}, or start and moves",
+                "write the two ends of the motion, or crank angles and the values there",
+            )
+        elif "moves" in given:
+            try:
+                self.build()
+            except ValueError as error:
+                problem, _, remedy = str(error).partition("; ")
+                yield (*path, "moves"), problem, remedy
         elif self.angles is None:
             if getattr(self, "start", None) == getattr(self, "stop", None):
                 yield (*path, "stop"), "the same as start, so nothing moves", "write the other end of the motion"
@@ -139,6 +180,10 @@ class AngleLaw(LawTable):
     """A motion law of a crank."""
 
     start: Angle | None = Field(None, description="angle at crank angle zero", examples=["20 deg"])
+    moves: list[AngleMove] | None = Field(
+        None, description="moves, one after the other",
+        examples=[[{"to": "60 deg", "over": "120 deg"}, {"over": "60 deg", "shape": "dwell"}, {"shape": "3-4-5"}]],
+    )  # fmt: skip
     stop: Angle | None = Field(None, description="angle half a turn later", examples=["140 deg"])
     values: list[Angle] | None = Field(
         None, description="the angles of the crank", examples=[["20 deg", "140 deg", "80 deg"]]
@@ -149,6 +194,10 @@ class LengthLaw(LawTable):
     """A motion law of a slider."""
 
     start: Length | None = Field(None, description="distance at crank angle zero", examples=["0 mm"])
+    moves: list[LengthMove] | None = Field(
+        None, description="moves, one after the other",
+        examples=[[{"to": "80 mm", "over": "120 deg"}, {"over": "60 deg", "shape": "dwell"}, {"shape": "3-4-5"}]],
+    )  # fmt: skip
     stop: Length | None = Field(None, description="distance half a turn later", examples=["120 mm"])
     values: list[Length] | None = Field(
         None, description="the distances along the guide", examples=[["0 mm", "120 mm", "60 mm"]]
@@ -163,5 +212,17 @@ def law_keys(law: groups.AbstractLaw, write: Callable[[Any], str]) -> dict[str, 
         angles = [in_angle(angle) for angle in law.angles]
         cycle = {} if law.cycle == 2 * math.pi else {"cycle": in_angle(law.cycle)}
         return {"angles": angles, "values": [write(value) for value in law.values], **cycle}
+    if isinstance(law, groups.Moves):
+        cycle = {} if law.cycle == 2 * math.pi else {"cycle": in_angle(law.cycle)}
+        return {"start": write(law.start), "moves": [_move_keys(move, write) for move in law.moves], **cycle}
     kind = type(law).__name__
-    raise StructureError("law", f"scene files do not support laws of the kind {kind}", "write a Harmonic or a Spline")
+    raise StructureError("law", f"scene files do not support laws of the kind {kind}",
+                         "write a Harmonic, a Spline or Moves")  # fmt: skip
+
+
+def _move_keys(move: groups.Move, write: Callable[[Any], str]) -> dict[str, Any]:
+    """The keys of a move."""
+    given = {"to": None if move.to is None else write(move.to)}
+    given["over"] = None if move.over is None else in_angle(move.over)
+    ramp = {} if move.ramp is None else {"ramp": float(move.ramp)}
+    return {key: value for key, value in given.items() if value is not None} | {"shape": move.shape} | ramp

@@ -271,9 +271,11 @@ CIRCUIT = set(CircuitTable.model_fields) - set(MotorTable.model_fields) - {"kind
 
 
 def _kind(value: Any) -> str | None:
+    if not value and (value is None or isinstance(value, dict)):
+        return "#balance"  # no table yet, or an empty one
     if not isinstance(value, dict):
         return None
-    kind = value.get("kind", None if value else "balance")
+    kind = value.get("kind")
     if kind == "induction" and CIRCUIT & set(value):
         return "#circuit"
     return f"#{kind}" if isinstance(kind, str) else None

@@ -100,6 +100,16 @@ def test_the_torque_that_balances_is_no_motor(keys):
     assert "motor" not in text_of(scene(keys))
 
 
+def test_a_motor_by_changes_of_keys():
+    made = lj.load("hay-press", {"motor.kind": "torque", "motor.torque": "3 N m", "motor.ratio": 3}).motor
+    assert made is not None and isinstance(made.motor, lj.ConstantTorque) and float(made.transmission.ratio) == 3
+    made = lj.load("hay-press", {"motor": {"kind": "dc", "voltage": 24, "resistance": 0.5, "constant": 0.1}}).motor
+    assert made is not None and isinstance(made.motor, lj.DCMotor)
+    for key in ("motor.torque", "motor.ratio"):
+        with pytest.raises(SceneError, match="kind"):
+            lj.load("hay-press", {key: 3})
+
+
 def test_gd2_by_its_unit():
     for text in ("0.48 kg m^2", "4.707192 N m^2", "0.48 kp m^2"):
         made = scene(f'kind = "none"\ngd2 = "{text}"').motor
