@@ -20,6 +20,7 @@ from linkjax.analysis._missing import massless as massless
 from linkjax.analysis._pick import pick as pick
 from linkjax.analysis._precision import float32_digits as float32_digits
 from linkjax.analysis._table import columns as columns
+from linkjax.analysis._text import motor_rows as motor_rows
 from linkjax.analysis._tidy import CONSTANT as CONSTANT
 from linkjax.analysis._tidy import acts_text as acts_text
 from linkjax.analysis._tidy import force_scale as force_scale

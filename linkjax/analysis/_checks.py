@@ -132,12 +132,14 @@ def _energy_closure(
     scene: Scene, motion: Steady, here: Reduced, closing: tuple[Grid, Array] | None, angles: Array, at: Shown,
     bodies: Masses,
 ) -> Array:  # fmt: skip
-    """Kinetic energy of the links, from their velocities, compared with the work of the loads, each integrated
-    separately, and of the drive: of its constant torque, of that of the motor, or of the torque that the motion law
-    requires."""
+    """Kinetic energy of the links, from their velocities, and of the rotor, compared with the work of the loads, each
+    integrated separately, and of the drive: of its constant torque, of that of the motor, or of the torque that the
+    motion law requires."""
     speed, grid = at.speed[0], motion.grid
     spin = at.pose.links[scene.mechanism.driving_link].w * speed
     kinetic = 0.5 * scene.mechanism.flywheel.inertia * spin**2
+    if motion.driven is not None:
+        kinetic = kinetic + 0.5 * motion.rotor * speed**2
     energy = bodies.mass * bodies.at.dr.squared() + bodies.inertia * bodies.w**2
     kinetic = kinetic + 0.5 * jnp.sum(energy, axis=0) * speed**2
     torques = list(here.by_load.values())

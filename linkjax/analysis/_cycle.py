@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
+from linkjax.analysis._motor import MotorRun
 from linkjax.analysis._table import table_of
 from linkjax.analysis._text import cycle_text
 from linkjax.forces import Forces
@@ -80,7 +81,7 @@ class Cycle(eqx.Module):
     `peaks_constant_speed` hold the peaks of the continuous cycle in the order of `peak_names`. `transmission_ends` are
     the transmission angles (rad) where the margins are least. `work` is the work of the drive, of weight and of each
     load per cycle (J). `windows` are the ranges of crank angle (rad) of loads whose window is given by what happens, by
-    load: arrays `on` and `off`, equal where a range is not used.
+    load: arrays `on` and `off`, equal where a range is not used. `motor` is what a motor does at its own shaft.
 
     If no actual motion exists, `missing` gives the reason, and `steady`, `speed`, `acceleration`, `time`, `forces`,
     `peaks`, `work` and `checks.energy_closure` are None; so is `flywheel`, unless it holds the inertia for target δ.
@@ -116,6 +117,7 @@ class Cycle(eqx.Module):
     nodes: int = eqx.field(static=True, default=0)
     missing: NoMotion | None = None
     windows: dict[str, Window] = eqx.field(default_factory=dict)
+    motor: MotorRun | None = None
 
     def __str__(self) -> str:
         return cycle_text(self)
@@ -142,8 +144,11 @@ class Cycle(eqx.Module):
 
     @property
     def power(self) -> Any:
-        """Power of the constant drive torque in the actual motion at `angles` (W); None without one."""
-        return None if self.steady is None or self.speed is None else self.steady.mean_drive_torque * self.speed
+        """Power of the drive on the crank in the actual motion at `angles` (W); None without one."""
+        if self.steady is None or self.speed is None or self.forces is None:
+            return None
+        torque = self.steady.mean_drive_torque if self.steady.driven is None else self.forces.drive_torque
+        return torque * self.speed
 
     @property
     def mean_power(self) -> Any:

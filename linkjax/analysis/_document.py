@@ -18,6 +18,7 @@ from linkjax.topology import class_of
 SAME = 1e-6  # rad: dead centres so close are one
 WHY = {
     "quadrature": "torques depend only on position, so the energy equation is integrated by quadrature",
+    "collocation": "torques depend on the speed, so the equation of motion is solved by collocation over the cycle",
     "prescribed": "the driver has a motion law, so the motion is known",
     "constant speed": "as requested: the crank turns at constant nominal speed",
     "none": "there is no actual motion",
@@ -53,6 +54,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
             "torque_by_load": dict(cycle.reduced.by_load),
         },
         "motion": _motion(cycle),
+        "motor": _motor(cycle),
         "flywheel": {
             "given": float(scene.mechanism.flywheel.inertia),
             "for_target_delta": _maybe(cycle.flywheel and cycle.flywheel.for_target_delta),
@@ -100,6 +102,8 @@ def _model(cycle: Any) -> dict[str, Any]:
     """The method that gave the results, and the reason."""
     scene = cycle.scene
     method = "prescribed" if scene.mechanism.prescribed else cycle.method
+    if method == "quadrature" and cycle.steady is not None and cycle.steady.driven is not None:
+        method = "collocation"
     why = WHY[method]
     if cycle.steady is None:
         method = "constant speed" if cycle.constant_speed else "none"
@@ -124,6 +128,19 @@ def _motion(cycle: Any) -> dict[str, Any]:
     ends = motion if missing is None else missing
     margins = {key: _maybe(ends and getattr(ends, key)) for key in ("steady_state_margin", "min_mean_speed")}
     return {**series, **found, "mean_power": _maybe(cycle.mean_power), **margins}
+
+
+def _motor(cycle: Any) -> dict[str, Any] | None:
+    """The motor at its own shaft; None without one."""
+    run, drive = cycle.motor, cycle.scene.motor
+    if run is None:
+        return None
+    series = {"speed": run.speed, "torque": run.torque, "power": run.power}
+    single = {field: _maybe(getattr(run, field)) for field in (
+        "mean_torque", "rms_torque", "max_torque", "min_torque", "mean_power", "max_power", "min_power", "energy",
+        "loss", "multiplier")}  # fmt: skip
+    states = None if run.stable_states is None else int(run.stable_states)
+    return {**series, **single, "stable_states": states, "ratio": float(drive.motor_speed(1.0))}
 
 
 def moves(data: dict[str, Any]) -> bool:

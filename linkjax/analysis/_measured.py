@@ -32,6 +32,8 @@ def measured(cycle: Cycle) -> dict[str, float]:
         "delta": motion.delta,
         "max_crank_speed": motion.max_speed,
         "min_crank_speed": motion.min_speed,
+        "slow_down": cycle.steady and 1 - motion.min_speed * motion.period / cycle.scene.cycle,
+        "energy_per_cycle": _energy(cycle),
         "steady_state_margin": (missing or motion).steady_state_margin,
         "min_inertia_ratio": motion.min_inertia_ratio,
         "mean_drive_torque": motion.mean_drive_torque,
@@ -52,6 +54,13 @@ def measured(cycle: Cycle) -> dict[str, float]:
         found |= {in_motion(name, constant): value for name, value in by_name.items()}
     kept = ("min_margin",) if lost else MEASURES
     return {name: float(found[name]) for name in kept if found.get(name) is not None}
+
+
+def _energy(cycle: Cycle) -> Any:
+    """Net work per cycle at the shaft of the motor, or of the drive (J)."""
+    if cycle.steady is None:
+        return None
+    return cycle.motor.energy if cycle.motor is not None else cycle.steady.mean_drive_torque * cycle.scene.cycle
 
 
 def asked_measures(cycle: Cycle, names: Sequence[str], nodes: int) -> dict[str, dict[str, Any]]:

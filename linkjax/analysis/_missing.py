@@ -26,7 +26,8 @@ def massless(scene: Scene) -> bool:
     pieces = [piece for link in links for piece in link.counterweights.values()]
     heavy = [(link.mass, link.inertia, link.area) for link in links]
     heavy += [(piece.mass, piece.own_inertia()) for piece in pieces]
-    numbers = [known(leaf) for leaf in jax.tree.leaves((heavy, scene.mechanism.flywheel))]
+    rotor = None if scene.motor is None else scene.motor.inertia
+    numbers = [known(leaf) for leaf in jax.tree.leaves((heavy, scene.mechanism.flywheel, rotor))]
     return all(number is not None and not number.any() for number in numbers)
 
 
@@ -49,7 +50,7 @@ def only_what_exists(cycle: Cycle) -> Cycle:
     result = cycle.result if missing.fails else jnp.zeros_like(cycle.result)
     return dataclasses.replace(
         cycle, result=result, missing=missing, steady=None, speed=None, acceleration=None, time=None, forces=None,
-        peaks=None, flywheel=None if needed is None else wheels, work=None,
+        peaks=None, motor=None, flywheel=None if needed is None else wheels, work=None,
         checks=dataclasses.replace(cycle.checks, energy_closure=None),
     )  # fmt: skip
 
@@ -57,6 +58,24 @@ def only_what_exists(cycle: Cycle) -> Cycle:
 def _needed(cycle: Cycle, needed: float) -> str:
     assert cycle.scene.target_delta is not None
     return f" (with a flywheel of {needed:.4g} kg m^2 δ is {float(cycle.scene.target_delta):.4g})"
+
+
+def _not_driven(cycle: Cycle, shaft: bool) -> str:
+    """Why a motor gives no steady-state motion, and a remedy, in one line."""
+    steady, nominal = cycle.steady, f"{float(cycle.scene.speed):.6g} rad/s"
+    gain, degrees = float(steady.driven.gain), float(jnp.degrees(steady.angle_of_min))
+    within = f"no steady-state motion between 0.02 and 4 times {nominal}"
+    if gain > 0:
+        return (
+            f"{within}: the drive supplies more energy than the loads take, {gain:.4g} J per cycle too much at the "
+            "nearest motion. Check its torque, ratio and the nominal speed, or add what limits the speed."
+        )
+    more = "a flywheel" if shaft else "inertia"
+    return (
+        f"{within}: the drive cannot carry the loads, {-gain:.4g} J per cycle are missing at the nearest motion, whose "
+        f"speed is lowest at {degrees:.2f} degrees. Choose a stronger motor or another ratio, add {more}, or reduce "
+        "the loads."
+    )
 
 
 def _reason(cycle: Cycle, code: Result, flywheel: str) -> str:
@@ -72,6 +91,8 @@ def _reason(cycle: Cycle, code: Result, flywheel: str) -> str:
         return f"{why}. Give {'the crank or the flywheel' if shaft else 'the driven links'} an inertia{flywheel}."
     if code is Result.INTEGRATION_FAILED or steady is None:
         return f"no actual motion: {MESSAGES[Result.INTEGRATION_FAILED]}"
+    if steady.driven is not None:
+        return _not_driven(cycle, shaft)
     nominal, lowest = (f"{float(speed):.6g} rad/s" for speed in (cycle.scene.speed, steady.min_mean_speed))
     degrees = float(jnp.degrees(steady.angle_of_min_work))
     add = "add a flywheel" if shaft else "add inertia to the driven links"

@@ -16,6 +16,7 @@ from linkjax._search import MOTION_SCAN, scan_angles
 from linkjax.analysis._blunt import continued, singular, without_joints
 from linkjax.analysis._checks import Shown, checks_of
 from linkjax.analysis._cycle import Checks, Flywheels, Margins
+from linkjax.analysis._motor import MotorRun, motor_run
 from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import Pose, Reversals, find_dead_centres, find_margins, find_strokes
 from linkjax.loads import Instant
@@ -66,6 +67,7 @@ class Stages(NamedTuple):
     rms: Array
     checks: Checks
     code: Array
+    motor: MotorRun | None
 
 
 def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool) -> Stages:
@@ -94,7 +96,8 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     closing = _law_torque(machine) if moves and scene.mechanism.prescribed else None
     checks, code = machine.run(checks_of, scene, grid, motion, here, closing, angles, shown, limits)
     work, wheels = machine.run(_totals, scene, motion, here, wheels) if moves else (None, None)
-    return Stages(grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code)
+    motor = motor_run(machine, grid, at, motion, shown.forces[0], shown.speed[0], shown.acceleration[0])
+    return Stages(grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code, motor)
 
 
 @compiled_soon(static=("nodes",))

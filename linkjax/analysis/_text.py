@@ -62,14 +62,41 @@ def _motion(data: Data) -> Rows:
     run, model = data["motion"], data["model"]
     fastest, slowest = (f" at {SHOW.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     torque = SHOW.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))
+    constant = model["method"] != "prescribed" and data["motor"] is None
     return [
         ("mean crank speed", f"{SHOW.speed(run['mean_speed'])} ({model['mean']} mean)"),
         ("max crank speed", f"{SHOW.speed(run['max_speed'])}{fastest}"),
         ("min crank speed", f"{SHOW.speed(run['min_speed'])}{slowest}"),
         (DELTA, " ".join(SHOW.measured(run["delta"], run["delta_error"]))),
-        ("mean drive torque", torque if model["method"] == "prescribed" else f"{torque}, constant over the cycle"),
+        ("mean drive torque", f"{torque}, constant over the cycle" if constant else torque),
         ("mean power", SHOW.quantity(run["mean_power"], "W", 6, power_scale(data))),
+        *motor_rows(data, SHOW),
     ]
+
+
+def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
+    """Torque, power and energy at the shaft of the motor, and whether the motion is stable; none without a motor."""
+    run = data["motor"]
+    if run is None:
+        return []
+    sizes = {unit: max(abs(run[key]) for key in keys) for unit, keys in (
+        ("N·m", ("max_torque", "min_torque")), ("W", ("max_power", "min_power")))}  # fmt: skip
+
+    def shown(key: str, unit: str) -> str:
+        return show.quantity(run[key], unit, 6, sizes[unit])
+
+    rows = [
+        ("motor torque", f"{shown('mean_torque', 'N·m')} mean, {shown('rms_torque', 'N·m')} rms, "
+                         f"{shown('min_torque', 'N·m')} to {shown('max_torque', 'N·m')}"),
+        ("motor power", f"{shown('mean_power', 'W')} mean, {shown('min_power', 'W')} to {shown('max_power', 'W')}"),
+        ("energy per cycle", f"{show.quantity(run['energy'], 'J', 6)} at the motor's shaft, "
+                             f"{show.quantity(run['loss'], 'J', 4, abs(run['energy']))} lost in the transmission"),
+    ]  # fmt: skip
+    if run["multiplier"] is None:
+        return rows
+    more = "" if run["stable_states"] == 1 else f"; {run['stable_states']} stable motions from 0.02 to 4 times `speed`"
+    kept = f"{run['multiplier']:.3g} of a small difference in speed is left after one cycle{more}"
+    return [*rows, ("stability", kept)]
 
 
 def _peaks(data: Data) -> Rows:

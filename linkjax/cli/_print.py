@@ -12,6 +12,7 @@ from linkjax._display import NONE, Numbers, above, retold
 from linkjax.analysis import (
     acts_text,
     check_limit,
+    motor_rows,
     moves,
     peak_label,
     peak_place,
@@ -158,6 +159,7 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
         ("min crank speed", f"{show.speed(run['min_speed'])}{slowest}"),
         ("mean drive torque", show.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))),
         ("mean power", show.quantity(run["mean_power"], "W", 6, power_scale(data))),
+        *motor_rows(data, show),
     ]  # fmt: skip
     rows.append(("flywheel given", show.shown(wheel["given"], "kg·m²")))
     if wheel["for_target_delta"] is not None:

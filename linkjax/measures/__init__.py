@@ -2,7 +2,9 @@
 
 from linkjax._renamed import old_names as old_names
 from linkjax.measures._families import FAMILIES as FAMILIES
+from linkjax.measures._families import Asked as Asked
 from linkjax.measures._families import Family as Family
+from linkjax.measures._families import values_of as values_of
 from linkjax.measures._forces import in_motion as in_motion
 from linkjax.measures._forces import motion_of as motion_of
 from linkjax.measures._forces import peak_names as peak_names
@@ -11,6 +13,7 @@ from linkjax.measures._forces import signed_rows as signed_rows
 from linkjax.measures._forces import table as table
 from linkjax.measures._gaps import no_transmission_angle as no_transmission_angle
 from linkjax.measures._measures import delta as delta
+from linkjax.measures._measures import energy_per_cycle as energy_per_cycle
 from linkjax.measures._measures import flywheel_for_target_delta as flywheel_for_target_delta
 from linkjax.measures._measures import max_crank_speed as max_crank_speed
 from linkjax.measures._measures import max_drive_torque_constant_speed as max_drive_torque_constant_speed
@@ -28,6 +31,7 @@ from linkjax.measures._measures import peak_shaking_force as peak_shaking_force
 from linkjax.measures._measures import peak_shaking_force_constant_speed as peak_shaking_force_constant_speed
 from linkjax.measures._measures import peak_shaking_moment_constant_speed as peak_shaking_moment_constant_speed
 from linkjax.measures._measures import rms_shaking_force_constant_speed as rms_shaking_force_constant_speed
+from linkjax.measures._measures import slow_down as slow_down
 from linkjax.measures._measures import steady_state_margin as steady_state_margin
 from linkjax.measures._parts import NODES as NODES
 from linkjax.measures._parts import Parts as Parts

@@ -49,6 +49,8 @@ STATISTICS: dict[str, tuple[str, ...]] = {
     "net_frame_force": ("peak", "rms"),
     "drive_torque": ("peak", "max", "min", "rms"),
     "drive_power": ("peak", "max", "min"),
+    "motor_torque": ("peak", "max", "min", "rms", "mean"),
+    "motor_power": ("peak", "max", "min", "mean"),
     "crank_speed": ("min", "max"),
     "transmission_angle": (),
 }
@@ -57,6 +59,7 @@ SAID = {
     "max": "Largest value",
     "min": "Smallest value",
     "rms": "Root mean square over time",
+    "mean": "Mean over time",
 }
 
 
@@ -214,6 +217,8 @@ def breaks_of(asked: Asked) -> tuple[float, ...]:
 def checked(asked: Asked, scene: Scene) -> None:
     """Raise `StructureError` where a scene has no measure of this name."""
     family, name = FAMILIES[asked.family], asked.text()
+    if family.quantity is not None and (lacking := family.quantity.lacking(scene)):
+        raise StructureError(name, *lacking)
     known = family.names(scene)
     if family.of and not (asked.element or family.name in ALL_OF):
         remedy = f"write e.g. {family.name}.{known[0]}" if known else "delete it"
@@ -254,7 +259,7 @@ def extreme(asked: Asked, scene: Scene) -> Extreme | None:
 
 def values_of(of: Parts, asked: Sequence[Asked]) -> list[Array]:
     """The values of measures; all extremes among them are found together."""
-    means = _every_rms(of, asked)
+    means = _every_mean(of, asked)
     paths = list(dict.fromkeys(each for each in asked if each.family == "path_length"))
     if paths:
         means |= dict(zip(paths, path_lengths(of, tuple(each.element for each in paths)), strict=True))
@@ -264,10 +269,10 @@ def values_of(of: Parts, asked: Sequence[Asked]) -> list[Array]:
     return [means[each] if each in means else next(others) for each in asked]
 
 
-def _every_rms(of: Parts, asked: Sequence[Asked]) -> dict[Asked, Array]:
-    """The values of those that are a root mean square over time, found together for each quantity."""
+def _every_mean(of: Parts, asked: Sequence[Asked]) -> dict[Asked, Array]:
+    """The values of those that are a mean, or a root mean square, over time, found together for each quantity."""
     found: dict[Asked, Array] = {}
-    which = dict.fromkeys(each.family for each in asked if FAMILIES[each.family].statistic == "rms")
+    which = dict.fromkeys(each.family for each in asked if FAMILIES[each.family].statistic in ("rms", "mean"))
     for name in which:
         family, own = FAMILIES[name], list(dict.fromkeys(each for each in asked if each.family == name))
         assert family.quantity is not None
@@ -275,7 +280,8 @@ def _every_rms(of: Parts, asked: Sequence[Asked]) -> dict[Asked, Array]:
         at = of.nodes_in(regime)
         vectors = family.quantity.at(of, tuple(each.element for each in own if each.element))(regime, at)
         nodes = of.machine.run(by_node, of.grid, vectors)
-        found |= dict(zip(own, of.machine.run(_rms, of.grid, nodes, regime.crank(at)[0]), strict=True))
+        mean = _rms if family.statistic == "rms" else _mean
+        found |= dict(zip(own, of.machine.run(mean, of.grid, nodes, regime.crank(at)[0]), strict=True))
     return found
 
 
@@ -345,5 +351,17 @@ def _first(found: Array, signed: bool) -> Array:
 @compiled_soon
 def _rms(grid: Grid, nodes: Array, speed: Array) -> list[Array]:
     """Root mean squares over time, from vectors at the nodes, shape (quantities, 2, panels, n)."""
-    weights = grid.half[:, None] * grid.rule.w[None] / speed[: grid.size].reshape(grid.nodes.shape)
+    weights = _in_time(grid, speed)
     return list(safe_sqrt(jnp.sum(weights[None] * jnp.sum(nodes**2, axis=1), axis=(1, 2)) / jnp.sum(weights)))
+
+
+@compiled_soon
+def _mean(grid: Grid, nodes: Array, speed: Array) -> list[Array]:
+    """Means over time of numbers, from vectors at the nodes, shape (quantities, 2, panels, n)."""
+    weights = _in_time(grid, speed)
+    return list(jnp.sum(weights[None] * nodes[:, 0], axis=(1, 2)) / jnp.sum(weights))
+
+
+def _in_time(grid: Grid, speed: Array) -> Array:
+    """Weights of the nodes in an integral over time (s), with the crank speed (rad/s) at them, which come first."""
+    return grid.half[:, None] * grid.rule.w[None] / speed[: grid.size].reshape(grid.nodes.shape)

@@ -10,6 +10,7 @@ from jaxtyping import Array
 
 from linkjax._numerics import safe_divide
 from linkjax.machine import Scene
+from linkjax.measures._families import Asked, values_of
 from linkjax.measures._gaps import margins, transmission_angles
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES
@@ -27,6 +28,7 @@ from linkjax.motion import (
     with_flywheel,
 )
 
+MEAN_POWER = Asked("mean_motor_power", "")
 SLOW = 0.1  # of the largest rate: the least rate of δ per inertia that is used
 
 
@@ -76,6 +78,24 @@ def max_crank_speed(of: Parts) -> Array:
 def min_crank_speed(of: Parts) -> Array:
     """Smallest crank speed of the actual motion."""
     return of.steady.min_speed
+
+
+@measure("1", lambda of: _extreme_speeds(of, lambda fast, slow: _slowed(of, slow)), motion=True)
+def slow_down(of: Parts) -> Array:
+    """Largest drop of the crank speed below its time mean, 1 - ω_min / ω_mean."""
+    return 1 - of.steady.min_speed * of.steady.period / of.scene.cycle
+
+
+def _slowed(of: Parts, slow: Rows) -> Rows:
+    return Rows(1 - slow.vectors * of.steady.period / of.scene.cycle, slow.angle, signed=True)
+
+
+@measure("J", motion=True)
+def energy_per_cycle(of: Parts) -> Array:
+    """Net work per cycle: at the shaft of the motor, or of the drive on the crank without one."""
+    if of.scene.motor is None:
+        return of.steady.mean_drive_torque * of.scene.cycle
+    return values_of(of, [MEAN_POWER])[0] * of.steady.period
 
 
 def _least_energies(of: Parts) -> Wanted | Rows:

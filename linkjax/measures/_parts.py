@@ -16,19 +16,23 @@ NODES = 96  # default number of nodes per crank turn on the cycle grid
 
 
 class Parts:
-    """A scene on a cycle grid of about `nodes` nodes per crank turn; attributes are computed on first use and kept.
-    `grid` and node values `at` may be given; panels of a grid that is made also end at the crank angles `breaks` (rad).
+    """A scene, or the machine that evaluates it, on a cycle grid of about `nodes` nodes per crank turn; attributes are
+    computed on first use and kept. `grid`, node values `at` and the `steady` motion may be given; panels of a grid that
+    is made also end at the crank angles `breaks` (rad).
     """
 
     def __init__(
         self,
-        scene: Scene | ReadyScene,
+        scene: Scene | ReadyScene | Sampler,
         nodes: int = NODES,
         grid: Grid | None = None,
         at: AtNodes | None = None,
         breaks: tuple[float, ...] = (),
+        steady: Steady | None = None,
     ):
-        self.ready, self.nodes, self._grid, self._at, self._breaks = ready(scene), nodes, grid, at, breaks
+        self.machine = scene if isinstance(scene, Sampler) else Sampler(ready(scene))
+        self.nodes, self._grid, self._at, self._breaks = nodes, grid, at, breaks
+        self.steady_known = steady
         self._made: dict[Any, Any] = {}
 
     @property
@@ -36,10 +40,10 @@ class Parts:
         """The scene."""
         return self.ready.scene
 
-    @functools.cached_property
-    def machine(self) -> Sampler:
-        """The scene, evaluated in batches."""
-        return Sampler(self.ready)
+    @property
+    def ready(self) -> ReadyScene:
+        """The scene with its paths."""
+        return self.machine.ready
 
     @functools.cached_property
     def grid(self) -> Grid:
@@ -59,7 +63,7 @@ class Parts:
     @functools.cached_property
     def steady(self) -> Steady:
         """The steady-state motion."""
-        return steady_on(self.machine, self.grid, self.at)
+        return self.steady_known or steady_on(self.machine, self.grid, self.at)
 
     @functools.cached_property
     def constant_speed(self) -> Regime:

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn
+from linkjax.drives import MotorDrive
 from linkjax.forces import Forces, other_sides
 from linkjax.groups import FRAME, Guide
 from linkjax.kinematics import Pose, named_groups
@@ -37,6 +38,7 @@ class Quantity:
     `vector` says whether it is a vector, whose length counts, or a number with its sign. `moves` says whether it
     depends on the motion, so that there is one at constant speed. `asks` is what the machine must be asked for (see
     `Wanted`). `at(of, elements)` gives the function from regime and places to the vectors, `names(scene)` its elements.
+    `motor` says whether it is one of the motor's.
     """
 
     name: str
@@ -48,6 +50,11 @@ class Quantity:
     asks: str
     at: Callable[[Parts, Elements], Callable[[Regime, At], Vectors]]
     names: Callable[[Scene], Elements]
+    motor: bool = False
+
+    def lacking(self, scene: Scene) -> tuple[str, str] | None:
+        """What a scene lacks for this quantity, and a remedy; None if it has it."""
+        return ("the scene has no motor", "add [motor], or delete it") if self.motor and scene.motor is None else None
 
     def signed(self, scene: Scene, element: str) -> bool:
         """Whether it is a number with its sign for this element: of a guide the force normal to it."""
@@ -57,12 +64,15 @@ class Quantity:
 QUANTITIES: dict[str, Quantity] = {}
 
 
-def _quantity(unit: str, of: Of, *, vector: bool = False, moves: bool = True, asks: str = "pose", names: Any = None):
+def _quantity(
+    unit: str, of: Of, *, vector: bool = False, moves: bool = True, asks: str = "pose", names: Any = None,
+    motor: bool = False,
+):  # fmt: skip
     """Make a quantity of a function of `Parts` and elements, and register it under the function's name."""
 
     def made(function: Callable[[Parts, Elements], Callable[[Regime, At], Vectors]]) -> Quantity:
         meaning = (function.__doc__ or "").strip()
-        found = Quantity(function.__name__, unit, meaning, of, vector, moves, asks, function, names or NAMES[of])
+        found = Quantity(function.__name__, unit, meaning, of, vector, moves, asks, function, names or NAMES[of], motor)
         QUANTITIES[found.name] = found
         return found
 
@@ -317,6 +327,33 @@ def drive_torque(of: Parts, elements: Elements):
 def drive_power(of: Parts, elements: Elements):
     """Power of the drive."""
     return _asked_of_forces("drive_power")
+
+
+@compiled_soon(static=("power",))
+def _of_motor(motor: MotorDrive, forces: Forces, speed: Array, acceleration: Array, power: bool) -> Vectors:
+    torque = motor.required_torque(forces.drive_torque, speed, acceleration)
+    return _stacked([torque * motor.motor_speed(speed) if power else torque])
+
+
+def _asked_of_motor(of: Parts, power: bool) -> Callable[[Regime, At], Vectors]:
+    def at(regime: Regime, at: At) -> Vectors:
+        motor = regime.scene.motor
+        assert motor is not None
+        return of.machine.run(_of_motor, motor, regime.forces(at), *regime.crank(at), power=power)
+
+    return at
+
+
+@_quantity("N m", "", motor=True)
+def motor_torque(of: Parts, elements: Elements):
+    """Torque of the motor at its own shaft (with what accelerates the rotor and what the transmission loses)."""
+    return _asked_of_motor(of, power=False)
+
+
+@_quantity("W", "", motor=True)
+def motor_power(of: Parts, elements: Elements):
+    """Power of the motor at its own shaft."""
+    return _asked_of_motor(of, power=True)
 
 
 @compiled_soon

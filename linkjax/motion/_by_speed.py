@@ -51,21 +51,13 @@ class BySpeed:
         rate = self.motor.crank_acceleration(here.torque - half, here.inertia, speed)
         return (here.inertia + self.rotor) * rate + half
 
-    def drive_torque(self, here: Reduced, speed: Array, constant: Array) -> Array:
-        """Torque of the drive on the crank (N m), by the characteristic of the motor; `here` has all loads."""
-        if self.motor is None:
-            return constant * jnp.ones_like(speed)
-        rate = self.motor.crank_acceleration(here.torque - 0.5 * here.slope * speed**2, here.inertia, speed)
-        return self.motor.crank_torque(speed, rate)
-
 
 @node
 class Driven:
     """A steady-state motion under torques that depend on the speed: these torques; a constant torque of the drive
     (N m) in addition; its mean torque on the crank (N m); the Floquet multiplier of the cycle (one is neutral, below
     one is stable); whether a steady-state motion was found, the number of stable ones in the range of speeds, and,
-    where there is none, the gain of energy per cycle at the nearest motion, relative to ½ J̄ ω², as a negative
-    `margin`."""
+    where there is none, the gain of energy (J) over the nearest cycle."""
 
     torques: BySpeed
     constant: Array
@@ -73,7 +65,7 @@ class Driven:
     multiplier: Array
     found: Array
     number: Array
-    margin: Array
+    gain: Array
 
     def rise(self, here: Reduced, moving: Moving | None, speed: Array) -> Array:
         """dE/dφ (N m) at places, at this crank speed (rad/s); `here` is without the loads that depend on it."""

@@ -115,7 +115,7 @@ def _begun(
     rise = panels.slopes(_rate, orbit.nodes) + orbit.constant
     full = torques.loaded(here, moving, _speed(panels.given, panels.data, orbit.nodes))
     mean = -jnp.sum(weights * full.torque) / duty.cycle
-    driven = Driven(torques, orbit.constant, mean, orbit.multiplier, found, number, -jnp.abs(gain) / unit - LEAST)
+    driven = Driven(torques, orbit.constant, mean, orbit.multiplier, found, number, gain)
     inside = full._replace(inertia=total, torque=rise)
     flow = Flow.of(duty, grid, inside, primitive(grid, rise), jnp.zeros_like(mean), added + torques.rotor, driven)
     energy = orbit.edges[0]

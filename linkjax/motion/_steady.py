@@ -87,11 +87,12 @@ class Steady:
         return nominal if self.driven is None else self.mean_speed
 
     def drive_torque(self, here: Reduced) -> Array:
-        """Torque of the drive on the crank at the nodes (N m), shape (panels, n), with the reduced model there of all
-        loads."""
+        """Torque of the drive at the nodes (N m), shape (panels, n), with the reduced model there of all loads: that on
+        the crank, before it accelerates the rotor of a motor."""
         if self.driven is None:
             return jnp.broadcast_to(self.mean_drive_torque, here.torque.shape)
-        return self.driven.torques.drive_torque(here, self.node_speeds(here.inertia), self.driven.constant)
+        rise = self.driven.torques.rise(here, self.node_speeds(here.inertia), self.driven.constant)
+        return rise - here.torque
 
     def node_speeds(self, bare: Array) -> Array:
         """Crank speed at the nodes (rad/s), shape (panels, n), from the reduced inertia of the machine there."""
@@ -299,7 +300,7 @@ def _concluded(
     margin, unit = (energy + least) / flow.scale - LEAST, duty.speed
     if flow.driven is not None:
         drive, lowest, unit = flow.driven.mean_torque, jnp.zeros_like(period), mean
-        margin = jnp.where(flow.driven.found, margin, flow.driven.margin)
+        margin = jnp.where(flow.driven.found, margin, -jnp.abs(flow.driven.gain) / flow.scale - LEAST)
     return Steady(
         flow.work, clock, energy, drive, period, mean, (fastest - slowest) / unit,
         None if error is None else jax.lax.stop_gradient(error), fastest, slowest, top, bottom,
