@@ -19,7 +19,7 @@ from linkjax.machine._scene import ReadyScene, Scene, untitled
 
 TOKEN = re.compile("<[0-9]+>")
 # strings in a structure that are no names
-CHOICES = {"branch", "going", "mass_properties", "mean", "rotation", "reacts_on", "title"}
+CHOICES = {"branch", "by", "going", "head", "mass_properties", "mean", "method", "reacts_on", "rotation", "title"}
 MOST = 64  # structures whose names are remembered
 
 

@@ -20,7 +20,6 @@ from linkjax._numerics import once, taken, wrapped
 from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax.kinematics import pose
-from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._error import AtEdges, delta_error
 from linkjax.motion._extremum import newton
@@ -140,7 +139,7 @@ def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtE
 
 def reduced_in(made: ReadyScene, grid: Grid, phi: Array, panel: Array) -> Reduced:
     """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid."""
-    at, here = Instant(phi, grid.middle[panel]), pose(made.mechanism, phi)
+    at, here = made.instant(phi, grid.middle[panel]), pose(made.mechanism, phi)
     return of_crank(reduce_pose(made.scene, at, here, grid.order[panel]), grid.prescribed)
 
 

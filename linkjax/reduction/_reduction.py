@@ -74,7 +74,7 @@ def reduced_model(scene: Scene | ReadyScene, phi: Scalar, side: Scalar | None = 
 
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
 def _reduce(made: ReadyScene, phi: Scalar, side: Scalar) -> Reduced:
-    return reduce_pose(made.scene, Instant(phi, jnp.asarray(side)), pose(made.mechanism, phi))
+    return reduce_pose(made.scene, made.instant(phi, jnp.asarray(side)), pose(made.mechanism, phi))
 
 
 def of_crank(here: Reduced, prescribed: bool) -> Reduced:
