@@ -68,10 +68,15 @@ if TYPE_CHECKING:
     from linkjax.library import six_bar as six_bar
     from linkjax.library import slider_crank as slider_crank
     from linkjax.library import toggle_press as toggle_press
+    from linkjax.loads import Coordinate as Coordinate
+    from linkjax.loads import Diagram as Diagram
     from linkjax.loads import Force as Force
+    from linkjax.loads import Gas as Gas
     from linkjax.loads import OpposingForce as OpposingForce
     from linkjax.loads import OpposingTorque as OpposingTorque
     from linkjax.loads import Passage as Passage
+    from linkjax.loads import Polytropic as Polytropic
+    from linkjax.loads import Table as Table
     from linkjax.loads import Torque as Torque
     from linkjax.loads import Window as Window
     from linkjax.machine import Scene as Scene
@@ -137,7 +142,19 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "strokes",
         "transmission_angles",
     ),
-    "loads": ("Force", "OpposingForce", "OpposingTorque", "Passage", "Torque", "Window"),
+    "loads": (
+        "Coordinate",
+        "Diagram",
+        "Force",
+        "Gas",
+        "OpposingForce",
+        "OpposingTorque",
+        "Passage",
+        "Polytropic",
+        "Table",
+        "Torque",
+        "Window",
+    ),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
     "reduction": ("reduced_model",),

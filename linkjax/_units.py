@@ -39,6 +39,8 @@ DIMENSIONS = {
     "torque": Dimension("N m", "a torque", '"60 N m"', ("N m", "kN m", "N mm", "lbf ft")),
     "area": Dimension("m^2", "an area", '"600 mm^2"', ("m^2", "mm^2", "cm^2", "in^2")),
     "density": Dimension("kg/m^3", "a density", '"7850 kg/m^3"', ("kg/m^3", "g/cm^3", "kg/dm^3")),
+    "pressure": Dimension("Pa", "a pressure", '"6 bar"', ("bar", "MPa", "kPa", "Pa")),
+    "volume": Dimension("m^3", "a volume", '"20 cm^3"', ("cm^3", "m^3", "mm^3")),
     "number": Dimension("", "a plain number", "0.15", ()),
 }
 
@@ -47,7 +49,6 @@ ALSO = {
     "m/s": "a velocity",
     "s^-1": "a frequency",
     "N/m": "a stiffness",
-    "Pa": "a pressure",
     "W": "a power",
 }
 

@@ -220,6 +220,9 @@ class Gas(AbstractLoad):
         if self.pressure.by_volume and self.clearance is None:
             remedy = "write the least volume of the gas, in m³"
             raise ValueError(f"{what} has no clearance, but its pressure depends on the volume; {remedy}")
+        if self.clearance is not None and not self.pressure.by_volume:
+            problem = f"clearance of {what} has no effect: its pressure depends on the crank angle alone"
+            raise ValueError(f"{problem}; delete it")
         for key, value in (("bore", known(self.bore)), ("clearance", known(self.clearance))):
             if value is not None and not (np.all(np.isfinite(value)) and np.all(value > 0)):
                 raise ValueError(f"{key} of {what} is {value}; write a number above zero")

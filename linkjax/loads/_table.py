@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -60,7 +60,7 @@ class Table(AbstractLoad):
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None, kw_only=True)
 
     @classmethod
-    def row(cls, name: str, link: str, point: str = "", *, values: Any, cycle_turns: int = 1, **others: Any) -> Self:
+    def row(cls, name: str, link: str, point: str = "", *, values: Any, cycle_turns: int = 1, **others: Any) -> Table:
         """A table of values at equally spaced crank angles, the first at crank angle zero: twelve values are 30 degrees
         apart. `others` are further fields."""
         row = heights(values)

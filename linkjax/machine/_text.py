@@ -9,6 +9,7 @@ import numpy as np
 from linkjax._display import NONE, Numbers, aligned
 from linkjax.groups import Harmonic, Spline
 from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Passage, Torque, Window
+from linkjax.machine._load_text import table_text
 from linkjax.mechanism import Mechanism
 
 SHOW = Numbers()
@@ -101,7 +102,7 @@ def load_size(show: Numbers, load: AbstractLoad) -> str:
         return show.shown(load.torque, "N·m")
     if isinstance(load, OpposingTorque):
         return f"{show.shown(load.magnitude, 'N·m')} against the rotation"
-    return NONE
+    return table_text(show, load) or NONE
 
 
 def speed_text(scene: Any, show: Numbers) -> str:

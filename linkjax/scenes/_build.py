@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from linkjax._vec import Vec
 from linkjax.design import Case
-from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque, Window
+from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import OF_LENGTH, Counterweight, Flywheel, Link, Mechanism, StructureError, linkage
 from linkjax.scenes import _models as file
@@ -19,9 +19,9 @@ from linkjax.scenes._document import STARTER, Document, load_document, overridde
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained
 from linkjax.scenes._keys import join, split
+from linkjax.scenes._load_tables import window_of
 from linkjax.scenes._located import located, part
 from linkjax.scenes._optimise import Optimise
-from linkjax.scenes._passages import passage
 
 Made = TypeVar("Made")
 
@@ -96,7 +96,7 @@ def build(document: Document) -> Scene:
         check(model, source, table)
         return Scene(
             _mechanism(model),
-            tuple(_each(_load, model.loads, "loads")),
+            tuple(_each(lambda load: _load(load, model.cycle_turns), model.loads, "loads")),
             Vec(*model.gravity) if isinstance(model.gravity, tuple) else Vec(0.0, -model.gravity),
             model.speed,
             model.target_delta,
@@ -198,9 +198,10 @@ def _place(place: float | file.Polar | file.Cartesian) -> Vec:
     return Vec(place, 0.0)
 
 
-def _load(load: file.Load) -> AbstractLoad:
-    given = load.window
-    window = Window(*given) if isinstance(given, tuple) else None if given is None else passage(given)
+def _load(load: Any, cycle_turns: int) -> AbstractLoad:
+    if not isinstance(load, file.Load):
+        return load.build(cycle_turns)
+    window = window_of(load.window)
     always: dict[str, Any] = {"name": load.name, "link": load.link, "window": window, "reacts_on": load.reacts_on}
     if load.torque is not None:
         return (

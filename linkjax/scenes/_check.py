@@ -189,10 +189,14 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
         yield (*path, *inner), problem, remedy
 
 
-def _load(number: int, load: Load) -> Iterator[Fault]:
+def _load(number: int, load: Any) -> Iterator[Fault]:
     path = ("loads", number)
     if load.name == "gravity":
         yield (*path, "name"), "reserved for the weight of the links", "give the load another name"
+    if not isinstance(load, Load):
+        for inner, problem, remedy in load.faults():
+            yield (*path, *inner), problem, remedy
+        return
     if load.force is None and load.torque is None:
         yield (
             (*path, "force"),
@@ -218,7 +222,7 @@ def _load(number: int, load: Load) -> Iterator[Fault]:
             yield (*path, "force"), "has no direction", remedy
 
 
-def _window(number: int, load: Load, cycle: float) -> Iterator[Fault]:
+def _window(number: int, load: Any, cycle: float) -> Iterator[Fault]:
     if load.window is None:
         return
     path, turn = ("loads", number, "window"), math.degrees(cycle)

@@ -35,6 +35,7 @@ from linkjax.scenes._fields import (
 )
 from linkjax.scenes._groups import BRANCH, Branch, Group
 from linkjax.scenes._joints import Drive, Slot
+from linkjax.scenes._load_tables import ForceTable, GasTable, TorqueTable
 from linkjax.scenes._optimise import Optimise
 from linkjax.scenes._passages import Window
 from linkjax.scenes._wheels import GearPair, RackPair
@@ -161,6 +162,21 @@ class Load(Table):
     )
 
 
+def _kind_of_load(value: Any) -> str:
+    if not isinstance(value, dict) or value.get("kind") not in ("table", "gas"):
+        return "#load"
+    return "#gas" if value["kind"] == "gas" else "#force-table" if "point" in value else "#torque-table"
+
+
+AnyLoad = Annotated[
+    Annotated[Load, Tag("#load")]
+    | Annotated[ForceTable, Tag("#force-table")]
+    | Annotated[TorqueTable, Tag("#torque-table")]
+    | Annotated[GasTable, Tag("#gas")],
+    Discriminator(_kind_of_load),
+]
+
+
 class SceneFile(Table):
     """A machine: links, groups, loads, gravity and speed. Quantities are strings with a unit."""
 
@@ -202,5 +218,5 @@ class SceneFile(Table):
         description="approximate positions of moving pins at crank angle zero",
         examples=[{"C": ["300 mm", "250 mm"]}],
     )
-    loads: list[Load] = Field([], description="the working loads")
+    loads: list[AnyLoad] = Field([], description="the working loads")
     optimise: Optimise | None = Field(None, description="the optimisation problem")

@@ -14,6 +14,7 @@ from linkjax.scenes._document import Document
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._groups import TABLES
 from linkjax.scenes._joints import drawn_keys, is_drawn, pins_of
+from linkjax.scenes._write_tables import table_keys
 
 Table = dict[str, Any]
 
@@ -140,6 +141,8 @@ def _load(load: AbstractLoad) -> Table:
         table["torque"] = amount(load.torque, "N m")
     elif isinstance(load, OpposingTorque):
         table |= {"torque": amount(load.magnitude, "N m"), "opposing": True}
+    elif (keys := table_keys(load, amount)) is not None:
+        table |= keys
     else:
         raise StructureError(load.name, "scene files do not support loads of this kind", "write a force or a torque")
     if load.window is not None:
