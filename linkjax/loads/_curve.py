@@ -29,14 +29,14 @@ BESIDE = 1e-9  # rad: a side at most so far away decides on which side of a jump
 Heights = tuple[Array | tuple[Array, Array], ...]
 
 
-def listed(values: Any) -> tuple[Array, ...]:
+def listed(values: Any) -> Any:
     """Numbers as scalar float arrays; None for None. Raises `TypeError` for anything but a list of numbers."""
     if values is None or type(values) is object:
         return values
     return tuple(as_float(value) for value in _items(values))
 
 
-def heights(values: Any) -> Heights:
+def heights(values: Any) -> Any:
     """The same, where a value may be a pair: the values before and after a jump."""
     if values is None or type(values) is object:
         return values
