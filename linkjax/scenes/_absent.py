@@ -70,12 +70,12 @@ SPRING = (
 )
 DAMPER = 'there are no dampers yet; they will be [[loads]] kind = "damper"; until then delete it'
 TABLE = (
-    'there are no tables yet; they will be [[loads]] kind = "table"; until then write several [[loads]] of constant '
-    "magnitude, each with its window of the crank angle"
+    'a table of forces or torques is a load: write it under [[loads]] with kind = "table", and `angles` (or `over` and '
+    "`positions`) with `values`"
 )
 GAS = (
-    'there are no gas loads yet; they will be [[loads]] kind = "gas"; until then write constant forces in windows of '
-    "the crank angle"
+    'gas on a piston is a load: write it under [[loads]] with kind = "gas", `bore` and `head`, and an indicator '
+    "diagram or the pressures of a compressor"
 )
 FRICTION = (
     "there is no friction yet; it will be [friction] for all joints and [joints.B] for one; until then write an "
@@ -94,13 +94,13 @@ ABSENT = (
     Absent("stiffness preload free_length spring_constant rate k", "loads links groups drive slots", SPRING),
     Absent("damper dampers damping dashpot dashpots damping_coefficient viscosity", "*", DAMPER),
     Absent("c", "loads", DAMPER),
-    Absent("table tables at values angles points curve profile data csv function", "loads", TABLE),
+    Absent("table tables at points curve profile data csv function", "loads", TABLE),
     Absent(
-        "angle direction", "loads",
+        "angle", "loads",
         'the components of a force give its direction, force = ["1 kN", "0 N"]; with opposing = true the force acts '
         "against the motion",
     ),
-    Absent("gas pressure cylinder_pressure indicator_diagram bore", "loads", GAS),
+    Absent("gas pressure cylinder_pressure indicator_diagram", "loads", GAS),
     Absent("gas pressure cylinders engine combustion", "", GAS),
     Absent("friction mu friction_coefficient coulomb efficiency losses lubrication bearings", "*", FRICTION),
     Absent(
@@ -149,7 +149,7 @@ ABSENT = (
     ),
 )  # fmt: skip
 LOAD_KINDS = {  # values of a key `kind` (or `type`) of a load
-    "spring": SPRING, "damper": DAMPER, "table": TABLE, "gas": GAS, "friction": FRICTION, "motor": MOTOR,
+    "spring": SPRING, "damper": DAMPER, "friction": FRICTION, "motor": MOTOR,
     "force": "delete it: a load with `force` is a force", "torque": "delete it: a load with `torque` is a torque",
 }  # fmt: skip
 SHAPES = {  # values of known keys in the form of other programs: (table, key, type) -> message

@@ -37,9 +37,11 @@ from linkjax.scenes._fields import (
 from linkjax.scenes._guides import Fault
 from linkjax.scenes._passages import Direction, Window, passage
 
-METHOD = Field("linear", description="straight lines between the values, or a monotone cubic", examples=["cubic"])
-WINDOW = Field(None, description="when it acts, as of any load; default: permanently", examples=[["90 deg", "335 deg"]])
-CYCLE_TURNS = Field(
+METHOD: Any = Field("linear", description="lines between the values, or a monotone cubic", examples=["cubic"])
+WINDOW: Any = Field(
+    None, description="when it acts, as of any load; default: permanently", examples=[["90 deg", "335 deg"]]
+)
+CYCLE_TURNS: Any = Field(
     None, description="crank turns after which a table over the crank angle repeats; default: those of the scene",
     examples=[2],
 )  # fmt: skip
@@ -116,6 +118,7 @@ class _Tabulated(Table):
             named = {"angles": "crank angle or the angle of a link", "positions": "position of a point"}[other]
             yield (other,), f"has no effect: the table is not over the {named}", f"delete {other}, or change over"
         yield from _branches(self, "values", "over" in own and over != "crank")
+        yield from _in_order(key, getattr(self, key), over == "crank")
         if over == "crank":
             return
         if getattr(self, key) is None:
@@ -237,6 +240,10 @@ class GasTable(Table):
             if self.angles is not None and self.volumes is not None:
                 yield ("volumes",), "given, and angles too", "write angles or volumes, not both"
             yield from _branches(self, "pressures", self.volumes is not None)
+            yield from _in_order("angles", self.angles, True)
+            yield from _in_order("volumes", self.volumes, False)
+        if self.suction is not None and self.discharge is not None and self.suction >= self.discharge:
+            yield ("suction",), "not below the discharge pressure", "write absolute pressures, the lower one as suction"
         if self.volumes is None and not compressor and self.clearance is not None and tabulated:
             problem = "has no effect: the pressure depends on the crank angle alone"
             yield ("clearance",), problem, "delete it, or write volumes instead of angles"
@@ -261,6 +268,17 @@ class GasTable(Table):
             return Diagram(self.volumes, going, coming, by="volume", method=self.method)
         turns = self.cycle_turns or cycle_turns
         return Diagram(*_over_crank(self.angles, going, turns), method=self.method, cycle_turns=turns)
+
+
+def _in_order(key: str, values: Sequence[float] | None, jumps: bool) -> Iterator[Fault]:
+    """The first value that does not exceed the one before it; with `jumps`, two may be equal."""
+    given = list(values or ())
+    for i in range(1, len(given)):
+        twin = jumps and given[i] == given[i - 1] and (i == 1 or given[i - 1] != given[i - 2])
+        if given[i] <= given[i - 1] and not twin:
+            also = "; two equal angles are a jump" if jumps else ""
+            yield (key, i), "does not exceed the one before it", f"write them in increasing order{also}"
+            return
 
 
 def _branches(table: Any, key: str, both: bool) -> Iterator[Fault]:

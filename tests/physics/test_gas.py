@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,8 +30,13 @@ def machine() -> lj.Scene:
     return lj.load("two-cylinder")
 
 
-def compressor(exponent: float = 1.3, **others) -> lj.Gas:
-    fields = {"bore": BORE, "head": "+", "clearance": CLEARANCE, "pressure": lj.Polytropic(P1, P2, exponent)}
+def compressor(exponent: float = 1.3, **others: Any) -> lj.Gas:
+    fields: dict[str, Any] = {
+        "bore": BORE,
+        "head": "+",
+        "clearance": CLEARANCE,
+        "pressure": lj.Polytropic(P1, P2, exponent),
+    }
     return lj.Gas("air", "piston3", "D", **(fields | others))
 
 
@@ -190,7 +196,7 @@ def test_two_cylinders_deliver_twice(machine):
     assert [found["air"], found["other"]] == pytest.approx([-cycle_work(1.3)] * 2, rel=1e-8)
 
 
-BAD = {
+BAD: dict[str, tuple[dict[str, Any], str]] = {
     "head": ({"head": "up"}, "head"),
     "bore": ({"bore": 0.0}, "bore of load 'air' is 0.0; write a number above zero"),
     "no clearance": ({"clearance": None}, "write the least volume"),
@@ -212,7 +218,7 @@ def test_bad_gas_loads_are_refused(name):
 
 
 def test_bad_diagrams_are_refused():
-    def refused(match, *given, clearance=CLEARANCE, **fields):
+    def refused(match: str, *given: Any, clearance: float | None = CLEARANCE, **fields: Any):
         with pytest.raises(ValueError, match=match):
             compressor(pressure=lj.Diagram(*given, **fields), clearance=clearance)
 

@@ -159,7 +159,9 @@ def test_rows_of_a_coursework(machine):
     """Twelve values are 30 degrees apart; the torque that balances them is their negative mean."""
     values = [0.0, 10.0, 22.0, 31.0, 12.0, -4.0, -8.0, -3.0, 1.0, 5.0, 9.0, 2.0]
     scene = with_loads(machine, lj.Table.row("sheet", "crank", values=values))
-    assert [float(angle) for angle in scene.loads[0].at] == pytest.approx(list(np.radians(np.arange(0, 360, 30))))
+    load = scene.loads[0]
+    assert isinstance(load, lj.Table)
+    assert [float(angle) for angle in load.at] == pytest.approx(list(np.radians(np.arange(0, 360, 30))))
     steady = steady_motion(scene)
     assert float(steady.mean_drive_torque) == pytest.approx(-np.mean(values), rel=1e-13)
     assert float(trapezoid_torque(scene, 12)) == pytest.approx(-np.mean(values), rel=1e-13)

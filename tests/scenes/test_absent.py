@@ -102,7 +102,7 @@ def add(text: str, after: str, more: str) -> str:
     return text.replace(f"{after}\n", f"{after}\n{more}\n", 1)
 
 
-NO_SPRING, NO_TABLE = 'they will be [[loads]] kind = "spring"', 'they will be [[loads]] kind = "table"'
+NO_SPRING, NO_TABLE = 'they will be [[loads]] kind = "spring"', '[[loads]] with kind = "table"'
 ONE = "linkjax has one drive"
 TABLE_OF = 'force = { at = ["0 deg", "90 deg"], values = ["0 N", "30 kN"] }'
 # fmt: off
@@ -121,8 +121,9 @@ CASES = {  # file, key, parts of the message
     "a load with a stiffness": (
         YOKE + '[[loads]]\nname = "return"\nlink = "yoke"\nstiffness = "2 N/mm"\n',
         "loads[0].stiffness", NO_SPRING, ""),
-    "a load that is gas": (PRESS.replace('name = "hay"', 'name = "hay"\nkind = "gas"'),
-        "loads[0].kind", 'kind = "gas"', ""),
+    "the pressure of a load": (add(PRESS, 'name = "hay"', 'pressure = "6 bar"'),
+        "loads[0].pressure", '[[loads]] with kind = "gas"', "`bore`"),
+    "an indicator diagram": (PRESS + '[gas]\nbore = "80 mm"\n', "gas", '[[loads]] with kind = "gas"', ""),
     "a table of forces": (PRESS.replace('force = "30 kN"', TABLE_OF), "loads[0].force", NO_TABLE,
         "a table where a force is needed"),
     "a table of torques": (SHAFT.replace('torque = "1000 N m"', "torque = { at = [0], values = [1] }"),
