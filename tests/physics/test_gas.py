@@ -30,7 +30,7 @@ def machine() -> lj.Scene:
     return lj.load("two-cylinder")
 
 
-def compressor(exponent: float = 1.3, **others: Any) -> lj.Gas:
+def compressor(exponent: Any = 1.3, **others: Any) -> lj.Gas:
     fields: dict[str, Any] = {
         "bore": BORE,
         "head": "+",
