@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._interpolate import Method, interpolate
+from linkjax._interpolate import interpolate
 from linkjax._types import as_float, known
 from linkjax.kinematics import Pose
 from linkjax.loads._coordinate import Coordinate, seen_at, sense_of
@@ -81,7 +81,7 @@ class Diagram(AbstractPressure):
     values: Heights = eqx.field(converter=heights)
     coming: tuple[Array, ...] | None = eqx.field(converter=listed, default=None)
     by: Literal["crank", "volume"] = eqx.field(static=True, default="crank", kw_only=True)
-    method: Method = eqx.field(static=True, default="linear", kw_only=True)
+    method: Literal["linear", "cubic"] = eqx.field(static=True, default="linear", kw_only=True)
     cycle_turns: int = eqx.field(static=True, default=1, kw_only=True)
 
     @property

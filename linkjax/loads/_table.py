@@ -54,7 +54,7 @@ class Table(AbstractLoad):
     coming: tuple[Array, ...] | None = eqx.field(converter=listed, default=None, kw_only=True)
     over: Coordinate | None = eqx.field(default=None, kw_only=True)
     direction: Array | None = eqx.field(converter=as_float, default=None, kw_only=True)
-    method: Method = eqx.field(static=True, default="linear", kw_only=True)
+    method: Literal["linear", "cubic"] = eqx.field(static=True, default="linear", kw_only=True)
     cycle_turns: int = eqx.field(static=True, default=1, kw_only=True)
     window: Window | Passage | None = eqx.field(default=None, kw_only=True)
     reacts_on: Literal["frame"] | None = eqx.field(static=True, default=None, kw_only=True)
