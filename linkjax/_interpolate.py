@@ -41,7 +41,7 @@ class Pieces(NamedTuple):
 
 
 def interpolate(
-    x: Array, knots: Float[Array, " knots"], values: Float[Array, " knots"], method: Method = "linear"
+    x: Array, knots: Float[Array, " knots"], values: Float[Array, " knots"], method: Method = "cubic"
 ) -> Array:
     """The value at `x`, of any shape, of a curve through `values` at the `knots`, which increase; at least two.
 
@@ -60,7 +60,7 @@ def periodic_interpolate(
     knots: Float[Array, " knots"],
     values: Float[Array, " knots"],
     period: Array | float,
-    method: Method = "linear",
+    method: Method = "cubic",
 ) -> Array:
     """The same for a curve that repeats after `period`; the knots increase within one period, which the value at the
     first knot ends."""

@@ -34,7 +34,7 @@ def test_straight_lines_are_those_of_numpy_and_ends_are_held(name):
     knots, values = map(np.asarray, TABLES[name])
     x = np.linspace(knots[0] - 1, knots[-1] + 1, 201)
     given = jnp.asarray(knots), jnp.asarray(values)
-    np.testing.assert_allclose(interpolate(jnp.asarray(x), *given), np.interp(x, knots, values), atol=1e-14)
+    np.testing.assert_allclose(interpolate(jnp.asarray(x), *given, "linear"), np.interp(x, knots, values), atol=1e-14)
     ends = interpolate(jnp.asarray([knots[0] - 5, knots[-1] + 5]), *given, "cubic")
     np.testing.assert_allclose(ends, values[[0, -1]], atol=1e-15)
 
@@ -46,7 +46,7 @@ def test_a_periodic_cubic_is_that_of_three_periods():
     x = np.linspace(-7.0, 9.0, 321)
     ours = periodic_interpolate(jnp.asarray(x), jnp.asarray(knots), jnp.asarray(values), period, "cubic")
     np.testing.assert_allclose(ours, other(x), atol=1e-12)
-    lines = periodic_interpolate(jnp.asarray(x), jnp.asarray(knots), jnp.asarray(values), period)
+    lines = periodic_interpolate(jnp.asarray(x), jnp.asarray(knots), jnp.asarray(values), period, "linear")
     np.testing.assert_allclose(lines, np.interp(x, long, np.tile(values, 7)), atol=1e-13)
 
 
