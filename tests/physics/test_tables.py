@@ -177,6 +177,29 @@ def test_the_drive_torque_of_a_coursework(machine):
         trapezoid_torque(machine, 1)
 
 
+def test_a_drive_torque_by_trapezoids_contains_loads_that_depend_on_the_speed(machine):
+    """A damper between crank and frame takes coefficient · ω at every position."""
+    damped = with_loads(machine, *machine.loads, lj.TorsionDamper("oil", "crank", coefficient=0.3))
+    more = trapezoid_torque(damped, 12) - trapezoid_torque(with_loads(machine, *machine.loads), 12)
+    assert float(more) == pytest.approx(0.3 * float(machine.speed), rel=1e-12)
+
+
+def test_a_table_beside_a_damper(machine):
+    """The motion depends on the speed, and its panels end at the positions of the table: the works balance, and that of
+    the table is a closed form, with its end values beyond the last position, up to R + L."""
+    going, coming, reach = [0.0, -300.0, -200.0], [0.0, 0.0, 50.0], R + L - 0.28
+    cut = lj.Table("cut", "piston3", "D", at=[0.19, 0.23, 0.28], values=going, coming=coming, over=OVER)
+    scene = with_loads(machine, *machine.loads, cut, lj.TorsionDamper("oil", "crank", coefficient=0.3))
+    motion = steady_motion(scene)
+    forth, back = -150 * 0.04 - 250 * 0.05 - 200 * reach, -25 * 0.05 - 50 * reach
+    assert works(scene)["cut"] == pytest.approx(forth + back, rel=1e-9)
+    grid = motion.grid
+    speeds = motion.node_speeds(node_values(scene, grid).inertia)
+    oil = 0.3 * float(jnp.sum(grid.half[:, None] * grid.rule.w[None] * speeds))
+    assert oil > 0.3 * float(machine.speed) * TURN  # the mean of the square exceeds the square of the mean
+    assert float(motion.mean_drive_torque) * TURN == pytest.approx(oil - sum(works(scene).values()), rel=1e-9)
+
+
 def test_a_table_over_the_stroke_works_on_the_way(machine):
     """The work is the area of the loop, whatever the crank: on both ways by straight lines and by cubics."""
     at, going, coming = [0.18, 0.2, 0.25, 0.30], [0.0, 10.0, 20.0, 5.0], [-30.0, -20.0, -10.0, 0.0]
