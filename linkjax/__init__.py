@@ -80,14 +80,19 @@ if TYPE_CHECKING:
     from linkjax.library import six_bar as six_bar
     from linkjax.library import slider_crank as slider_crank
     from linkjax.library import toggle_press as toggle_press
+    from linkjax.loads import Coordinate as Coordinate
     from linkjax.loads import Damper as Damper
+    from linkjax.loads import Diagram as Diagram
     from linkjax.loads import Drag as Drag
     from linkjax.loads import DragTorque as DragTorque
     from linkjax.loads import Force as Force
+    from linkjax.loads import Gas as Gas
     from linkjax.loads import OpposingForce as OpposingForce
     from linkjax.loads import OpposingTorque as OpposingTorque
     from linkjax.loads import Passage as Passage
+    from linkjax.loads import Polytropic as Polytropic
     from linkjax.loads import Spring as Spring
+    from linkjax.loads import Table as Table
     from linkjax.loads import Torque as Torque
     from linkjax.loads import TorsionDamper as TorsionDamper
     from linkjax.loads import TorsionSpring as TorsionSpring
@@ -170,14 +175,19 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "Transmission",
     ),
     "loads": (
+        "Coordinate",
         "Damper",
+        "Diagram",
         "Drag",
         "DragTorque",
         "Force",
+        "Gas",
         "OpposingForce",
         "OpposingTorque",
         "Passage",
+        "Polytropic",
         "Spring",
+        "Table",
         "Torque",
         "TorsionDamper",
         "TorsionSpring",

@@ -158,6 +158,8 @@ def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float,
                 return (factor, prefix + unit) if size > 0 else (1e3, "m" + unit)
     if unit == "m²" and size >= 1e-9:  # the prefix belongs to the metre
         return (1.0, unit) if size >= 1 else (1e6, "mm²")
+    if unit == "m³":
+        return (1.0, unit) if size >= 1 else (1e6, "cm³")
     if size == 0 or unit == "" or (unit in ("m/s", "m/s²") and size >= 1):
         return 1.0, unit
     power = 3 * math.floor(math.log10(size) / 3)

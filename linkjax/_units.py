@@ -58,6 +58,8 @@ DIMENSIONS = {
     "motor_constant": Dimension("V s", "a motor constant", '"0.64 V s"', ("V s", "N m/A", "N mm/A")),
     "frequency": Dimension("Hz", "a frequency", '"50 Hz"', ("Hz", "kHz")),
     "weight_moment": Dimension("N m^2", "a flywheel effect as a weight", '"24 N m^2"', ("N m^2", "kp m^2")),
+    "pressure": Dimension("Pa", "a pressure", '"6 bar"', ("bar", "MPa", "kPa", "Pa")),
+    "volume": Dimension("m^3", "a volume", '"20 cm^3"', ("cm^3", "m^3", "mm^3")),
     "number": Dimension("", "a plain number", "0.15", ()),
 }
 TWOFOLD = ("damping", "quadratic_drag")  # their units, kg/s and kg/m, are those of other quantities, too
@@ -66,7 +68,6 @@ ALSO = {
     "s": "a time",
     "m/s": "a velocity",
     "s^-1": "a frequency",
-    "Pa": "a pressure",
 }
 
 DEFINITIONS = """

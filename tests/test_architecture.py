@@ -27,6 +27,7 @@ RANKS = {
                 "_units",
                 "_results",
                 "_numerics",
+                "_interpolate",
                 "_lapack",
                 "_vec",
                 "_compile",

@@ -19,7 +19,6 @@ from linkjax.analysis._cycle import Checks, Flywheels, Margins
 from linkjax.analysis._motor import MotorRun, motor_run
 from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import Pose, Reversals, find_dead_centres, find_margins, find_strokes
-from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene
 from linkjax.measures import peak_names, signed_rows, table
 from linkjax.motion import (
@@ -143,7 +142,7 @@ def _every_motion(made: ReadyScene, grid: Grid, steady: Steady | None, place: Pl
     speed, acceleration = zip(*motions, strict=True)
 
     def one(phi, side, here, active, speed, acceleration):
-        return forces_of_pose(scene, here, Instant(phi, side, speed), active, speed, acceleration)
+        return forces_of_pose(scene, here, made.instant(phi, side, speed), active, speed, acceleration)
 
     every = jax.vmap(one, in_axes=(0, 0, 0, 0, 0, 0))
     both = jax.vmap(every, in_axes=(None, None, None, None, 0, 0))

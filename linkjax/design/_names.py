@@ -20,6 +20,7 @@ from jaxtyping import Array
 from linkjax._renamed import renamed
 from linkjax._units import DIMENSIONS, QuantityError, in_si, quantity
 from linkjax._vec import Vec
+from linkjax.design._load_names import table_parameters
 from linkjax.drives import drive_numbers
 from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, Guide, Moves, Slot, Teeth
 from linkjax.loads import AbstractLoad, Passage
@@ -278,8 +279,13 @@ def _moves(name: str, law: Moves, where: Where, unit: str) -> Iterator[Number]:
 
 
 def _load(name: str, load: AbstractLoad, where: Where) -> Iterator[Number]:
+    tabulated = table_parameters(load)
+    for key, of, unit, least in tabulated or ():
+        yield Number(f"{name}.{key}", lambda s, of=of: of(where(s)), unit, least)
     for field in dataclasses.fields(load):
         value = getattr(load, field.name)
+        if tabulated is not None and field.name != "window":
+            continue
         if isinstance(value, Passage):
             yield from _passage(f"{name}.window", value, lambda s: where(s).window)
         elif field.name == "window" and value is not None:

@@ -81,7 +81,9 @@ def kinetostatics(
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
 def _kinetostatics(made: ReadyScene, phi: Scalar, speed: Scalar, acceleration: Scalar, side: Scalar) -> Forces:
     scene, here = made.scene, pose(made.mechanism, phi)
-    return forces_of_pose(scene, here, Instant(phi, jnp.asarray(side), speed), scene.active(side), speed, acceleration)
+    return forces_of_pose(
+        scene, here, made.instant(phi, jnp.asarray(side), speed), scene.active(side), speed, acceleration
+    )
 
 
 def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, acceleration: Scalar) -> Forces:

@@ -1,9 +1,17 @@
 """Loads on the links."""
 
+from linkjax.loads._coordinate import Coordinate as Coordinate
+from linkjax.loads._coordinate import Crossings as Crossings
+from linkjax.loads._curve import joined_jumps as joined_jumps
 from linkjax.loads._dampers import Damper as Damper
 from linkjax.loads._dampers import Drag as Drag
 from linkjax.loads._dampers import DragTorque as DragTorque
 from linkjax.loads._dampers import TorsionDamper as TorsionDamper
+from linkjax.loads._gas import ATMOSPHERE as ATMOSPHERE
+from linkjax.loads._gas import AbstractPressure as AbstractPressure
+from linkjax.loads._gas import Diagram as Diagram
+from linkjax.loads._gas import Gas as Gas
+from linkjax.loads._gas import Polytropic as Polytropic
 from linkjax.loads._loads import AbstractLoad as AbstractLoad
 from linkjax.loads._loads import Applied as Applied
 from linkjax.loads._loads import Force as Force
@@ -19,3 +27,4 @@ from linkjax.loads._passage import Watched as Watched
 from linkjax.loads._passage import watched as watched
 from linkjax.loads._springs import Spring as Spring
 from linkjax.loads._springs import TorsionSpring as TorsionSpring
+from linkjax.loads._table import Table as Table

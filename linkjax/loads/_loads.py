@@ -16,6 +16,7 @@ from linkjax._types import as_float, known
 from linkjax._vec import Vec, zero
 from linkjax.groups import PointState
 from linkjax.kinematics import Motion, Pose
+from linkjax.loads._coordinate import Coordinate
 from linkjax.loads._passage import Passage
 
 
@@ -70,11 +71,17 @@ def joined_ranges(widths: list[tuple[float, float]], cycle: float) -> list[tuple
 
 class Instant(NamedTuple):
     """The crank angle `phi` (rad) at which a load is evaluated, an angle `side` (rad) on the side of one-sided limits
-    at jumps, and the crank speed `speed` (rad/s, None where only loads that depend on position alone are evaluated)."""
+    at jumps, and the crank speed `speed` (rad/s, None where only loads that depend on position alone are evaluated).
+
+    Loads that measure the position of a point along a guide need the `mechanism`, and those that ask for the `span` of
+    a coordinate find its least and greatest value in `ends`, by the name of the load; `ReadyScene.instant` gives both.
+    """
 
     phi: Array
     side: Array
     speed: Any = None
+    mechanism: Any = None
+    ends: Any = None
 
 
 class Applied(NamedTuple):
@@ -138,6 +145,27 @@ class AbstractLoad(eqx.Module):
         """Crank angles (rad) at which the load begins or ends to act, or jumps, as far as the load itself gives
         them."""
         return (self.window.on, self.window.off) if isinstance(self.window, Window) else ()
+
+    def kinks(self, cycle: float) -> tuple[Array, ...]:
+        """Crank angles (rad) of a cycle of this length (rad) at which the load has a kink or a jump while it acts."""
+        return ()
+
+    def crossed(self) -> Coordinate | None:
+        """The coordinate at whose reversals, and at some values of which, the load has a kink or a jump; None if the
+        load depends on none."""
+        return None
+
+    def levels(self, ends: tuple[Array, Array] | None) -> Array:
+        """The values of this coordinate, from its extremes `ends` if the load asks for its `span`; shape (values,)."""
+        return jnp.zeros(0)
+
+    def level_count(self) -> int:
+        """The number of these values."""
+        return 0
+
+    def span(self) -> Coordinate | None:
+        """The coordinate whose extremes over the cycle the load needs; None if it needs none."""
+        return None
 
     def __check_init__(self):
         """Raise `TypeError` if a force is not a `Vec`, and `ValueError` if a component or magnitude is invalid."""

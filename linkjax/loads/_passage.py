@@ -107,9 +107,9 @@ class Passage(eqx.Module):
 
 
 class Watched(NamedTuple):
-    """What a `Passage` needs of a pose, at one or many places."""
+    """What a `Passage` or another coordinate needs of a pose, at one or many places."""
 
-    window: Passage
+    window: Any
     guide: Guide | None
     points: dict[str, PointState]
     links: dict[str, LinkState]
@@ -136,8 +136,8 @@ class Watched(NamedTuple):
         return jnp.abs(v.x) + jnp.abs(v.y)
 
 
-def watched(mechanism: Mechanism, window: Passage, pose: Pose) -> Watched:
-    """What the window needs of a pose of the mechanism."""
+def watched(mechanism: Mechanism, window: Any, pose: Pose) -> Watched:
+    """What a window, or another coordinate, needs of a pose of the mechanism."""
     if window.link:
         return Watched(window, None, {}, {window.link: pose.links[window.link]})
     guide = guide_of(mechanism, window)
@@ -146,6 +146,7 @@ def watched(mechanism: Mechanism, window: Passage, pose: Pose) -> Watched:
     return Watched(window, guide, points, {name: pose.links[name] for name in on})
 
 
-def guide_of(mechanism: Mechanism, window: Passage) -> Guide | None:
-    """The guide along which the point of a window is measured; None with a `direction`, and for a link."""
+def guide_of(mechanism: Mechanism, window: Any) -> Guide | None:
+    """The guide along which the point of a window, or of another coordinate, is measured; None with a `direction`, and
+    for a link."""
     return None if window.link or window.direction is not None else mechanism.guides_of(window.point)[0]

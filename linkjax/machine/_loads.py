@@ -10,6 +10,7 @@ from linkjax._types import known
 from linkjax._units import nearest
 from linkjax.groups import FRAME
 from linkjax.loads import AbstractLoad, Passage, Window
+from linkjax.machine._coordinates import check_table
 from linkjax.machine._passages import check_passage
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -38,6 +39,7 @@ def check_loads(mechanism: Mechanism, loads: Sequence[AbstractLoad], cycle: floa
             if point and point not in own:
                 where = "a point of the frame" if link == FRAME else f"on link {link!r}"
                 raise StructureError(element, f"point {point!r} is not {where}", _remedy(mechanism, link, point))
+        check_table(element, mechanism, cycle, load)
 
 
 def _remedy(mechanism: Mechanism, link: str, point: str) -> str:

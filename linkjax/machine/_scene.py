@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -18,7 +18,8 @@ from linkjax._vec import Vec
 from linkjax.drives import MotorDrive, Servo
 from linkjax.groups import Path
 from linkjax.kinematics import Prepared, prepared
-from linkjax.loads import AbstractLoad, Passage
+from linkjax.loads import AbstractLoad, Instant, Passage
+from linkjax.machine._ends import ends_of
 from linkjax.machine._loads import check_loads
 from linkjax.machine._text import scene_text
 from linkjax.machine._turns import check_turns
@@ -148,10 +149,12 @@ def check_scene(scene: object) -> None:
 
 @node
 class ReadyScene:
-    """A scene with the reference paths of its mechanism, for many evaluations; made by `ready`."""
+    """A scene with the reference paths of its mechanism, for many evaluations; made by `ready`. `ends` are, for every
+    load, the extremes of the coordinate that it asks for (None: of none)."""
 
     scene: Scene
     paths: tuple[Path | None, ...]
+    ends: tuple[Any, ...] = ()
 
     @property
     def mechanism(self) -> Prepared:
@@ -160,11 +163,20 @@ class ReadyScene:
 
     def of(self, scene: Scene) -> ReadyScene:
         """Another scene with the same paths, which is right if positions are the same."""
-        return ReadyScene(scene, self.paths)
+        return ReadyScene(scene, self.paths, self.ends)
+
+    def instant(self, phi: Array, side: Array, speed: Any = None) -> Instant:
+        """The instant at which loads are evaluated: crank angle (rad), an angle on the side of limits at jumps, and
+        the crank speed (rad/s), if it is known."""
+        scene = self.scene
+        pairs = zip(scene.loads, self.ends or (None,) * len(scene.loads), strict=True)
+        ends = {load.name: both for load, both in pairs if both is not None}
+        return Instant(phi, side, speed, scene.mechanism, ends)
 
 
 def ready(scene: Scene | ReadyScene) -> ReadyScene:
     """The scene with its mechanism `prepared`, for many evaluations; unchanged if it is."""
     if isinstance(scene, ReadyScene):
         return scene
-    return ReadyScene(scene, prepared(scene.mechanism, scene.cycle_turns).paths)
+    made = prepared(scene.mechanism, scene.cycle_turns)
+    return ReadyScene(scene, made.paths, ends_of(made, scene.loads, scene.cycle_turns))

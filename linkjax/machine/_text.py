@@ -24,6 +24,7 @@ from linkjax.loads import (
     TorsionSpring,
     Window,
 )
+from linkjax.machine._load_text import table_text
 from linkjax.mechanism import Mechanism
 
 SHOW = Numbers()
@@ -125,7 +126,7 @@ def load_size(show: Numbers, load: AbstractLoad) -> str:
         units = ("N·s/m", "N·s²/m²") if load.point else ("N·m·s/rad", "N·m·s²/rad²")
         parts = {"linear": (load.linear, units[0]), "quadratic": (load.quadratic, units[1])}
         return ", ".join(f"{key} {show.shown(*part)}" for key, part in parts.items() if float(part[0])) or NONE
-    return NONE
+    return table_text(show, load) or NONE
 
 
 def _spring(show: Numbers, load: Spring | TorsionSpring) -> str:

@@ -28,7 +28,7 @@ from linkjax.loads import Passage, Window
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._edges import Candidates, edges_of, pick
 from linkjax.motion._panels import Rule, rule
-from linkjax.motion._windows import Passed, evaluated, how_many, passed
+from linkjax.motion._windows import Passed, crossings_of, evaluated, how_many, kinks_at_most, passed
 from linkjax.reduction import Reduced, loaded, of_crank
 from linkjax.sampling import Sample, Sampler
 
@@ -175,10 +175,10 @@ def grid_of(
     scene, turns = machine.scene, machine.scene.cycle_turns
     opposing = [load for load in scene.loads if load.opposing]
     kinks, groups = (*_kinks(scene), *breaks), list(named_groups(scene.mechanism))[1:]
-    windows = sum(how_many(load.window, turns) for load in scene.loads)
-    looked = evaluated([load.window for load in scene.loads if isinstance(load.window, Passage)], turns)
-    slots = REVERSALS * turns
-    count = max(6 * turns, 2 * windows + len(kinks) + slots * len(opposing) + len(groups) * turns)
+    windows, crossed = sum(how_many(load.window, turns) for load in scene.loads), crossings_of(machine.ready)
+    looked = evaluated([load.window for load in scene.loads if isinstance(load.window, Passage)] + crossed, turns)
+    slots, passed_by = REVERSALS * turns, sum(kinks_at_most(each, turns) for each in crossed)
+    count = max(6 * turns, 2 * windows + passed_by + len(kinks) + slots * len(opposing) + len(groups) * turns)
     names = tuple(load.name for load in scene.loads)
     plan = Plan(
         turns,
@@ -253,6 +253,7 @@ def _grid(
 ) -> Grid:
     """The grid, from its switches, the reversals before their last refinement, and the margins at the scan angles."""
     ends, sure = _ends(switches.windows, plan.cycle)
+    met = () if switches.passed is None else switches.passed.kinks
     kinks, overflow, doubt = Candidates(jnp.zeros(0), jnp.zeros(0)), jnp.asarray(False), jnp.zeros(())
     evaluations = plan.turns * GRID_SCAN + plan.looked
     if found is not None and angle is not None and motions is not None:
@@ -270,6 +271,7 @@ def _grid(
     kinks = Candidates(*(jnp.concatenate(pair) for pair in zip(kinks, soft, strict=True)))
     kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
     fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks)]
+    fixed += [each for kinks_of_load in met for each in _wrapped_kinks(kinks_of_load, plan.cycle)]
     edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled, sure + len(switches.kinks))
     order = _order(switches.windows, _switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
@@ -292,13 +294,20 @@ def _grid(
 
 
 def _kinks(scene: Scene) -> tuple[Any, ...]:
-    """Crank angles where the motion law of the driver has a kink, over the whole cycle."""
+    """Crank angles where the motion law of the driver, or a load, has a kink, over the whole cycle."""
+    own = tuple(angle for load in scene.loads for angle in load.kinks(scene.cycle))
     law = scene.mechanism.driver.follows()
     if law is None:
-        return ()
+        return own
     times = round(scene.cycle / law.period())
     found = [angle + k * law.period() for k in range(times) for angle in law.breaks()]
-    return tuple(angle if isinstance(angle, jax.Array) else np.asarray(angle, float) for angle in found)
+    return (*(angle if isinstance(angle, jax.Array) else np.asarray(angle, float) for angle in found), *own)
+
+
+def _wrapped_kinks(kinks: Array, cycle: float) -> list[Array]:
+    """Crank angles within the cycle; infinite ones stay."""
+    finite = jnp.isfinite(kinks)
+    return list(jnp.where(finite, wrapped(jnp.where(finite, kinks, 0.0), cycle), jnp.inf))
 
 
 def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:

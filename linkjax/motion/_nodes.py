@@ -11,7 +11,6 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import once
 from linkjax.kinematics import Pose, pose
-from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._grid import Grid, Place
 from linkjax.reduction import Reduced, loaded, of_crank, reduce_pose
@@ -73,7 +72,7 @@ def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtE
 def reduced_in(made: ReadyScene, grid: Grid, phi: Array, panel: Array, here: Pose | None = None) -> Reduced:
     """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid, without
     the loads that depend on the speed; `here` is the pose, if known."""
-    at, here = Instant(phi, grid.middle[panel]), pose(made.mechanism, phi) if here is None else here
+    at, here = made.instant(phi, grid.middle[panel]), pose(made.mechanism, phi) if here is None else here
     return of_crank(reduce_pose(made.scene, at, here, grid.order[panel]), grid.prescribed)
 
 

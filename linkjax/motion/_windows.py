@@ -26,14 +26,15 @@ from linkjax._search import BEND, GRID_SCAN, Found, refined, scan_angles, scan_r
 from linkjax._types import Tracer
 from linkjax.groups import Seen
 from linkjax.kinematics import Pose
-from linkjax.loads import STILL, Passage, Watched, Window, watched
+from linkjax.loads import STILL, Crossings, Passage, Watched, Window, watched
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
+from linkjax.motion._curve import Curve, curve_of
 from linkjax.sampling import Sample, Sampler
 
 REVERSALS = 4  # the most ways per window and crank turn; half as many if they go in one sense only
 POLISH = 2  # evaluations that refine each of their ends
-HALVINGS = 32  # bisections of a way on the scan
+BESIDE = 1e-12  # of a way: a crossing closer to one of its ends is that end
 TURN = 2 * math.pi
 
 
@@ -62,11 +63,12 @@ class Size(NamedTuple):
 class Passed(NamedTuple):
     """The windows of the loads as ranges of crank angle, in the order of the loads; whether there are more ways than
     slots, or ways that were not seen; and a bound of the error of the work (J) due to the position error of their
-    ends."""
+    ends. `kinks` are the crank angles at which loads have a kink, load by load, infinite in unused slots."""
 
     windows: tuple[Window, ...]
     overflow: Array
     doubt: Array
+    kinks: tuple[Array, ...] = ()
 
 
 class Ways(NamedTuple):
@@ -90,15 +92,28 @@ class Ways(NamedTuple):
     overflow: Array
 
 
-def how_many(window: Window | Passage | None, turns: int) -> int:
-    """The number of ranges of crank angle that a window may become."""
+def how_many(window: Any, turns: int) -> int:
+    """The number of ranges of crank angle that a window may become; of ways on which a coordinate has crossings."""
+    if isinstance(window, Crossings):
+        return REVERSALS * turns
     if isinstance(window, Passage):
         return REVERSALS * turns // (2 if window.going else 1)
     return 0 if window is None else max(1, math.prod(jnp.shape(window.on)))
 
 
-def evaluated(windows: list[Passage], turns: int) -> int:
-    """The number of places that are evaluated to find the ranges of these windows."""
+def crossings_of(made: ReadyScene) -> list[Crossings]:
+    """The coordinates whose crossings and reversals are kinks of loads."""
+    pairs = zip(made.scene.loads, made.ends or (None,) * len(made.scene.loads), strict=True)
+    return [Crossings(over, load, ends) for load, ends in pairs if (over := load.crossed()) is not None]
+
+
+def kinks_at_most(each: Crossings, turns: int) -> int:
+    """The number of crank angles at which a load may have a kink: the begin of every way, and the crossings on it."""
+    return (1 + each.load.level_count()) * how_many(each, turns)
+
+
+def evaluated(windows: list[Any], turns: int) -> int:
+    """The number of places that are evaluated to find the ranges of these windows, or these crossings."""
     places = [REVERSALS * turns + _values(window) * how_many(window, turns) for window in windows]
     return POLISH * sum(places)
 
@@ -113,9 +128,10 @@ def at_crank_angles(scene: Scene | ReadyScene) -> Scene:
     made = ready(scene)
     machine, scene = Sampler(made), made.scene
     scan = scan_angles(scene.cycle_turns, GRID_SCAN)
-    found = passed(machine, machine.sample(scan, fixed=True, dynamics=False), GRID_SCAN)
-    if found is None:
+    if not any(isinstance(load.window, Passage) for load in scene.loads):
         return scene
+    found = passed(machine, machine.sample(scan, fixed=True, dynamics=False), GRID_SCAN)
+    assert found is not None  # there are such windows
     if not isinstance(found.overflow, Tracer) and bool(found.overflow):
         problem = "the motion has more ways per crank turn than can be represented, or rests between two of them"
         raise StructureError("window of a load", problem, "write windows of the crank angle")
@@ -131,12 +147,13 @@ def passed(machine: Sampler, scanned: Sample, points: int) -> Passed | None:
     """The ranges of crank angle in which loads with a `Passage` act, from samples at `points` scan angles per turn;
     None if there are no such loads."""
     loads = {load.name: load.window for load in machine.scene.loads if isinstance(load.window, Passage)}
-    if not loads:
+    every = [*loads.values(), *crossings_of(machine.ready)]
+    if not every:
         return None
     size = Size(machine.scene.cycle_turns, points)
 
     def seen(pose: Pose) -> tuple[Watched, ...]:
-        return tuple(watched(machine.mechanism, window, pose) for window in loads.values())
+        return tuple(watched(machine.mechanism, window, pose) for window in every)
 
     ways, flat = machine.run(_scanned, seen(scanned.pose), size=size)
     for _ in range(POLISH - 1):
@@ -168,14 +185,18 @@ def _closer(seen: tuple[Watched, ...], ways: tuple[Ways, ...], size: Size) -> tu
 @compiled_soon(static=("size",))
 def _passed(seen: tuple[Watched, ...], ways: tuple[Ways, ...], shares: tuple[Array, ...], size: Size) -> Passed:
     """The ranges after the last round, which carries derivatives; `shares` are the torques of the loads (N m)."""
-    windows, overflow, doubt = [], jnp.asarray(False), jnp.zeros(())
-    for (each, old, first), share in zip(_own(seen, ways), shares, strict=True):
+    windows, overflow, doubt, own = [], jnp.asarray(False), jnp.zeros(()), _own(seen, ways)
+    for (each, old, first), share in zip(own, shares, strict=False):
         new = _refined(each, old, first, size)
         windows.append(_window(each.window, old, new, size))
         overflow |= old.overflow
         here = jnp.abs(share[first : first + new.left.size])
         doubt += jnp.sum(here * new.left)  # a load that begins too late, or ends too early, misses this work
-    return Passed(tuple(windows), overflow, jax.lax.stop_gradient(jnp.where(overflow, jnp.inf, doubt)))
+    kinks = []
+    for each, old, first in own[len(shares) :]:  # crossings; they cost the square of their error
+        kinks.append(_crossed(each.window, old, _refined(each, old, first, size), size))
+        overflow |= old.overflow
+    return Passed(tuple(windows), overflow, jax.lax.stop_gradient(jnp.where(overflow, jnp.inf, doubt)), tuple(kinks))
 
 
 def _places(ways: tuple[Ways, ...]) -> Array:
@@ -198,7 +219,7 @@ def _ways(seen: Watched, size: Size) -> Ways:
     every = slice(0, size.points * size.turns, size.points // GRID_SCAN)
     # once: a velocity that is zero at a scan angle must not have two signs by rounding
     value, d, dd, pace = (once(part[every]) for part in (*seen.seen(), seen.pace()))
-    curve = _curve(Seen(value, d, dd), scan, size.cycle, bool(window.link))
+    curve = curve_of(Seen(value, d, dd), scan, size.cycle, bool(window.link))
     moves = jnp.max(jnp.abs(d)) > STILL * jnp.max(pace)
     found = scan_reversals(
         d[None, None], dd[None, None], scan, slots, lambda start: jnp.broadcast_to(moves, start.shape)
@@ -234,7 +255,12 @@ def _ways(seen: Watched, size: Size) -> Ways:
     if window.cuts:
         level = TURN * jnp.round((0.5 * (s0 + s1) - _middle(window)) / TURN)
     targets = _targets(window, s0, s1, sense, level)
-    cross = jnp.stack([curve.passage(start, width, sense, target) for target in targets])
+    if isinstance(window, Crossings):
+        every = jnp.stack(targets)
+        begins, widths, senses = (jnp.broadcast_to(part[None], every.shape) for part in (start, width, sense))
+        cross = curve.passage(begins, widths, senses, every)
+    else:
+        cross = jnp.stack([curve.passage(start, width, sense, target) for target in targets])
     turn = jnp.where(jnp.isfinite(turn), turn, 0.0)
     cut = jnp.where(jnp.isfinite(cut), cut, 0.0)
     return Ways(
@@ -299,8 +325,24 @@ def _window(window: Passage, ways: Ways, new: _Refined, size: Size) -> Window:
     return Window(jnp.where(ended, on, 0.0), jnp.where(ended, off, 0.0))
 
 
-def _targets(window: Passage, low: Array, high: Array, sense: Array, level: Array) -> list[Array]:
-    """The values that the coordinate passes on ways from `low` to `high`, in the order in which it passes them."""
+def _crossed(each: Crossings, ways: Ways, new: _Refined, size: Size) -> Array:
+    """The crank angles of the crossings, and of the begins of ways; infinite where there is none."""
+    start, stop = taken(new.ends, ways.begin), taken(new.ends, ways.end)
+    width, room = _width(start, stop, ways.whole, size.cycle), ways.sense * (new.high - new.low)
+    targets = jnp.stack(_targets(each, new.low, new.high, ways.sense, ways.level))
+    ahead, near = ways.sense[None] * (targets - new.low[None]), BESIDE * room[None]
+    there = (ways.used & ~ways.whole)[None] & (ahead > near) & (ahead < room[None] - near)
+    there |= (ways.used & ways.whole)[None]
+    along = nearest_turn(new.cross - start[None] - 0.5 * width[None], size.cycle) + 0.5 * width[None]
+    inside = start[None] + jnp.clip(along, 0.0, width[None])
+    return jnp.concatenate([jnp.where(ways.used, start, jnp.inf), jnp.where(there, inside, jnp.inf).ravel()])
+
+
+def _targets(window: Any, low: Array, high: Array, sense: Array, level: Array) -> list[Array]:
+    """The values that the coordinate passes on ways from `low` to `high`, in the order in which it passes them; those
+    at which a load has a kink are in their own order."""
+    if isinstance(window, Crossings):
+        return [value + level for value in window.values()]
     if window.first is not None:
         return [low + sense * window.first]
     if window.last is not None:
@@ -310,16 +352,21 @@ def _targets(window: Passage, low: Array, high: Array, sense: Array, level: Arra
     return [jnp.where(sense > 0, a, b) + level, jnp.where(sense > 0, b, a) + level]
 
 
-def _values(window: Passage) -> int:
+def _values(window: Any) -> int:
+    if isinstance(window, Crossings):
+        return window.load.level_count()
     return 1 if window.between is None else 2
 
 
-def _middle(window: Passage) -> Array:
+def _middle(window: Any) -> Array:
+    if isinstance(window, Crossings):
+        values = window.values()
+        return 0.5 * (values[0] + values[-1])
     assert window.between is not None
     return 0.5 * (window.between[0] + window.between[1])
 
 
-def _near(value: Array, guess: Array, window: Passage) -> Array:
+def _near(value: Array, guess: Array, window: Any) -> Array:
     """The coordinate itself; the angle of a link with as many whole turns as a guess."""
     return guess + nearest_turn(value - guess, TURN) if window.link else value
 
@@ -331,56 +378,7 @@ def _width(start: Array, stop: Array, whole: Array, cycle: float) -> Array:
     return jnp.where(whole, cycle, jnp.where(width > cycle - 1e-6, 0.0, width))
 
 
-class _Curve(NamedTuple):
-    """A coordinate over the cycle, on quintic pieces between the scan angles: values, unwrapped, and derivatives with
-    respect to the number of scan steps, with the first place repeated at the end; the step and the cycle (rad)."""
-
-    value: Array
-    d: Array
-    dd: Array
-    step: float
-    cycle: float
-
-    def at(self, phi: Array) -> Array:
-        """The coordinate at crank angles (rad) from zero to two cycles."""
-        lap = jnp.floor(phi / self.cycle)
-        place = (phi - lap * self.cycle) / self.step
-        cell = jnp.clip(jnp.floor(place), 0, self.value.size - 2).astype(jnp.int32)
-        x = place - cell.astype(place.dtype)
-        p0, v0, a0 = (taken(part, cell) for part in (self.value, self.d, self.dd))
-        p1, v1, a1 = (taken(part, cell + 1) for part in (self.value, self.d, self.dd))
-        rise = p1 - p0
-        c3 = 10 * rise - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1
-        c4 = -15 * rise + 8 * v0 + 7 * v1 + 1.5 * a0 - a1
-        c5 = 6 * rise - 3 * v0 - 3 * v1 - 0.5 * a0 + 0.5 * a1
-        here = p0 + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
-        return here + lap * (self.value[-1] - self.value[0])
-
-    def passage(self, start: Array, width: Array, sense: Array, target: Array) -> Array:
-        """Where the coordinate passes a value (rad) on ways of this width; the nearer end if it does not."""
-
-        def halve(_: Any, bounds: tuple[Array, Array]) -> tuple[Array, Array]:
-            low, high = bounds
-            middle = 0.5 * (low + high)
-            early = sense * (self.at(middle) - target) < 0
-            return jnp.where(early, middle, low), jnp.where(early, high, middle)
-
-        low, high = jax.lax.fori_loop(0, HALVINGS, halve, (start, start + width))
-        return 0.5 * (low + high)
-
-
-def _curve(seen: Seen, scan: np.ndarray, cycle: float, turns: bool) -> _Curve:
-    """The coordinate between the scan angles; the angle of a link is unwrapped with the help of its slope."""
-    step = float(scan[1] - scan[0])
-    value, d, dd = (jnp.concatenate([part, part[:1]]) for part in (seen.value, step * seen.d, step**2 * seen.dd))
-    if turns:
-        rise, likely = value[1:] - value[:-1], 0.5 * (d[1:] + d[:-1])
-        rise = likely + nearest_turn(rise - likely, TURN)
-        value = jnp.concatenate([value[:1], value[0] + jnp.cumsum(rise)])
-    return _Curve(value, d, dd, step, cycle)
-
-
-def _cuts(curve: _Curve, window: Passage, size: Size) -> tuple[Array, Array, Array]:
+def _cuts(curve: Curve, window: Any, size: Size) -> tuple[Array, Array, Array]:
     """Where a link is opposite the middle of its window (rad, infinite in unused slots), how often, and whether more
     often than can be seen."""
     lap = jnp.floor((curve.value - _middle(window) + math.pi) / TURN)

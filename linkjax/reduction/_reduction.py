@@ -55,7 +55,7 @@ def unloaded(scene: Scene, at: Instant, here: Pose) -> tuple[Array, Array, dict[
 
 def loaded(inertia: Array, slope: Array, shares: dict[str, Array], loads: Sequence[str], active: Array) -> Reduced:
     """The reduced model with the shares of the loads that act; `active` has their axis last, in the order of the names
-    `loads`; those without a share are left out."""
+    `loads`; those without a share are omitted."""
     by_load = {"gravity": shares["gravity"]}
     by_load |= {name: shares[name] * active[..., i] for i, name in enumerate(loads) if name in shares}
     return Reduced(inertia, slope, sum(by_load.values(), jnp.zeros_like(inertia)), by_load)
@@ -77,7 +77,7 @@ def reduced_model(scene: Scene | ReadyScene, phi: Scalar, side: Scalar | None = 
 
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
 def _reduce(made: ReadyScene, phi: Scalar, side: Scalar) -> Reduced:
-    return reduce_pose(made.scene, Instant(phi, jnp.asarray(side)), pose(made.mechanism, phi))
+    return reduce_pose(made.scene, made.instant(phi, jnp.asarray(side)), pose(made.mechanism, phi))
 
 
 def of_crank(here: Reduced, prescribed: bool) -> Reduced:

@@ -9,7 +9,6 @@ from jaxtyping import Array
 from linkjax._types import Scalar
 from linkjax.groups import Margin
 from linkjax.kinematics import Pose, margins_of_pose, pose, transmission_of_pose
-from linkjax.loads import Instant
 from linkjax.machine import ReadyScene
 from linkjax.reduction import unloaded
 
@@ -29,5 +28,5 @@ def sample_at(ready: ReadyScene, phi: Scalar, side: Scalar, dynamics: bool = Tru
     here = pose(ready.mechanism, phi)
     margins = margins_of_pose(ready.mechanism, here, phi) if gaps else {}
     transmission = transmission_of_pose(ready.scene.mechanism, here) if gaps else {}
-    reduced = unloaded(ready.scene, Instant(phi, side), here) if dynamics else None
+    reduced = unloaded(ready.scene, ready.instant(phi, side), here) if dynamics else None
     return Sample(here, reduced, margins, transmission)

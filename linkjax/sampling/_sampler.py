@@ -13,7 +13,6 @@ from linkjax._compile import compiled_soon
 from linkjax._types import Tracer
 from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import Pose, Prepared
-from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene, untitled
 from linkjax.mechanism import Mechanism
 from linkjax.sampling._sample import Sample, sample_at
@@ -29,7 +28,7 @@ def _forces(
     ready: ReadyScene, phi: Array, side: Array, pose: Pose, active: Array, speed: Array, acceleration: Array
 ) -> Forces:
     def at(phi, side, here, active, speed, acceleration):
-        return forces_of_pose(ready.scene, here, Instant(phi, side, speed), active, speed, acceleration)
+        return forces_of_pose(ready.scene, here, ready.instant(phi, side, speed), active, speed, acceleration)
 
     return jax.vmap(at)(phi, side, pose, active, speed, acceleration)
 

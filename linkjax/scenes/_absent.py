@@ -91,12 +91,12 @@ DAMPER = (
 )
 DRAG = 'the drag of a fluid is a load: write it under [[loads]] with kind = "drag" for a force, or "drag_torque"'
 TABLE = (
-    'there are no tables yet; they will be [[loads]] kind = "table"; until then write several [[loads]] of constant '
-    "magnitude, each with its window of the crank angle"
+    'a table of forces or torques is a load: write it under [[loads]] with kind = "table", and `angles` (or `over` and '
+    "`positions`) with `values`"
 )
 GAS = (
-    'there are no gas loads yet; they will be [[loads]] kind = "gas"; until then write constant forces in windows of '
-    "the crank angle"
+    'gas on a piston is a load: write it under [[loads]] with kind = "gas", `bore` and `head`, and an indicator '
+    "diagram or the pressures of a compressor"
 )
 FRICTION = (
     "there is no friction yet; it will be [friction] for all joints and [joints.B] for one; until then write an "
@@ -105,6 +105,7 @@ FRICTION = (
 SLIDERS = (
     "a slider is a link without length: the `block` of a group RRP or RPR, or of [[slots]] in a scene with a [drive]"
 )
+CONTACT = "there is no contact and no clearance: joints are ideal, and links may pass through each other; delete it"
 ABSENT = (
     Absent("torque power motor torque_curve torque_speed", "drive", MOTOR),
     Absent("power torque motor", "groups", MOTOR),
@@ -121,13 +122,13 @@ ABSENT = (
     Absent("damper dampers damping dashpot dashpots damping_coefficient viscosity", "*", DAMPER),
     Absent("c", "loads", DAMPER),
     Absent("drag drags drag_coefficient drag_torque air_resistance air_drag windage", "*", DRAG),
-    Absent("table tables at values angles points curve profile data csv function", "loads", TABLE),
+    Absent("table tables at points curve profile data csv function", "loads", TABLE),
     Absent(
-        "angle direction", "loads",
+        "angle", "loads",
         'the components of a force give its direction, force = ["1 kN", "0 N"]; with opposing = true the force acts '
         "against the motion",
     ),
-    Absent("gas pressure cylinder_pressure indicator_diagram bore", "loads", GAS),
+    Absent("gas pressure cylinder_pressure indicator_diagram", "loads", GAS),
     Absent("gas pressure cylinders engine combustion", "", GAS),
     Absent("friction mu friction_coefficient coulomb losses lubrication bearings", "*", FRICTION),
     Absent(
@@ -147,10 +148,9 @@ ABSENT = (
         "cam cams followers follower", "*",
         "there are no cams; prescribe a motion by the `law` of the drive, e.g. a spline with `angles` and `values`",
     ),
-    Absent(
-        "contact contacts collision clearance clearances backlash play", "*",
-        "there is no contact and no clearance: joints are ideal, and links may pass through each other; delete it",
-    ),
+    Absent("contact contacts collision clearances backlash play", "*", CONTACT),
+    Absent("clearance", "", CONTACT),
+    Absent("clearance", "drive groups links slots", CONTACT),
     Absent(
         "flexible elastic elasticity youngs_modulus e_modulus compliance", "*",
         "links are rigid, and there are no elastic parts; delete it",

@@ -94,7 +94,7 @@ def build(document: Document) -> Scene:
         check(model, source, table)
         return Scene(
             _mechanism(model),
-            tuple(_each(lambda load: load.build(), model.loads, "loads")),
+            tuple(_each(lambda load: load.build(model.cycle_turns), model.loads, "loads")),
             Vec(*model.gravity) if isinstance(model.gravity, tuple) else Vec(0.0, -model.gravity),
             model.speed,
             model.target_delta,

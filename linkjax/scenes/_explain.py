@@ -62,9 +62,9 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "union_tag_invalid":
         what = {"motor": "motor", "loads": "load"}.get(str(path[0]), "group")
         problem = f"not a known kind of {what}"
-        if lacking := absent((*path, str(given["kind"])), table) if what != "motor" else "":
+        if lacking := absent((*path, str(given["kind"]))) if what != "motor" else "":
             return problem, lacking
-        kinds = [kind for kind in re.findall(r"'#([^']*)'", context["expected_tags"]) if kind != "circuit"]
+        kinds = re.findall(r"'#(\w+)'", context["expected_tags"])  # with a hyphen: a further table of a kind
         return problem, _choice(str(given["kind"]), kinds)
     if kind == "literal_error":
         return "not one of the choices", _choice(str(given), re.findall(r"'([^']*)'", context["expected"]))

@@ -6,7 +6,6 @@ Each class defines its keys, the conditions between them (`faults`), how to `bui
 
 from __future__ import annotations
 
-import abc
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
@@ -34,44 +33,13 @@ from linkjax.scenes._fields import (
     amount,
 )
 from linkjax.scenes._guides import Fault
-from linkjax.scenes._passages import Window, passage, window_keys
-
-REACTS: Any = Field(None, description="the reaction of the load acts on the frame", examples=["frame"])
+from linkjax.scenes._load import REACTS, LoadTable
+from linkjax.scenes._load_tables import GasTable, TabulatedForce, TabulatedTorque
+from linkjax.scenes._passages import window_keys
 
 
 def _vector(value: Any) -> str:
     return "#vector" if isinstance(value, list | tuple) else "#scalar"
-
-
-class LoadTable(Table, abc.ABC):
-    """A load of any kind."""
-
-    name: Name = Field(description="name of the load", examples=["cutting"])
-    link: Name = Field(description="the link it acts on", examples=["slider"])
-    window: Window | None = Field(
-        None,
-        description="crank angles [on, off) between which it acts, or a table with the part of a way on which it acts",
-        examples=[["90 deg", "335 deg"]],
-    )
-
-    @abc.abstractmethod
-    def build(self) -> loads.AbstractLoad:
-        """The load itself."""
-
-    @staticmethod
-    @abc.abstractmethod
-    def keys_of(load: Any) -> dict[str, Any]:
-        """The keys, except name, link and window, that build this load."""
-
-    def faults(self) -> Iterator[Fault]:
-        """Contradictions between its keys."""
-        yield from ()
-
-    def shared(self) -> dict[str, Any]:
-        """The arguments of every kind of load."""
-        given = self.window
-        window = loads.Window(*given) if isinstance(given, tuple) else None if given is None else passage(given)
-        return {"name": self.name, "link": self.link, "window": window}
 
 
 class WorkingLoad(LoadTable):
@@ -94,7 +62,7 @@ class WorkingLoad(LoadTable):
     opposing: StrictBool = Field(False, description="acts against the motion of the point or link", examples=[True])
     reacts_on: Literal["frame"] | None = REACTS
 
-    def build(self) -> loads.AbstractLoad:
+    def build(self, cycle_turns: int) -> loads.AbstractLoad:
         always = {**self.shared(), "reacts_on": self.reacts_on}
         if self.torque is not None:
             kind = loads.OpposingTorque if self.opposing else loads.Torque
@@ -210,7 +178,7 @@ class SpringTable(BetweenPoints):
     free_length: LinkLength = Field(0.0, description="length at which only the preload acts", examples=["80 mm"])
     preload: Force = Field(0.0, description="tension at the free length", examples=["25 N"])
 
-    def build(self) -> loads.AbstractLoad:
+    def build(self, cycle_turns: int) -> loads.AbstractLoad:
         sizes: dict[str, Any] = {"stiffness": self.stiffness, "free_length": self.free_length}
         return loads.Spring(**self.ends(), **sizes, preload=self.preload)
 
@@ -232,7 +200,7 @@ class TorsionSpringTable(BetweenLinks):
     free_angle: Angle = Field(description="angle at which only the preload acts", examples=["60 deg"])
     preload: Torque = Field(0.0, description="couple at the free angle, clockwise on the link", examples=["2 N m"])
 
-    def build(self) -> loads.AbstractLoad:
+    def build(self, cycle_turns: int) -> loads.AbstractLoad:
         sizes: dict[str, Any] = {"stiffness": self.stiffness, "free_angle": self.free_angle}
         return loads.TorsionSpring(**self.ends(), **sizes, preload=self.preload)
 
@@ -248,7 +216,7 @@ class DamperTable(BetweenPoints):
     kind: Literal["damper"] = Field(description="a viscous damper between two points", examples=["damper"])
     coefficient: Damping = Field(description="force for a rate of length", examples=["200 N s/m"])
 
-    def build(self) -> loads.AbstractLoad:
+    def build(self, cycle_turns: int) -> loads.AbstractLoad:
         return loads.Damper(**self.ends(), coefficient=self.coefficient)
 
     @staticmethod
@@ -266,7 +234,7 @@ class TorsionDamperTable(BetweenLinks):
         description="couple for a relative angular velocity", examples=["0.5 N m s/rad"]
     )
 
-    def build(self) -> loads.AbstractLoad:
+    def build(self, cycle_turns: int) -> loads.AbstractLoad:
         return loads.TorsionDamper(**self.ends(), coefficient=self.coefficient)
 
     @staticmethod
@@ -300,7 +268,7 @@ class DragTable(InFluid):
         0.0, description="force in proportion to the square of the velocity", examples=["0.8 N s^2/m^2"]
     )
 
-    def build(self) -> loads.AbstractLoad:
+    def build(self, cycle_turns: int) -> loads.AbstractLoad:
         always = {**self.shared(), "reacts_on": self.reacts_on}
         return loads.Drag(point=self.point, linear=self.linear, quadratic=self.quadratic, **always)
 
@@ -321,7 +289,7 @@ class DragTorqueTable(InFluid):
         0.0, description="torque in proportion to the square of the angular velocity", examples=["2e-4 N m s^2/rad^2"]
     )
 
-    def build(self) -> loads.AbstractLoad:
+    def build(self, cycle_turns: int) -> loads.AbstractLoad:
         always = {**self.shared(), "reacts_on": self.reacts_on}
         return loads.DragTorque(linear=self.linear, quadratic=self.quadratic, **always)
 
@@ -342,6 +310,8 @@ TABLES: dict[type[loads.AbstractLoad], tuple[str, type[LoadTable]]] = {  # kind 
     loads.TorsionDamper: ("torsion_damper", TorsionDamperTable),
     loads.Drag: ("drag", DragTable),
     loads.DragTorque: ("drag_torque", DragTorqueTable),
+    loads.Table: ("table", TabulatedForce),  # a TabulatedTorque has the same keys, except those of a point
+    loads.Gas: ("gas", GasTable),
 }
 
 
@@ -358,7 +328,11 @@ def load_keys(load: loads.AbstractLoad) -> dict[str, Any]:
 
 def _kind(value: Any) -> str | None:
     kind = value.get("kind", "force") if isinstance(value, dict) else "force"
-    return None if not isinstance(kind, str) else "#force" if kind == "torque" else f"#{kind}"
+    if not isinstance(kind, str):
+        return None
+    if kind == "table" and "point" not in value:
+        return "#table-torque"
+    return "#force" if kind == "torque" else f"#{kind}"
 
 
 Load = Annotated[
@@ -368,6 +342,9 @@ Load = Annotated[
     | Annotated[DamperTable, Tag("#damper")]
     | Annotated[TorsionDamperTable, Tag("#torsion_damper")]
     | Annotated[DragTable, Tag("#drag")]
-    | Annotated[DragTorqueTable, Tag("#drag_torque")],
+    | Annotated[DragTorqueTable, Tag("#drag_torque")]
+    | Annotated[TabulatedForce, Tag("#table")]
+    | Annotated[TabulatedTorque, Tag("#table-torque")]
+    | Annotated[GasTable, Tag("#gas")],
     Discriminator(_kind),
 ]

@@ -277,7 +277,7 @@ def _kind(value: Any) -> str | None:
         return None
     kind = value.get("kind")
     if kind == "induction" and CIRCUIT & set(value):
-        return "#circuit"
+        return "#induction-circuit"
     return f"#{kind}" if isinstance(kind, str) else None
 
 
@@ -289,7 +289,7 @@ Motor = Annotated[
     | Annotated[TableTable, Tag("#table")]
     | Annotated[DCTable, Tag("#dc")]
     | Annotated[InductionTable, Tag("#induction")]
-    | Annotated[CircuitTable, Tag("#circuit")]
+    | Annotated[CircuitTable, Tag("#induction-circuit")]
     | Annotated[ServoTable, Tag("#servo")],
     Discriminator(_kind),
 ]

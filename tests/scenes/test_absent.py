@@ -105,7 +105,7 @@ def add(text: str, after: str, more: str) -> str:
     return text.replace(f"{after}\n", f"{after}\n{more}\n", 1)
 
 
-A_SPRING, NO_TABLE = '[[loads]] with kind = "spring"', 'they will be [[loads]] kind = "table"'
+A_SPRING, NO_TABLE = '[[loads]] with kind = "spring"', '[[loads]] with kind = "table"'
 ONE = "linkjax has one drive"
 TABLE_OF = 'force = { at = ["0 deg", "90 deg"], values = ["0 N", "30 kN"] }'
 # fmt: off
@@ -131,8 +131,9 @@ CASES = {  # file, key, parts of the message
         YOKE + LOAD + 'kind = "spring"\nto = "O"\nk = "2 N/mm"\n', "loads[0].k", "did you mean 'stiffness'?",
         'Write e.g. stiffness = "2 kN/m"'),
     "a type": (YOKE + LOAD + 'type = "spring"\n', "loads[0].type", "did you mean 'kind'?", ""),
-    "a load that is gas": (PRESS.replace('name = "hay"', 'name = "hay"\nkind = "gas"'),
-        "loads[0].kind", 'kind = "gas"', ""),
+    "the pressure of a load": (add(PRESS, 'name = "hay"', 'pressure = "6 bar"'),
+        "loads[0].pressure", '[[loads]] with kind = "gas"', "`bore`"),
+    "an indicator diagram": (PRESS + '[gas]\nbore = "80 mm"\n', "gas", '[[loads]] with kind = "gas"', ""),
     "a table of forces": (PRESS.replace('force = "30 kN"', TABLE_OF), "loads[0].force", NO_TABLE,
         "a table where a force is needed"),
     "a table of torques": (SHAFT.replace('torque = "1000 N m"', "torque = { at = [0], values = [1] }"),
