@@ -46,7 +46,7 @@ class MotorRun(eqx.Module):
 
 
 def motor_run(
-    machine: Sampler, grid: Grid, at: AtNodes, steady: Steady | None, forces: Forces, speed: Array, rate: Array
+    machine: Sampler, grid: Grid, at: AtNodes, steady: Steady | None, forces: Any, speed: Any, rate: Any
 ) -> MotorRun | None:
     """The motor in the motion that has these forces, crank speeds (rad/s) and accelerations (rad/s²) at the crank
     angles; None without a motor."""

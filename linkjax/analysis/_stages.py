@@ -37,6 +37,7 @@ from linkjax.motion import (
     crank_at,
     flywheel_on,
     grid_of,
+    grid_with_kinks,
     peaks,
     steady_by_diffrax,
     steady_on,
@@ -73,7 +74,8 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     """All stages, each a program of its own; the machine is evaluated in batches."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     scanned = machine.sample(scan_angles(turns, MOTION_SCAN), gaps=True)
-    grid = grid_of(machine, nodes, scanned, MOTION_SCAN)
+    make = grid_with_kinks if moves else grid_of
+    grid = make(machine, nodes, scanned, MOTION_SCAN)
     at = at_nodes(machine, grid)
     motion, wheels = None, None
     if moves:

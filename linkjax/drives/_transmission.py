@@ -13,8 +13,8 @@ from linkjax.drives._motors import check_numbers
 
 class Transmission(eqx.Module):
     """A gear or belt between the shaft of a motor and the crank: motor speed over crank speed `ratio`, `efficiency`
-    where power flows from the motor to the crank, `efficiency_back` where it flows back (None: the same), and the
-    `creep` of a belt.
+    where power flows from the motor to the crank (None: no losses), `efficiency_back` where it flows back (None: the
+    same), and the `creep` of a belt (None: no creep).
 
     Without creep the motor turns at ratio · ω, and the torque τ at its shaft gives the crank ratio · efficiency · τ, or
     ratio · τ / efficiency_back where power flows back: the power loss is never negative. The losses are those of
@@ -30,9 +30,9 @@ class Transmission(eqx.Module):
     """
 
     ratio: Array = eqx.field(converter=as_float, default=1.0)
-    efficiency: Array = eqx.field(converter=as_float, default=1.0)
+    efficiency: Array | None = eqx.field(converter=as_float, default=None)
     efficiency_back: Array | None = eqx.field(converter=as_float, default=None)
-    creep: Array = eqx.field(converter=as_float, default=0.0)
+    creep: Array | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self):
         names = ("ratio", "efficiency", "efficiency_back")
@@ -45,11 +45,20 @@ class Transmission(eqx.Module):
         if creep is not None and np.any(creep >= 1):
             raise ValueError(f"creep of a transmission is {creep}; write a part of the speed, e.g. 0.02")
 
+    @property
+    def loses(self) -> bool:
+        """Whether the torque on the crank depends on the direction of power: whether efficiency or creep is given."""
+        return any(part is not None for part in (self.efficiency, self.efficiency_back, self.creep))
+
     def speed_ratio(self) -> Array:
         """Motor speed over crank speed: ratio / (1 - creep)."""
-        return self.ratio / (1 - self.creep)
+        return self.ratio if self.creep is None else self.ratio / (1 - self.creep)
 
     def torque_ratio(self, forward: Array) -> Array:
         """Crank torque over the torque at the motor's shaft; `forward` is true where power flows to the crank."""
-        back = self.efficiency if self.efficiency_back is None else self.efficiency_back
-        return self.ratio * jnp.where(forward, self.efficiency, 1 / (back * (1 - self.creep)))
+        if not self.loses:
+            return self.ratio * jnp.ones(jnp.shape(forward), self.ratio.dtype)
+        ahead = jnp.ones_like(self.ratio) if self.efficiency is None else self.efficiency
+        back = ahead if self.efficiency_back is None else self.efficiency_back
+        kept = 1.0 if self.creep is None else 1 - self.creep
+        return self.ratio * jnp.where(forward, ahead, 1 / (back * kept))

@@ -164,7 +164,7 @@ def motor_text(drive: MotorDrive, show: Numbers) -> str:
         parts += [] if idle is None or not np.isfinite(idle) else [f"{show.bound(idle, 'rad/s')} without load"]
     gear = drive.transmission
     parts += [f"ratio {float(gear.ratio):g}"] * (float(gear.ratio) != 1)
-    parts += [f"efficiency {float(gear.efficiency):g}"] * (float(gear.efficiency) != 1)
+    parts += [] if gear.efficiency is None else [f"efficiency {float(gear.efficiency):g}"]
     return ", ".join([*parts, f"rotor {show.shown(drive.inertia, 'kg·m²')}"])
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from linkjax.kinematics import Least, Reversals, find_dead_centres, find_margins
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion import At, AtNodes, Grid, Regime, Steady, at_nodes, grid_of, steady_on
+from linkjax.motion import At, AtNodes, Grid, Regime, Steady, at_nodes, grid_with_kinks, steady_on
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -48,7 +48,7 @@ class Parts:
     @functools.cached_property
     def grid(self) -> Grid:
         """The cycle grid."""
-        return self._grid or grid_of(self.machine, self.nodes, breaks=self._breaks)
+        return self._grid or grid_with_kinks(self.machine, self.nodes, breaks=self._breaks)
 
     @functools.cached_property
     def at(self) -> AtNodes:

@@ -37,6 +37,7 @@ from linkjax.motion._steady import all_loads as all_loads
 from linkjax.motion._steady import begin as begin
 from linkjax.motion._steady import steady_motion as steady_motion
 from linkjax.motion._steady import steady_on as steady_on
+from linkjax.motion._switching import grid_with_kinks as grid_with_kinks
 from linkjax.motion._trapezoid import trapezoid_torque as trapezoid_torque
 from linkjax.motion._windows import at_crank_angles as at_crank_angles
 

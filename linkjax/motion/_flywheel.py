@@ -16,9 +16,10 @@ from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import Flywheel
 from linkjax.motion._by_speed import speed_dependent
 from linkjax.motion._flow import duty_of
-from linkjax.motion._grid import Grid, grid_of
+from linkjax.motion._grid import Grid
 from linkjax.motion._nodes import AtNodes, at_nodes
 from linkjax.motion._steady import Steady, begin, driven_on, fluctuation
+from linkjax.motion._switching import grid_with_kinks
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -33,7 +34,7 @@ def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 
     number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
     motion law."""
     machine = Sampler(ready(scene))
-    grid = grid_of(machine, nodes)
+    grid = grid_with_kinks(machine, nodes)
     delta = jnp.asarray(delta, dtype=machine.scene.speed.dtype)
     return flywheel_on(machine, delta, grid, at_nodes(machine, grid, edges=False))
 

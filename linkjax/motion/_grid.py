@@ -154,12 +154,13 @@ class Plan(NamedTuple):
 
 class Switches(NamedTuple):
     """Crank angles (rad) at which every load is switched on and off, None for a permanent one; kinks of the motion law;
-    magnitudes of opposing loads; and the windows that are given by what happens."""
+    magnitudes of opposing loads; the windows that are given by what happens; and kinks of the motion (rad)."""
 
     windows: tuple[Window | None, ...]
     kinks: tuple[Any, ...]
     strengths: tuple[Array, ...]
     passed: Passed | None
+    driven: Any
 
 
 def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
@@ -168,23 +169,30 @@ def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
 
 
 def grid_of(
-    machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN, breaks: tuple[float, ...] = ()
+    machine: Sampler,
+    nodes: int,
+    scanned: Sample | None = None,
+    points: int = GRID_SCAN,
+    breaks: tuple[float, ...] = (),
+    driven: Any = None,
 ) -> Grid:
     """The grid of a machine that is evaluated in batches; `scanned` are samples at `points` angles per turn, a multiple
-    of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad)."""
+    of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad), and at those of the array `driven`,
+    where the motion itself has a kink; infinite ones are not used."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     opposing = [load for load in scene.loads if load.opposing]
     kinks, groups = (*_kinks(scene), *breaks), list(named_groups(scene.mechanism))[1:]
     windows, crossed = sum(how_many(load.window, turns) for load in scene.loads), crossings_of(machine.ready)
     looked = evaluated([load.window for load in scene.loads if isinstance(load.window, Passage)] + crossed, turns)
     slots, passed_by = REVERSALS * turns, sum(kinks_at_most(each, turns) for each in crossed)
+    more = 0 if driven is None else driven.shape[0]
     count = max(6 * turns, 2 * windows + passed_by + len(kinks) + slots * len(opposing) + len(groups) * turns)
     names = tuple(load.name for load in scene.loads)
     plan = Plan(
         turns,
         scene.cycle,
         slots,
-        count,
+        count + more,
         max(4, -(-nodes * turns // count)),
         points,
         names,
@@ -199,7 +207,7 @@ def grid_of(
     late = passed(machine, scanned, plan.points)
     ranges = iter(() if late is None else late.windows)
     acts = tuple(next(ranges) if isinstance(load.window, Passage) else load.window for load in scene.loads)
-    switches = Switches(acts, kinks, tuple(load.strength() for load in opposing), late)
+    switches = Switches(acts, kinks, tuple(load.strength() for load in opposing), late, driven)
     acting = tuple(window for load, window in zip(scene.loads, acts, strict=True) if load.opposing)
     found, near = None, [list(scanned.margins[name].values()) for name in groups]
     if not opposing:
@@ -272,6 +280,7 @@ def _grid(
     kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
     fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks)]
     fixed += [each for kinks_of_load in met for each in _wrapped_kinks(kinks_of_load, plan.cycle)]
+    fixed += [] if switches.driven is None else _wrapped_kinks(switches.driven, plan.cycle)
     edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled, sure + len(switches.kinks))
     order = _order(switches.windows, _switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])

@@ -26,8 +26,9 @@ from linkjax.motion._driven import begun_by_speed, moving_at_nodes
 from linkjax.motion._error import delta_error
 from linkjax.motion._extremum import newton
 from linkjax.motion._flow import LEAST, SIGNS, Begun, Duty, Ends, Flow, Primitive, Spots, duty_of, primitive, spotted
-from linkjax.motion._grid import Grid, Place, grid_of
+from linkjax.motion._grid import Grid, Place
 from linkjax.motion._nodes import AtEdges, AtNodes, at_nodes, reduced_in
+from linkjax.motion._switching import grid_with_kinks
 from linkjax.reduction import Moving, Reduced, by_speed
 from linkjax.sampling import Sample, Sampler
 
@@ -127,7 +128,7 @@ def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
     Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
     """
     machine = Sampler(ready(scene))
-    grid = grid_of(machine, nodes)
+    grid = grid_with_kinks(machine, nodes)
     return steady_on(machine, grid, at_nodes(machine, grid))
 
 

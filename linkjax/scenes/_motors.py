@@ -75,13 +75,13 @@ class MotorTable(Table, abc.ABC):
     """A motor of any kind with its transmission and rotor."""
 
     ratio: Ratio = Field(1.0, description="motor speed over crank speed", examples=[4.5])
-    efficiency: Ratio = Field(
-        1.0, description="efficiency of the gear or belt, from the motor to the crank", examples=[0.95]
+    efficiency: Ratio | None = Field(
+        None, description="efficiency of the gear or belt, from the motor to the crank; default: 1", examples=[0.95]
     )
     efficiency_back: Ratio | None = Field(
         None, description="its efficiency where power flows back; default: the same", examples=[0.9]
     )
-    creep: Part = Field(0.0, description="part of the speed that a belt loses", examples=[0.02])
+    creep: Part | None = Field(None, description="part of the speed that a belt loses; default: 0", examples=[0.02])
     inertia: Inertia | None = Field(None, description="inertia on the motor's shaft", examples=["0.12 kg m^2"])
     gd2: Annotated[float, FlywheelEffect()] | None = Field(
         None, description="instead of the inertia: the flywheel effect GD²", examples=["0.48 kg m^2"]

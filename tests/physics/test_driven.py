@@ -10,10 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.motion import Steady, flywheel_for, steady_motion
+from tests.physics import shooting
 from tests.physics.driven import line, shoot, slider_crank
 from tests.physics.machines import machine
 
@@ -101,6 +103,46 @@ def test_a_motor_on_a_machine(name, stall, no_load, rotor, ratio):
     size = np.max(lap.speeds(ANGLES))
     assert np.max(np.abs(speeds(found, scene, jnp.asarray(ANGLES)) - lap.speeds(ANGLES))) < 1e-9 * size
     assert float(found.period) == pytest.approx(lap.period, rel=1e-10)
+
+
+def test_power_both_ways_through_a_lossy_gear():
+    """A light flywheel: power flows to the crank and back, with other losses. By DOP853 with events where the torque of
+    the shaft changes its sign."""
+    ratio, forward, back, rotor, pump = 3.0, 0.7, 0.6, 0.0005, 2.0
+    gear = lj.Transmission(ratio, forward, back)
+    scene = slider_crank(line(120.0, 4 / 3, transmission=gear, inertia=rotor), flywheel=0.0005, pump=pump)
+    smooth = shooting.Fitted(dataclasses.replace(scene, loads=(), motor=None), 1e-13, 2 * math.pi - 1e-13)
+
+    def state(phi, w):
+        inertia, slope, torque = smooth(phi)
+        net, motor = torque + _pump(phi, w, pump) - 0.5 * slope * w * w, 4 / 3 * (1 - ratio * w / 120)
+        gain = ratio * (forward if inertia * motor > net * rotor * ratio else 1 / back)
+        rate = (net + gain * motor) / (inertia + gain * rotor * ratio)
+        return rate, motor - rotor * ratio * rate
+
+    def turns(phi, y):
+        return state(phi, y[0])[1]
+
+    turns.terminal = True
+
+    def lap(w):
+        y, phi, changes = [w, 0.0], 0.0, 0
+        while phi < 2 * math.pi - 1e-9:
+            turns.direction = -np.sign(state(phi + 1e-9, y[0])[1])
+            given = {"rtol": 1e-12, "atol": 1e-14, "events": turns, "max_step": 0.1}
+            way = solve_ivp(lambda p, y: [state(p, y[0])[0] / y[0], 1 / y[0]], (phi, 2 * math.pi), y, "DOP853", **given)
+            y, phi, changes = way.y[:, -1], way.t[-1] + 1e-12, changes + len(way.t_events[0])
+        return y, changes
+
+    w = 38.0
+    for _ in range(14):
+        (end, period), changes = lap(w)
+        w, before = end, w
+    assert changes == 4 and abs(w - before) < 1e-10
+    found = steady(scene)
+    assert float(speeds(found, scene, jnp.zeros(1))[0]) == pytest.approx(w, rel=1e-10)
+    assert float(found.period) == pytest.approx(period, rel=1e-10)
+    assert float(found.delta_error) < 1e-10
 
 
 def test_a_constant_torque_against_a_pump():

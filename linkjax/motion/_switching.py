@@ -1,0 +1,94 @@
+"""Crank angles where the motion itself has a kink: the power in a lossy transmission changes its direction, or the
+motor passes a knot of its characteristic.
+
+They depend on the motion, and the motion on the grid whose panels should end there. So both are found in turn: a kink
+that is off by d from the end of a panel costs d². No derivative passes through them, as torques are continuous there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from linkjax._compile import compiled_soon
+from linkjax._numerics import taken
+from linkjax.machine import Scene
+from linkjax.motion._by_speed import speed_dependent
+from linkjax.motion._driven import begun_by_speed
+from linkjax.motion._flow import Flow
+from linkjax.motion._grid import GRID_SCAN, Grid, grid_of
+from linkjax.motion._nodes import at_nodes
+from linkjax.motion._panels import series_sum
+from linkjax.sampling import Sample, Sampler
+
+CHANGES = 6  # the most kinks of one cause per crank turn
+ROUNDS = 3  # of finding the motion and its kinks
+HALVINGS = 45  # bisections
+JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a jump, where panels end anyway
+
+
+def kinked(scene: Scene) -> bool:
+    """Whether the steady-state motion of a scene may have kinks of its own."""
+    motor = scene.motor
+    return speed_dependent(scene) and motor is not None and (motor.transmission.loses or bool(motor.motor.knots()))
+
+
+def grid_with_kinks(
+    machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN, breaks: tuple[float, ...] = ()
+) -> Grid:
+    """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion."""
+    grid = grid_of(machine, nodes, scanned, points, breaks)
+    if not kinked(machine.scene):
+        return grid
+    for _ in range(ROUNDS):
+        begun, _ = begun_by_speed(machine, grid, at_nodes(machine, grid, edges=False))
+        found = machine.run(_kinks, begun.flow, begun.energy, turns=machine.scene.cycle_turns)
+        grid = grid_of(machine, nodes, scanned, points, breaks, found)
+    return grid
+
+
+@compiled_soon(static=("turns",))
+def _kinks(flow: Flow, energy: Array, turns: int) -> Float[Array, " kinks"]:
+    """Crank angles of the kinks (rad), infinite where there are fewer."""
+    flow, energy = jax.lax.stop_gradient((flow, energy))
+    assert flow.driven is not None
+    motor = flow.driven.torques.motor
+    assert motor is not None
+    speed = flow.speed(energy + flow.at_nodes, flow.inertia)
+    rate = (flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia
+    values = [motor.shaft_torque(speed, rate)] if motor.transmission.loses else []
+    values += [motor.motor_speed(speed) - knot for knot in motor.motor.knots()]
+    return jnp.concatenate([_roots(flow.grid, each, CHANGES * turns) for each in values])
+
+
+def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Array, " most"]:
+    """Crank angles (rad) where a function known at the nodes changes its sign, in order; infinite where there are
+    fewer."""
+    rule, size = grid.rule, jnp.max(jnp.abs(values))
+    ends = values @ jnp.asarray(rule.ends.T)
+    every = jnp.concatenate([ends[:, :1], values, ends[:, 1:]], axis=1)
+    changes = every[:, :-1] * every[:, 1:] < 0
+    following = jnp.roll(ends[:, 0], -1)
+    across = (ends[:, 1] * following <= 0) & (jnp.abs(ends[:, 1] - following) < JUMP * size)
+    wide = (grid.half > 0)[:, None]
+    flat = (jnp.concatenate([changes, across[:, None]], axis=1) & wide).ravel()
+    place = jnp.sort(jnp.where(flat, jnp.arange(flat.size), flat.size))[:most]
+    used, place = place < flat.size, jnp.minimum(place, flat.size - 1)
+    panel, step = place // (grid.n + 2), place % (grid.n + 2)
+    x = np.concatenate([[-1.0], rule.x, [1.0], [1.0]])
+    low, high = taken(jnp.asarray(x), step), taken(jnp.asarray(x), step + 1)
+    series = taken(values @ jnp.asarray(rule.series.T), panel)
+    sign = jnp.sign(series_sum(series, low))
+
+    def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        middle = 0.5 * (ends[0] + ends[1])
+        left = sign * series_sum(series, middle) > 0
+        return jnp.where(left, middle, ends[0]), jnp.where(left, ends[1], middle)
+
+    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
+    found = taken(grid.middle, panel) + taken(grid.half, panel) * 0.5 * (low + high)
+    return jnp.where(used, found, jnp.inf)
