@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +11,6 @@ from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import taken
-from linkjax._types import Scalar
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
 from linkjax.motion._by_speed import BySpeed, Driven, moving_at, torques_of
@@ -61,12 +60,12 @@ def _lack(panels: Panels, energy: Array) -> Array:
 
 
 def begun_by_speed(
-    machine: Sampler, grid: Grid, at: AtNodes, added: Scalar | float = 0.0, ratio: Scalar | float = 1.0
+    machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0, ratio: Any = 1.0
 ) -> tuple[Begun, AtEdges | None]:
     """The motion from the values at the nodes; and the edges, if known. `added` is a flywheel inertia (kg m²) that the
     machine does not have; without a motor the time mean of the speed is the wanted one times `ratio`."""
     pose = at.sample.pose if by_speed(machine.scene) else None
-    numbers = (jnp.asarray(number, float) for number in (added, ratio))
+    numbers = (jnp.asarray(each, float) if isinstance(each, int | float) else each for each in (added, ratio))
     given = (duty_of(machine.scene), machine.scene, grid, at.here, at.sample.dynamics, pose, *numbers)
     return machine.run(_begun, *given, edges=at.edges is not None)
 

@@ -157,7 +157,7 @@ def _all_loads(scene: Scene, grid: Grid, here: Reduced, pose: Pose, steady: Stea
     return torques.loaded(here, moving_at_nodes(grid, torques, pose), speed)
 
 
-def driven_on(machine: Sampler, grid: Grid, at: AtNodes, added: Scalar | float = 0.0) -> tuple[Begun, AtEdges | None]:
+def driven_on(machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0) -> tuple[Begun, AtEdges | None]:
     """The motion under torques that depend on the speed, before its extremes are refined, and the edges; with a
     flywheel inertia `added` (kg m²). Where a constant torque gives the mean of the extremes, the time mean for it is
     found by repetition, which converges like powers of the square of δ."""

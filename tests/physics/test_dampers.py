@@ -165,3 +165,16 @@ def test_what_is_refused():
     here = lj.pose(MADE, jnp.asarray(1.0))
     with pytest.raises(ValueError, match="load 'd' depends on the crank speed, which is not known here"):
         lj.DragTorque("d", "crank", linear=1.0).share(here, Instant(jnp.asarray(1.0), jnp.asarray(1.0)))
+
+
+def test_an_analysis_with_a_wanted_fluctuation_and_a_damper():
+    """The flywheel that the analysis finds gives the wanted δ, by the motion with this flywheel."""
+    two = lj.load("two-cylinder")
+    loads = (*two.loads, lj.TorsionDamper("oil", "crank", coefficient=0.3))
+    scene = lj.Scene(two.mechanism, loads, two.gravity, two.speed, 0.02)
+    cycle = lj.analyse(scene, angles=24)
+    assert cycle.flywheel is not None
+    wheel = lj.Flywheel(float(cycle.flywheel.for_target_delta))
+    heavy = lj.Mechanism(two.mechanism.fixed, two.mechanism.links, two.mechanism.groups, wheel)
+    found = lj.steady_motion(lj.Scene(heavy, loads, two.gravity, two.speed))
+    assert float(found.delta) == pytest.approx(0.02, rel=1e-7)
