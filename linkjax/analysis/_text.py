@@ -90,7 +90,7 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
                          f"{shown('min_torque', 'N·m')} to {shown('max_torque', 'N·m')}"),
         ("motor power", f"{shown('mean_power', 'W')} mean, {shown('min_power', 'W')} to {shown('max_power', 'W')}"),
         ("energy per cycle", f"{show.quantity(run['energy'], 'J', 6)} at the motor's shaft, "
-                             f"{show.quantity(run['loss'], 'J', 4, abs(run['energy']))} lost in the transmission"),
+                             f"{show.quantity(run['loss'], 'J', 4, abs(run['energy']))} loss in the transmission"),
     ]  # fmt: skip
     if run["multiplier"] is None:
         return rows

@@ -2,6 +2,7 @@
 
 from linkjax._renamed import old_names as old_names
 from linkjax.motion._by_speed import at_speed as at_speed
+from linkjax.motion._by_speed import speed_dependent as speed_dependent
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
 from linkjax.motion._diffrax import run_in_time as run_in_time

@@ -25,6 +25,7 @@ from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
+from linkjax.motion._by_speed import speed_dependent
 from linkjax.motion._flow import LEAST, Begun, Flow, Primitive, duty_of, spotted
 from linkjax.motion._grid import Grid, grid_of, make_grid
 from linkjax.motion._nodes import at_nodes, reduced_in
@@ -272,6 +273,9 @@ def steady_by_diffrax(
 
     made = _free(scene)
     scene, machine = made.scene, Sampler(made)
+    if speed_dependent(scene):
+        problem = "has torques that depend on the speed (a motor, a damper, drag)"
+        raise StructureError(scene.title or "scene", problem, "use motion.steady_motion, or run_in_angle")
     tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
     grid = grid_of(machine, nodes)
     nodes_at = at_nodes(machine, grid)
