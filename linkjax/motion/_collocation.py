@@ -180,7 +180,7 @@ def periodic(rate: Rate, panels: Panels, nodes: Array, edges: Array, constant: A
     for _ in range(2):
         found, _, multiplier = _newton(rate, panels, found, lack)
     left = jax.lax.stop_gradient(_newton(rate, fixed, jax.lax.stop_gradient(found), lack)[1])
-    return Orbit(*found, multiplier, left)
+    return Orbit(found[0], found[1], found[2], multiplier, left)
 
 
 def gained(rate: Rate, panels: Panels, nodes: Array, edges: Array) -> Array:

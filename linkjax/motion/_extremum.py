@@ -15,9 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from linkjax._numerics import envelope, highest, once, safe_divide, safe_sqrt, stepped, taken
+from linkjax._numerics import envelope, highest, nearest_turn, once, safe_divide, safe_sqrt, stepped, taken
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import Rule
+
+SAME = 1e-7  # rad: ends of panels that are closer are one
+CONTINUOUS = 1e-6  # of the greatest height: a function that differs less at the two sides of an edge is continuous
 
 
 class Pieces(NamedTuple):
@@ -87,6 +90,27 @@ class Summit(NamedTuple):
     bend: Array
 
 
+def summit_heights(fine: Array, height: Float[Array, "panels fine"]) -> tuple[Array, Array, Array]:
+    """Of every panel the height of its highest summit, as the vertex of a parabola: the search grid alone may miss
+    it by more than another summit is lower. And whether the function only falls from the low end, where it continues
+    the panel before, or only rises to the high end, where it continues in the next one."""
+    height = jax.lax.stop_gradient(height)
+    points, top = height.shape[1], jnp.max(height, axis=1)
+    i = jnp.argmax(height, axis=1)
+    j = jnp.clip(i, 1, points - 2)[:, None] + jnp.arange(-1, 2)[None]
+    x, y = fine[j], jnp.take_along_axis(height, j, axis=1)
+    left, right = (y[:, 1] - y[:, 0]) / (x[:, 1] - x[:, 0]), (y[:, 2] - y[:, 1]) / (x[:, 2] - x[:, 1])
+    slope = (left * (x[:, 2] - x[:, 1]) + right * (x[:, 1] - x[:, 0])) / (x[:, 2] - x[:, 0])
+    bend = (right - left) / (x[:, 2] - x[:, 0])
+    inside = (i == j[:, 1]) & (bend < 0)
+    raised = jnp.where(inside, top - 0.25 * safe_divide(slope**2, bend), top)
+    before, after = jnp.roll(height[:, -1], 1), jnp.roll(height[:, 0], -1)
+    same = CONTINUOUS * jnp.max(top)
+    begins = (i == 0) & (jnp.abs(before - height[:, 0]) <= same)
+    ends = (i == points - 1) & (jnp.abs(after - height[:, -1]) <= same)
+    return raised, begins, ends
+
+
 def search(fine: Array, height: Float[Array, "panels fine"], tops: Float[Array, " panels"] | None = None) -> Summit:
     """The summit of a function given on the search grid of every panel; `tops` is -inf for panels to exclude."""
     height = jax.lax.stop_gradient(height)
@@ -143,6 +167,8 @@ def settle(grid: Grid, panel: Array, x: Array) -> Place:
     inside = jax.lax.stop_gradient(jnp.abs(x) < 1)
     end = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
     (_, _, edge, middle), angle = grid.at(panel, end), grid.at(panel, x).phi
+    for fixed in grid.breaks:  # an end of a given range of crank angle does not move, whatever else switches there
+        edge = jnp.where(jnp.abs(nearest_turn(edge - fixed, grid.length)) < SAME, jax.lax.stop_gradient(edge), edge)
     drift = safe_divide(jax.lax.stop_gradient(angle) - middle, taken(grid.half, panel))  # zero for no width
     phi = envelope(jnp.where(inside, angle, edge), jnp.where(inside, 0.0, edge - jax.lax.stop_gradient(edge)))
     moves = jnp.where(inside, drift - jax.lax.stop_gradient(drift), 0.0)

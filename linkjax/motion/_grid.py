@@ -62,6 +62,7 @@ class Grid:
     loads: tuple[str, ...] = eqx.field(static=True)
     prescribed: bool = eqx.field(static=True)
     one_sided: bool = eqx.field(static=True)
+    breaks: tuple[float, ...] = eqx.field(static=True)
     evaluations: int = eqx.field(static=True)
 
     @property
@@ -143,6 +144,7 @@ class Plan(NamedTuple):
     loads: tuple[str, ...]
     prescribed: bool
     one_sided: bool
+    breaks: tuple[float, ...]
     rolled: bool
     looked: int
 
@@ -198,6 +200,7 @@ def grid_of(
         names,
         scene.mechanism.prescribed,
         (law := scene.mechanism.driver.follows()) is not None and law.jumps(),
+        breaks,
         not machine.traced,
         looked,
     )
@@ -298,6 +301,7 @@ def _grid(
         plan.loads,
         plan.prescribed,
         plan.one_sided,
+        plan.breaks,
         evaluations,
     )
 

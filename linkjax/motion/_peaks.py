@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, once, safe_divide, safe_sqrt, taken, wrapped
-from linkjax.motion._extremum import Summit, climb, search, settle
+from linkjax.motion._extremum import Summit, climb, search, settle, summit_heights
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._nodes import node_places
 from linkjax.motion._panels import polynomials
@@ -97,11 +97,16 @@ def _two_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Arra
     heights, series = interpolated(grid, jax.lax.stop_gradient(at_nodes))
 
     def best(height, rows):
-        def following(tops, _):
-            found = search(jnp.asarray(grid.rule.fine), height, tops)
-            return jnp.where(jnp.arange(tops.size, dtype=jnp.int32) == found.panel, -jnp.inf, tops), found
+        fine, number = jnp.asarray(grid.rule.fine), jnp.arange(grid.panels, dtype=jnp.int32)
+        tops, begins, ends = summit_heights(fine, height)
 
-        summit = jax.lax.scan(following, jnp.max(height, axis=1), length=RIVALS, unroll=1 if rolled else RIVALS)[1]
+        def following(tops, _):
+            found = search(fine, height, tops)
+            next_one, last_one = (found.panel + 1) % grid.panels, (found.panel - 1) % grid.panels
+            gone = (number == found.panel) | ((number == next_one) & begins) | ((number == last_one) & ends)
+            return jnp.where(gone, -jnp.inf, tops), found
+
+        summit = jax.lax.scan(following, tops, length=RIVALS, unroll=1 if rolled else RIVALS)[1]
         return summit.panel, jax.vmap(lambda one: follow(rows[:, one.panel], one, rolled))(summit)
 
     last = at_nodes @ jnp.asarray(grid.rule.spectrum[-2:].T)
