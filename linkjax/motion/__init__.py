@@ -4,7 +4,8 @@ from linkjax._renamed import old_names as old_names
 from linkjax.motion._by_speed import at_speed as at_speed
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
-from linkjax.motion._diffrax import run_in_time as run_in_time
+from linkjax.motion._in_time import run_in_time as run_in_time
+from linkjax.motion._in_time import way_of as way_of
 from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax
 from linkjax.motion._flow import LEAST as LEAST
 from linkjax.motion._flow import Primitive as Primitive
@@ -32,6 +33,11 @@ from linkjax.motion._rows import Rows as Rows
 from linkjax.motion._rows import Summits as Summits
 from linkjax.motion._rows import Wanted as Wanted
 from linkjax.motion._rows import every_row as every_row
+from linkjax.motion._march import Course as Course
+from linkjax.motion._march import Way as Way
+from linkjax.motion._march import march as march
+from linkjax.motion._stiff import is_stiff as is_stiff
+from linkjax.motion._stiff import solver_for as solver_for
 from linkjax.motion._steady import Steady as Steady
 from linkjax.motion._steady import all_loads as all_loads
 from linkjax.motion._steady import begin as begin
