@@ -21,6 +21,7 @@ from linkjax.motion._grid import make_grid as make_grid
 from linkjax.motion._nodes import AtNodes as AtNodes
 from linkjax.motion._nodes import at_nodes as at_nodes
 from linkjax.motion._nodes import node_values as node_values
+from linkjax.motion._nodes import reduced_in as reduced_in
 from linkjax.motion._peaks import TIED as TIED
 from linkjax.motion._peaks import Peak as Peak
 from linkjax.motion._peaks import by_node as by_node

@@ -137,7 +137,7 @@ def _in_angle(
         speed = safe_sqrt(jnp.maximum(state[0], least), 1e-100)
         here = reduced_in(made, grid, phi, panel, speed=speed * unit)
         phi = jnp.floor(s / panels) * made.scene.cycle + phi
-        gain = 2 * acceleration_at(made.scene, here, drive_torque, phi, speed * unit) / unit**2
+        gain = 2 * acceleration_at(made.scene.motor, here, drive_torque, phi, speed * unit) / unit**2
         more = (-first / (here.inertia * speed**3), here.torque / (first * unit**2)) if shooting else ()
         return width * jnp.stack([gain, 1 / speed, *more])
 

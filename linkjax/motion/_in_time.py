@@ -154,7 +154,7 @@ def _stop(made: ReadyScene, found: Run, angle, speed, drive_torque, tolerance, s
 
     def gain(phi, speed):
         here = reduced_in(made, grid, phi - turns, place.panel, speed=speed)
-        return acceleration_at(made.scene, here, drive_torque, phi, speed, jnp.ones_like(speed))
+        return acceleration_at(made.scene.motor, here, drive_torque, phi, speed, jnp.ones_like(speed))
 
     def rate(t, state, _):
         return jnp.stack([state[1], gain(state[0], state[1] * unit) / unit**2])

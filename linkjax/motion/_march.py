@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from linkjax._types import Scalar, known
+from linkjax.drives import AbstractMotor, MotorDrive
 from linkjax.kinematics import pose
 from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene
@@ -25,12 +26,22 @@ from linkjax.reduction import Reduced, reduce_pose
 MOST_STEPS = 16**4
 MOST_PARTS = 10_000  # parts between standstills
 
-Acting = Callable[[Array], Array]  # (time) -> one or zero for every load
+Acting = Callable[[Array], Array]  # (time) -> one or zero for every load, and for the motor
+
+
+class Switched(AbstractMotor):
+    """A motor times a `factor`: one while it is on, zero while it is off."""
+
+    motor: AbstractMotor
+    factor: Array
+
+    def torque(self, speed):
+        return self.factor * self.motor.torque(speed)
 
 
 class Way(NamedTuple):
-    """How a scene is driven: its `drive` torque on the crank (None: its motor), which loads act at a time (None: all),
-    and the angular speed (rad/s) and energy (J) that are the units of states."""
+    """How a scene is driven: its `drive` torque on the crank (None: its motor), which loads act at a time, with the
+    motor last (None: all), and the angular speed (rad/s) and energy (J) that are the units of states."""
 
     made: ReadyScene
     drive: Any
@@ -38,29 +49,39 @@ class Way(NamedTuple):
     unit: Array
     energy: Array
 
+    def motor(self, time: Scalar) -> MotorDrive | None:
+        """The motor at a time (s)."""
+        motor = self.made.scene.motor
+        if motor is None or self.acting is None:
+            return motor
+        return MotorDrive(Switched(motor.motor, self.acting(time)[-1]), motor.transmission, motor.inertia)
+
+    def gain(self, time: Scalar, here: Reduced, phi: Scalar, speed: Scalar, sense: Scalar) -> Array:
+        """Acceleration of the crank (rad/s²) with the reduced model of all loads."""
+        return acceleration_at(self.motor(time), here, self.drive, phi, speed, sense)
+
     def reduced(self, time: Scalar, phi: Scalar, speed: Scalar, sense: Scalar) -> Reduced:
         """The reduced model of all loads that act at a time (s), at a crank angle (rad) and speed (rad/s)."""
         active = self.made.scene.active(phi)
-        active = active if self.acting is None else active * self.acting(time)
+        active = active if self.acting is None else active * self.acting(time)[:-1]
         at = Instant(phi, phi, speed)
         return reduce_pose(self.made.scene, at, pose(self.made.mechanism, phi), active, sense)
 
     def acceleration(self, time: Scalar, phi: Scalar, speed: Scalar, sense: Scalar) -> Array:
         """Acceleration of the crank (rad/s²)."""
-        here = self.reduced(time, phi, speed, sense)
-        return acceleration_at(self.made.scene, here, self.drive, phi, speed, sense)
+        return self.gain(time, self.reduced(time, phi, speed, sense), phi, speed, sense)
 
     def rate(self, time: Scalar, state: Array, sense: Scalar, works: bool) -> Array:
         """Rates of crank angle and speed, and of the works of motor, losses, weight and loads, in time times unit."""
         phi, speed = state[0], state[1] * self.unit
         here = self.reduced(time / self.unit, phi, speed, sense)
-        gain = acceleration_at(self.made.scene, here, self.drive, phi, speed, sense)
-        powers = self.powers(here, phi, speed, gain, sense) if works else []
+        gain = self.gain(time / self.unit, here, phi, speed, sense)
+        powers = self.powers(time / self.unit, here, speed, gain, sense) if works else []
         return jnp.stack([state[1], gain / self.unit**2, *(p / (self.energy * self.unit) for p in powers)])
 
-    def powers(self, here: Reduced, phi: Scalar, speed: Scalar, gain: Scalar, sense: Scalar) -> list[Array]:
+    def powers(self, time: Scalar, here: Reduced, speed: Scalar, gain: Scalar, sense: Scalar) -> list[Array]:
         """Powers (W) of the motor, of the losses of its transmission, of weight and of every load."""
-        motor = self.made.scene.motor
+        motor = self.motor(time)
         if self.drive is not None or motor is None:
             torque = 0.0 if self.drive is None else here.inertia * gain - here.torque + 0.5 * here.slope * speed**2
             first = [torque * speed, jnp.zeros_like(speed)]

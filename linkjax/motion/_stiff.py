@@ -45,7 +45,7 @@ def _fastest(made: ReadyScene) -> Array:
     cycle, nominal = made.scene.cycle, made.scene.speed
 
     def gain(speed: Array, phi: Array) -> Array:
-        return acceleration_at(made.scene, reduced_model(made, phi, speed=speed), None, phi, speed)
+        return acceleration_at(made.scene.motor, reduced_model(made, phi, speed=speed), None, phi, speed)
 
     phi = jnp.asarray((np.arange(ANGLES) + 0.37) * (cycle / ANGLES))
     speeds = nominal * jnp.asarray(np.linspace(0.02, 2.0, SPEEDS))
@@ -53,8 +53,9 @@ def _fastest(made: ReadyScene) -> Array:
     return jnp.max(jnp.where(jnp.isfinite(rates), -rates, 0.0))
 
 
-def solver_for(made: ReadyScene, drive: Scalar | Torque | None) -> Any:
-    """The method of diffrax: `Kvaerno5` for a stiff drive, otherwise `Dopri8`."""
+def solver_for(made: ReadyScene, drive: Scalar | Torque | None, stiff: bool | None = None) -> Any:
+    """The method of diffrax: `Kvaerno5` for a stiff drive, otherwise `Dopri8`; `stiff` if it is known."""
     import diffrax
 
-    return diffrax.Kvaerno5() if drive is None and is_stiff(made) else diffrax.Dopri8()
+    stiff = (drive is None and is_stiff(made)) if stiff is None else stiff
+    return diffrax.Kvaerno5() if stiff else diffrax.Dopri8()
