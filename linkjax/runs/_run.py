@@ -161,7 +161,10 @@ def _end(setup: Setup, start: Array, gap: Gap | None, cycles: float | None, off:
         times = jnp.linspace(now, now + CHUNK * lap, (LOOKS - 1) * CHUNK + 1)
         found = course(setup, times, state, works=False)
         when = float(passage(setup, times, found.states, goal, slope).time)
-        if math.isfinite(when):
+        if math.isfinite(when) and cycles is None and off and not bool(found.stopped):
+            later = jnp.stack([times[-1], times[-1] + max(CHUNK * lap, 0.5 * when)])
+            found = course(setup, later, found.last, works=False)  # does it stop soon, or only approach the standstill?
+        if math.isfinite(when) and not (off and cycles is None and bool(found.stopped)):
             return max(when, 1e-3 * lap) * (1.0 if cycles is not None else 1 + 1e-6 if off else AFTER)
         if bool(found.stopped):
             return max(AFTER * float(found.stop_time), lap)
