@@ -21,7 +21,6 @@ from linkjax.cli._app import app
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import (
     JsonFile,
-    Out,
     Quiet,
     SceneName,
     Set,
@@ -48,7 +47,9 @@ def run_command(
         float | None,
         typer.Option(metavar="SECONDS", help="Time of the run in s; by default some time after run-up or run-down."),
     ] = None,
-    cycles: Annotated[float | None, typer.Option(metavar="NUMBER", help="Cycles of the run, in place of --time.")] = None,
+    cycles: Annotated[
+        float | None, typer.Option(metavar="NUMBER", help="Cycles of the run, in place of --time.")
+    ] = None,
     from_speed: Annotated[
         str | None,
         typer.Option(
@@ -180,7 +181,9 @@ def _events(data: dict[str, Any], show: Numbers) -> dict[str, str]:
     if (starting := data["starting"]) is not None:
         margin = starting["margin"]
         worst = NONE if margin is None else f"{100 * margin:+.1f} %, least at {show.turned(starting['angle'])}"
-        starts = "it starts at every crank angle" if starting["everywhere"] else "it does not start at every crank angle"
+        starts = (
+            "it starts at every crank angle" if starting["everywhere"] else "it does not start at every crank angle"
+        )
         found["starting-torque margin"] = f"{'no load resists' if margin is None else worst}; {starts}"
     if (energies := data.get("energies")) is not None:
         parts = {"motor": energies["motor"], "losses": energies["losses"], **energies["loads"]}

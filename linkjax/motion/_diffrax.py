@@ -30,7 +30,7 @@ from linkjax.motion._flow import LEAST, Begun, Flow, Primitive, duty_of, spotted
 from linkjax.motion._grid import Grid, grid_of, make_grid
 from linkjax.motion._nodes import at_nodes, reduced_in
 from linkjax.motion._steady import Steady, conclude, steady_on
-from linkjax.motion._stiff import solver_for
+from linkjax.motion._stiff import solver_for, tolerance_for
 from linkjax.motion._torque import Torque, acceleration_at
 from linkjax.sampling import Sampler
 
@@ -70,7 +70,7 @@ def run_in_angle(
     start_speed: Scalar,
     drive_torque: Scalar | Torque | None = None,
     *,
-    tolerance: float = 1e-10,
+    tolerance: Scalar | float = 1e-10,
     solver: Any = None,
     adjoint: Any = None,
 ) -> Run:
@@ -85,6 +85,7 @@ def run_in_angle(
     """
     made = free(scene)
     solver = solver or solver_for(made, drive_torque)
+    tolerance = tolerance_for(solver, tolerance)
     scene, grid = made.scene, make_grid(made, 8)
     place = jax.vmap(grid.place)(angles)
     cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
@@ -115,8 +116,8 @@ def _in_angle(
     speed is extrapolated linearly to zero.
 
     With Ω the scene's speed and the energy J Ω² at the first position as unit, a state holds ω² / Ω² and Ω t; with
-    `shooting` also the derivative of Ω t with respect to the energy at the start, and the work of the loads. diffrax integrates to fixed
-    positions; their shift with the design is added afterwards, with the rate of the state.
+    `shooting` also the derivative of Ω t with respect to the energy at the start, and the work of the loads. diffrax
+    integrates to fixed positions; their shift with the design is added afterwards, with the rate of the state.
     """
     import diffrax
 
@@ -196,9 +197,9 @@ def steady_by_diffrax(
     `steady_motion` within the tolerance, and exactly where no steady-state motion exists. `delta_error` is the error of
     the quadrature plus the difference between the two methods, and infinite if the integration failed. Evaluations are
     not counted. The tolerance is at least thirty times the rounding unit of the precision in force. Raises
-    `StructureError` if the driver has a motion law, and for a motor or loads that depend on the speed. `solver` (default `Dopri8`) and `adjoint` are diffrax's; the
-    adjoint sets the direction of differentiation: `ForwardMode()` (default) for `jvp`,
-    `RecursiveCheckpointAdjoint()` for `grad`.
+    `StructureError` if the driver has a motion law, and for a motor or loads that depend on the speed. `solver`
+    (default `Dopri8`) and `adjoint` are diffrax's; the adjoint sets the direction of differentiation:
+    `ForwardMode()` (default) for `jvp`, `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 

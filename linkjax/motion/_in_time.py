@@ -23,7 +23,7 @@ from linkjax.motion._diffrax import MOST_CYCLES, Run, free, run_in_angle
 from linkjax.motion._grid import make_grid
 from linkjax.motion._march import MOST_STEPS, Way, march
 from linkjax.motion._nodes import reduced_in
-from linkjax.motion._stiff import solver_for
+from linkjax.motion._stiff import solver_for, tolerance_for
 from linkjax.motion._torque import Torque, acceleration_at, fixed_torque
 from linkjax.motion._windows import at_crank_angles
 
@@ -38,7 +38,7 @@ def run_in_time(
     drive_torque: Scalar | Torque | None = None,
     *,
     through_rest: bool = False,
-    tolerance: float = 1e-10,
+    tolerance: Scalar | float = 1e-10,
     solver: Any = None,
     adjoint: Any = None,
 ) -> Run:
@@ -60,6 +60,7 @@ def run_in_time(
     made = free(scene)
     times, start_angle, start_speed = (jnp.asarray(value, float) for value in (times, start_angle, start_speed))
     solver = solver or solver_for(made, drive_torque)
+    tolerance = tolerance_for(solver, tolerance)
     speed = known(start_speed)
     if through_rest:
         _check_windows(made.scene)

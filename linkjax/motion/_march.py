@@ -98,8 +98,9 @@ class Way(NamedTuple):
 
 class Course(NamedTuple):
     """States at the times asked for: crank angle (rad), speed in its unit, and works in their unit where asked for.
-    After a standstill the state is kept. Whether the motion ended in a standstill, its state and time (s); the sense in
-    which the crank would start from there; and whether the integration reached its end."""
+    After a standstill the state is kept; after the solver ran out of steps it is infinite. Whether the motion ended in
+    a standstill, its state and time (s); the sense in which the crank would start from there; and whether the
+    integration reached its end."""
 
     states: Float[Array, "points n"]
     stopped: Bool[Array, ""]
@@ -149,7 +150,7 @@ def march(
 
 class _Carry(NamedTuple):
     """What is known before a part: its number, time, state and sense; the states so far; whether all steps were
-    taken."""
+    taken; and the time at which the crank last came to rest."""
 
     count: Array
     time: Array
@@ -157,6 +158,7 @@ class _Carry(NamedTuple):
     sense: Array
     states: Array
     whole: Array
+    rest: Array
 
 
 def _parts(options: tuple, begin: Array, end: Array, start: Array, sense: Array) -> Course:
@@ -171,31 +173,26 @@ def _parts(options: tuple, begin: Array, end: Array, start: Array, sense: Array)
         states = jnp.where((clock > carry.time)[:, None], states, carry.states)
         last = jnp.where(stopped, last.at[1].set(0.0), last)
         sense = jnp.where(stopped, way.breakaway(when / way.unit, last[0]), carry.sense)
-        return _Carry(carry.count + 1, when, last, sense, states, carry.whole & whole)
+        return _Carry(carry.count + 1, when, last, sense, states, carry.whole & whole,
+                      jnp.where(stopped, when, carry.rest))  # fmt: skip
 
     def resting(carry: _Carry) -> _Carry:
         when = jnp.minimum(jnp.min(jnp.where(switches > carry.time, switches, jnp.inf)), end)
         states = jnp.where((clock > carry.time)[:, None], carry.state[None], carry.states)
         just = when * (1 + 4 * jnp.finfo(when.dtype).eps)
         return _Carry(carry.count + 1, when, carry.state, way.breakaway(just / way.unit, carry.state[0]), states,
-                      carry.whole)  # fmt: skip
+                      carry.whole, carry.rest)  # fmt: skip
 
     first = _Carry(jnp.zeros((), jnp.int32), begin, start, sense, jnp.broadcast_to(start, (clock.size, start.size)),
-                   jnp.asarray(True))  # fmt: skip
+                   jnp.asarray(True), begin)  # fmt: skip
 
     def step(carry: _Carry) -> _Carry:
         return jax.lax.cond(carry.sense == 0, resting, moving, carry)
 
     done = jax.lax.while_loop(more, step, first)
     stopped = (done.state[1] == 0) & (done.sense == 0)
-    return Course(done.states, stopped, done.state, _rest_time(done, clock, way), done.sense, done.time >= end)
-
-
-def _rest_time(done: _Carry, clock: Array, way: Way) -> Array:
-    """When the last rest began (s), infinite where the crank moves at the end; known to the times asked for."""
-    still = jnp.flip(jnp.cumprod(jnp.flip((done.states[:, 1] == 0) & (done.states[:, 0] == done.state[0]))))
-    first = jnp.min(jnp.where(still == 1, clock, jnp.inf))
-    return jnp.where(done.sense == 0, first / way.unit, jnp.inf)
+    when = jnp.where(stopped, done.rest / way.unit, jnp.inf)
+    return Course(done.states, stopped, done.state, when, done.sense, done.time >= end)
 
 
 def _part(
@@ -227,4 +224,5 @@ def _part(
     whole = stopped | (solution.result == diffrax.RESULTS.successful)
     last = jnp.where(stopped, last.at[1].set(0.0), last)
     kept = (jnp.arange(clock.size) < end) & ~(stopped & (clock > when))
-    return jnp.where(kept[:, None], solution.ys[:-1], last[None]), last, when, stopped, whole
+    after = jnp.where(whole, last, jnp.inf)
+    return jnp.where(kept[:, None], solution.ys[:-1], after[None]), last, when, stopped, whole

@@ -51,8 +51,8 @@ def acceleration_at(
     sense: Scalar | None = None,
 ) -> Array:  # fmt: skip
     """Angular acceleration of the crank (rad/s²), with the reduced model `here` of all loads; `drive` is its torque
-    (N m), or None for the `motor`, with its rotor, if there is one. `sense` is that of the rotation (1 or -1), for the losses
-    of the transmission; by default that of the speed."""
+    (N m), or None for the `motor`, with its rotor, if there is one. `sense` is that of the rotation (1 or -1), for the
+    losses of the transmission; by default that of the speed."""
     speed = jnp.asarray(speed)
     net = here.torque - 0.5 * here.slope * speed**2
     if drive is not None:

@@ -15,6 +15,7 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide
 from linkjax._types import Scalar, Tracer, as_float
 from linkjax._units import nearest
+from linkjax.drives import Servo
 from linkjax.loads import Passage
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
@@ -47,8 +48,8 @@ def run(
     solver: Any = None,
     adjoint: Any = None,
 ) -> Transient:
-    """The motion of a machine from a crank angle `start_angle` (rad) and speed `start_speed` (rad/s, default rest), with
-    its motor, weight and loads, at `points` uniform times.
+    """The motion of a machine with its motor, weight and loads, from a crank angle `start_angle` (rad) and a speed
+    `start_speed` (rad/s, default rest), at `points` uniform times.
 
     It ends after a `time` (s), or a number of `cycles`; by default some time after the run-up, or with the motor off
     after the run-down. `motor=False` is the motor switched off, with rotor and transmission still attached; a pair
@@ -87,6 +88,9 @@ def _check(scene: Scene, speed, time, cycles, motor, acting, through_rest, point
     if scene.mechanism.prescribed:
         problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
         raise StructureError(scene.mechanism.driving_link, problem, "delete the law")
+    if motor is not False and scene.motor is not None and isinstance(scene.motor.motor, Servo):
+        problem = "a servo motor follows a motion law, and has no characteristic"
+        raise StructureError("motor", problem, "write another kind of motor, or motor=False (--motor-off)")
     if time is not None and cycles is not None:
         raise StructureError("time", "is given, and cycles too", "give one of them")
     for name, value in {"time": time, "cycles": cycles}.items():
@@ -218,7 +222,7 @@ def _traced(
     there = jnp.where(reached, when, jax.lax.stop_gradient(0.5 * end))
     times = jnp.linspace(0.0, 1.0, points) * end
     merged = jnp.sort(jnp.concatenate([times, there[None]]))
-    number = jnp.searchsorted(merged, there)
+    number = jnp.searchsorted(merged, there).astype(int)
     solver = solver_for(setup.made, None, setup.stiff) if setup.solver is None else setup.solver
     options = {"tolerance": setup.tolerance, "solver": solver, "adjoint": adjoint}
     moved = run_in_time(setup.made, merged, angle, speed, None, **options)

@@ -41,7 +41,9 @@ def starting_torque(scene: Scene | ReadyScene) -> Starting:
     """
     made = ready(scene)
     if made.scene.mechanism.prescribed:
-        raise StructureError(made.scene.mechanism.driving_link, "has a motion law, so it cannot be started", "delete it")
+        raise StructureError(
+            made.scene.mechanism.driving_link, "has a motion law, so it cannot be started", "delete it"
+        )
     if made.scene.motor is None:
         raise StructureError("motor", "there is none to start the machine", "add a motor, e.g. [motor] in a scene file")
     return _starting(made, make_grid(made, 8))

@@ -27,10 +27,11 @@ def run_speed_figure(data: Data, scene: Scene, units: Units | None = None) -> Fi
     figure, ((top,), (bottom,)) = sheet(scene.title or "Run", 2, 1, panel=(2.2, 1.2))
     top.plot(time, turn * speed, color=BLUE, linewidth=1.5)
     top.set_title(label("crank speed", per))
-    for name, text in {"run_up_time": "run-up", "run_down_time": "run-down"}.items():
+    ends = "standstill" if data["stopped"] else "run-down"
+    for name, text in {"run_up_time": "run-up", "run_down_time": ends}.items():
         if data[name] is not None and data[name] <= time[-1]:
             top.axvline(data[name], color=VERMILION, linewidth=1.0, linestyle=(0, (4, 2)))
-            top.annotate(f" {text} {data[name]:.4g} s", (data[name], 0.02), xycoords=("data", "axes fraction"),
+            top.annotate(f" {text} {data[name]:.4g} s", (data[name], 0.5), xycoords=("data", "axes fraction"),
                          fontsize=7.5, color=VERMILION)  # fmt: skip
     bottom.plot(time, np.asarray(data["angle"], float) / (2 * np.pi), color=BLACK, linewidth=1.3)
     bottom.set_title(label("crank angle", "turns"))
@@ -66,7 +67,10 @@ def run_characteristic_figure(data: Data, scene: Scene, units: Units | None = No
     shafts = np.linspace(low, high + 0.1 * (high - low), CURVE)
     curve = np.asarray(scene.motor.motor.torque(shafts), float)
     factor, shown = prefixed(largest([curve, torque]), "N·m", units)
-    keys = [key("characteristic", color=GREY, linewidth=1.2), key("operating points", color=BLUE, linewidth=1.5)]
+    keys = [
+        key("characteristic", color=GREY, linewidth=1.2),
+        key("operating points", color=BLUE, linewidth=0, marker="o", markersize=3),
+    ]
     figure, ((ax,),) = sheet(scene.title or "Run", 1, 1, panel=2.8, keys=keys)
     ax.plot(turn * shafts, factor * curve, color=GREY, linewidth=1.2)
     ax.plot(turn * speed, factor * torque, "o", color=BLUE, markersize=2.2, alpha=0.5, markeredgewidth=0)
