@@ -44,7 +44,6 @@ from linkjax.motion._steady import steady_motion as steady_motion
 from linkjax.motion._steady import steady_on as steady_on
 from linkjax.motion._stiff import is_stiff as is_stiff
 from linkjax.motion._stiff import solver_for as solver_for
-from linkjax.motion._stiff import tolerance_for as tolerance_for
 from linkjax.motion._windows import at_crank_angles as at_crank_angles
 
 __getattr__ = old_names(__name__)

@@ -30,7 +30,7 @@ from linkjax.motion._flow import LEAST, Begun, Flow, Primitive, duty_of, spotted
 from linkjax.motion._grid import Grid, grid_of, make_grid
 from linkjax.motion._nodes import at_nodes, reduced_in
 from linkjax.motion._steady import Steady, conclude, steady_on
-from linkjax.motion._stiff import solver_for, tolerance_for
+from linkjax.motion._stiff import control_for, solver_for
 from linkjax.motion._torque import Torque, acceleration_at
 from linkjax.sampling import Sampler
 
@@ -85,7 +85,6 @@ def run_in_angle(
     """
     made = free(scene)
     solver = solver or solver_for(made, drive_torque)
-    tolerance = tolerance_for(solver, tolerance)
     scene, grid = made.scene, make_grid(made, 8)
     place = jax.vmap(grid.place)(angles)
     cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
@@ -145,9 +144,11 @@ def _in_angle(
     start = jnp.stack([(start_speed / unit) ** 2, *[jnp.zeros_like(start_speed)] * (3 if shooting else 1)])
     moved = along - fixed
     start = start - jax.lax.stop_gradient(rate(fixed[0], start, None)) * moved[0]
+    solver = solver or diffrax.Dopri8()
+    control = diffrax.ClipStepSizeController(control_for(solver, tolerance), jump_ts=jax.lax.stop_gradient(jumps))
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate), solver or diffrax.Dopri8(), fixed[0], fixed[-1], None, start,
-        saveat=diffrax.SaveAt(ts=fixed, t1=True), stepsize_controller=controller(tolerance, jumps),
+        diffrax.ODETerm(rate), solver, fixed[0], fixed[-1], None, start,
+        saveat=diffrax.SaveAt(ts=fixed, t1=True), stepsize_controller=control,
         adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
         event=diffrax.Event(lambda t, y, args, **_: y[0] <= least), max_steps=MOST_STEPS, throw=False,
     )  # fmt: skip
@@ -171,16 +172,6 @@ def _in_angle(
 def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
     """Which points lie before a stall: the last step may reach past it, and no motion follows it."""
     return jax.lax.cummin(jnp.where((speed > 0) & jnp.isfinite(speed), 1, 0).at[0].set(1))[:, None] == 1
-
-
-def controller(tolerance: Scalar | float, jumps: Array | None):
-    """The step control of diffrax for a relative tolerance; steps end at the `jumps`."""
-    import diffrax
-
-    control = diffrax.PIDController(rtol=tolerance, atol=tolerance * 1e-3)
-    if jumps is None:
-        return control
-    return diffrax.ClipStepSizeController(control, jump_ts=jax.lax.stop_gradient(jumps))
 
 
 def steady_by_diffrax(

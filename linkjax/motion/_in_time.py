@@ -23,7 +23,7 @@ from linkjax.motion._diffrax import MOST_CYCLES, Run, free, run_in_angle
 from linkjax.motion._grid import make_grid
 from linkjax.motion._march import MOST_STEPS, Way, march
 from linkjax.motion._nodes import reduced_in
-from linkjax.motion._stiff import solver_for, tolerance_for
+from linkjax.motion._stiff import control_for, solver_for
 from linkjax.motion._torque import Torque, acceleration_at, fixed_torque
 from linkjax.motion._windows import at_crank_angles
 
@@ -60,7 +60,6 @@ def run_in_time(
     made = free(scene)
     times, start_angle, start_speed = (jnp.asarray(value, float) for value in (times, start_angle, start_speed))
     solver = solver or solver_for(made, drive_torque)
-    tolerance = tolerance_for(solver, tolerance)
     speed = known(start_speed)
     if through_rest:
         _check_windows(made.scene)
@@ -164,7 +163,7 @@ def _stop(made: ReadyScene, found: Run, angle, speed, drive_torque, tolerance, s
     left = jnp.where(known, jax.lax.stop_gradient(found.stall_time - began), 0.0)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate), solver, jnp.zeros_like(left), left * unit, None, jnp.stack([middle, pace / unit]),
-        stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance * 1e-3), max_steps=MOST_STEPS,
+        stepsize_controller=control_for(solver, tolerance), max_steps=MOST_STEPS,
         throw=False, adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
     )  # fmt: skip
     assert solution.ys is not None

@@ -20,6 +20,7 @@ from linkjax.drives import AbstractMotor, MotorDrive
 from linkjax.kinematics import pose
 from linkjax.loads import Instant
 from linkjax.machine import ReadyScene, Scene
+from linkjax.motion._stiff import control_for
 from linkjax.motion._torque import Torque, acceleration_at
 from linkjax.reduction import Reduced, reduce_pose
 
@@ -205,7 +206,7 @@ def _part(
     import diffrax
     import optimistix
 
-    control = diffrax.PIDController(rtol=tolerance, atol=tolerance * 1e-3)
+    control = control_for(solver, tolerance)
     if jumps is not None:
         control = diffrax.ClipStepSizeController(control, jump_ts=jumps * way.unit)
     finder = optimistix.Bisection(rtol=1e-14, atol=1e-14)

@@ -17,7 +17,7 @@ from linkjax.drives import MotorDrive, NoMotor
 from linkjax.kinematics import pose
 from linkjax.loads import Instant
 from linkjax.machine import ReadyScene
-from linkjax.motion import Course, Way, march, solver_for, tolerance_for
+from linkjax.motion import Course, Way, march, solver_for
 from linkjax.reduction import unloaded
 
 NEWTON = 4  # steps for the time of a passage
@@ -81,7 +81,7 @@ def _integrated(setup: Setup, times: Array, start: Array, works: bool, solver: A
     if given is not None:
         jumps = jnp.sort(jnp.clip(jnp.concatenate([given.on, given.off]), times[0] - 1, times[-1] + 1))
     options = {"through_rest": setup.through_rest, "works": works, "jumps": jumps}
-    return march(setup.way, times, start, solver, tolerance_for(solver, setup.tolerance), **options)
+    return march(setup.way, times, start, solver, setup.tolerance, **options)
 
 
 class Details(NamedTuple):

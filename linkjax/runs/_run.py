@@ -229,7 +229,7 @@ def _traced(
     missing = gap(moved.angle[number][None], moved.speed[number][None])[0][0]
     shift = safe_divide(missing - jax.lax.stop_gradient(missing), rate)
     when = jnp.where(reached, when - jnp.where(reached, shift, 0.0), when)
-    kept = jnp.arange(points) + (jnp.arange(points) >= number)
+    kept = jnp.arange(points) + jnp.where(jnp.arange(points) >= number, 1, 0)
     still = moved.stalled & ~jnp.isfinite(moved.angle[kept])
     angles = jnp.where(still, moved.stall_angle, moved.angle[kept])
     ending = Ending(moved.stall_angle, moved.stalled, moved.stall_time, found.goes_on, found.whole)
