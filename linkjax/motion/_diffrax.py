@@ -130,7 +130,7 @@ def _in_angle(
         return width, grid.edges[panel] + (s - jnp.floor(s)) * width, panel
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
-    first = jax.lax.stop_gradient(reduced_in(made, grid, *at(fixed[0])[1:]).inertia) if shooting else None
+    first = jax.lax.stop_gradient(reduced_in(made, grid, *at(fixed[0])[1:]).inertia) if shooting else jnp.ones(())
 
     def rate(s, state, _):
         width, phi, panel = at(s)

@@ -153,7 +153,7 @@ class _Carry(NamedTuple):
     """What is known before a part: its number, time, state and sense; the states so far; whether all steps were
     taken; and the time at which the crank last came to rest."""
 
-    count: Array
+    number: Array
     time: Array
     state: Array
     sense: Array
@@ -167,21 +167,23 @@ def _parts(options: tuple, begin: Array, end: Array, start: Array, sense: Array)
     switches = jnp.full(1, jnp.inf) if jumps is None else jumps * way.unit
 
     def more(carry: _Carry) -> Array:
-        return (carry.time < end) & carry.whole & (carry.count < MOST_PARTS)
+        return (carry.time < end) & carry.whole & (carry.number < MOST_PARTS)
 
     def moving(carry: _Carry) -> _Carry:
-        states, last, when, stopped, whole = _part(*options, carry.time, carry.state, carry.sense, stops=True)
+        states, last, when, stopped, whole = _part(
+            *options, begin=carry.time, start=carry.state, sense=carry.sense, stops=True
+        )
         states = jnp.where((clock > carry.time)[:, None], states, carry.states)
         last = jnp.where(stopped, last.at[1].set(0.0), last)
         sense = jnp.where(stopped, way.breakaway(when / way.unit, last[0]), carry.sense)
-        return _Carry(carry.count + 1, when, last, sense, states, carry.whole & whole,
+        return _Carry(carry.number + 1, when, last, sense, states, carry.whole & whole,
                       jnp.where(stopped, when, carry.rest))  # fmt: skip
 
     def resting(carry: _Carry) -> _Carry:
         when = jnp.minimum(jnp.min(jnp.where(switches > carry.time, switches, jnp.inf)), end)
         states = jnp.where((clock > carry.time)[:, None], carry.state[None], carry.states)
         just = when * (1 + 4 * jnp.finfo(when.dtype).eps)
-        return _Carry(carry.count + 1, when, carry.state, way.breakaway(just / way.unit, carry.state[0]), states,
+        return _Carry(carry.number + 1, when, carry.state, way.breakaway(just / way.unit, carry.state[0]), states,
                       carry.whole, carry.rest)  # fmt: skip
 
     first = _Carry(jnp.zeros((), jnp.int32), begin, start, sense, jnp.broadcast_to(start, (clock.size, start.size)),
@@ -212,7 +214,7 @@ def _part(
     finder = optimistix.Bisection(rtol=1e-14, atol=1e-14)
     falls = diffrax.Event(lambda t, y, args, **_: sense * y[1], finder, direction=False)
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda t, state, _: way.rate(t, state, sense, works)), solver, begin, clock[-1], None, start,
+        diffrax.ODETerm(lambda t, state, _: way.rate(jnp.asarray(t), state, sense, works)), solver, begin, clock[-1], None, start,
         saveat=diffrax.SaveAt(ts=jnp.clip(clock, begin), t1=True), stepsize_controller=control,
         event=falls if stops else None, max_steps=MOST_STEPS, throw=False,
         adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),

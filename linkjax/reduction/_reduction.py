@@ -64,7 +64,7 @@ def unloaded(scene: Scene, at: Instant, here: Pose) -> tuple[Array, Array, dict[
 
 def loaded(inertia: Array, slope: Array, shares: dict[str, Array], loads: Sequence[str], active: Array) -> Reduced:
     """The reduced model with the shares of the loads that act; `active` has their axis last, in the order of the names
-    `loads`; those without a share are left out."""
+    `loads`; those without a share are omitted."""
     by_load = {"gravity": shares["gravity"]}
     by_load |= {name: shares[name] * active[..., i] for i, name in enumerate(loads) if name in shares}
     return Reduced(inertia, slope, sum(by_load.values(), jnp.zeros_like(inertia)), by_load)

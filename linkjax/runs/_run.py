@@ -213,7 +213,8 @@ def _traced(
 ) -> Transient:
     """The same with derivatives: events are found on the motion without them, and then moved as implicit functions."""
     assert gap is not None
-    fixed = Setup(*jax.lax.stop_gradient(setup.numbers()), setup.through_rest, setup.stiff, setup.solver)
+    made, _, unit, energy, tolerance = jax.lax.stop_gradient(setup.numbers())
+    fixed = setup._replace(made=made, unit=unit, energy=energy, tolerance=tolerance)
     start, sign = jax.lax.stop_gradient(jnp.stack([angle, speed / setup.unit])), -1.0 if off else 1.0
     closer = jax.lax.stop_gradient(jnp.linspace(0.0, end, max(points, CLOSER)))
     found = course(fixed, closer, start, works=False)

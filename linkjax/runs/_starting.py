@@ -73,7 +73,8 @@ def _starting(made: ReadyScene, grid: Grid) -> Starting:
         return jnp.where(better, low, a), jnp.where(better, b, high)
 
     ends = x[jnp.maximum(k - 1, 0)], x[jnp.minimum(k + 1, PLACES - 1)]
-    inner = 0.5 * sum(jax.lax.fori_loop(0, HALVINGS, shrink, ends))
+    low, high = jax.lax.fori_loop(0, HALVINGS, shrink, ends)
+    inner = 0.5 * (low + high)
     edge = jnp.where(resisting(panel, x[k]) >= resisting(panel, inner), x[k], inner)
     place = jax.lax.stop_gradient(edge)
     load = resisting(panel, place)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import jax.numpy as jnp
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
@@ -65,7 +66,7 @@ def run_characteristic_figure(data: Data, scene: Scene, units: Units | None = No
     speed, torque = (np.asarray(data[name], float) for name in ("motor_speed", "motor_torque"))
     low, high = min(0.0, float(speed.min())), max(float(speed.max()), 1e-9)
     shafts = np.linspace(low, high + 0.1 * (high - low), CURVE)
-    curve = np.asarray(scene.motor.motor.torque(shafts), float)
+    curve = np.asarray(scene.motor.motor.torque(jnp.asarray(shafts)), float)
     factor, shown = prefixed(largest([curve, torque]), "N·m", units)
     keys = [
         key("characteristic", color=GREY, linewidth=1.2),

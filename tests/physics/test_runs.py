@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import diffrax
 import jax
@@ -23,7 +24,7 @@ from tests.physics.machines import machine
 TIMES = np.asarray([0.0, 0.1, 1.0])
 
 
-def wheel(*loads: lj.Torque | lj.OpposingTorque | lj.TorsionDamper, inertia=0.6, motor=None) -> lj.Scene:
+def wheel(*loads: lj.Torque | lj.OpposingTorque | lj.TorsionDamper, inertia: Any = 0.6, motor=None) -> lj.Scene:
     """A wheel alone."""
     links = {"wheel": lj.Link(length=0.1, inertia=inertia)}
     mechanism = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [lj.Crank("wheel", "A", "B")], lj.Flywheel(0.0))
