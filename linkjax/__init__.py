@@ -110,6 +110,8 @@ if TYPE_CHECKING:
     from linkjax.reduction import reduced_model as reduced_model
     from linkjax.rolling import Rolling as Rolling
     from linkjax.rolling import RollingMachine as RollingMachine
+    from linkjax.runs import run as run
+    from linkjax.runs import starting_torque as starting_torque
     from linkjax.scenes import SceneError as SceneError
     from linkjax.scenes import load as load
     from linkjax.scenes import load_problem as load_problem
@@ -202,6 +204,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
     "analysis": ("Cycle", "analyse", "analyze"),
     "measures": (),
     "rolling": ("Rolling", "RollingMachine"),
+    "runs": ("run", "starting_torque"),
     "exchange": ("from_pylinkage", "read_pylinkage", "to_mjcf", "to_pylinkage"),
     "design": (
         "Case",

@@ -1,7 +1,8 @@
 """The entry point of the command line.
 
-Exit codes: 0 success; 1 the machine cannot be assembled, has no steady-state motion (all other results are printed and
-written), or cannot satisfy all constraints; 2 wrong input; 130 optimisation interrupted (the best design is written).
+Exit codes: 0 success; 1 the machine cannot be assembled, has no steady-state motion, does not start or stalls in a run
+(all other results are printed and written), or cannot satisfy all constraints; 2 wrong input; 130 optimisation
+interrupted (the best design is written).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from linkjax._results import MachineError
 from linkjax._units import QuantityError
 from linkjax.cli import _exchange as _exchange  # adds their commands to `app`
 from linkjax.cli import _optimise as _optimise
+from linkjax.cli import _run as _run
 from linkjax.cli._app import app
 from linkjax.cli._console import complaints
 from linkjax.design import DesignError

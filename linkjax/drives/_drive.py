@@ -68,16 +68,16 @@ class MotorDrive(eqx.Module):
         """Torque τ that the motor's shaft transmits (N m), less that which accelerates the rotor."""
         return self.motor_torque(speed) - self.inertia * self.motor_speed(acceleration)
 
-    def crank_torque(self, speed: Array, acceleration: Array) -> Array:
-        """Torque on the crank (N m) at its speed (rad/s) and acceleration (rad/s²). At rest it is that at the beginning
-        of forward motion; see `breakaway`."""
+    def crank_torque(self, speed: Array, acceleration: Array, sense: Array | None = None) -> Array:
+        """Torque on the crank (N m) at its speed (rad/s) and acceleration (rad/s²). The `sense` of rotation (1 or -1)
+        is that of the speed, and forward at rest, unless it is given; see `breakaway`."""
         shaft = self.shaft_torque(speed, acceleration)
-        return self.transmission.torque_ratio(shaft * _sense(speed) > 0) * shaft
+        return self.transmission.torque_ratio(shaft * _sense(speed, sense) > 0) * shaft
 
-    def power_loss(self, speed: Array, acceleration: Array) -> Array:
+    def power_loss(self, speed: Array, acceleration: Array, sense: Array | None = None) -> Array:
         """Power loss of the transmission (W), zero or more."""
         shaft = self.shaft_torque(speed, acceleration)
-        return shaft * self.motor_speed(speed) - self.crank_torque(speed, acceleration) * speed
+        return shaft * self.motor_speed(speed) - self.crank_torque(speed, acceleration, sense) * speed
 
     def required_torque(self, crank_torque: Array, speed: Array, acceleration: Array) -> Array:
         """The motor torque (N m) that gives a `crank_torque` (N m) at crank speed and acceleration: the inverse of
@@ -85,14 +85,15 @@ class MotorDrive(eqx.Module):
         shaft = crank_torque / self.transmission.torque_ratio(crank_torque * _sense(speed) > 0)
         return shaft + self.inertia * self.motor_speed(acceleration)
 
-    def crank_acceleration(self, net: Array, inertia: Array, speed: Array) -> Array:
+    def crank_acceleration(self, net: Array, inertia: Array, speed: Array, sense: Array | None = None) -> Array:
         """The crank's acceleration ε (rad/s²) that solves J ε = net + crank_torque(ω, ε), in closed form.
 
         `net` is Q - ½ J' ω² (N m) and `inertia` the reduced inertia J (kg m²), without the rotor. The right-hand side
         is piecewise linear in ε: power flows to the crank if J T_m exceeds net · J_m · (motor speed / crank speed),
-        which decides without a division. The result is zero where there is no inertia at all.
+        which decides without a division. The `sense` of rotation (1 or -1) is that of the speed, and forward at rest,
+        unless it is given. The result is zero where there is no inertia at all.
         """
-        forward = self._forward(net, inertia, speed, _sense(speed))
+        forward = self._forward(net, inertia, speed, _sense(speed, sense))
         return self._solved(net, inertia, speed, forward)
 
     def effective_inertia(self, net: Array, inertia: Array, speed: Array) -> Array:
@@ -132,9 +133,9 @@ class MotorDrive(eqx.Module):
 EXAMPLES = {"motor": "DCMotor(24.0, 0.5, 0.1)", "transmission": "Transmission(ratio=5.0, efficiency=0.95)"}
 
 
-def _sense(speed: Array) -> Array:
-    """One for motion forward and for rest, minus one for motion backward."""
-    return jnp.where(speed < 0, -1.0, 1.0)
+def _sense(speed: Array, given: Array | None = None) -> Array:
+    """One for motion forward and for rest, minus one for motion backward, unless it is `given`."""
+    return jnp.where(speed < 0, -1.0, 1.0) if given is None else given
 
 
 def inertia_of_gd2(gd2: Any, weight: bool = False) -> Array:

@@ -5,7 +5,6 @@ from linkjax.motion._by_speed import at_speed as at_speed
 from linkjax.motion._by_speed import speed_dependent as speed_dependent
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
-from linkjax.motion._diffrax import run_in_time as run_in_time
 from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax
 from linkjax.motion._flow import LEAST as LEAST
 from linkjax.motion._flow import Primitive as Primitive
@@ -18,9 +17,15 @@ from linkjax.motion._grid import Grid as Grid
 from linkjax.motion._grid import Place as Place
 from linkjax.motion._grid import grid_of as grid_of
 from linkjax.motion._grid import make_grid as make_grid
+from linkjax.motion._in_time import run_in_time as run_in_time
+from linkjax.motion._in_time import way_of as way_of
+from linkjax.motion._march import Course as Course
+from linkjax.motion._march import Way as Way
+from linkjax.motion._march import march as march
 from linkjax.motion._nodes import AtNodes as AtNodes
 from linkjax.motion._nodes import at_nodes as at_nodes
 from linkjax.motion._nodes import node_values as node_values
+from linkjax.motion._nodes import reduced_in as reduced_in
 from linkjax.motion._peaks import TIED as TIED
 from linkjax.motion._peaks import Peak as Peak
 from linkjax.motion._peaks import by_node as by_node
@@ -38,6 +43,8 @@ from linkjax.motion._steady import all_loads as all_loads
 from linkjax.motion._steady import begin as begin
 from linkjax.motion._steady import steady_motion as steady_motion
 from linkjax.motion._steady import steady_on as steady_on
+from linkjax.motion._stiff import is_stiff as is_stiff
+from linkjax.motion._stiff import solver_for as solver_for
 from linkjax.motion._switching import grid_with_kinks as grid_with_kinks
 from linkjax.motion._trapezoid import trapezoid_torque as trapezoid_torque
 from linkjax.motion._windows import at_crank_angles as at_crank_angles

@@ -30,14 +30,13 @@ from linkjax.motion._flow import LEAST, Begun, Flow, Primitive, duty_of, spotted
 from linkjax.motion._grid import Grid, grid_of, make_grid
 from linkjax.motion._nodes import at_nodes, reduced_in
 from linkjax.motion._steady import Steady, conclude, steady_on
-from linkjax.motion._torque import Torque, fixed_torque, torque_at
-from linkjax.reduction import of_crank, reduced_model
+from linkjax.motion._stiff import control_for, solver_for
+from linkjax.motion._torque import Torque, acceleration_at
 from linkjax.sampling import Sampler
 
 MOST_CYCLES = 8  # steps end at the switches of this many cycles after the start; later ones are left to step control
 MOST_STEPS = 16**4
 SHOTS = 6  # Newton steps for the starting energy
-REST = 1e-6  # times the scene's speed: a motion that starts slower has the derivatives of this start
 
 
 class Run(NamedTuple):
@@ -55,7 +54,7 @@ class Run(NamedTuple):
     stall_time: Float[Array, ""]
 
 
-def _free(scene: Scene | ReadyScene) -> ReadyScene:
+def free(scene: Scene | ReadyScene) -> ReadyScene:
     """The scene, made ready. Raises `StructureError` if its driver has a motion law: there is no equation of motion to
     solve."""
     made = ready(scene)
@@ -69,21 +68,23 @@ def run_in_angle(
     scene: Scene | ReadyScene,
     angles: Float[Array, " points"],
     start_speed: Scalar,
-    drive_torque: Scalar | Torque,
+    drive_torque: Scalar | Torque | None = None,
     *,
-    tolerance: float = 1e-10,
+    tolerance: Scalar | float = 1e-10,
     solver: Any = None,
     adjoint: Any = None,
 ) -> Run:
     """Motion over increasing crank `angles` (rad), starting at the first with `start_speed` (rad/s, positive).
 
-    `drive_torque` (N m) is constant, or a JAX function of crank angle (rad), speed (rad/s) and acceleration (rad/s²).
-    From where no acceleration satisfies the equation of motion with it, the values are infinite.
-    `solver` and `adjoint` are diffrax's: by default `Dopri8` and its checkpointed reverse mode;
-    `diffrax.ForwardMode()` is for `jvp`. A start from rest counts as a stall: use `run_in_time`. Raises
-    `StructureError` if the driver has a motion law.
+    The drive is the motor of the scene with its rotor and transmission, or none without a motor. A `drive_torque` (N m)
+    on the crank takes its place: a number, or a JAX function of crank angle (rad), speed (rad/s) and acceleration
+    (rad/s²); from where no acceleration satisfies the equation of motion with it, the values are infinite.
+    `solver` and `adjoint` are diffrax's: by default `Dopri8` (`Kvaerno5` for a stiff drive, see
+    `linkjax.motion.is_stiff`), and its checkpointed reverse mode; `diffrax.ForwardMode()` is for `jvp`. A start from
+    rest counts as a stall: use `run_in_time`. Raises `StructureError` if the driver has a motion law.
     """
-    made = _free(scene)
+    made = free(scene)
+    solver = solver or solver_for(made, drive_torque)
     scene, grid = made.scene, make_grid(made, 8)
     place = jax.vmap(grid.place)(angles)
     cycles = jnp.round((angles - jax.lax.stop_gradient(place.phi)) / scene.cycle)
@@ -105,14 +106,17 @@ class Stall(NamedTuple):
     time: Array
 
 
-def _in_angle(made: ReadyScene, grid: Grid, along, start_speed, drive_torque, tolerance, solver=None, adjoint=None):
+def _in_angle(
+    made: ReadyScene, grid: Grid, along, start_speed, drive_torque, tolerance, solver=None, adjoint=None,
+    shooting: bool = False,
+):  # fmt: skip
     """States at positions `along` the panels (panel k of the first cycle is from k to k + 1), and whether the motion
     stalled. Integration ends at a thousandth of the smaller of start and nominal speed; from there the square of the
     speed is extrapolated linearly to zero.
 
-    With Ω the scene's speed and the energy J Ω² at the first position as unit, a state holds ω² / Ω², Ω t, the
-    derivative of Ω t with respect to the energy at the start, and the work of the loads. diffrax integrates to fixed
-    positions; their shift with the design is added afterwards, with the rate of the state.
+    With Ω the scene's speed and the energy J Ω² at the first position as unit, a state holds ω² / Ω² and Ω t; with
+    `shooting` also the derivative of Ω t with respect to the energy at the start, and the work of the loads. diffrax
+    integrates to fixed positions; their shift with the design is added afterwards, with the rate of the state.
     """
     import diffrax
 
@@ -123,26 +127,28 @@ def _in_angle(made: ReadyScene, grid: Grid, along, start_speed, drive_torque, to
     def at(s):
         panel = jnp.clip(jnp.mod(jnp.floor(s), panels), 0, panels - 1).astype(jnp.int32)
         width = 2 * grid.half[panel]
-        at = grid.edges[panel] + (s - jnp.floor(s)) * width
-        return width, jnp.floor(s / panels) * made.scene.cycle + at, reduced_in(made, grid, at, panel)
+        return width, grid.edges[panel] + (s - jnp.floor(s)) * width, panel
 
     least = jax.lax.stop_gradient(LEAST * jnp.minimum((start_speed / unit) ** 2, 1.0))
-    first = jax.lax.stop_gradient(at(fixed[0])[2].inertia)
+    first = jax.lax.stop_gradient(reduced_in(made, grid, *at(fixed[0])[1:]).inertia) if shooting else jnp.ones(())
 
     def rate(s, state, _):
-        width, phi, here = at(s)
+        width, phi, panel = at(s)
         speed = safe_sqrt(jnp.maximum(state[0], least), 1e-100)
-        torque = here.torque + torque_at(here, drive_torque, phi, speed * unit)
-        gain = (2 * torque / unit**2 - here.slope * state[0]) / here.inertia
-        slower = -first / (here.inertia * speed**3)
-        return width * jnp.stack([gain, 1 / speed, slower, here.torque / (first * unit**2)])
+        here = reduced_in(made, grid, phi, panel, speed=speed * unit)
+        phi = jnp.floor(s / panels) * made.scene.cycle + phi
+        gain = 2 * acceleration_at(made.scene.motor, here, drive_torque, phi, speed * unit) / unit**2
+        more = (-first / (here.inertia * speed**3), here.torque / (first * unit**2)) if shooting else ()
+        return width * jnp.stack([gain, 1 / speed, *more])
 
-    start = jnp.stack([(start_speed / unit) ** 2, *[jnp.zeros_like(start_speed)] * 3])
+    start = jnp.stack([(start_speed / unit) ** 2, *[jnp.zeros_like(start_speed)] * (3 if shooting else 1)])
     moved = along - fixed
     start = start - jax.lax.stop_gradient(rate(fixed[0], start, None)) * moved[0]
+    solver = solver or diffrax.Dopri8()
+    control = diffrax.ClipStepSizeController(control_for(solver, tolerance), jump_ts=jax.lax.stop_gradient(jumps))
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate), solver or diffrax.Dopri8(), fixed[0], fixed[-1], None, start,
-        saveat=diffrax.SaveAt(ts=fixed, t1=True), stepsize_controller=_controller(tolerance, jumps),
+        diffrax.ODETerm(rate), solver, fixed[0], fixed[-1], None, start,
+        saveat=diffrax.SaveAt(ts=fixed, t1=True), stepsize_controller=control,
         adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
         event=diffrax.Event(lambda t, y, args, **_: y[0] <= least), max_steps=MOST_STEPS, throw=False,
     )  # fmt: skip
@@ -150,8 +156,8 @@ def _in_angle(made: ReadyScene, grid: Grid, along, start_speed, drive_torque, to
     assert solution.ts is not None
     end = jnp.sum(jnp.isfinite(solution.ts)) - 1  # the index of the final state, after the requested ones
     found, last = solution.ys[:-1], jax.lax.stop_gradient((solution.ts[end], solution.ys[end]))
-    running = _running(jnp.where(jnp.arange(along.size) < end, found[:, 0] - least, 0.0))
-    states = jax.lax.stop_gradient(jnp.where(running, found, 1.0))
+    there = _running(jnp.where(jnp.arange(along.size) < end, found[:, 0] - least, 0.0))
+    states = jax.lax.stop_gradient(jnp.where(there, found, 1.0))
     rates = jax.vmap(lambda s, state: rate(s, state, None))(fixed, states)
     shift = jax.lax.stop_gradient(rates) * moved[:, None]
     place, low = last[0], last[1][0]
@@ -160,95 +166,12 @@ def _in_angle(made: ReadyScene, grid: Grid, along, start_speed, drive_torque, to
     late = 2 * jnp.sqrt(least) - safe_divide(least - low, jnp.sqrt(least))
     time = last[1][1] + at(place)[0] * safe_divide(late, fall)
     stall = Stall(solution.result == diffrax.RESULTS.event_occurred, place + safe_divide(low, fall), time)
-    return jnp.where(running, found + shift, jnp.inf), jax.lax.stop_gradient(stall)
+    return jnp.where(there, found + shift, jnp.inf), jax.lax.stop_gradient(stall)
 
 
 def _running(speed: Float[Array, " points"]) -> Bool[Array, "points 1"]:
     """Which points lie before a stall: the last step may reach past it, and no motion follows it."""
     return jax.lax.cummin(jnp.where((speed > 0) & jnp.isfinite(speed), 1, 0).at[0].set(1))[:, None] == 1
-
-
-def run_in_time(
-    scene: Scene | ReadyScene,
-    times: Float[Array, " points"],
-    start_angle: Scalar,
-    start_speed: Scalar,
-    drive_torque: Scalar | Torque,
-    *,
-    tolerance: float = 1e-10,
-    solver: Any = None,
-    adjoint: Any = None,
-) -> Run:
-    """Motion over increasing `times` (s) from `start_angle` (rad) and `start_speed` (rad/s, may be zero) at the first.
-
-    `drive_torque`, `solver` and `adjoint` are as in `run_in_angle`. Where a load switches at an
-    angle, the time of the switch depends on the design, and steps in time cannot represent this. So first derivatives
-    are those of a run in angle through the same states. Raises `StructureError` if the driver has a motion law.
-    """
-    made = _free(scene)
-    given = jax.lax.stop_gradient((made, times, start_angle, start_speed))
-    found = _in_time(*given, fixed_torque(drive_torque), tolerance, solver)
-    least = jax.lax.stop_gradient(REST * made.scene.speed)
-    start_speed = start_speed + jnp.where(start_speed < least, least, 0.0)
-    return _through_angle(made, found, times, start_angle, start_speed, drive_torque, tolerance, solver, adjoint)
-
-
-def _in_time(made: ReadyScene, times, start_angle, start_speed, drive_torque, tolerance, solver) -> Run:
-    import diffrax
-
-    unit = made.scene.speed
-    least = 1e-3 * jnp.minimum(start_speed / unit, 1.0)
-
-    def rate(_, state, __):
-        phi, speed = state
-        return jnp.stack([speed, _acceleration(made, phi, speed * unit, drive_torque) / unit**2])
-
-    start = jnp.stack([start_angle, start_speed / unit])
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(rate), solver or diffrax.Dopri8(), times[0] * unit, times[-1] * unit, None, start,
-        saveat=diffrax.SaveAt(ts=times * unit), stepsize_controller=_controller(tolerance, None),
-        event=diffrax.Event(lambda t, y, args, **_: y[1] < least), max_steps=MOST_STEPS, throw=False,
-    )  # fmt: skip
-    assert solution.ys is not None
-    states = jnp.where(_running(solution.ys[:, 1]), solution.ys, jnp.inf)
-    none = jnp.asarray(jnp.inf)
-    return Run(states[:, 0], states[:, 1] * unit, times, solution.result == diffrax.RESULTS.event_occurred, none, none)
-
-
-def _through_angle(made: ReadyScene, found: Run, times, angle, speed, drive_torque, tolerance, solver, adjoint) -> Run:
-    """The same motion with the derivatives of a run in angle: a delay dt of φ(t) changes it by -ω dt."""
-    there = jnp.isfinite(found.angle)
-    further = MOST_CYCLES * made.scene.cycle / times.size * jnp.arange(times.size, dtype=float)
-    beyond = jnp.max(jnp.where(there, found.angle, -jnp.inf)) + further
-    angles = jnp.concatenate([jnp.atleast_1d(angle), jnp.where(there, found.angle, beyond)[1:]])
-    run = run_in_angle(made, angles, speed, drive_torque, tolerance=tolerance, solver=solver, adjoint=adjoint)
-    there &= jnp.isfinite(jax.lax.stop_gradient(run.speed))
-    late = jnp.where(there, times - times[0] - run.time, 0.0)
-    pace = jnp.where(there, found.speed, 1.0)
-    gain = jax.vmap(lambda phi, speed: _acceleration(made, phi, speed, drive_torque))(angles, pace)
-
-    def carry(value, by_angle, rate):
-        same = by_angle + jax.lax.stop_gradient(rate) * late
-        return jnp.where(there, value + (same - jax.lax.stop_gradient(same)), value)
-
-    where, when = (jnp.where(found.stalled, x, jnp.inf) for x in (run.stall_angle, times[0] + run.stall_time))
-    return Run(carry(found.angle, angles, pace), carry(found.speed, run.speed, gain), times, found.stalled, where, when)
-
-
-def _acceleration(made: ReadyScene, phi: Scalar, speed: Scalar, drive_torque: Scalar | Torque) -> Scalar:
-    """Angular acceleration of the crank (rad/s²)."""
-    here = of_crank(reduced_model(made, phi), made.scene.mechanism.prescribed)
-    torque = here.torque + torque_at(here, drive_torque, phi, speed)
-    return (torque - 0.5 * here.slope * speed**2) / here.inertia
-
-
-def _controller(tolerance: Scalar | float, jumps: Array | None):
-    import diffrax
-
-    control = diffrax.PIDController(rtol=tolerance, atol=tolerance * 1e-3)
-    if jumps is None:
-        return control
-    return diffrax.ClipStepSizeController(control, jump_ts=jax.lax.stop_gradient(jumps))
 
 
 def steady_by_diffrax(
@@ -265,17 +188,18 @@ def steady_by_diffrax(
     `steady_motion` within the tolerance, and exactly where no steady-state motion exists. `delta_error` is the error of
     the quadrature plus the difference between the two methods, and infinite if the integration failed. Evaluations are
     not counted. The tolerance is at least thirty times the rounding unit of the precision in force. Raises
-    `StructureError` if the driver has a motion law. `solver` (default `Dopri8`) and `adjoint` are diffrax's; the
-    adjoint sets the direction of differentiation: `ForwardMode()` (default) for `jvp`,
-    `RecursiveCheckpointAdjoint()` for `grad`.
+    `StructureError` if the driver has a motion law, and for a motor or loads that depend on the speed. `solver`
+    (default `Dopri8`) and `adjoint` are diffrax's; the adjoint sets the direction of differentiation:
+    `ForwardMode()` (default) for `jvp`, `RecursiveCheckpointAdjoint()` for `grad`.
     """
     import diffrax
 
-    made = _free(scene)
+    made = free(scene)
     scene, machine = made.scene, Sampler(made)
     if speed_dependent(scene):
-        problem = "has torques that depend on the speed (a motor, a damper, drag)"
-        raise StructureError(scene.title or "scene", problem, "use motion.steady_motion, or run_in_angle")
+        problem = "this method finds the steady-state motion of a constant drive torque and loads without speed"
+        remedy = "use motion.steady_motion, or run_in_angle"
+        raise StructureError("motor" if scene.motor is not None else "loads", problem, remedy)
     tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
     grid = grid_of(machine, nodes)
     nodes_at = at_nodes(machine, grid)
@@ -290,7 +214,7 @@ def steady_by_diffrax(
 
     def cycle(energy, drive):
         speed = safe_sqrt(2 * energy / inertia, 1e-6 * pace)
-        return _in_angle(made, grid, along, speed, drive, tolerance, solver, adjoint)[0]
+        return _in_angle(made, grid, along, speed, drive, tolerance, solver, adjoint, shooting=True)[0]
 
     drive = -cycle(1e3 * unit, jnp.zeros(()))[-1, 3] * unit / scene.cycle  # too fast to stall: only the work is used
 

@@ -69,10 +69,13 @@ def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtE
     return here, AtEdges(after.inertia, after.torque, before.torque)
 
 
-def reduced_in(made: ReadyScene, grid: Grid, phi: Array, panel: Array, here: Pose | None = None) -> Reduced:
-    """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid, without
-    the loads that depend on the speed; `here` is the pose, if known."""
-    at, here = made.instant(phi, grid.middle[panel]), pose(made.mechanism, phi) if here is None else here
+def reduced_in(
+    made: ReadyScene, grid: Grid, phi: Array, panel: Array, here: Pose | None = None, speed: Array | None = None
+) -> Reduced:
+    """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid; `here`
+    is the pose, if known. Loads that depend on the speed are those at the crank speed `speed` (rad/s), and omitted
+    without one."""
+    at, here = made.instant(phi, grid.middle[panel], speed), pose(made.mechanism, phi) if here is None else here
     return of_crank(reduce_pose(made.scene, at, here, grid.order[panel]), grid.prescribed)
 
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._types import Scalar
+from linkjax.drives import MotorDrive
 from linkjax.reduction import Reduced
 
 Torque = Callable[[Array, Array, Array], Array]  # N m, at crank angle (rad), speed (rad/s), acceleration (rad/s²)
@@ -45,7 +46,23 @@ def torque_at(here: Reduced, drive: Scalar | Torque, phi: Scalar, speed: Scalar)
     return jnp.where(solved & (slope < 0), torque, jnp.inf)
 
 
-def fixed_torque(drive: Scalar | Torque) -> Any:
+def acceleration_at(
+    motor: MotorDrive | None, here: Reduced, drive: Scalar | Torque | None, phi: Scalar, speed: Scalar,
+    sense: Scalar | None = None,
+) -> Array:  # fmt: skip
+    """Angular acceleration of the crank (rad/s²), with the reduced model `here` of all loads; `drive` is its torque
+    (N m), or None for the `motor`, with its rotor, if there is one. `sense` is that of the rotation (1 or -1), for the
+    losses of the transmission; by default that of the speed."""
+    speed = jnp.asarray(speed)
+    net = here.torque - 0.5 * here.slope * speed**2
+    if drive is not None:
+        return (net + torque_at(here, drive, phi, speed)) / here.inertia
+    if motor is None:
+        return net / here.inertia
+    return motor.crank_acceleration(net, here.inertia, speed, sense)
+
+
+def fixed_torque(drive: Scalar | Torque | None) -> Any:
     """The same torque without derivatives with respect to numbers of the design that it contains."""
     if not callable(drive):
         return jax.lax.stop_gradient(drive)

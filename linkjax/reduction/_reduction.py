@@ -18,6 +18,7 @@ from linkjax._vec import Vec
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import AbstractLoad, Instant
 from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.mechanism import StructureError
 
 
 class Reduced(NamedTuple):
@@ -30,10 +31,18 @@ class Reduced(NamedTuple):
     by_load: dict[str, Array]
 
 
-def reduce_pose(scene: Scene, at: Instant, here: Pose, active: Array | None = None) -> Reduced:
+def reduce_pose(
+    scene: Scene, at: Instant, here: Pose, active: Array | None = None, sense: Scalar | None = None
+) -> Reduced:
     """The reduced model for a given pose; see `reduced_model`. `active` says which loads act, by default those of
-    `at.side`."""
+    `at.side`. Loads that depend on the speed are omitted where `at` has none. Opposing loads are those of a crank that
+    turns in the `sense` (1 or -1), by default that of `at.speed`, forward where there is none."""
     inertia, slope, shares = unloaded(scene, at, here)
+    if at.speed is not None:
+        shares |= {scene.loads[number].name: scene.loads[number].share(here, at) for number in by_speed(scene)}
+        sense = jnp.where(at.speed < 0, -1.0, 1.0) if sense is None else sense
+    if sense is not None:
+        shares |= {load.name: sense * shares[load.name] for load in scene.loads if load.opposing}
     return loaded(inertia, slope, shares, [load.name for load in scene.loads], _active(scene, at, active))
 
 
@@ -65,19 +74,27 @@ def _active(scene: Scene, at: Instant, active: Array | None) -> Array:
     return scene.active(at.side) if active is None else active
 
 
-def reduced_model(scene: Scene | ReadyScene, phi: Scalar, side: Scalar | None = None) -> Reduced:
+def reduced_model(
+    scene: Scene | ReadyScene, phi: Scalar, side: Scalar | None = None, speed: Scalar | None = None
+) -> Reduced:
     """Reduced inertia, its slope, and reduced torque at the crank angle `phi` (rad), referred to the crank.
 
     `phi` and all results are scalars; use `jax.vmap` for many angles or designs. At a jump of a load the value is the
-    one-sided limit on the side of the angle `side` (rad; default: just after `phi`).
+    one-sided limit on the side of the angle `side` (rad; default: just after `phi`). Loads that depend on the speed are
+    those at the crank speed `speed` (rad/s); where it is negative, opposing loads act against the motion backward. The
+    motor and its rotor are not included. Raises `StructureError` if a load depends on the speed and none is given.
     """
-    phi = jnp.asarray(phi)
-    return _reduce(ready(scene), phi, phi if side is None else side)
+    made, phi = ready(scene), jnp.asarray(phi)
+    if speed is None and (numbers := by_speed(made.scene)):
+        element = f"load {made.scene.loads[numbers[0]].name!r}"
+        raise StructureError(element, "depends on the crank speed, which is not given", "write speed=..., in rad/s")
+    speed = None if speed is None else jnp.asarray(speed)
+    return _reduce(made, phi, phi if side is None else side, speed)
 
 
 @jax.jit  # traced once per scene topology, however often it is used inside larger functions
-def _reduce(made: ReadyScene, phi: Scalar, side: Scalar) -> Reduced:
-    return reduce_pose(made.scene, made.instant(phi, jnp.asarray(side)), pose(made.mechanism, phi))
+def _reduce(made: ReadyScene, phi: Scalar, side: Scalar, speed: Scalar | None) -> Reduced:
+    return reduce_pose(made.scene, made.instant(phi, jnp.asarray(side), speed), pose(made.mechanism, phi))
 
 
 def of_crank(here: Reduced, prescribed: bool) -> Reduced:

@@ -22,6 +22,10 @@ from linkjax.viz._rolling import animate_rolling as animate_rolling
 from linkjax.viz._rolling import bodies_figure as bodies_figure
 from linkjax.viz._rolling import rolling_figure as rolling_figure
 from linkjax.viz._rolling import write_rolling_figures as write_rolling_figures
+from linkjax.viz._run import run_characteristic_figure as run_characteristic_figure
+from linkjax.viz._run import run_speed_figure as run_speed_figure
+from linkjax.viz._run import run_torque_figure as run_torque_figure
+from linkjax.viz._run import write_run_figures as write_run_figures
 from linkjax.viz._view import machine_view as machine_view
 from linkjax.viz._write import PICTURES as PICTURES
 from linkjax.viz._write import Picture as Picture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,17 +26,19 @@ COLOURS = 96
 
 @styled
 def animate(
-    data: Data, scene: Scene, path: str | Path, *, frames: int = 60, seconds: float = 4.0, units: str = ""
+    data: Data, scene: Scene, path: str | Path, *, frames: int = 60, seconds: float = 4.0, units: str = "",
+    angles: Sequence[float] | np.ndarray | None = None,
 ) -> Path:  # fmt: skip
     """Write an animated GIF of one cycle of the actual motion, slowed down to `seconds`, in an endless loop.
 
     Frames are at equal steps of time, so the animation shows the varying speed; without an actual motion they are at
     equal steps of crank angle. A panel below the machine shows the crank speed, in the unit given in `units` (e.g.
-    "rad/s"; default rpm). Returns the path.
+    "rad/s"; default rpm). With `angles` the frames are at these crank angles (rad), such as those of a run at uniform
+    times, and there is no such panel. Returns the path.
     """
     turn = turning(display_units(units))
     look = skeleton(data, scene)
-    strip = 0.95 if moves(data) else 0.0
+    strip = 0.95 if moves(data) and angles is None else 0.0
     stage = make_stage(look, WIDTH, 4.6, 0.3)
     figure = stage.figure
     height = float(figure.get_size_inches()[1])
@@ -52,7 +55,8 @@ def animate(
     canvas.draw()
     background = canvas.copy_from_bbox(figure.bbox)
     pictures = []
-    for angle in frame_angles(data, scene, frames):
+    shown = frame_angles(data, scene, frames) if angles is None else [float(angle) for angle in angles]
+    for angle in shown:
         canvas.restore_region(background)
         at = places(data, scene, angle)
         artists = draw_links(stage, look, at, arrows(data, scene, angle))
@@ -68,7 +72,7 @@ def animate(
         angle_text.set_text(f"φ = {math.degrees(angle):.0f}°")
         figure.draw_artist(angle_text)
         pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy()))
-    return save(pictures, Path(path), round(1000 * seconds / frames))
+    return save(pictures, Path(path), max(20, round(1000 * seconds / len(shown))))
 
 
 def frame_angles(data: Data, scene: Scene, frames: int) -> list[float]:
