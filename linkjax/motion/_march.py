@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from linkjax._types import Scalar, known
+from linkjax._types import Scalar
 from linkjax.drives import AbstractMotor, MotorDrive
 from linkjax.kinematics import pose
 from linkjax.machine import ReadyScene, Scene
@@ -114,12 +113,7 @@ def is_dry(scene: Scene, drive: Scalar | Torque | None) -> bool:
     """Whether torques jump where the sense of rotation changes: opposing loads, or losses of the transmission."""
     if any(load.opposing for load in scene.loads):
         return True
-    if drive is not None or scene.motor is None:
-        return False
-    gear = scene.motor.transmission
-    parts = [gear.efficiency, gear.efficiency if gear.efficiency_back is None else gear.efficiency_back, 1 - gear.creep]
-    values = [known(part) for part in parts]
-    return any(value is None or not np.all(value == 1) for value in values)
+    return drive is None and scene.motor is not None and scene.motor.transmission.loses
 
 
 def march(
@@ -212,8 +206,9 @@ def _part(
         control = diffrax.ClipStepSizeController(control, jump_ts=jumps * way.unit)
     finder = optimistix.Bisection(rtol=1e-14, atol=1e-14)
     falls = diffrax.Event(lambda t, y, args, **_: sense * y[1], finder, direction=False)
+    term = diffrax.ODETerm(lambda t, state, _: way.rate(jnp.asarray(t), state, sense, works))
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda t, state, _: way.rate(jnp.asarray(t), state, sense, works)), solver, begin, clock[-1], None, start,
+        term, solver, begin, clock[-1], None, start,
         saveat=diffrax.SaveAt(ts=jnp.clip(clock, begin), t1=True), stepsize_controller=control,
         event=falls if stops else None, max_steps=MOST_STEPS, throw=False,
         adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
