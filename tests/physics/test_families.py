@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import measures
+from linkjax._compile import compiled_soon
 from linkjax.kinematics import pose, prepared, transmission_of_pose
 from linkjax.library import four_bar, quick_return, scotch_yoke, slider_crank
 from linkjax.mechanism import StructureError
@@ -109,6 +112,32 @@ def test_a_peak_is_the_larger_of_both_signs():
     names = [f"{way}_angular_acceleration.crank" for way in ("peak", "max", "min")]
     peak, high, low = (float(each) for each in measures.evaluate(scene, names).values())
     assert peak == max(high, -low) and high > -low > 0.99 * high
+
+
+@pytest.mark.parametrize("offset", [-0.4e-3, 0.4e-3])
+def test_the_higher_of_two_summits_in_a_wide_panel(offset):
+    """The transmission angle of a slider-crank is least where the crank is square to the guide, on either side; one of
+    these angles is at the end of two panels of this machine, the other inside a wide one, between points of the search.
+    """
+    scene = machine("hay-press")
+    moved = eqx.tree_at(lambda m: m.groups[1].guide.offset, scene.mechanism, jnp.asarray(offset))
+    scene = scene.with_mechanism(moved)
+    found = measures.evaluate(scene, ["min_transmission_angle.rod-slider"])
+    assert float(found["min_transmission_angle.rod-slider"]) == pytest.approx(math.acos(0.3004 / 1.02), rel=1e-11)
+
+
+def test_a_window_that_ends_where_a_load_switches():
+    """The extreme in a range of crank angle does not move with the load that begins at the end of this range."""
+    scene = machine("slider-crank")
+    begin = math.radians(60.0)
+    load = lj.Torque("step", "crank", torque=jnp.asarray(-3.0), window=lj.Window(jnp.asarray(begin), jnp.asarray(4.0)))
+    scene = dataclasses.replace(scene, loads=(load,))
+    measure, plain = measures.named("max_x.C where 60deg to 180deg"), "x.C@60deg"
+    slope = compiled_soon(jax.grad(measure))(scene)
+    assert float(slope.loads[0].window.on) == 0.0
+    assert float(measure(scene)) == pytest.approx(
+        float(measures.evaluate(scene, ["x.D@60deg"])["x.D@60deg"]), rel=1e-12
+    )
 
 
 def test_groups_with_a_transmission_angle():
