@@ -213,8 +213,9 @@ def _part(
         control = diffrax.ClipStepSizeController(control, jump_ts=jumps * way.unit)
     finder = optimistix.Bisection(rtol=1e-14, atol=1e-14)
     falls = diffrax.Event(lambda t, y, args, **_: sense * y[1], finder, direction=False)
+    term = diffrax.ODETerm(lambda t, state, _: way.rate(jnp.asarray(t), state, sense, works))
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda t, state, _: way.rate(jnp.asarray(t), state, sense, works)), solver, begin, clock[-1], None, start,
+        term, solver, begin, clock[-1], None, start,
         saveat=diffrax.SaveAt(ts=jnp.clip(clock, begin), t1=True), stepsize_controller=control,
         event=falls if stops else None, max_steps=MOST_STEPS, throw=False,
         adjoint=adjoint or diffrax.RecursiveCheckpointAdjoint(),
