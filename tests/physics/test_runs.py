@@ -69,17 +69,6 @@ def test_a_pump_from_rest():
     np.testing.assert_allclose(again.time, found.time[1:] - 0.1, atol=1e-8)
 
 
-def by_scipy(scene: lj.Scene, extra, times: np.ndarray, speed: float = 0.0, rotor: float = 0.0) -> np.ndarray:
-    """Angles and speeds by DOP853 with the reduced model of an independent kinematics."""
-
-    def rate(_, state):
-        here = oracle.reduction(scene, state[:1])
-        torque = here.torque[0] + extra(*state) - 0.5 * here.slope[0] * state[1] ** 2
-        return [state[1], torque / (here.inertia[0] + rotor)]
-
-    return solve_ivp(rate, (times[0], times[-1]), [0.0, speed], "DOP853", times, rtol=1e-11, atol=1e-12).y
-
-
 def test_a_run_up_with_losses_and_a_rotor():
     """Motor over a gear of efficiency 0.8: DOP853 with its own choice of the direction of power, and the energy."""
     gear = lj.Transmission(ratio=2.0, efficiency=0.8)
