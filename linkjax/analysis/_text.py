@@ -62,7 +62,7 @@ def _motion(data: Data) -> Rows:
     run, model = data["motion"], data["model"]
     fastest, slowest = (f" at {SHOW.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     torque = SHOW.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))
-    constant = model["method"] != "prescribed" and data["motor"] is None
+    constant = model["method"] != "prescribed" and data.get("motor") is None
     return [
         ("mean crank speed", f"{SHOW.speed(run['mean_speed'])} ({model['mean']} mean)"),
         ("max crank speed", f"{SHOW.speed(run['max_speed'])}{fastest}"),
@@ -76,7 +76,7 @@ def _motion(data: Data) -> Rows:
 
 def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
     """Torque, power and energy at the shaft of the motor, and whether the motion is stable; none without a motor."""
-    run = data["motor"]
+    run = data.get("motor")
     if run is None:
         return []
     sizes = {unit: max(abs(run[key]) for key in keys) for unit, keys in (

@@ -11,6 +11,7 @@ from linkjax._display import NONE, turning
 from linkjax.analysis import (
     acts_text,
     check_limit,
+    motor_rows,
     moves,
     peak_label,
     peak_place,
@@ -69,6 +70,7 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
     if motion.get("period") is not None:
         found["mean drive power"] = show.quantity(float(motion["mean_power"]), "W", beside=power_scale(data))
         found["period of the cycle"] = show.quantity(float(motion["period"]), "s")
+        found |= dict(motor_rows(data, show))
     found["flywheel inertia, given"] = show.amount(wheel.get("given"), "kg·m²").text
     if wheel.get("for_target_delta") is not None:
         need = float(wheel["for_target_delta"])

@@ -35,14 +35,16 @@ from linkjax.viz._style import (
 
 @styled
 def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Reduced torque of each load, mean drive torque, their work over the cycle, and the kinetic energy; without an
-    actual motion, only torque and work of the loads.
+    """Reduced torque of each load, drive torque (its mean unless a motor gives it), their work over the cycle, and the
+    kinetic energy; without an actual motion, only torque and work of the loads.
 
     Work is integrated by the trapezoidal rule over the angles shown; the kinetic energy is ½ J ω².
     """
     phi, reduced, runs = degrees(data, scene), data["reduced"], moves(data)
     before = before if before and moves(before) == runs else None
-    drive = float(data["motion"]["mean_drive_torque"]) if runs else 0.0
+    drive = np.full(phi.shape, float(data["motion"]["mean_drive_torque"]) if runs else 0.0)
+    if runs and data.get("motor") is not None:
+        drive = closed(data, data["forces"]["drive_torque"])
     loads = {name: closed(data, share) for name, share in reduced["torque_by_load"].items()}
     loads = {name: share for name, share in loads.items() if largest([share]) > 0}
     looks = {name: line(i) for i, name in enumerate(loads)}
@@ -63,13 +65,13 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
     for name, share in loads.items():
         top.plot(phi, factor * share, **looks[name])
     if runs:
-        top.axhline(factor * drive, **mean)
+        top.plot(phi, factor * drive, **mean)
     top.axhline(0, color=GREY, linewidth=0.6)
     top.set_title(label("torque", shown))
 
     angles = np.radians(phi)
     works = {name: integral(angles, share) for name, share in loads.items()}
-    driven, gain = drive * angles, _gain(data) if runs else 0.0 * angles
+    driven, gain = integral(angles, drive), _gain(data) if runs else 0.0 * angles
     factor, shown = prefixed(largest([driven, gain, *works.values()]), "J", units)
     if before and runs:
         behind(bottom, degrees(before, scene), factor * _gain(before))
