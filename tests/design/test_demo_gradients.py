@@ -21,8 +21,10 @@ GROUPS = (
         "min_crank_speed",
         "steady_state_margin",
         "min_inertia_ratio",
+        "slow_down",
         "mean_drive_torque",
         "mean_drive_power",
+        "energy_per_cycle",
     ),
     ("peak_shaking_force_constant_speed", "rms_shaking_force_constant_speed", "min_margin"),
     (

@@ -55,6 +55,7 @@ def test_the_same_by_an_analysis():
     np.testing.assert_allclose(cycle.forces.drive_torque, 2 * (1 - np.asarray(cycle.speed) / 40), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_punch_press_with_a_line_motor():
     """A shaft with a flywheel, 1000 N m over 60 degrees, 1200 rpm without load and 176 N m at 1120 rpm, by DOP853. A
     textbook prints δ = 0.0545 for it, which belongs to a flywheel of 1.146 kg m²."""
@@ -105,6 +106,7 @@ def test_a_motor_on_a_machine(name, stall, no_load, rotor, ratio):
     assert float(found.period) == pytest.approx(lap.period, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_power_both_ways_through_a_lossy_gear():
     """A light flywheel: power flows to the crank and back, with other losses. By DOP853 with events where the torque of
     the shaft changes its sign."""
@@ -149,6 +151,7 @@ def test_power_both_ways_through_a_lossy_gear():
     assert float(found.delta_error) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_constant_torque_against_a_pump():
     """Without a motor the drive torque is constant and gives the wanted mean speed, whatever the pump takes."""
     scene = slider_crank()
@@ -167,6 +170,7 @@ def _pump(phi: float, speed: float, c: float) -> float:
     return -c * slope**2 * speed
 
 
+@pytest.mark.slow
 def test_a_weak_damper_is_the_limit_of_none():
     """As the pump becomes weaker the motion tends to that by quadrature, which has no equation in the speed."""
     none = steady(slider_crank(pump=0.0))
@@ -176,6 +180,7 @@ def test_a_weak_damper_is_the_limit_of_none():
     assert away[2] < 1e-11
 
 
+@pytest.mark.slow
 def test_midrange_mean_with_a_pump():
     """The wanted mean speed is the mean of the extremes."""
     found = steady(slider_crank(mean="midrange"))
@@ -191,6 +196,7 @@ def several(scene: lj.Scene) -> jax.Array:
     return jnp.stack([getattr(found, name) for name in MEASURED])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motor", [True, False])
 def test_derivatives(motor):
     """Forward, reverse and fourth-order differences by every number of the machine, the pump and the motor."""
@@ -226,6 +232,7 @@ def test_a_motor_that_is_too_weak():
     assert cycle.missing is not None and "steady" in str(cycle.missing)
 
 
+@pytest.mark.slow
 def test_a_motor_with_three_crossings():
     """A fan crosses the characteristic of an induction motor three times: two states are stable."""
     motor = lj.TableMotor(speeds=(0.0, 10.0, 30.0, 40.0), torques=(2.0, 1.0, 3.0, 0.0))
@@ -243,6 +250,7 @@ def test_a_motor_with_three_crossings():
         assert float(motor.torque(jnp.asarray(w))) == pytest.approx(0.09 * w, rel=0.02)
 
 
+@pytest.mark.slow
 def test_flywheel_for_a_wanted_fluctuation_with_a_motor():
     scene = slider_crank(line())
     needed = float(compiled_soon(lambda s: flywheel_for(s, 0.05))(scene))

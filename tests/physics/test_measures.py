@@ -47,9 +47,9 @@ FINER = {"scissor-lift": 3e-5, "hay-press": 5e-5}  # forces are steep where it i
 AWAY = 1e-8  # of a half panel: how far three points beside a summit leave it
 ZERO = {"Andrews' squeezer": 3e-5}  # the scale of a change of a zero; this machine weighs grams
 FLAT = {  # measures of `MEASURES` without slope
-    "andrews-squeezer": ("mean_drive_torque", "mean_drive_power"),  # without loads
+    "andrews-squeezer": ("mean_drive_torque", "mean_drive_power", "energy_per_cycle"),  # without loads
     "scissor-lift": (  # a motion law prescribes the crank speed, weights and inertia are negligible beside the load
-        "delta", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque", "mean_drive_power",
+        "delta", "slow_down", "energy_per_cycle", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque", "mean_drive_power",
         "flywheel_for_target_delta", "peak_shaking_force", "peak_shaking_force_constant_speed",
         "rms_shaking_force_constant_speed", "peak_shaking_moment_constant_speed", "min_transmission_angle",
     ),
@@ -241,6 +241,7 @@ POWERS = {
     "N": (1, 1, -2),
     "N m": (2, 1, -2),
     "W": (2, 1, -3),
+    "J": (2, 1, -2),
     "kg m^2": (2, 1, 0),
 }
 

@@ -69,6 +69,7 @@ def test_a_pump_from_rest():
     np.testing.assert_allclose(again.time, found.time[1:] - 0.1, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_run_up_with_losses_and_a_rotor():
     """Motor over a gear of efficiency 0.8: DOP853 with its own choice of the direction of power, and the energy."""
     gear = lj.Transmission(ratio=2.0, efficiency=0.8)
@@ -99,6 +100,7 @@ def test_a_run_up_with_losses_and_a_rotor():
     np.testing.assert_allclose(work, energies.kinetic[-1], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_energy_of_springs():
     """The work on a spring is minus the gain of its energy."""
     scene = slider_crank(line())
@@ -110,6 +112,7 @@ def test_the_energy_of_springs():
     np.testing.assert_allclose(found.energies.loads["spring"], -gained, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_free_machine_that_swings_back():
     """Published: the damped four-bar from rest passes standstills; phi and omega at 1 s and 3 s."""
     scene = damped_four_bar()
@@ -123,6 +126,7 @@ def test_a_free_machine_that_swings_back():
     assert float(ends.stall_time) == 0.0
 
 
+@pytest.mark.slow
 def test_dry_friction_on_a_pendulum():
     """It swings, each time less, and rests where friction holds it: parts between standstills by DOP853."""
     a, mass, inertia, friction = 0.3, 2.0, 0.6, 0.5
@@ -153,6 +157,7 @@ def test_dry_friction_on_a_pendulum():
     assert float(found.energies.error) <= 1e-8
 
 
+@pytest.mark.slow
 def test_a_run_down_by_a_damper():
     """omega = omega0 exp(-c t / J); it never stops, and is at 1 % after J / c ln 100."""
     found = lj.run(wheel(damper(0.1)), start_speed=10.0)
@@ -182,6 +187,7 @@ def stop_of(x: jax.Array) -> jax.Array:
     return jnp.stack([(inertia * 10 - torque * time) / damping, time])
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_standstill():
     x = jnp.ones(3)
 
@@ -225,6 +231,7 @@ def test_derivatives_of_the_run_up_time():
         assert float(slope[i]) == pytest.approx((8 * near - far) / (12 * h), rel=1e-5), i
 
 
+@pytest.mark.slow
 def test_the_run_up_ends_at_the_steady_motion():
     """At the run-up time the speed is 99 % of that of the steady-state motion at that angle, and not before."""
     scene = slider_crank(line())
@@ -237,6 +244,7 @@ def test_the_run_up_ends_at_the_steady_motion():
     assert float(there.speed[1] / steady) == pytest.approx(0.99, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_machine_that_does_not_start():
     """Static load torque above the motor's torque at rest: it stays, and the margin says so."""
     motor = lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=2.0))
@@ -250,6 +258,7 @@ def test_a_machine_that_does_not_start():
     assert not bool(found.starting.everywhere)
 
 
+@pytest.mark.slow
 def test_the_start_from_every_angle():
     """Against the greatest static torque of the hay press on many angles, one-sided at its switches."""
     scene = dataclasses.replace(machine("hay-press"), motor=lj.MotorDrive(lj.ConstantTorque(100.0)))
@@ -261,6 +270,7 @@ def test_the_start_from_every_angle():
     assert float(found.margin) == pytest.approx(100.0 / load.max() - 1, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_loads_and_motor_at_times():
     """A load between two times, and a motor that is switched off: piecewise uniform acceleration."""
     scene = wheel(lj.Torque("load", "wheel", torque=-1.2), motor=lj.MotorDrive(lj.ConstantTorque(3.0)))
@@ -274,6 +284,7 @@ def test_loads_and_motor_at_times():
     assert float(found.energies.error) <= 1e-9
 
 
+@pytest.mark.slow
 def test_a_stiff_drive():
     """A motor that holds its speed: the implicit method is chosen, and the speed is that without load."""
     scene, soft = slider_crank(line(40.0, 1e6)), slider_crank(line())
