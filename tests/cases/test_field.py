@@ -216,6 +216,7 @@ def test_a_punching_press_has_the_flywheel_of_its_source(turns, printed):
     assert float(document(cycle)["flywheel"]["for_target_delta"]) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_many_turns_cost_little():
     """A load that opposes a shaft that turns one way is the same signed torque, in 200 turns as in one; its closed form
     is that of the press above."""

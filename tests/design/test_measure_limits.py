@@ -36,6 +36,7 @@ def optimised(call, tmp_path, scene: str, *words: str) -> dict:
     return json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_a_four_bar_whose_rocker_keeps_its_angle(call, tmp_path):
     """The peak torque is lowered, and the swing stays at least what it was: it is held at that, with a multiplier."""
     words = [word for name, ends in FREE.items() for word in ("--free", f"{name}={ends}")]
@@ -107,6 +108,7 @@ def test_constraints_that_are_refused(limit, words):
     assert words in str(error.value)
 
 
+@pytest.mark.slow
 def test_other_names_of_the_machine_are_the_same_problem():
     """A constraint on an element by its name: a program without names has it, too."""
     scene = machine("four-bar")
@@ -118,6 +120,7 @@ def in_line(offset: float = 0.0) -> lj.Scene:
     return lj.Scene(slider_crank(0.06, 0.3, offset), speed=10.0)
 
 
+@pytest.mark.slow
 def test_equal_peaks_with_the_same_gradient_are_one():
     """In line, the rod turns fastest at both dead centres, with ω r / l, which changes in the same way at both."""
     found = measures.subgradients(in_line(), "peak_angular_velocity_constant_speed.rod")

@@ -88,6 +88,7 @@ def test_a_program_with_a_users_function_goes_with_its_problem(scene):
     assert len(_compile._MADE) == made
 
 
+@pytest.mark.slow
 def test_a_fixed_scene_inside_of_jit(scene):
     """Only the angles, or a factor, are traced."""
     expected = lj.analyse(scene, angles=4, throw=False)

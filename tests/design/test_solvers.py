@@ -82,6 +82,7 @@ def test_a_rotor_is_balanced(solver, few):
     assert found.bound_multiplier[f"{AT}.along"] == pytest.approx(400.0, rel=1e-4)  # N per m of the bound: m ω²
 
 
+@pytest.mark.slow
 def test_lost_machines_are_led_back(few):
     """Coupler and rocker far too short: every solver makes them long enough, and none raises or diverges."""
     free = [Variable(f"links.{name}.length", 0.02, 0.6) for name in ("coupler", "rocker")]

@@ -132,6 +132,7 @@ def test_one_machine_at_a_time():
         to_mjcf(many)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("link", "on", "phase"),
     [

@@ -49,7 +49,8 @@ ZERO = {"Andrews' squeezer": 3e-5}  # the scale of a change of a zero; this mach
 FLAT = {  # measures of `MEASURES` without slope
     "andrews-squeezer": ("mean_drive_torque", "mean_drive_power", "energy_per_cycle"),  # without loads
     "scissor-lift": (  # a motion law prescribes the crank speed, weights and inertia are negligible beside the load
-        "delta", "slow_down", "energy_per_cycle", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque", "mean_drive_power",
+        "delta", "slow_down", "energy_per_cycle", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque",
+        "mean_drive_power",
         "flywheel_for_target_delta", "peak_shaking_force", "peak_shaking_force_constant_speed",
         "rms_shaking_force_constant_speed", "peak_shaking_moment_constant_speed", "min_transmission_angle",
     ),
@@ -185,7 +186,7 @@ def depths(name: str) -> np.ndarray:
     return np.asarray([found[peak] / found[each] if peak in found and found[each] else 1.0 for each, peak in pairs])
 
 
-@pytest.mark.parametrize("name", [FEWER, *SCENES])
+@pytest.mark.parametrize("name", [pytest.param(FEWER, marks=pytest.mark.slow), *SCENES])
 def test_gradients(name):
     """Every measure of a scene: finite, and the same forward, in reverse and by fourth-order differences, for every
     number. One Jacobian each way for all of them. Where two values are equal the larger one has a kink."""

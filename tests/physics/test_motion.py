@@ -76,6 +76,7 @@ def along(name: str, points: int):
     return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["four-bar", *(pytest.param(n, marks=pytest.mark.slow) for n in (*BUILT_IN, *COMPOSED) if n != "four-bar")],
