@@ -65,6 +65,7 @@ def test_a_stroke_that_is_held(call, tmp_path):
     assert ends[1] - ends[0] == pytest.approx(0.078, rel=SLACK)
 
 
+@pytest.mark.slow
 def test_a_reach_at_every_crank_angle(call, tmp_path):
     """The coupler point stays below a height in a window, between the nodes too, and may be higher elsewhere."""
     words = [word for name, ends in FREE.items() for word in ("--free", f"{name}={ends}")]

@@ -46,6 +46,7 @@ def test_every_joint_is_where_it_is_drawn(numbers):
         assert off(drawing, points) < NEAR, (number, drawing)
 
 
+@pytest.mark.slow
 def test_another_length_changes_no_other():
     """One length of a drawn machine is given, slightly longer than drawn: the others stay those of the drawing."""
     for number in range(1, 40):
@@ -59,6 +60,7 @@ def test_another_length_changes_no_other():
                 assert float(other.links[link].length) == pytest.approx(length, rel=1e-12), (number, name, link)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "numbers", [*EVERY[:2], *(pytest.param(each, marks=pytest.mark.slow) for each in batches(range(50, 1000)))],
     ids=lambda numbers: f"{numbers[0]}-{numbers[-1]}",

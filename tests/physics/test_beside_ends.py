@@ -95,6 +95,7 @@ BENT = [
 ]
 
 
+@pytest.mark.slow
 def test_random_triads_beside_their_ends(rng):
     """Ends to 1e-12 rad. Positions from 1e-2 to 1e-10 rad before them, on the side of crank angle zero, are assembled
     with errors within 1e-14 times the condition number and 1e-12; positions from 1e-4 to 1e-8 rad beyond are
@@ -304,6 +305,7 @@ SWUNG = triad(
 )
 
 
+@pytest.mark.slow
 def test_ranges_of_a_crank_that_follows_a_law(rng):
     """They are those of the crank without the law, for every beginning, and in the assembly mode drawn there."""
     made = [SWUNG, *(drawn(rng, False) for _ in range(6))]

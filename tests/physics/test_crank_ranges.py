@@ -107,6 +107,7 @@ def test_the_second_group_ends_it():
     assert [r.at_start for r in found] == ["lever-die, pivot", "coupler-rocker, stretched"]
 
 
+@pytest.mark.slow
 def test_two_dyads_one_lost_beside_the_other():
     """Where the first folds the second moves as the root of the distance, and may fail slightly earlier: random
     six-bars against a fine scan of both by the law of cosines, bisected on whether both close."""

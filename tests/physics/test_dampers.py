@@ -167,6 +167,7 @@ def test_what_is_refused():
         lj.DragTorque("d", "crank", linear=1.0).share(here, Instant(jnp.asarray(1.0), jnp.asarray(1.0)))
 
 
+@pytest.mark.slow
 def test_an_analysis_with_a_wanted_fluctuation_and_a_damper():
     """The flywheel that the analysis finds gives the wanted δ, by the motion with this flywheel."""
     two = lj.load("two-cylinder")

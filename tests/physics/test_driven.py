@@ -82,6 +82,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "stall", "no_load", "rotor", "ratio"),
     CASES[1:2] + [pytest.param(*case, marks=pytest.mark.slow) for case in (CASES[0], CASES[2])],

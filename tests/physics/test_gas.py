@@ -152,6 +152,7 @@ def test_gas_acts_on_piston_and_head(machine):
     assert float(cycle.checks.virtual_power) < 1e-10 and float(cycle.checks.force_balance) < 1e-10
 
 
+@pytest.mark.slow
 def test_a_compressor_in_a_whole_analysis(machine):
     cycle = lj.analyse(with_loads(machine, compressor()), angles=24, nodes=320)
     assert float(cycle.work["air"]) == pytest.approx(-cycle_work(1.3), rel=1e-9)
