@@ -69,6 +69,7 @@ def test_a_run_up(call, fan, tmp_path):
     assert played == pytest.approx(data["time"][-1], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_run_down(call, fan):
     """From the speed of the scene by default: J omega / M = 8.38 s."""
     code, text, _ = call("run", fan, "--motor-off")

@@ -75,6 +75,7 @@ FULL = lj.Moves(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [FULL, *(rise(shape) for shape in PEAKS), rise("trapezoidal", 0.5)])
 def test_the_speed_is_continuous_and_rates_are_derivatives(law):
     """Between breaks rates are derivatives; at breaks value and speed agree on both sides, and so does the integral of
@@ -206,6 +207,7 @@ def test_the_drive_of_a_ram_with_moves():
     assert max(float(check) for check in jax.tree.leaves(cycle.checks)) < 1e-9
 
 
+@pytest.mark.slow
 def test_peaks_at_jumps_of_the_acceleration():
     """The drive torque is greatest at the end of a ramp, where it jumps to zero: the peak is the limit from below."""
     law = """start = "0 mm"

@@ -89,6 +89,7 @@ def test_some(case, verdicts):
     check(case, FEW, verdicts["some random machines"], exact=4, slopes=2)
 
 
+@pytest.mark.slow
 def test_some_in_a_loop(verdicts):
     case = IN_LOOPS[LOOPS.index("dyad with a slot")]
     check(case, 4, verdicts["some random machines"], compiled=True, exact=2, slopes=0)
