@@ -140,7 +140,7 @@ def _motor(cycle: Any) -> dict[str, Any] | None:
         "mean_torque", "rms_torque", "max_torque", "min_torque", "mean_power", "max_power", "min_power", "energy",
         "loss", "multiplier")}  # fmt: skip
     states = None if run.stable_states is None else int(run.stable_states)
-    return {**series, **single, "stable_states": states, "ratio": float(drive.motor_speed(1.0))}
+    return {**series, **single, "stable_states": states, "ratio": float(drive.transmission.speed_ratio())}
 
 
 def moves(data: dict[str, Any]) -> bool:
