@@ -139,8 +139,10 @@ def _motor(cycle: Any) -> dict[str, Any] | None:
     single = {field: _maybe(getattr(run, field)) for field in (
         "mean_torque", "rms_torque", "max_torque", "min_torque", "mean_power", "max_power", "min_power", "energy",
         "loss", "multiplier")}  # fmt: skip
+    gear = drive.transmission
+    ratio = float(gear.ratio) / (1.0 if gear.creep is None else 1 - float(gear.creep))
     states = None if run.stable_states is None else int(run.stable_states)
-    return {**series, **single, "stable_states": states, "ratio": float(drive.transmission.speed_ratio())}
+    return {**series, **single, "stable_states": states, "ratio": ratio}
 
 
 def moves(data: dict[str, Any]) -> bool:
