@@ -60,6 +60,7 @@ def test_derivatives():
     np.testing.assert_allclose(inverse, true, rtol=0, atol=1e-12 * np.abs(true).max())
 
 
+@pytest.mark.slow
 def test_no_batch_is_handed_on():
     """Of a group of higher class, at many crank angles of many designs: a batch for other threads blocks its own
     thread, and all threads if as many arrive simultaneously."""

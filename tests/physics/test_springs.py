@@ -217,6 +217,7 @@ def test_a_spring_in_a_window():
     assert shares == [pytest.approx(always, rel=1e-14), 0.0]
 
 
+@pytest.mark.slow
 def test_gradients_with_respect_to_design_and_springs(rng):
     def total(scene):
         def at(phi):

@@ -39,6 +39,7 @@ def check(case: Case, furthest, **options):
         assert np.all(off <= 1.0), f"{batch.name}: {kind} of design {np.argmax(off)} is off by {np.max(off):.2g} times"
 
 
+@pytest.mark.slow
 def test_a_dyad(furthest):
     check(QUICK, furthest, compiled=True)
 

@@ -152,6 +152,7 @@ def motion(values) -> jax.Array:
     return jnp.stack([found.delta, found.mean_drive_torque, found.max_speed])
 
 
+@pytest.mark.slow
 def test_gradients_through_the_moving_window_are_those_of_differences():
     at = np.array([CRANK, ROD, 0.02, LAST, PUNCH])
     value, forward = jax.jit(lambda x: (motion(x), jax.jacfwd(motion)(x)))(at)
@@ -433,6 +434,7 @@ def test_more_ways_than_slots_and_rests_are_refused():
     np.testing.assert_allclose(used(harmonic), [[math.pi - want, math.pi], [2 * math.pi - want, 0]], atol=FINE)
 
 
+@pytest.mark.slow
 def test_the_optimiser_moves_a_window():
     free = {"loads.punch.window.last": ("4 mm", "12 mm")}
     found = lj.optimise(press(offset=0.02), free=free, minimise="delta", limits=["mean_drive_torque >= 50 N m"])

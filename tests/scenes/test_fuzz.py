@@ -46,6 +46,7 @@ def check(first: int, count: int) -> None:
     assert not wrong, f"{len(wrong)} of {count} mutants\n" + "\n".join(shown)
 
 
+@pytest.mark.slow
 def test_a_thousand_mutants():
     check(0, 1000)
 

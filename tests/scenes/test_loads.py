@@ -178,6 +178,7 @@ def test_keys_are_set_by_path(folder):
         load(folder / "press.toml", {"loads.x.k": 1})
 
 
+@pytest.mark.slow
 def test_the_commands_show_a_spring(folder, monkeypatch, capsys):
     assert run(monkeypatch, "show", "press.toml") == 0
     out = " ".join(capsys.readouterr().out.split())

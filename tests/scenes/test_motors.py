@@ -188,6 +188,7 @@ def test_messages(keys, key, says):
     assert "\n" not in message and len(message) < 500
 
 
+@pytest.mark.slow
 def test_an_analysis_with_a_motor():
     """What does not depend on the motor is as without it."""
     made, plain = scene(CASES["dc"][0]), loads_text(SHAFT)
