@@ -64,6 +64,11 @@ def _not_driven(cycle: Cycle, shaft: bool) -> str:
     """Why a motor gives no steady-state motion, and a remedy, in one line."""
     steady, nominal = cycle.steady, f"{float(cycle.scene.speed):.6g} rad/s"
     gain, degrees = float(steady.driven.gain), float(jnp.degrees(steady.angle_of_min))
+    if cycle.scene.motor is None:
+        return (
+            f"no steady-state motion at a mean speed of {nominal}: no constant torque of the drive gives it against "
+            "the loads. Raise the mean speed, add inertia, or reduce the loads."
+        )
     within = f"no steady-state motion between 0.02 and 4 times {nominal}"
     if gain > 0:
         return (

@@ -32,15 +32,12 @@ class BySpeed:
     rotor: Array
     numbers: tuple[int, ...] = eqx.field(static=True)
 
-    def shares(self, moving: Moving | None, speed: Array) -> dict[str, Array]:
-        """Shares of the reduced torque (N m) of these loads at the crank speed (rad/s) of each place."""
-        if moving is None:
-            return {}
-        return shares_at(dict(zip(self.numbers, self.loads, strict=True)), moving, speed)
-
     def loaded(self, here: Reduced, moving: Moving | None, speed: Array) -> Reduced:
         """The reduced model with the shares of these loads at the crank speed (rad/s)."""
-        return with_shares(here, self.shares(moving, speed))
+        if moving is None:
+            return here
+        shares = shares_at(dict(zip(self.numbers, self.loads, strict=True)), moving, speed)
+        return here._replace(torque=sum(shares.values(), here.torque), by_load={**here.by_load, **shares})
 
     def rise(self, here: Reduced, speed: Array, constant: Array) -> Array:
         """dE/dφ (N m): the reduced torque with all loads, and that of the drive. `here` has all loads, and its inertia
@@ -72,11 +69,6 @@ class Driven:
         return self.torques.rise(self.torques.loaded(here, moving, speed), speed, self.constant)
 
 
-def with_shares(here: Reduced, shares: dict[str, Array]) -> Reduced:
-    """The reduced model with further shares of the torque (N m)."""
-    return here._replace(torque=sum(shares.values(), here.torque), by_load={**here.by_load, **shares})
-
-
 def speed_dependent(scene: Scene) -> bool:
     """Whether the motion of a scene depends on torques that depend on the speed."""
     return not scene.mechanism.prescribed and (scene.motor is not None or bool(by_speed(scene)))
@@ -98,7 +90,5 @@ def moving_at(numbers: tuple[int, ...], grid: Grid, pose: Pose, phi: Array, pane
 
 def at_speed(scene: Scene, grid: Grid, place: Place, pose: Pose, here: Reduced, speed: Array) -> Reduced:
     """The reduced model at places of the grid with the loads that depend on the speed (rad/s)."""
-    numbers = by_speed(scene)
-    loads = {number: scene.loads[number] for number in numbers}
-    moving = moving_at(numbers, grid, pose, place.phi, place.panel)
-    return here if moving is None else with_shares(here, shares_at(loads, moving, speed))
+    torques = torques_of(scene)
+    return torques.loaded(here, moving_at(torques.numbers, grid, pose, place.phi, place.panel), speed)

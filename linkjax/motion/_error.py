@@ -56,7 +56,15 @@ def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots
 
     speeds = flow.speeds(extremes)
     high, low = 1 / (extremes.inertia * speeds)
+    unit = duty.speed
+    if flow.driven is not None:  # an error of the work over the cycle is divided by what a cycle leaves of it
+        unit = 0.5 * jnp.sum(speeds)
+        shift = safe_divide(across, jnp.abs(1 - flow.driven.multiplier), jnp.inf)
+        if flow.driven.torques.motor is None:  # the wanted mean speed fixes the energy
+            shift = (late + uneven) / gain + across
     total = 2 * shift * (jnp.abs(high - low) + 0.02 * (high + low))
+    if flow.driven is not None:  # the mean speed changes, too
+        total = total + shift * 0.5 * (high + low) * jnp.abs(speeds[0] - speeds[1]) / unit
     after_next, width = jnp.roll(after, -1), grid.half
 
     def share_of(sign, height, end, speed):
@@ -78,7 +86,7 @@ def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots
 
     heights = jnp.stack([found.high, -found.low])
     total = total + jnp.sum(jax.vmap(share_of)(jnp.asarray([1.0, -1.0], total.dtype), heights, extremes, speeds))
-    return (total + ROUNDINGS * jnp.finfo(total.dtype).eps * speeds[0]) / duty.speed + FLOOR
+    return (total + ROUNDINGS * jnp.finfo(total.dtype).eps * speeds[0]) / unit + FLOOR
 
 
 def _missed(series: Float[Array, "panels terms"], low: Array, high: Array) -> Array:

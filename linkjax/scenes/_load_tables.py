@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
 from linkjax.loads import ATMOSPHERE, AbstractPressure, Coordinate, Diagram, Gas, Polytropic, joined_jumps
 from linkjax.loads import Table as TableLoad
@@ -22,11 +22,10 @@ from linkjax.scenes._fields import (
     Torque,
     Turns,
     Volume,
-    wrong,
 )
 from linkjax.scenes._guides import Fault
 from linkjax.scenes._load import REACTS, LoadTable
-from linkjax.scenes._passages import Direction
+from linkjax.scenes._passages import Direction, OfLink, element
 from linkjax.scenes._write_tables import gas_keys, table_keys
 
 METHOD: Any = Field("linear", description="lines between the values, or a monotone cubic", examples=["cubic"])
@@ -46,30 +45,17 @@ class OverPoint(Table):
     )
 
 
-class OverLink(Table):
+class OverLink(OfLink):
     """The angle of a link, over which a table is given."""
 
     link: Name = Field(description="the link whose angle is the abscissa", examples=["rocker"])
-
-    @model_validator(mode="before")
-    @classmethod
-    def _one_element(cls, value: Any) -> Any:
-        if isinstance(value, dict) and "point" in value:
-            raise wrong("names both a point and a link", "name one point or one link")
-        return value
-
-
-def _over(value: Any) -> str:
-    if isinstance(value, dict):
-        return "#link" if "link" in value else "#point"
-    return "#crank"
 
 
 Over = Annotated[
     Annotated[Literal["crank"], Tag("#crank")]
     | Annotated[OverPoint, Tag("#point")]
     | Annotated[OverLink, Tag("#link")],
-    Discriminator(_over),
+    Discriminator(element),
 ]
 
 

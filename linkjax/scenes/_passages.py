@@ -36,7 +36,18 @@ class PointWindow(Table):
     )
 
 
-class LinkWindow(Table):
+class OfLink(Table):
+    """Keys about a link, in the place of a point."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_element(cls, value: Any) -> Any:
+        if isinstance(value, dict) and "point" in value:
+            raise wrong("names both a point and a link", "name one point or one link")
+        return value
+
+
+class LinkWindow(OfLink):
     """A window by the angle of a link: the first or last part of each of its ways, or between two angles."""
 
     link: Name = Field(description="the link whose angle matters", examples=["rocker"])
@@ -49,15 +60,9 @@ class LinkWindow(Table):
         None, description="only while it rotates counter-clockwise or clockwise", examples=["ccw"]
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _one_element(cls, value: Any) -> Any:
-        if isinstance(value, dict) and "point" in value:
-            raise wrong("names both a point and a link", "name one point or one link")
-        return value
 
-
-def _kind(value: Any) -> str:
+def element(value: Any) -> str:
+    """Which branch a table about a link or a point takes; that of the crank angle if it is no table."""
     if isinstance(value, dict):
         return "#link" if "link" in value else "#point"
     return "#crank"
@@ -67,7 +72,7 @@ Window = Annotated[
     Annotated[tuple[Angle, Angle], Pair, Tag("#crank")]
     | Annotated[PointWindow, Tag("#point")]
     | Annotated[LinkWindow, Tag("#link")],
-    Discriminator(_kind),
+    Discriminator(element),
 ]
 
 

@@ -126,6 +126,15 @@ def test_a_free_machine_that_swings_back():
     assert float(ends.stall_time) == 0.0
 
 
+class Rest:
+    """The speed, second of a state, is zero: the end of an integration by SciPy."""
+
+    terminal, direction = True, 0
+
+    def __call__(self, _, state):
+        return state[1]
+
+
 @pytest.mark.slow
 def test_dry_friction_on_a_pendulum():
     """It swings, each time less, and rests where friction holds it: parts between standstills by DOP853."""
@@ -141,10 +150,8 @@ def test_dry_friction_on_a_pendulum():
         def rate(_, state, sense=sense):
             return [state[1], (-mass * 9.81 * a * math.cos(state[0]) - sense * friction) / inertia]
 
-        def rest(_, state):
-            return state[1]
-
-        rest.terminal, rest.direction = True, -sense  # pyright: ignore[reportFunctionMemberAccess]
+        rest = Rest()
+        rest.direction = -sense
         way = solve_ivp(rate, (time, 20.0), [angle, 0.0], "DOP853", rtol=1e-12, atol=1e-13, events=rest)
         time, angle = float(way.t[-1]), float(way.y[0, -1])
         pull = -mass * 9.81 * a * math.cos(angle)
