@@ -4,6 +4,7 @@ linkjax itself must not be imported here: a hook that acts on import checks its 
 """
 
 import gc
+import importlib.metadata
 import os
 import sys
 import zlib
@@ -14,8 +15,11 @@ CACHE = Path(__file__).parents[1] / ".cache"
 MOST_MAPS = 15_000  # of the 65 530 that Linux allows; about 5 GB of programs
 os.environ["XDG_CACHE_HOME"] = str(CACHE)  # also for programs started by tests: nothing is written elsewhere
 os.environ["MPLBACKEND"] = "agg"
-# a test runs for milliseconds what it compiles for seconds
-os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false")
+# a test runs for milliseconds what it compiles for seconds; XLA stops at a flag that it does not know
+SOONER = ["--xla_backend_optimization_level=0"]
+if tuple(map(int, importlib.metadata.version("jaxlib").split(".")[:2])) < (0, 11):
+    SOONER.append("--xla_cpu_use_fusion_emitters=false")
+os.environ.setdefault("XLA_FLAGS", " ".join(SOONER))
 gc.set_threshold(100_000, 20, 20)  # tracing creates millions of lasting objects: scanning them took a tenth of the time
 
 import jax  # noqa: E402

@@ -15,7 +15,7 @@ import pytest
 
 import linkjax as lj
 from linkjax import measures
-from linkjax._compile import compiled_soon
+from linkjax._compile import CompiledSoon, compiled_soon
 from linkjax.analysis import measured
 from linkjax.kinematics import min_margin
 from linkjax.measures import MEASURES
@@ -56,6 +56,7 @@ FLAT = {  # measures of `MEASURES` without slope
     ),
 }  # fmt: skip
 KINK = 1e-4  # of the slope: a smooth function bends four times as much over twice the step, by far less
+MOST = 40  # measures of one program: a large one takes several times as long to compile as its parts
 FLOOR = 1e-9  # of the largest measure of the same unit: a slope below it is that of a measure that is constant
 
 
@@ -136,31 +137,56 @@ def backward(scene: lj.Scene, weights: jax.Array, names: tuple[str, ...]) -> lj.
     return jax.grad(lambda scene: weights @ every(scene, names, MANY))(scene)
 
 
+def parts(name: str) -> list[tuple[str, ...]]:
+    """The measures of a scene, some at a time."""
+    names = names_of(name)
+    return [names[i : i + MOST] for i in range(0, len(names), MOST)]
+
+
+def of_parts(program: CompiledSoon, name: str, *args, **fixed) -> list:
+    """The results of a program for all measures, part by part, compiled at the same time."""
+    for names in parts(name):
+        program.ahead(*args, names=names, **fixed)
+    return [program(*args, names=names, **fixed) for names in parts(name)]
+
+
 @functools.cache
 def gradients(name: str) -> np.ndarray:
     """Gradients of measures with respect to the arguments of `varied`: (measures, numbers)."""
-    scene, names = swept(name), names_of(name)
+    scene = swept(name)
     leaves = np.asarray(jax.tree.leaves(scene))
     size = np.where(leaves == 0, ZERO.get(scene.title, 0.03), leaves)
-    rows = [jax.tree.leaves(backward(scene, weights, names=names)) for weights in jnp.eye(len(names))]
+    for names in parts(name):
+        backward.ahead(scene, jnp.zeros(len(names)), names=names)
+    rows = [
+        jax.tree.leaves(backward(scene, weights, names=names))
+        for names in parts(name)
+        for weights in jnp.eye(len(names))
+    ]
     return np.asarray(rows) * size
+
+
+def valued(name: str, scene: lj.Scene) -> np.ndarray:
+    """The measures of a sweep, of its own scene or of one of the same structure."""
+    return np.concatenate(of_parts(values, name, scene, nodes=FEW))
 
 
 @functools.cache
 def all_values(name: str) -> np.ndarray:
-    return np.asarray(values(swept(name), names=names_of(name), nodes=FEW))
+    return valued(name, swept(name))
 
 
 @functools.cache
 def neighbours(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Measures with every number two steps down, one down, one up and two up, and (last row) unchanged; and their
-    derivatives with respect to every number, forward: (numbers, measures). One program for both."""
+    derivatives with respect to every number, forward: (numbers, measures)."""
     count, h = len(jax.tree.leaves(swept(name))), FINER.get(name, H)
     steps = np.concatenate([*(k * h * np.eye(count) for k in (-2, -1, 1, 2)), np.zeros((1, count))])
     shifts = jnp.asarray(np.concatenate([steps, np.zeros((count, count))]))
     directions = jnp.asarray(np.concatenate([np.zeros_like(steps), np.eye(count)]))
-    values, slopes = around(swept(name), shifts, directions, names=names_of(name))
-    return np.asarray(values[: len(steps)]), np.asarray(slopes[len(steps) :])
+    found = of_parts(around, name, swept(name), shifts, directions)
+    values, slopes = (np.concatenate(part, axis=1) for part in zip(*found, strict=True))
+    return values[: len(steps)], slopes[len(steps) :]
 
 
 def floors(name: str) -> np.ndarray:
@@ -189,7 +215,7 @@ def depths(name: str) -> np.ndarray:
 @pytest.mark.parametrize("name", [pytest.param(FEWER, marks=pytest.mark.slow), *SCENES])
 def test_gradients(name):
     """Every measure of a scene: finite, and the same forward, in reverse and by fourth-order differences, for every
-    number. One Jacobian each way for all of them. Where two values are equal the larger one has a kink."""
+    number. One Jacobian each way. Where two values are equal the larger one has a kink."""
     names, reverse, (f, ahead), h = names_of(name), gradients(name), neighbours(name), FINER.get(name, H)
     assert np.all(np.isfinite(reverse))
     rounding, deep = 1e-5 * floors(name), depths(name)
@@ -252,7 +278,7 @@ POWERS = {
 def test_unchanged_by_units(name, units):
     """Millimetres and tonnes, very small and very large machines: the same numbers in their own units."""
     before, names = all_values(name), names_of(name)
-    after = np.asarray(values(resized(swept(name), *units), names=names, nodes=FEW))
+    after = valued(name, resized(swept(name), *units))
     back = [np.prod([u**-p for u, p in zip(units, POWERS[measures.named(n).unit], strict=True)]) for n in names]
     assert np.all(np.abs(after * back - before) <= 1e-9 * np.abs(before) + zeros(name))
 
