@@ -200,6 +200,7 @@ def test_a_failed_run_leaves_no_folder(call, tmp_path):
     assert (tmp_path / "made/all.json").exists() and (tmp_path / "tables/made/points.csv").exists()
 
 
+@pytest.mark.slow
 def test_the_law_that_helps_is_named_as_the_scene_has_it(call):
     """A crank that cannot rotate fully oscillates by `drive.law` in a drawn scene, else by the law of its group."""
     short = SLIDER_CRANK.replace('length = "300 mm"', 'length = "80 mm"')

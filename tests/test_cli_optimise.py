@@ -120,6 +120,7 @@ def test_limits_that_clash(call, scene, tmp_path):
     assert set(data["result"]["conflicts"]) == {"delta", "flywheel.inertia"}
 
 
+@pytest.mark.slow
 def test_options_take_the_place_of_the_section(call, scene, tmp_path):
     """Another objective, another range, a design variable fixed again."""
     options = ["--minimise", "delta", "--limit", "delta <= 1"]
@@ -199,6 +200,7 @@ def interrupted(call, *arguments) -> dict:
     return data
 
 
+@pytest.mark.slow
 def test_interrupted(call, scene, tmp_path, monkeypatch):
     """Ctrl-C in the second start: the best design so far is written, the exit code reports the interruption."""
     descend = _optimise.SOLVERS["cone"]

@@ -49,6 +49,7 @@ def fan(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_run_up(call, fan, tmp_path):
     """Shown, as JSON, and drawn; in closed form ω = ω_end (1 - exp(-k t / J)), k = T_stall / ω_0."""
     out = tmp_path / "out"

@@ -98,6 +98,7 @@ def test_a_crank_goes_as_far_as_its_loops_close(name):
         assert (found.start, found.stop) == pytest.approx(ends, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_parallelogram_that_nothing_holds_is_not_run_through_its_change_point():
     """Two cranks and a coupler alone may move in two ways from the stretched position: this is reported with the angle,
     and with the key for a continuous parallelogram."""

@@ -131,6 +131,7 @@ def test_equal_peaks_with_the_same_gradient_are_one():
     assert float(links["crank"].length) == pytest.approx(10 / 0.3, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_subgradients_are_the_slopes_to_either_side():
     """In line, the transmission angle is least at both quarter turns: sin = (r ± e) / l of its difference from 90°."""
     found = measures.subgradients(in_line(), "min_transmission_angle")

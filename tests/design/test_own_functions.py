@@ -79,6 +79,7 @@ def test_a_function_that_cannot_be_hashed(scene):
     np.testing.assert_allclose(lj.optimise(scene, FREE, Gap(jnp.asarray(0.16))).x, [0.16], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_program_with_a_users_function_goes_with_its_problem(scene):
     gc.collect()
     made = len(_compile._MADE)

@@ -13,7 +13,7 @@ from tests.physics import oracle
 from tests.physics.drawings import Drawing, geared, linkage_of
 
 NEAR = 1e-9  # of the size of the drawing
-SOON, LATER = range(100), range(100, 1000)
+SOON, LATER = range(50), range(50, 1000)
 BATCH = 25
 
 

@@ -56,6 +56,7 @@ def test_a_four_bar_that_folds_and_stretches():
     }
 
 
+@pytest.mark.slow
 def test_a_crank_longer_than_its_rod():
     """|r sin φ - e| = l: ranges about both dead centres."""
     links = {"crank": body(0.3), "rod": body(0.2), "ram": Link(mass=1.0)}
@@ -293,6 +294,7 @@ SLOW = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [1.0, 4.0])
 @pytest.mark.parametrize("ratio", SLOW)
 def test_a_crank_that_swings_in_gear_with_a_slow_wheel(ratio, phase):

@@ -159,6 +159,7 @@ def test_a_crank_held_anywhere_is_a_crank():
             assert places(again, "BC", phi) == pytest.approx(places(usual, "BC", phi), abs=1e-15)
 
 
+@pytest.mark.slow
 def test_a_drive_half_a_turn_off():
     """Between a block and a link, and in a group of higher class that is not drawn: reported, not closed otherwise."""
     links = {"crank": Link(pins=("A", "B"), length=0.1), "die": Link(pins=("B",)),

@@ -222,6 +222,7 @@ def test_derivatives(motor):
     assert np.max(np.abs(np.stack(differences, axis=1) - back) / norm) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_motor_that_is_too_weak():
     """No steady-state motion is a result: finite, a negative margin with a slope, and an analysis that says so."""
     weak = slider_crank(lj.MotorDrive(lj.ConstantTorque(-0.1)))

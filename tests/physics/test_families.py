@@ -94,6 +94,7 @@ def test_the_angle_of_a_link_that_turns_fully_in_a_window():
     assert np.degrees(found) == pytest.approx([-90.0, -180.0], rel=EXACT)
 
 
+@pytest.mark.slow
 def test_a_least_force_between_two_nodes():
     """A force that almost vanishes has a sharp minimum: a fine sample around it, from an analysis."""
     scene, name = machine("hay-press"), "min_reaction_constant_speed.E.link4"
@@ -138,6 +139,7 @@ def test_a_window_that_ends_where_a_load_switches():
     assert float(measure(scene)) == pytest.approx(float(measures.evaluate(scene, [plain])[plain]), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_groups_with_a_transmission_angle():
     """Those that give one, in every built-in scene."""
     for name in lj.scene_names():

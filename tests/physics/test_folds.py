@@ -190,6 +190,7 @@ def turned(mechanism: Mechanism | Prepared, angles: jax.Array) -> jax.Array:
     return jax.vmap(at)(angles)
 
 
+@pytest.mark.slow
 def test_a_group_too_short_at_crank_angle_zero():
     """Stretched between B and D, which are 0.9 m apart, links of 0.45 m in total leave a closure error of 0.15 m at
     each of three pins: the reported value is not less, and not much more, though the last iterations are slow."""

@@ -190,6 +190,7 @@ def test_derivatives_with_respect_to_the_cylinder(machine):
                            difference=2e-6)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_two_cylinders_deliver_twice(machine):
     """Names differ, ends are found for each; the second cylinder is below its crank pin."""
     two = dataclasses.replace(compressor(), name="other", link="piston5", point="E")

@@ -130,6 +130,7 @@ def least(mechanism: Mechanism | Prepared, turns: int = 1) -> dict[str, float]:
     return {group: float(sides["turns"].value) for group, sides in found.items() if "turns" in sides}
 
 
+@pytest.mark.slow
 def test_behind_a_counted_wheel():
     """A second gear, and a rack, are checked like the first."""
     one = Gear("one", "E", Teeth((20, 20)), "second", "D")

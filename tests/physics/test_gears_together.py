@@ -56,6 +56,7 @@ def epicyclic(drive: Drive, **changes) -> Mechanism:
     return linkage({"A": Vec(0.0, 0.0)}, SUN, drive, (), sketch, gears=gears)
 
 
+@pytest.mark.slow
 def test_wheels_that_only_come_out_together():
     """The sun or the arm drives the same machine: one solves arm and planet simultaneously, the other in sequence."""
     by_arm, by_sun = epicyclic(Drive("arm", phase=0.0)), epicyclic(Drive("sun", phase=0.15))
@@ -276,6 +277,7 @@ def test_racks_that_contradict_the_sketch():
     assert start(way, float(here.links["lever"].angle)) == pytest.approx(float(found[1]), abs=1e-14)
 
 
+@pytest.mark.slow
 def test_where_wheels_in_a_loop_begin():
     """From a rough sketch they are turned so that teeth and racks fit best, close to the sketch; carriers are counted
     from within half a revolution of zero."""
@@ -324,6 +326,7 @@ def test_what_comes_out_together_is_found_apart():
         np.testing.assert_allclose(xy(two.points[name].ddr), xy(one.points[name].ddr), atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crank", [1.007, 0.997])
 def test_a_wheel_of_a_general_group_on_a_fast_link(crank):
     """Ten times as fast as the second link of a drag link near its change point, more than three turns between two
@@ -351,6 +354,7 @@ def test_a_wheel_of_a_general_group_on_a_fast_link(crank):
     np.testing.assert_allclose(turned[1], turned[0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_loose_wheels_do_not_make_ranges_longer():
     """A gear in mesh with the crank does not return to its initial position; the range is that of the other links."""
     links = {name: Link(length=length) for name, length in (("crank", 0.3), ("coupler", 0.25), ("rocker", 0.2))}

@@ -164,6 +164,7 @@ def lift(law) -> lj.Scene:
     return lj.Scene(Mechanism(fixed, links, [group]), (load,), Vec(0.0, -9.81), 0.5, title="Lift")
 
 
+@pytest.mark.slow
 def test_a_cylinder_between_frame_and_lever():
     """The lever angle by the law of cosines; nearly at rest, the cylinder force by virtual work."""
     scene = dataclasses.replace(lift(Harmonic(0.55, 0.75)), speed=jnp.asarray(1e-6))
@@ -260,6 +261,7 @@ def least():
         dataclasses.replace(m, links={**m.links, "coupler": Link(length=coupler)}))))  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_least_margin(least):
     """It does not depend on the start of the scan, and its slope is that of differences."""
     one, two = (least(0.3, four_bar(phase=phase)) for phase in (0.0, 0.37))

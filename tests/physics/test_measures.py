@@ -388,6 +388,7 @@ def test_rows_where_windows_switch_together(name):
         assert np.isfinite(leaf)
 
 
+@pytest.mark.slow
 def test_an_analysis_where_windows_switch_together():
     """All of its values are finite, for all common ends of windows."""
     both = lj.Window(4.1887902047863905, 1.6951199159934145)

@@ -194,6 +194,7 @@ def test_a_scene_with_moves():
     assert float(lj.pose(new.mechanism, jnp.asarray(math.pi / 2)).points["B"].r.x) == pytest.approx(0.08)
 
 
+@pytest.mark.slow
 def test_the_drive_of_a_ram_with_moves():
     """The force of the drive is mass times acceleration, its greatest value that of the law; power returns."""
     scene = loads_text(SLIDE)

@@ -56,6 +56,7 @@ def parallel(more: dict[str, float], off: float = 0.0, drawn: bool = True) -> Me
     return linkage(fixed, links, Drive("crank", phase=1.0), sketch=sketch, flywheel=Flywheel(0.5))
 
 
+@pytest.mark.slow
 def test_a_third_and_a_fourth_parallel_crank():
     """They are found, and have the same motion as the others."""
     for more in ({"F": 0.2}, {"F": 0.2, "G": 0.1}):
@@ -140,6 +141,7 @@ def trammel() -> Mechanism:
     return linkage({"O": (0.0, 0.0)}, links, Drive("crank", phase=math.pi / 3), slots, sketch, Flywheel(1.0))
 
 
+@pytest.mark.slow
 def test_a_change_point_that_a_passive_link_passes():
     """At a change point of the rest only the redundant slider holds the bar: reactions are unbounded if it carries
     nothing, but drive torque and frame forces do not depend on it, and equal Newton's, also at this point."""
@@ -191,6 +193,7 @@ def test_what_does_not_fit_holds_fast():
         parallel({"F": 0.2}, off=1e-3)
 
 
+@pytest.mark.slow
 def test_a_misfit_is_told():
     """In groups the user marks redundant links: deviations of a millionth of the length are accepted, more are not."""
     links = {name: Link(length=long, mass=1.0, pins=()) for name, long in (("crank", 0.1), ("rod", 0.3), ("arm", 0.25))}
@@ -227,6 +230,7 @@ def guided(height: float) -> lj.Scene:
     ), (), speed=5.0)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_written_and_read_back():
     """Drawn ones by their links and joints, others by their groups."""
     for mechanism in (parallel({"F": 0.2}), press(), guided(0.05).mechanism):

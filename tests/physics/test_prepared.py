@@ -44,7 +44,7 @@ def longer(mechanism: Mechanism, link: str, factor: float) -> Mechanism:
     return eqx.tree_at(lambda m: m.links[link].length, mechanism, factor * mechanism.links[link].length)
 
 
-@pytest.mark.parametrize("link", ["bar1", "bar3"])
+@pytest.mark.parametrize("link", [pytest.param("bar1", marks=pytest.mark.slow), "bar3"])
 def test_a_replaced_length_is_followed_anew(link):
     """A bar of a triad that is too short for a whole turn is replaced by a longer one: the former path ends."""
     made = prepared(longer(machine("triad").mechanism, link, 0.93))
@@ -57,6 +57,7 @@ def test_a_replaced_length_is_followed_anew(link):
     assert np.all(least > 0) and np.min(over(Prepared(changed, made.paths))[1]) < 0
 
 
+@pytest.mark.slow
 def test_a_replaced_link_of_a_scissor_lift():
     """Also where the drive is solved together with the links."""
     made = prepared(lj.scissor_lift(2.1, 0.35, 0.2, 0.9))

@@ -32,6 +32,7 @@ def geneva(crank: float, apart: float, offset: float = 0.0, side: int = 1) -> Me
     return Mechanism({"O": Vec(0.0, 0.0), "P": Vec(0.0, -apart)}, links, groups)
 
 
+@pytest.mark.slow
 def test_the_quick_return():
     """Oscillation angle, limit positions and time ratio of the shaper in closed form."""
     data = document(lj.analyse(lj.load("quick-return"), angles=36))
@@ -114,6 +115,7 @@ def test_the_pin_right_on_the_pivot(offset):
     np.testing.assert_allclose(forward, backward, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_the_offset_that_transmits_best():
     """None at all: the transmission angle is acute on one side and obtuse on the other, and its rows contain both."""
     scene = lj.Scene(geneva(0.1, 0.3), speed=10.0)

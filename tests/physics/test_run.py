@@ -115,6 +115,7 @@ def test_a_machine_that_stalls(road):
     assert float(got.stall_time) == pytest.approx(duration, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_start_from_rest():
     """A crank alone with a constant torque: φ = ½ (T / J) t²."""
     scene = lj.Scene(_crank_alone(), speed=10.0)
@@ -206,6 +207,7 @@ def decaying(x: jax.Array, start: jax.Array, times: np.ndarray) -> tuple[jax.Arr
     return final + gone, final * times + (start - final - gone) / pace
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("over", ["angle", pytest.param("time", marks=pytest.mark.slow)])
 def test_a_drive_torque_that_depends_on_speed_and_acceleration(over):
     """With the derivatives by a, b and c."""

@@ -204,6 +204,7 @@ def test_a_torsion_spring_on_the_rocker_of_a_parallelogram():
             assert float(load.energy(here)) == pytest.approx(1.5 * turned + 2.0 * turned**2, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_torsion_spring_that_is_wound_over_half_a_turn_is_named():
     scene = dataclasses.replace(lever(100.0), loads=(lj.TorsionSpring("s", "lever", stiffness=1.0, free_angle=0.3),))
     with pytest.warns(UserWarning, match="torsion spring 's': 'lever' turns by more than half a turn from the free"):

@@ -131,6 +131,7 @@ CELLS = (-2232.407319, -6173.494109, -8681.467863, -9224.227787, -7785.282395, -
          -6173.494109, -2232.407319)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_engine_of_three_cranks():
     """Cells of 10 degrees are the means of 3600 sin φ + 7500 sin 3φ; their δ is 0.0152607, and so is that of a cubic
     table of the torque itself, within its error of interpolation."""
@@ -167,6 +168,7 @@ def test_rows_of_a_coursework(machine):
     assert float(trapezoid_torque(scene, 12)) == pytest.approx(-np.mean(values), rel=1e-13)
 
 
+@pytest.mark.slow
 def test_the_drive_torque_of_a_coursework(machine):
     """Trapezoids over twelve positions, with forces switched at positions: 85.837169 N m; exact is 552 J in a turn."""
     assert float(trapezoid_torque(machine, 12)) == pytest.approx(85.837169, abs=5e-7)

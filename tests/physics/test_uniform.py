@@ -140,6 +140,7 @@ def slope():
     return jax.jit(jax.value_and_grad(measure))
 
 
+@pytest.mark.slow
 def test_a_machine_of_uniform_links_is_that_of_the_same_numbers_by_hand(slope):
     value, _ = slope(jnp.array([0.36, 0.26, 0.16]))
     assert float(value) == pytest.approx(float(peak_shaking_force_constant_speed(four_bar(False))), rel=1e-11)

@@ -215,6 +215,7 @@ def test_a_position_that_is_never_reached_is_reported_and_finite():
     assert float(slope(0.7)) == 0
 
 
+@pytest.mark.slow
 def test_why_a_load_never_acts():
     for window, why in (
         (lj.Passage(point="D", first=0.01, direction=math.pi / 2), "D does not move in this direction"),
@@ -308,6 +309,7 @@ def test_the_last_degrees_of_a_rocker():
     np.testing.assert_allclose(used(scene), want[np.argsort(want[:, 0])], rtol=0, atol=1e-8)  # of the sampled extremes
 
 
+@pytest.mark.slow
 def test_a_link_that_rotates_fully_passes_its_window_in_every_revolution():
     window = lj.Passage(link="crank", between=(math.radians(350), math.radians(370)))
     want = np.radians([[350, 10], [350 + 360, 10 + 360]])
@@ -377,6 +379,7 @@ def test_diffrax_and_runs_see_the_same_window():
     np.testing.assert_allclose(lost, PUNCH * LAST, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_one_crank_angle_does_not_show_a_window_and_the_remedy_works():
     scene, phi = press(), jnp.asarray(2.8)
     for ask in (

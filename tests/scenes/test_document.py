@@ -163,7 +163,7 @@ def mutants(table):
             yield path, junk, mutant
 
 
-QUICK = ("four-bar", "geared-press")
+QUICK = ("four-bar",)
 
 
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in scene_names()])
