@@ -38,6 +38,7 @@ from linkjax.motion._rows import Rows as Rows
 from linkjax.motion._rows import Summits as Summits
 from linkjax.motion._rows import Wanted as Wanted
 from linkjax.motion._rows import every_row as every_row
+from linkjax.motion._states import steady_states as steady_states
 from linkjax.motion._steady import Steady as Steady
 from linkjax.motion._steady import all_loads as all_loads
 from linkjax.motion._steady import begin as begin

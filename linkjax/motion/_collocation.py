@@ -163,6 +163,12 @@ def seek(rate: Rate, panels: Panels, starts: Array, wanted: Array) -> Sought:
     return Sought(passed, found, passed.end - at, jnp.sum(falls))
 
 
+def near(rate: Rate, panels: Panels, start: Array) -> Sought:
+    """The cycle from one starting energy (J), of which a periodic solution is near; without derivatives."""
+    passed = follow(rate, panels, start)
+    return Sought(passed, ~passed.stopped, passed.end - start, jnp.ones((), int))
+
+
 def periodic(rate: Rate, panels: Panels, nodes: Array, edges: Array, constant: Array, lack: Lack | None) -> Orbit:
     """The periodic solution near the energies (J) at the nodes and first edges. With `lack` a constant slope (N m) is
     added to `rate`, such that `lack` of the panels and the energies is zero. Differentiable: the last two steps of

@@ -14,7 +14,7 @@ from linkjax._numerics import taken
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
 from linkjax.motion._by_speed import BySpeed, Driven, moving_at, torques_of
-from linkjax.motion._collocation import Orbit, Panels, gained, periodic, seek
+from linkjax.motion._collocation import Orbit, Panels, follow, gained, near, periodic, seek
 from linkjax.motion._flow import LEAST, Begun, Duty, Flow, duty_of, inertia_floor, primitive, spotted
 from linkjax.motion._grid import Grid
 from linkjax.motion._nodes import AtEdges, AtNodes
@@ -23,6 +23,8 @@ from linkjax.sampling import Sampler
 
 STARTS = np.geomspace(0.02, 4.0, 33)  # speeds, relative to the nominal one, from which a motor's cycle is followed
 SOLVED = 1e-8  # relative: what may be left of the equations
+HALVINGS = 40  # of an interval of speeds with a periodic motion
+NEAR = 1e-6  # relative: the gain over a cycle that is nearly periodic
 
 
 class Given(NamedTuple):
@@ -60,13 +62,14 @@ def _lack(panels: Panels, energy: Array) -> Array:
 
 
 def begun_by_speed(
-    machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0, ratio: Any = 1.0
+    machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0, ratio: Any = 1.0, start: Any = None
 ) -> tuple[Begun, AtEdges | None]:
     """The motion from the values at the nodes; and the edges, if known. `added` is a flywheel inertia (kg m²) that the
-    machine does not have; without a motor the time mean of the speed is the wanted one times `ratio`."""
+    machine does not have; without a motor the time mean of the speed is the wanted one times `ratio`. With the speed
+    `start` (rad/s) at the first edge, the motion of a motor is the one near it, stable or not."""
     pose = at.sample.pose if by_speed(machine.scene) else None
     numbers = (jnp.asarray(each, float) if isinstance(each, int | float) else each for each in (added, ratio))
-    given = (duty_of(machine.scene), machine.scene, grid, at.here, at.sample.dynamics, pose, *numbers)
+    given = (duty_of(machine.scene), machine.scene, grid, at.here, at.sample.dynamics, pose, *numbers, start)
     return machine.run(_begun, *given, edges=at.edges is not None)
 
 
@@ -80,7 +83,7 @@ class Solved(NamedTuple):
     gain: Array
 
 
-def _solved(panels: Panels, speed: Array) -> Solved:
+def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
     fixed, none = jax.lax.stop_gradient(panels), jnp.zeros_like(speed)
     nominal = 0.5 * fixed.data.inertia * jax.lax.stop_gradient(speed) ** 2
     if panels.given.torques.motor is None:
@@ -88,7 +91,11 @@ def _solved(panels: Panels, speed: Array) -> Solved:
         orbit = periodic(_rate, panels, nominal, nominal[:, 0], constant, _lack)
         return Solved(orbit, orbit.left < SOLVED, jnp.ones((), int), none)
     first = nominal[0, 0]
-    found = seek(_rate, fixed, first * jnp.asarray(STARTS) ** 2, first)
+    found = (
+        seek(_rate, fixed, first * jnp.asarray(STARTS) ** 2, first)
+        if start is None
+        else near(_rate, fixed, first * (start / speed) ** 2)
+    )
     nodes, edges = (jnp.maximum(part, fixed.given.least) for part in (found.passed.nodes, found.passed.edges))
     nearest = Orbit(nodes, edges, none, found.passed.slope, none)
     orbit = periodic(_rate, panels, nodes, edges, none, None)
@@ -97,25 +104,75 @@ def _solved(panels: Panels, speed: Array) -> Solved:
     return Solved(orbit, good, found.number, gained(_rate, panels, nodes, edges))
 
 
-@compiled_soon(static=("edges",))
-def _begun(
-    duty: Duty, scene: Scene, grid: Grid, here: Reduced, dynamics: tuple, pose: Pose | None, added: Array,
-    ratio: Array, edges: bool,
-) -> tuple[Begun, AtEdges | None]:  # fmt: skip
+def _panels(duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | None, added: Any, ratio: Any) -> Panels:
+    """The equation of motion on the panels of the grid."""
     torques, weights = torques_of(scene), grid.half[:, None] * grid.rule.w[None]
     here = here._replace(inertia=here.inertia + added)
     total = here.inertia + torques.rotor
     inertia = jnp.maximum(total, inertia_floor(jnp.sum(weights * total) / duty.cycle))
     unit = 0.5 * duty.speed**2 * jnp.sum(weights * inertia) / duty.cycle
-    moving = moving_at_nodes(grid, torques, pose)
     given = Given(torques, LEAST * LEAST * unit, 1 / (duty.speed * ratio))
-    panels = Panels(grid.half, given, Nodes(here, moving, inertia), unit, grid.n)
-    orbit, found, number, gain = _solved(panels, duty.speed)
-    rise = panels.slopes(_rate, orbit.nodes) + orbit.constant
-    full = torques.loaded(here, moving, _speed(panels.given, panels.data, orbit.nodes))
-    mean = -jnp.sum(weights * full.torque) / duty.cycle
-    driven = Driven(torques, orbit.constant, mean, orbit.multiplier, found, number, gain)
-    inside = full._replace(inertia=total, torque=rise)
+    return Panels(grid.half, given, Nodes(here, moving_at_nodes(grid, torques, pose), inertia), unit, grid.n)
+
+
+def periodic_starts(machine: Sampler, grid: Grid, at: AtNodes, speeds: np.ndarray) -> np.ndarray:
+    """Crank speeds (rad/s) at the first edge with which periodic motions begin, between the increasing `speeds` there:
+    those of stable and unstable motions."""
+    pose = at.sample.pose if by_speed(machine.scene) else None
+    given = (duty_of(machine.scene), machine.scene, grid, at.here, pose)
+    gain = np.asarray(machine.run(_gains, *given, jnp.asarray(speeds)))
+    crossings = [
+        machine.run(_crossing, *given, *map(jnp.asarray, speeds[i : i + 2]))
+        for i in np.flatnonzero((gain[:-1] > 0) != (gain[1:] > 0))
+    ]
+    return np.asarray([float(speed) for speed, closed in crossings if closed])  # not where a motion comes to rest
+
+
+@compiled_soon
+def _gains(duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | None, speeds: Array) -> Array:
+    """The gain of energy (J) over one cycle from each speed at the first edge."""
+    panels = _panels(duty, scene, grid, here, pose, 0.0, 1.0)
+    starts = 0.5 * panels.data.inertia[0, 0] * speeds**2
+    return jax.vmap(lambda start: follow(_rate, panels, start).end - start)(starts)
+
+
+@compiled_soon
+def _crossing(
+    duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | None, low: Array, high: Array
+) -> tuple[Array, Array]:
+    """The speed between two of which one gains and one loses, and whether the cycle from there closes."""
+    panels = _panels(duty, scene, grid, here, pose, 0.0, 1.0)
+    half = 0.5 * panels.data.inertia[0, 0]
+
+    def gain(speed):
+        start = half * speed**2
+        return follow(_rate, panels, start).end / start - 1
+
+    rises = gain(low) > 0
+
+    def halve(_, ends):
+        middle = 0.5 * (ends[0] + ends[1])
+        same = (gain(middle) > 0) == rises
+        return jnp.where(same, middle, ends[0]), jnp.where(same, ends[1], middle)
+
+    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
+    return low, jnp.abs(gain(low)) < NEAR
+
+
+@compiled_soon(static=("edges",))
+def _begun(
+    duty: Duty, scene: Scene, grid: Grid, here: Reduced, dynamics: tuple, pose: Pose | None, added: Array,
+    ratio: Array, start: Array | None, edges: bool,
+) -> tuple[Begun, AtEdges | None]:  # fmt: skip
+    panels = _panels(duty, scene, grid, here, pose, added, ratio)
+    torques, data = panels.given.torques, panels.data
+    orbit, found, number, gain = _solved(panels, duty.speed, start)
+    rise, change = jax.jvp(lambda e: panels.slopes(_rate, e), (orbit.nodes,), (jnp.ones_like(orbit.nodes),))
+    rise, multiplier = rise + orbit.constant, jnp.exp(jnp.sum(panels.weights * change))
+    full = torques.loaded(data.here, data.moving, _speed(panels.given, data, orbit.nodes))
+    mean = -jnp.sum(panels.weights * full.torque) / duty.cycle
+    driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain)
+    inside = full._replace(inertia=data.here.inertia + torques.rotor, torque=rise)
     flow = Flow.of(duty, grid, inside, primitive(grid, rise), jnp.zeros_like(mean), added + torques.rotor, driven)
     energy = orbit.edges[0]
     clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, flow.inertia))

@@ -59,7 +59,7 @@ def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots
     unit = duty.speed
     if flow.driven is not None:  # an error of the work over the cycle is divided by what a cycle leaves of it
         unit = 0.5 * jnp.sum(speeds)
-        shift = safe_divide(across, jnp.abs(1 - flow.driven.multiplier), jnp.inf)
+        shift = safe_divide(across, jnp.abs(1 - flow.driven.kept), jnp.inf)
         if flow.driven.torques.motor is None:  # the wanted mean speed fixes the energy
             shift = (late + uneven) / gain + across
     total = 2 * shift * (jnp.abs(high - low) + 0.02 * (high + low))

@@ -38,14 +38,16 @@ def kinked(scene: Scene) -> bool:
 
 
 def grid_with_kinks(
-    machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN, breaks: tuple[float, ...] = ()
-) -> Grid:
-    """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion."""
+    machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN,
+    breaks: tuple[float, ...] = (), start: Any = None,
+) -> Grid:  # fmt: skip
+    """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion: the one
+    near the speed `start` (rad/s) at the first edge, if given."""
     grid = grid_of(machine, nodes, scanned, points, breaks)
     if not kinked(machine.scene):
         return grid
     for _ in range(ROUNDS):
-        begun, _ = begun_by_speed(machine, grid, at_nodes(machine, grid, edges=False))
+        begun, _ = begun_by_speed(machine, grid, at_nodes(machine, grid, edges=False), start=start)
         found = machine.run(_kinks, begun.flow, begun.energy, turns=machine.scene.cycle_turns)
         grid = grid_of(machine, nodes, scanned, points, breaks, found)
     return grid

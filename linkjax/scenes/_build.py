@@ -122,7 +122,7 @@ def _mechanism(model: file.SceneFile) -> Mechanism:
         with part("links", name):
             links[name] = _link(link)
             sides |= {name: _sides(name, link)} if link.sides else {}
-    rotation, flywheel = model.rotation, Flywheel(model.flywheel.inertia)
+    rotation, flywheel = model.rotation, Flywheel(model.flywheel.inertia * model.flywheel.ratio**2)
     if model.drive is None:
         return Mechanism(fixed, links, _each(lambda group: group.build(rotation), model.groups, "groups"), flywheel)
     with part("drive"):

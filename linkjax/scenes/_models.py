@@ -127,9 +127,10 @@ class Link(Table):
 
 
 class Flywheel(Table):
-    """The flywheel on the crankshaft."""
+    """The flywheel on the crankshaft, or on a shaft that gears couple with it."""
 
-    inertia: Inertia = Field(default=0.0, description="moment of inertia about the crankshaft", examples=["40 kg m^2"])
+    inertia: Inertia = Field(default=0.0, description="moment of inertia about its shaft", examples=["40 kg m^2"])
+    ratio: Ratio = Field(1.0, description="speed of its shaft over crank speed", examples=[4.5])
 
 
 class SceneFile(Table):

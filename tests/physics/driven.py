@@ -44,9 +44,11 @@ class Lap(NamedTuple):
     speeds: Callable[[np.ndarray], np.ndarray]
 
 
-def shoot(scene: lj.Scene, extra: Extra, guess: float, more: float = 0.0) -> Lap:
-    """The periodic motion by DOP853 and Newton's method on the start; `extra` is the torque of motor and loads that
-    depend on the speed, `more` the inertia that is added to the reduced one."""
+def shoot(
+    scene: lj.Scene, extra: Extra, guess: float, more: float = 0.0, method: str = "DOP853", rtol: float = 1e-13
+) -> Lap:
+    """The periodic motion by a method of SciPy and Newton's method on the start; `extra` is the torque of motor and
+    loads that depend on the speed, `more` the inertia that is added to the reduced one."""
     edges = oracle.jumps(scene) if len(scene.loads) else np.zeros(1)
     edges = np.concatenate([edges, edges[:1] + scene.cycle])
     off = 1e-13 * scene.cycle
@@ -60,8 +62,8 @@ def shoot(scene: lj.Scene, extra: Extra, guess: float, more: float = 0.0) -> Lap
     def lap(speed, dense=False):
         state, ways = [speed, 0.0], []
         for smooth in panels:
-            given = {"args": (smooth,), "rtol": 1e-13, "atol": 1e-14, "dense_output": dense}
-            way = solve_ivp(rate, (smooth.low, smooth.high), state, "DOP853", **given)
+            given = {"args": (smooth,), "rtol": rtol, "atol": 0.1 * rtol, "dense_output": dense}
+            way = solve_ivp(rate, (smooth.low, smooth.high), state, method, **given)
             state = way.y[:, -1]
             ways.append(way)
         return state, ways

@@ -5,13 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.interpolate import PchipInterpolator
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
@@ -233,26 +231,6 @@ def test_a_motor_that_is_too_weak():
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(steady(weak)))
     cycle = lj.analyse(weak, angles=8)
     assert cycle.missing is not None and "steady" in str(cycle.missing)
-
-
-@pytest.mark.slow
-def test_a_motor_with_three_crossings():
-    """A fan crosses the characteristic of an induction motor three times: two states are stable."""
-    motor = lj.TableMotor(speeds=(0.0, 10.0, 30.0, 40.0), torques=(2.0, 1.0, 3.0, 0.0))
-    scene = slider_crank(lj.MotorDrive(motor), pump=0.0, speed=35.0, flywheel=0.5)
-    brake = lj.DragTorque("fan", "crank", linear=0.09)
-    scene = dataclasses.replace(scene, loads=(brake,))
-    found = steady(scene)
-    assert found.driven is not None
-    assert int(found.driven.number) == 2
-    assert 0 < float(found.driven.multiplier) < 1
-    slow = steady(eqx.tree_at(lambda s: s.speed, scene, jnp.asarray(12.0)))
-    assert float(slow.mean_speed) < 20 < float(found.mean_speed)
-    plain = dataclasses.replace(scene, loads=(), motor=None)
-    characteristic = PchipInterpolator([0.0, 10.0, 30.0, 40.0], [2.0, 1.0, 3.0, 0.0])
-    for each in (slow, found):
-        lap = shoot(plain, lambda _, w: float(characteristic(w)) - 0.09 * w, float(each.mean_speed))
-        assert float(each.period) == pytest.approx(lap.period, rel=1e-9)
 
 
 @pytest.mark.slow

@@ -194,3 +194,12 @@ def test_an_analysis_with_a_motor():
     made, plain = scene(CASES["dc"][0]), loads_text(SHAFT)
     one, two = (lj.analyse(each, angles=8) for each in (made, plain))
     np.testing.assert_allclose(one.pose.points["B"].r.x, two.pose.points["B"].r.x, rtol=1e-15)
+
+
+def test_a_flywheel_on_another_shaft():
+    """It counts with the square of the ratio: 2 kg m² at 4.5 times the crank speed are 40.5 kg m² on the crank."""
+    made = loads_text(SHAFT.replace('inertia = "2 kg m^2"', 'inertia = "2 kg m^2"\nratio = 4.5'))
+    assert float(made.mechanism.flywheel.inertia) == 40.5
+    assert float(loads_text(text_of(made)).mechanism.flywheel.inertia) == 40.5
+    with pytest.raises(SceneError, match=r"flywheel\.ratio"):
+        loads_text(SHAFT.replace('inertia = "2 kg m^2"', 'inertia = "2 kg m^2"\nratio = 0'))
