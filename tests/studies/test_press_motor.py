@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -20,15 +21,14 @@ def number(cell: str) -> float:
 
 def test_the_motors_of_the_readme():
     """Slip, and the power that the press needs, from the type plates."""
+    speed = jnp.asarray(study.SPEED)
     assert [row[0] for row in ROWS] == [plate.name for plate in study.PLATES]
     for plate, row in zip(study.PLATES, ROWS, strict=True):
         assert number(row[1]) == pytest.approx(100 * (1500 - plate.speed) / 1500, abs=0.05)
         motor = study.press(plate).motor
         assert motor is not None
-        assert float(motor.motor_torque(study.SPEED)) == pytest.approx(
-            plate.torque, rel=1e-12
-        )  # at 700 rpm of the crank
-        assert float(motor.motor_speed(study.SPEED)) == pytest.approx(plate.speed * study.RPM, rel=1e-12)
+        assert float(motor.motor_torque(speed)) == pytest.approx(plate.torque, rel=1e-12)  # at 700 rpm of the crank
+        assert float(motor.motor_speed(speed)) == pytest.approx(plate.speed * study.RPM, rel=1e-12)
         mean = number(row[-1]) * 1e3 / (2 * np.pi) / (plate.speed * study.RPM / study.SPEED)
         assert (mean > plate.torque) == (row[2] == "none")  # no flywheel lowers the mean torque
 
