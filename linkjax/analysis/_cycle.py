@@ -159,7 +159,7 @@ class Cycle(eqx.Module):
         return None if self.steady is None or self.work is None else self.work["drive"] / self.steady.period
 
     @property
-    def energies(self) -> dict[str, Work] | None:
+    def energies(self) -> Maybe[dict[str, Work]]:
         """Work per cycle by source and sink (J), `supplied` and `absorbed` each zero or more: of the "motor" at its own
         shaft and its "transmission", or of the "drive" on the crank without a motor; of "gravity"; and of each load by
         name. In the actual motion, or at constant speed without one. All that is supplied is absorbed. None where loads
@@ -167,7 +167,7 @@ class Cycle(eqx.Module):
         return energies_of(self)
 
     @property
-    def loads(self) -> dict[str, LoadRun] | None:
+    def loads(self) -> Maybe[dict[str, LoadRun]]:
         """What each load does over the cycle, by name, and "gravity": `force` and `power` at `angles`, and its work per
         cycle, `supplied`, `absorbed`, and the difference `energy`. In the motion of `energies`, and None as they are.
         They are computed on every call."""

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import itertools
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +24,7 @@ TABLE = [0.0, 40.0, -60.0, 25.0]  # N, along the guide, every 90 degrees
 
 
 @functools.cache
-def analysed(kind: str) -> lj.Cycle:
+def analysed(kind: str) -> Any:
     """Analysed machines; those of the slider-crank have a spring, drag, and a table at the piston."""
     if kind == "press":
         return lj.analyse(lj.load("hay-press"))
@@ -46,7 +47,7 @@ def piston(phi: float) -> tuple[float, float]:
     return CRANK * math.cos(phi) + root, slope
 
 
-def closes(cycle: lj.Cycle) -> float:
+def closes(cycle: Any) -> float:
     """What is supplied minus what is absorbed, relative to the largest of the works."""
     works = cycle.energies.values()
     largest = max(float(max(work.supplied, work.absorbed)) for work in works)

@@ -38,9 +38,7 @@ def test_reduced_to_a_yoke(degrees):
 def test_the_equation_of_motion_of_the_point():
     """m dv/dt + ½ v² dm/ds = F with any speed and acceleration of the crank, and the drive torque that they need."""
     phi, rate, scene = 0.7, 5.0, yoke()
-    here, model = (
-        of(scene, jnp.asarray(phi), *point) for of, point in ((lj.reduced_mass, "E"), (lj.reduced_model, ""))
-    )
+    here, model = lj.reduced_mass(scene, jnp.asarray(phi), "E"), lj.reduced_model(scene, jnp.asarray(phi))
     way, bend = RADIUS * math.sin(phi), RADIUS * math.cos(phi)
     v, a = way * SPEED, way * rate + bend * SPEED**2
     drive = model.inertia * rate + 0.5 * model.slope * SPEED**2 - model.torque
