@@ -108,6 +108,7 @@ if TYPE_CHECKING:
     from linkjax.motion import flywheel_for as flywheel_for
     from linkjax.motion import steady_motion as steady_motion
     from linkjax.motion import steady_states as steady_states
+    from linkjax.reduction import reduced_mass as reduced_mass
     from linkjax.reduction import reduced_model as reduced_model
     from linkjax.rolling import Rolling as Rolling
     from linkjax.rolling import RollingMachine as RollingMachine
@@ -198,7 +199,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
     ),
     "machine": ("Scene",),
     "library": ("four_bar", "quick_return", "scissor_lift", "scotch_yoke", "six_bar", "slider_crank", "toggle_press"),
-    "reduction": ("reduced_model",),
+    "reduction": ("reduced_mass", "reduced_model"),
     "motion": ("flywheel_for", "steady_motion", "steady_states"),
     "forces": (),
     "sampling": (),

@@ -146,6 +146,10 @@ def test_a_cycle_prints_its_motion_and_peaks(cycle):
     assert rows["mean drive torque"] == [f"{number(run['mean_drive_torque'], 6)} N·m, constant over the cycle"]
     assert rows["flywheel"] == ["0.35 kg·m²"]
     assert rows["flywheel for δ = 0.02"] == [f"{number(data['flywheel']['for_target_delta'], 6)} kg·m²"]
+    assert rows["energy per cycle"] == ["supplied", "absorbed"] and rows["sum"][0] == rows["sum"][1]
+    for name in ("drive", "gas"):
+        works = data["energies"][name].values()
+        assert [float(cell.split(" ")[0]) for cell in rows[name]] == pytest.approx(list(works), rel=1e-5)
     names = [name for name in data["peaks"] if "_constant_speed" not in name]
     for name in names:
         label = name.removeprefix("peak_")
@@ -215,6 +219,9 @@ def test_the_table_holds_the_columns_of_the_document(cycle, still):
         "fx_piston_guide_piston": data["forces"]["reactions"]["piston.guide"]["piston"]["fx"],
         "drive_torque_constant_speed": data["forces_constant_speed"]["drive_torque"],
         "fy_shaking": data["forces"]["shaking"]["fy"],
+        "fx_load_gas": data["loads"]["gas"]["fx"],
+        "power_gas": data["loads"]["gas"]["power"],
+        "power_gravity": data["loads"]["gravity"]["power"],
     }.items():
         np.testing.assert_array_equal(table[name], column)
     moved = {name for name in table if not name.endswith("_constant_speed")}

@@ -14,12 +14,14 @@ from linkjax.analysis._document import document as document
 from linkjax.analysis._document import moves as moves
 from linkjax.analysis._document import plain as plain
 from linkjax.analysis._given import at_acceleration as at_acceleration
+from linkjax.analysis._loads import LoadRun as LoadRun
 from linkjax.analysis._measured import asked_measures as asked_measures
 from linkjax.analysis._measured import measured as measured
 from linkjax.analysis._missing import massless as massless
 from linkjax.analysis._pick import pick as pick
 from linkjax.analysis._precision import float32_digits as float32_digits
 from linkjax.analysis._table import columns as columns
+from linkjax.analysis._text import energy_rows as energy_rows
 from linkjax.analysis._text import motor_rows as motor_rows
 from linkjax.analysis._tidy import CONSTANT as CONSTANT
 from linkjax.analysis._tidy import acts_text as acts_text

@@ -125,7 +125,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
         "forces_constant_speed": shown.forces[-1], "peaks": found.peaks[0] if moves else None,
         "peaks_constant_speed": found.peaks[-1], "rms_shaking_force_constant_speed": found.rms,
         "flywheel": found.wheels, "motor": found.motor, "work": found.work, "checks": found.checks,
-        "assembled": shown.assembled,
+        "assembled": shown.assembled, "on_grid": found.on_grid,
         "windows": dict(zip(_passages(made.scene), found.grid.passages, strict=True)),
         "result": merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), "nodes": found.grid.size,
     }  # fmt: skip

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
+from linkjax.analysis._loads import LoadRun, OnGrid, energies_of, loads_of
 from linkjax.analysis._motor import MotorRun
 from linkjax.analysis._table import table_of
 from linkjax.analysis._text import cycle_text
@@ -26,7 +27,7 @@ from linkjax.groups import (
 from linkjax.kinematics import Least, Pose, Reversals, crank_ranges, named_groups, not_assembled_at_start, shortfall
 from linkjax.loads import Window
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion import Peak, Steady
+from linkjax.motion import Peak, Steady, Work
 from linkjax.reduction import Reduced
 
 CHANGE_POINT = 1e-9  # an assembly margin within this of zero is a change point
@@ -81,7 +82,8 @@ class Cycle(eqx.Module):
     `peaks_constant_speed` hold the peaks of the continuous cycle in the order of `peak_names`. `transmission_ends` are
     the transmission angles (rad) where the margins are least. `work` is the work of the drive, of weight and of each
     load per cycle (J). `windows` are the ranges of crank angle (rad) of loads whose window is given by what happens, by
-    load: arrays `on` and `off`, equal where a range is not used. `motor` is what a motor does at its own shaft.
+    load: arrays `on` and `off`, equal where a range is not used. `motor` is what a motor does at its own shaft, and
+    `on_grid` the reduced model at the nodes of the cycle grid.
 
     If no actual motion exists, `missing` gives the reason, and `steady`, `speed`, `acceleration`, `time`, `forces`,
     `peaks`, `work` and `checks.energy_closure` are None; so is `flywheel`, unless it holds the inertia for target δ.
@@ -118,6 +120,7 @@ class Cycle(eqx.Module):
     missing: NoMotion | None = None
     windows: dict[str, Window] = eqx.field(default_factory=dict)
     motor: MotorRun | None = None
+    on_grid: OnGrid | None = None
 
     def __str__(self) -> str:
         return cycle_text(self)
@@ -154,6 +157,21 @@ class Cycle(eqx.Module):
     def mean_power(self) -> Any:
         """Work of the drive per cycle divided by its duration (W); None without actual motion."""
         return None if self.steady is None or self.work is None else self.work["drive"] / self.steady.period
+
+    @property
+    def energies(self) -> Maybe[dict[str, Work]]:
+        """Work per cycle by source and sink (J), `supplied` and `absorbed` each zero or more: of the "motor" at its own
+        shaft and its "transmission", or of the "drive" on the crank without a motor; of "gravity"; and of each load by
+        name. In the actual motion, or at constant speed without one. All that is supplied is absorbed. None where loads
+        depend on the speed of a motion that does not exist. They are computed on every call."""
+        return energies_of(self)
+
+    @property
+    def loads(self) -> Maybe[dict[str, LoadRun]]:
+        """What each load does over the cycle, by name, and "gravity": `force` and `power` at `angles`, and its work per
+        cycle, `supplied`, `absorbed`, and the difference `energy`. In the motion of `energies`, and None as they are.
+        They are computed on every call."""
+        return loads_of(self, self.energies)
 
     @property
     def reactions(self):

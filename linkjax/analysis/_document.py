@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from linkjax._results import MESSAGES, Result
+from linkjax.analysis._loads import load_document
 from linkjax.forces import Forces, JointForce, indeterminate, other_sides
 from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import in_motion, peak_names
@@ -30,7 +31,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
     """A `Cycle` as nested dicts of NumPy arrays and floats (SI), with the keys of `docs/conventions.md`. Values of
     an actual motion that does not exist, or is not requested, are None. So are the results over the whole cycle of a
     machine that cannot be assembled."""
-    cycle = jax.device_get(cycle)
+    given, cycle = cycle, jax.device_get(cycle)
     scene, code = cycle.scene, Result(int(cycle.result))
     found = {
         "scene": name or scene.title,
@@ -63,6 +64,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
         },
         "windows": _windows(cycle),
         "work": None if cycle.work is None else {name: float(value) for name, value in cycle.work.items()},
+        **load_document(given, code is not Result.CANNOT_BE_ASSEMBLED),
         "forces": None if cycle.forces is None else _forces(cycle, cycle.forces),
         "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
         "peaks": {

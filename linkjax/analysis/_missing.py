@@ -16,6 +16,7 @@ from linkjax._results import MESSAGES, Result
 from linkjax._types import Tracer, known
 from linkjax.analysis._cycle import Cycle, NoMotion
 from linkjax.machine import Scene
+from linkjax.motion import speed_dependent
 
 NONE = (Result.INTEGRATION_FAILED, Result.NO_PERIODIC_REGIME, Result.NO_INERTIA)
 
@@ -47,10 +48,11 @@ def only_what_exists(cycle: Cycle) -> Cycle:
         steady_state_margin=None if steady is None else steady.steady_state_margin,
         min_mean_speed=None if steady is None or code is not Result.NO_PERIODIC_REGIME else steady.min_mean_speed,
     )
+    on_grid = None if speed_dependent(cycle.scene) else cycle.on_grid
     result = cycle.result if missing.fails else jnp.zeros_like(cycle.result)
     return dataclasses.replace(
         cycle, result=result, missing=missing, steady=None, speed=None, acceleration=None, time=None, forces=None,
-        peaks=None, motor=None, flywheel=None if needed is None else wheels, work=None,
+        peaks=None, motor=None, on_grid=on_grid, flywheel=None if needed is None else wheels, work=None,
         checks=dataclasses.replace(cycle.checks, energy_closure=None),
     )  # fmt: skip
 

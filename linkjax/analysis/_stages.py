@@ -16,6 +16,7 @@ from linkjax._search import MOTION_SCAN, scan_angles
 from linkjax.analysis._blunt import continued, singular, without_joints
 from linkjax.analysis._checks import Shown, checks_of
 from linkjax.analysis._cycle import Checks, Flywheels, Margins
+from linkjax.analysis._loads import OnGrid
 from linkjax.analysis._motor import MotorRun, motor_run
 from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import Pose, Reversals, find_dead_centres, find_margins, find_strokes
@@ -68,6 +69,7 @@ class Stages(NamedTuple):
     checks: Checks
     code: Array
     motor: MotorRun | None
+    on_grid: OnGrid
 
 
 def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool) -> Stages:
@@ -93,12 +95,15 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     spans = _spans(machine, limits)
     dead = find_dead_centres(machine, turns, scanned.pose)
     covered = find_strokes(machine, dead, turns, scanned.pose)
-    here = None if motion is None else all_loads(machine, grid, at, motion)
+    loaded = all_loads(machine, grid, at, motion)
+    here = None if motion is None else loaded
     closing = _law_torque(machine) if moves and scene.mechanism.prescribed else None
     checks, code = machine.run(checks_of, scene, grid, motion, here, closing, angles, shown, limits)
     work, wheels = machine.run(_totals, scene, motion, here, wheels) if moves else (None, None)
     motor = motor_run(machine, grid, at, motion, shown.forces[0], shown.speed[0], shown.acceleration[0])
-    return Stages(grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code, motor)
+    on_grid = OnGrid(grid, loaded, at.sample.dynamics[1])
+    given = (grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code, motor)
+    return Stages(*given, on_grid)
 
 
 @compiled_soon(static=("nodes",))

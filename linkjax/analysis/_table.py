@@ -18,7 +18,7 @@ from linkjax.analysis._tidy import CONSTANT
 from linkjax.mechanism import StructureError
 
 ANGLE = "crank_angle"
-KINDS = ("points", "links", "groups", "reduced", "motion", "forces", "forces_constant_speed")
+KINDS = ("points", "links", "groups", "reduced", "motion", "motor", "loads", "forces", "forces_constant_speed")
 TURNED = {"angle": "angle", "d": "dangle", "dd": "ddangle"}  # of links
 
 Columns = dict[str, np.ndarray]
@@ -42,7 +42,7 @@ def columns(data: dict[str, Any]) -> dict[str, Columns]:
     taken: dict[str, str] = {}
     for kind in KINDS:
         named: Columns = {}
-        for path, values in _series(data[kind] or {}, len(data["angles"])):
+        for path, values in _series(data.get(kind) or {}, len(data["angles"])):
             name, where = _name(kind, path), ".".join((kind, *path))
             if name in taken:
                 problem = f"has the column name {name!r}, as {taken[name]} has"
@@ -58,6 +58,10 @@ def _name(kind: str, path: tuple[str, ...]) -> str:
     *owners, key = path
     if kind == "links":
         key = TURNED[key]
+    elif kind == "motor":
+        key = f"motor_{key}"
+    elif kind == "loads" and key != "power":
+        key = f"{key}_load"
     elif owners[:1] == ["torque_by_load"]:
         owners, key = [key], "torque"
     elif owners[:1] == ["reactions"]:

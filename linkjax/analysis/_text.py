@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from linkjax._display import NONE, Numbers, above, aligned
+from linkjax._display import NONE, ROUNDING, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
 from linkjax.analysis._tidy import acts_text, peak_place, peak_shown, power_scale, torque_scale, uneven
@@ -30,7 +30,7 @@ def cycle_text(cycle: Any) -> str:
         data = document(cycle)
         tables = [_head(data, cycle.scene)]
         if data["result"]["code"] != Result.CANNOT_BE_ASSEMBLED:
-            tables += [_peaks(data), _strokes(data)]
+            tables += [energy_rows(data, SHOW), _peaks(data), _strokes(data)]
         tables.append(_groups(data))
         blocks = ["\n".join(aligned(rows)) for rows in tables if rows]
     except (AttributeError, TypeError, ValueError):  # what float() raises for these
@@ -75,7 +75,7 @@ def _motion(data: Data) -> Rows:
 
 
 def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
-    """Torque, power and energy at the shaft of the motor, and whether the motion is stable; none without a motor."""
+    """Torque and power at the shaft of the motor, and whether the motion is stable; none without a motor."""
     run = data.get("motor")
     if run is None:
         return []
@@ -89,14 +89,26 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
         ("motor torque", f"{shown('mean_torque', 'N·m')} mean, {shown('rms_torque', 'N·m')} rms, "
                          f"{shown('min_torque', 'N·m')} to {shown('max_torque', 'N·m')}"),
         ("motor power", f"{shown('mean_power', 'W')} mean, {shown('min_power', 'W')} to {shown('max_power', 'W')}"),
-        ("energy per cycle", f"{show.quantity(run['energy'], 'J', 6)} at the motor's shaft, "
-                             f"{show.quantity(run['loss'], 'J', 4, abs(run['energy']))} loss in the transmission"),
     ]  # fmt: skip
     if run["multiplier"] is None:
         return rows
     more = "" if run["stable_states"] == 1 else f"; {run['stable_states']} stable motions from 0.02 to 4 times `speed`"
     kept = f"{run['multiplier']:.3g} of a small difference in speed is left after one cycle{more}"
     return [*rows, ("stability", kept)]
+
+
+def energy_rows(data: Data, show: Numbers) -> Rows:
+    """Energies per cycle by source and sink, with their sums; none where only gravity and inertia act."""
+    found = data.get("energies") or {}
+    if not found.keys() - {"drive", "gravity"}:
+        return []
+    sums = {way: sum(work[way] for work in found.values()) for way in ("supplied", "absorbed")}
+    largest = max(sums.values())
+    rows: Rows = [("energy per cycle", *sums)]
+    for name, work in (found | {"sum": sums}).items():
+        if max(work.values()) > ROUNDING * largest:
+            rows.append((name, *(show.quantity(work[way], "J", 6, largest) for way in sums)))
+    return rows if len(rows) > 1 else []
 
 
 def _peaks(data: Data) -> Rows:

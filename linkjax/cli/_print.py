@@ -12,6 +12,7 @@ from linkjax._display import NONE, Numbers, above, retold
 from linkjax.analysis import (
     acts_text,
     check_limit,
+    energy_rows,
     motor_rows,
     moves,
     peak_label,
@@ -27,7 +28,7 @@ from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes
 from linkjax.loads import Passage, Window
 from linkjax.machine import Scene, load_place, load_size, speed_text, when_text
-from linkjax.measures import in_motion, motion_of
+from linkjax.measures import in_motion, measure_remark, motion_of
 from linkjax.mechanism import Mechanism
 from linkjax.topology import Structure
 
@@ -124,6 +125,7 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     console.print(Text(machine.title or data["scene"], style="bold"))
     console.print(f"{machine.mechanism.formula()}\n", highlight=False)
     _print_motion(data, machine, show)
+    _print_energies(data, show)
     _print_peaks(data, show)
     _print_limits(data, show)
     _print_measures(data, show)
@@ -176,6 +178,17 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     console.print(table, highlight=False)
 
 
+def _print_energies(data: dict[str, Any], show: Numbers) -> None:
+    """Print the energies per cycle by source and sink, if there is more than gravity."""
+    rows = energy_rows(data, show)
+    if rows:
+        table = Table(*rows[0], box=None, pad_edge=False)
+        for row in rows[1:]:
+            table.add_row(*map(Text, row))
+        console.print()
+        console.print(table, highlight=False)
+
+
 def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None:
     """Print the warnings of an analysis, or of `which` of several."""
     limit, of = check_limit(data), f"{which}: " if which else ""
@@ -207,7 +220,7 @@ def _print_measures(data: dict[str, Any], show: Numbers) -> None:
     """Print the measures that were asked for."""
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, found in data.get("measures", {}).items():
-        table.add_row(name, show.told([found["value"]], found["unit"], 8)[0])
+        table.add_row(name, show.told([found["value"]], found["unit"], 8)[0], measure_remark(name, found["value"]))
     if table.row_count:
         console.print()
         console.print(table, highlight=False, markup=False)

@@ -12,6 +12,7 @@ from linkjax.measures._forces import reaction_names as reaction_names
 from linkjax.measures._forces import signed_rows as signed_rows
 from linkjax.measures._forces import table as table
 from linkjax.measures._gaps import no_transmission_angle as no_transmission_angle
+from linkjax.measures._inertia import measure_remark as measure_remark
 from linkjax.measures._measures import delta as delta
 from linkjax.measures._measures import energy_per_cycle as energy_per_cycle
 from linkjax.measures._measures import flywheel_for_target_delta as flywheel_for_target_delta

@@ -23,6 +23,7 @@ from linkjax.machine import Scene
 from linkjax.measures._extremes import Extreme, Statistic, extremes_of, rows_of
 from linkjax.measures._forces import reaction_names
 from linkjax.measures._gaps import limited_groups, margins, transmission_angles
+from linkjax.measures._inertia import RATIO, force_extremes, force_ratio
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES, Quantity, net_turn, turning_groups
 from linkjax.measures._strokes import between, path_lengths, stopping, stroke_rows, swing_rows, time_ratio
@@ -150,6 +151,11 @@ _own(
     "min_transmission_angle", "rad", "group", turning_groups,
     "Smallest transmission angle of a group over the cycle, where an obtuse angle counts as its supplement.",
     rows=transmission_angles, statistic="min",
+)  # fmt: skip
+_own(
+    RATIO, "1", "", QUANTITIES["crank_speed"].names,
+    "Largest joint force by inertia alone, divided by the largest by weight and loads alone, at constant nominal "
+    "speed; above 0.1 statics alone is not sufficient; infinite where weight and loads give no force.",
 )  # fmt: skip
 
 
@@ -293,6 +299,8 @@ def _plan(of: Parts, asked: Asked) -> tuple[list[Extreme], Callable[..., Array]]
     if family.name == "min_transmission_angle":
         most = Extreme(QUANTITIES["off_square"], (asked.element,), "peak", True)
         return [most], lambda most: 0.5 * math.pi - most
+    if family.name == RATIO:
+        return force_extremes(of), lambda *both: of.machine.run(force_ratio, *both)
     if family.name == "swing":
         net = jnp.abs(net_turn(of, asked.element))
         return between("angle", asked.element), lambda high, low: jnp.where(net > 0, net, high - low)

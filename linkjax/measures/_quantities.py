@@ -64,7 +64,7 @@ class Quantity:
 QUANTITIES: dict[str, Quantity] = {}
 
 
-def _quantity(
+def quantity(
     unit: str, of: Of, *, vector: bool = False, moves: bool = True, asks: str = "pose", names: Any = None,
     motor: bool = False,
 ):  # fmt: skip
@@ -123,43 +123,43 @@ def _asked_of_pose(what: str, elements: Elements) -> Callable[[Regime, At], Vect
     return lambda regime, at: regime.machine.run(_of_pose, at.pose, *regime.crank(at), what=what, elements=elements)
 
 
-@_quantity("m", "point", moves=False)
+@quantity("m", "point", moves=False)
 def x(of: Parts, elements: Elements):
     """Coordinate x of a point."""
     return _asked_of_pose("x", elements)
 
 
-@_quantity("m", "point", moves=False)
+@quantity("m", "point", moves=False)
 def y(of: Parts, elements: Elements):
     """Coordinate y of a point."""
     return _asked_of_pose("y", elements)
 
 
-@_quantity("m/s", "point", vector=True)
+@quantity("m/s", "point", vector=True)
 def velocity(of: Parts, elements: Elements):
     """Velocity of a point."""
     return _asked_of_pose("velocity", elements)
 
 
-@_quantity("m/s^2", "point", vector=True)
+@quantity("m/s^2", "point", vector=True)
 def acceleration(of: Parts, elements: Elements):
     """Acceleration of a point."""
     return _asked_of_pose("acceleration", elements)
 
 
-@_quantity("rad/s", "link")
+@quantity("rad/s", "link")
 def angular_velocity(of: Parts, elements: Elements):
     """Angular velocity of a link (positive counter-clockwise)."""
     return _asked_of_pose("angular_velocity", elements)
 
 
-@_quantity("rad/s^2", "link")
+@quantity("rad/s^2", "link")
 def angular_acceleration(of: Parts, elements: Elements):
     """Angular acceleration of a link (positive counter-clockwise)."""
     return _asked_of_pose("angular_acceleration", elements)
 
 
-@_quantity("rad", "link", moves=False)
+@quantity("rad", "link", moves=False)
 def angle(of: Parts, elements: Elements):
     """Angle of a link from the x axis (without jumps over the cycle, between -180° and 180° at crank angle zero)."""
     # of a link that turns fully it jumps at crank angle zero, where a panel must end: see `Measure.breaks`
@@ -225,7 +225,7 @@ def _angles(grid: Grid, turned: Turned, place: Place, pose: Pose, elements: Elem
     return _stacked(near + nearest_turn(exact - near, 2 * np.pi))
 
 
-@_quantity("m", "point", moves=False, names=sliding_points)
+@quantity("m", "point", moves=False, names=sliding_points)
 def travel(of: Parts, elements: Elements):
     """Coordinate of a point of a slider along its guide, from the point that the guide passes through."""
     along = {name: of.scene.mechanism.guides_of(name)[0] for name in elements}
@@ -240,16 +240,16 @@ def _travels(along: dict[str, Guide], pose: Pose, elements: Elements) -> Vectors
     return _stacked(jax.vmap(seen)(pose.links, pose.points))
 
 
-@_quantity("N", "joint", vector=True)
+@quantity("N", "joint", vector=True)
 def reaction(of: Parts, elements: Elements):
     """Force in a joint on a link (of a guide the component along the left normal of its direction)."""
+    return lambda regime, at: by_forces(of, elements, at.pose, regime.forces(at))
+
+
+def by_forces(of: Parts, elements: Elements, pose: Pose, forces: Forces) -> Vectors:
+    """The joint forces of elements, "joint.link", among all forces at places with this pose."""
     pairs = tuple((*name.rpartition(".")[::2],) for name in elements)
-    along = guides(of.scene, elements)
-
-    def at(regime: Regime, at: At) -> Vectors:
-        return of.machine.run(_reactions, along, at.pose, regime.forces(at), elements=elements, pairs=pairs)
-
-    return at
+    return of.machine.run(_reactions, guides(of.scene, elements), pose, forces, elements=elements, pairs=pairs)
 
 
 @compiled_soon(static=("elements", "pairs"))
@@ -277,7 +277,7 @@ def _shaking(pose: Pose, speed: Array, acceleration: Array) -> Vectors:
     return jnp.stack([force.x, force.y])[None]
 
 
-@_quantity("N", "", vector=True)
+@quantity("N", "", vector=True)
 def shaking_force(of: Parts, elements: Elements):
     """Shaking force (the inertia force on the frame)."""
     return lambda regime, at: regime.machine.run(_shaking, at.pose, *regime.crank(at))
@@ -299,31 +299,31 @@ def _asked_of_forces(what: str) -> Callable[[Regime, At], Vectors]:
     return lambda regime, at: regime.machine.run(_of_forces, regime.forces(at), regime.crank(at)[0], what=what)
 
 
-@_quantity("N m", "")
+@quantity("N m", "")
 def shaking_moment(of: Parts, elements: Elements):
     """Shaking moment about the crank pivot (the inertia moment on the frame)."""
     return _asked_of_forces("shaking_moment")
 
 
-@_quantity("N", "", vector=True)
+@quantity("N", "", vector=True)
 def frame_force(of: Parts, elements: Elements):
     """Force on the frame through its joints."""
     return _asked_of_forces("frame_force")
 
 
-@_quantity("N", "", vector=True)
+@quantity("N", "", vector=True)
 def net_frame_force(of: Parts, elements: Elements):
     """Force on the foundation (that on the frame and the reactions of loads on the frame)."""
     return _asked_of_forces("net_frame_force")
 
 
-@_quantity("N m", "")
+@quantity("N m", "")
 def drive_torque(of: Parts, elements: Elements):
     """Drive torque (by kinetostatics, positive along the rotation of the crank)."""
     return _asked_of_forces("drive_torque")
 
 
-@_quantity("W", "")
+@quantity("W", "")
 def drive_power(of: Parts, elements: Elements):
     """Power of the drive."""
     return _asked_of_forces("drive_power")
@@ -344,13 +344,13 @@ def _asked_of_motor(of: Parts, power: bool) -> Callable[[Regime, At], Vectors]:
     return at
 
 
-@_quantity("N m", "", motor=True)
+@quantity("N m", "", motor=True)
 def motor_torque(of: Parts, elements: Elements):
     """Torque of the motor at its own shaft (with what accelerates the rotor and what the transmission loses)."""
     return _asked_of_motor(of, power=False)
 
 
-@_quantity("W", "", motor=True)
+@quantity("W", "", motor=True)
 def motor_power(of: Parts, elements: Elements):
     """Power of the motor at its own shaft."""
     return _asked_of_motor(of, power=True)
@@ -361,7 +361,7 @@ def _speeds(speed: Array) -> Vectors:
     return _stacked([speed])
 
 
-@_quantity("rad/s", "")
+@quantity("rad/s", "")
 def crank_speed(of: Parts, elements: Elements):
     """Crank speed."""
     return lambda regime, at: regime.machine.run(_speeds, regime.crank(at)[0])
@@ -372,7 +372,7 @@ def _transmission(angles: dict[str, Array], elements: Elements) -> Vectors:
     return _stacked([angles[name] for name in elements])
 
 
-@_quantity("rad", "group", moves=False, asks="gaps", names=lambda scene: turning_groups(scene))
+@quantity("rad", "group", moves=False, asks="gaps", names=lambda scene: turning_groups(scene))
 def transmission_angle(of: Parts, elements: Elements):
     """Transmission angle of a group."""
     return lambda regime, at: regime.machine.run(_transmission, at.transmission, elements=elements)
@@ -383,7 +383,7 @@ def _off_square(angles: dict[str, Array], elements: Elements) -> Vectors:
     return _stacked([angles[name] - 0.5 * np.pi for name in elements])
 
 
-@_quantity("rad", "group", moves=False, asks="gaps", names=lambda scene: turning_groups(scene))
+@quantity("rad", "group", moves=False, asks="gaps", names=lambda scene: turning_groups(scene))
 def off_square(of: Parts, elements: Elements):
     """Transmission angle of a group beyond a right angle."""
     return lambda regime, at: regime.machine.run(_off_square, at.transmission, elements=elements)

@@ -1,6 +1,10 @@
 """Motion of the crank over the cycle: the steady state by quadrature, any motion by diffrax."""
 
 from linkjax._renamed import old_names as old_names
+from linkjax.motion._balance import Work as Work
+from linkjax.motion._balance import drive_work as drive_work
+from linkjax.motion._balance import split_work as split_work
+from linkjax.motion._balance import unnamed as unnamed
 from linkjax.motion._by_speed import at_speed as at_speed
 from linkjax.motion._by_speed import speed_dependent as speed_dependent
 from linkjax.motion._diffrax import Run as Run

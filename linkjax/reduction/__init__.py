@@ -11,5 +11,7 @@ from linkjax.reduction._reduction import reduce_pose as reduce_pose
 from linkjax.reduction._reduction import reduced_model as reduced_model
 from linkjax.reduction._reduction import shares_at as shares_at
 from linkjax.reduction._reduction import unloaded as unloaded
+from linkjax.reduction._translating import ReducedMass as ReducedMass
+from linkjax.reduction._translating import reduced_mass as reduced_mass
 
 __getattr__ = old_names(__name__)

@@ -17,6 +17,7 @@ from linkjax.machine import Scene
 from linkjax.report import _optimum, _tables
 from linkjax.report._cells import Cells
 from linkjax.report._embed import inline_svg
+from linkjax.report._energies import energies
 from linkjax.viz import PICTURES, courses, drawn, machine_view, svg
 
 Data = dict[str, Any]
@@ -99,7 +100,8 @@ def write_report(
     sections = {
         "Motion": _stage(view, data, still) if view else still,
         "Optimisation": _optimisation(show, optimum) if optimum else "",
-        "Results": _tables.results(show, data, scene, before[0] if before else None),
+        "Results": _tables.results(show, data, scene, before[0] if before else None)
+        + energies(show, data, before[0] if before else None),
         "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.loads(show, data, scene),
         "Peaks": _tables.peaks(show, data, before[0] if before else None) + _tables.measures(show, data),
         "Margins": _tables.groups(show, data) + _tables.dead_centres(show, data),

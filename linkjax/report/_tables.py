@@ -24,7 +24,7 @@ from linkjax.analysis import (
 )
 from linkjax.loads import Passage
 from linkjax.machine import PERMANENT, Scene, load_place, load_size, passage_text
-from linkjax.measures import in_motion, motion_of
+from linkjax.measures import in_motion, measure_remark, motion_of
 from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
 
@@ -137,8 +137,12 @@ def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
 
 def measures(show: Cells, data: Data) -> str:
     """The measures that were asked for."""
-    rows = [[words(n), *show.several([each["value"]], each["unit"], 8)] for n, each in data.get("measures", {}).items()]
-    return table(["measure", "value"], rows) if rows else ""
+    found = data.get("measures", {}).items()
+    rows = [[words(name), *show.several([each["value"]], each["unit"], 8)] for name, each in found]
+    remarks = [measure_remark(name, each["value"]) for name, each in found]
+    if any(remarks):
+        rows = [[*row, words(remark)] for row, remark in zip(rows, remarks, strict=True)]
+    return table(["measure", "value", *[""] * any(remarks)], rows) if rows else ""
 
 
 def _peak(show: Cells, data: Data, key: str) -> list[Cell]:

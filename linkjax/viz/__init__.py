@@ -13,6 +13,7 @@ from linkjax.viz._kinematics import inertia_figure as inertia_figure
 from linkjax.viz._kinematics import links_figure as links_figure
 from linkjax.viz._kinematics import points_figure as points_figure
 from linkjax.viz._kinematics import velocity_hodographs_figure as velocity_hodographs_figure
+from linkjax.viz._loads import loads_figure as loads_figure
 from linkjax.viz._machine import machine_figure as machine_figure
 from linkjax.viz._machine import scale_mark as scale_mark
 from linkjax.viz._optimum import history_figure as history_figure

@@ -24,6 +24,7 @@ from linkjax.viz._kinematics import (
     points_figure,
     velocity_hodographs_figure,
 )
+from linkjax.viz._loads import acts, loads_figure
 from linkjax.viz._machine import machine_figure
 from linkjax.viz._optimum import history_figure, trade_off_figure
 from linkjax.viz._style import STYLE, Data
@@ -49,6 +50,7 @@ PICTURES = (
             acceleration_hodographs_figure, "points"),
     Picture("inertia", "Reduced inertia and its derivative", inertia_figure, "reduced"),
     Picture("torque", "Reduced torque of each load, drive torque, and work", torque_figure, "reduced"),
+    Picture("loads", "Force of each load, power of loads and drive", loads_figure, "loads"),
     Picture("speed", "Speed and angular acceleration of the crank", speed_figure, "motion"),
     Picture("reactions", "Magnitudes of the joint forces", reactions_figure, "forces"),
     Picture("reaction-hodographs", "Hodographs of the joint forces", reaction_hodographs_figure, "forces"),
@@ -96,6 +98,8 @@ def _has(data: Data, part: str) -> bool:
     """Whether an analysis contains the part that a figure needs."""
     if part == "motion":
         return moves(data)
+    if part == "loads":
+        return acts(data)
     return bool(data.get(part) or (part == "forces" and data.get("forces_constant_speed")))
 
 
