@@ -9,6 +9,7 @@ import numpy as np
 from linkjax._display import NONE, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
+from linkjax.analysis._overload import overload_rows
 from linkjax.analysis._tidy import acts_text, peak_place, peak_shown, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_label, peak_unit
 from linkjax.loads import Passage
@@ -92,6 +93,7 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
         ("energy per cycle", f"{show.quantity(run['energy'], 'J', 6)} at the motor's shaft, "
                              f"{show.quantity(run['loss'], 'J', 4, abs(run['energy']))} loss in the transmission"),
     ]  # fmt: skip
+    rows += overload_rows(run["overload"], show)
     if run["multiplier"] is None:
         return rows
     more = "" if run["stable_states"] == 1 else f"; {run['stable_states']} stable motions from 0.02 to 4 times `speed`"

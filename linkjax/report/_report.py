@@ -17,7 +17,8 @@ from linkjax.machine import Scene
 from linkjax.report import _optimum, _tables
 from linkjax.report._cells import Cells
 from linkjax.report._embed import inline_svg
-from linkjax.viz import PICTURES, courses, drawn, machine_view, svg
+from linkjax.report._harmonics import harmonics_table
+from linkjax.viz import EVERY_PICTURE, courses, drawn, machine_view, svg
 
 Data = dict[str, Any]
 HERE = Path(__file__).parent
@@ -87,7 +88,7 @@ def write_report(
         raise ValueError(f"before and after have different crank angles ({counts}); analyse both with equal `angles`")
     chosen = display_units(units)
     show = Cells(chosen)
-    captions = {picture.name: picture.caption for picture in PICTURES}
+    captions = {picture.name: picture.caption for picture in EVERY_PICTURE}
     if figures is None:
         old = before[0] if before else None
         drawings = {name: svg(name, figure) for name, figure in drawn(data, scene, old, chosen)}
@@ -101,7 +102,8 @@ def write_report(
         "Optimisation": _optimisation(show, optimum) if optimum else "",
         "Results": _tables.results(show, data, scene, before[0] if before else None),
         "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.loads(show, data, scene),
-        "Peaks": _tables.peaks(show, data, before[0] if before else None) + _tables.measures(show, data),
+        "Peaks": _tables.peaks(show, data, before[0] if before else None) + _tables.measures(show, data)
+        + harmonics_table(show, data),
         "Margins": _tables.groups(show, data) + _tables.dead_centres(show, data),
         "Checks": _tables.checks(show, data) + _tables.model(data, scene),
         "Figures": (HINT if view and pictures else "") + "\n".join(pictures.values()),

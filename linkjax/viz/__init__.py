@@ -15,6 +15,9 @@ from linkjax.viz._kinematics import points_figure as points_figure
 from linkjax.viz._kinematics import velocity_hodographs_figure as velocity_hodographs_figure
 from linkjax.viz._machine import machine_figure as machine_figure
 from linkjax.viz._machine import scale_mark as scale_mark
+from linkjax.viz._motor import energy_mass_figure as energy_mass_figure
+from linkjax.viz._motor import harmonics_figure as harmonics_figure
+from linkjax.viz._motor import operating_loop_figure as operating_loop_figure
 from linkjax.viz._optimum import history_figure as history_figure
 from linkjax.viz._optimum import trade_off_figure as trade_off_figure
 from linkjax.viz._rolling import ROLLING_PICTURES as ROLLING_PICTURES
@@ -27,6 +30,7 @@ from linkjax.viz._run import run_speed_figure as run_speed_figure
 from linkjax.viz._run import run_torque_figure as run_torque_figure
 from linkjax.viz._run import write_run_figures as write_run_figures
 from linkjax.viz._view import machine_view as machine_view
+from linkjax.viz._write import EVERY_PICTURE as EVERY_PICTURE
 from linkjax.viz._write import PICTURES as PICTURES
 from linkjax.viz._write import Picture as Picture
 from linkjax.viz._write import courses as courses
