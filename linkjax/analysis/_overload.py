@@ -72,8 +72,8 @@ def _compared(plate: tuple, rms: Array, torque: tuple[Array, Array], speed: Any 
 
     turning, where = (None, None) if speed is None else speed
     return Overload(
-        *plate, *torque, turning, where, over(rms, rated), over(torque[0], rated), over(torque[0], limit),
-        over(turning, fastest),
+        rated, limit, fastest, torque[0], torque[1], turning, where,
+        over(rms, rated), over(torque[0], rated), over(torque[0], limit), over(turning, fastest),
     )  # fmt: skip
 
 

@@ -90,8 +90,9 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
         ("motor torque", f"{shown('mean_torque', 'N·m')} mean, {shown('rms_torque', 'N·m')} rms, "
                          f"{shown('min_torque', 'N·m')} to {shown('max_torque', 'N·m')}"),
         ("motor power", f"{shown('mean_power', 'W')} mean, {shown('min_power', 'W')} to {shown('max_power', 'W')}"),
-        ("energy per cycle", f"{show.quantity(run['energy'], 'J', 6)} at the motor's shaft, "
-                             f"{show.quantity(run['loss'], 'J', 4, abs(run['energy']))} loss in the transmission"),
+        ("energy per cycle", f"{show.quantity(run['energy'], 'J', 6, sizes['N·m'])} at the motor's shaft, "
+                             f"{show.quantity(run['loss'], 'J', 4, max(abs(run['energy']), sizes['N·m']))} loss "
+                             "in the transmission"),
     ]  # fmt: skip
     rows += overload_rows(run["overload"], show)
     if run["multiplier"] is None:

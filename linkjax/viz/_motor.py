@@ -7,6 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from linkjax._display import Units, number, prefixed, turning
 from linkjax.analysis import energy_mass
@@ -29,6 +30,7 @@ from linkjax.viz._style import (
     styled,
 )
 
+LOADS = "loads alone, at the motor's shaft"
 CURVE = 300  # points of a characteristic
 BARS = {"drive_torque": BLUE, "motor_torque": VERMILION, "crank_speed": GREEN}
 UNIT = {"N m": "N·m"}
@@ -65,10 +67,13 @@ def operating_loop_figure(
     looks = {
         "characteristic": {"color": GREY, "linewidth": 1.2},
         "motor torque in the cycle": {"color": BLUE, "linewidth": 2.0},
-        "loads alone, at the motor's shaft": {"color": VERMILION, "linewidth": 1.2, "linestyle": (0, (4, 1.4))},
+        LOADS: {"color": VERMILION, "linewidth": 1.2, "linestyle": (0, (4, 1.4))},
     }
     if isinstance(motor, Servo):
         looks["limits"] = looks.pop("characteristic")
+    if scene.mechanism.prescribed:  # the reduced torque is that on the phase of the law
+        found = np.zeros_like(torque)
+        del looks[LOADS]
     keys = [key(name, **look) for name, look in looks.items()]
     dot = {"color": BLACK, "marker": "D", "markersize": 4.5, "linewidth": 0}
     keys += [key("rated point", **dot)] if rated is not None else []
@@ -82,7 +87,8 @@ def operating_loop_figure(
         ax.plot([-x, x, x, -x, -x], [-y, -y, y, y, -y], **looks["limits"])
     else:
         ax.plot(turn * shafts, factor * curve, **looks["characteristic"])
-    ax.plot(turn * speed, factor * found, **looks["loads alone, at the motor's shaft"])
+    if (loads := looks.get(LOADS)) is not None:
+        ax.plot(turn * speed, factor * found, **loads)
     ax.plot(turn * speed, factor * torque, **looks["motor torque in the cycle"])
     if rated is not None:
         ax.plot([turn * _rated_speed(motor, float(rated), low, high)], [factor * float(rated)], **dot)
@@ -107,7 +113,7 @@ def _reach(speed: np.ndarray, motor: Any) -> tuple[float, float]:
 
 
 def _whole(motor: Any, curve: np.ndarray, torque: np.ndarray) -> bool:
-    """Whether the axis has room for the whole characteristic: not that of a DC motor at rest, many times the torque."""
+    """Whether the axis is for the whole characteristic: not for that of a DC motor at rest, many times the torque."""
     return isinstance(motor, InductionMotor | Servo) or largest([curve]) < 8 * largest([torque])
 
 
@@ -165,7 +171,7 @@ def harmonics_figure(
     for row, (name, found) in zip(rows, every.items(), strict=True):
         ax, order = row[0], np.asarray(found["order"], float)
         amplitude = np.asarray(found["amplitude"], float)
-        unit = UNIT.get(found["unit"], found["unit"])
+        unit = str(UNIT.get(found["unit"], found["unit"]))
         factor, shown = turning(units) if unit == "rad/s" else prefixed(largest([amplitude]), unit, units)
         wide = 0.62 * float(order[0])
         ax.bar(order, factor * amplitude, width=wide, color=BARS.get(name.removesuffix("_constant_speed"), BLACK))
@@ -175,6 +181,7 @@ def harmonics_figure(
         mean = f"mean {number(factor * float(found['mean']))} {shown}"
         ax.set_title(label(f"{name.replace('_', ' ')}, {mean}; amplitude", shown))
         ax.set_xlim(0.0, float(order[-1]) + float(order[0]))
+        ax.xaxis.set_major_locator(MaxNLocator(13, integer=True))
         ax.grid(visible=False, axis="x")
         ax.tick_params(axis="x", labelbottom=row is rows[-1])
     rows[-1][0].set_xlabel("order of the crank's revolution")

@@ -1,3 +1,4 @@
+# pyright: reportArgumentType=false, reportOptionalMemberAccess=false
 """What type plates say: rated torque, breakdown torque, limits; the recommended δ by kind of machine."""
 
 from __future__ import annotations
