@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from linkjax.analysis import Cycle as Cycle
     from linkjax.analysis import analyse as analyse
     from linkjax.analysis import analyze as analyze
+    from linkjax.analysis import harmonics as harmonics
     from linkjax.design import Case as Case
     from linkjax.design import DesignError as DesignError
     from linkjax.design import Variable as Variable
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from linkjax.drives import Servo as Servo
     from linkjax.drives import TableMotor as TableMotor
     from linkjax.drives import Transmission as Transmission
+    from linkjax.drives import recommended_delta as recommended_delta
     from linkjax.exchange import from_pylinkage as from_pylinkage
     from linkjax.exchange import read_pylinkage as read_pylinkage
     from linkjax.exchange import to_mjcf as to_mjcf
@@ -113,6 +115,7 @@ if TYPE_CHECKING:
     from linkjax.rolling import Rolling as Rolling
     from linkjax.rolling import RollingMachine as RollingMachine
     from linkjax.runs import run as run
+    from linkjax.runs import run_up_time as run_up_time
     from linkjax.runs import starting_torque as starting_torque
     from linkjax.scenes import SceneError as SceneError
     from linkjax.scenes import load as load
@@ -177,6 +180,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "Servo",
         "TableMotor",
         "Transmission",
+        "recommended_delta",
     ),
     "loads": (
         "Coordinate",
@@ -203,10 +207,10 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
     "motion": ("flywheel_for", "steady_motion", "steady_states"),
     "forces": (),
     "sampling": (),
-    "analysis": ("Cycle", "analyse", "analyze"),
+    "analysis": ("Cycle", "analyse", "analyze", "harmonics"),
     "measures": (),
     "rolling": ("Rolling", "RollingMachine"),
-    "runs": ("run", "starting_torque"),
+    "runs": ("run", "run_up_time", "starting_torque"),
     "exchange": ("from_pylinkage", "read_pylinkage", "to_mjcf", "to_pylinkage"),
     "design": (
         "Case",

@@ -53,7 +53,7 @@ RANKS = {
         "sampling": 9,
         "motion": 10,
     },
-    **{"measures": 11, "rolling": 11, "runs": 11, "analysis": 12, "exchange": 13, "design": 14},
+    **{"rolling": 11, "runs": 11, "measures": 12, "analysis": 13, "exchange": 13, "design": 14},
     **{"scenes": 15, "viz": 16, "report": 17, "cli": 18, "__main__": 19},
 }
 ONLY_IN = {"matplotlib": {"viz"}, "typer": {"cli"}, "rich": {"cli"}}  # third-party packages with one home

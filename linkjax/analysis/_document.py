@@ -9,7 +9,9 @@ import jax
 import numpy as np
 
 from linkjax._results import MESSAGES, Result
+from linkjax.analysis._harmonic_table import harmonics_document
 from linkjax.analysis._loads import load_document
+from linkjax.analysis._overload import overload_document
 from linkjax.forces import Forces, JointForce, indeterminate, other_sides
 from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import in_motion, peak_names
@@ -56,6 +58,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
         },
         "motion": _motion(cycle),
         "motor": _motor(cycle),
+        "harmonics": {} if cycle.motor is None else harmonics_document(cycle.motor.harmonics),
         "flywheel": {
             "given": float(scene.mechanism.flywheel.inertia),
             "for_target_delta": _maybe(cycle.flywheel and cycle.flywheel.for_target_delta),
@@ -144,7 +147,8 @@ def _motor(cycle: Any) -> dict[str, Any] | None:
     gear = drive.transmission
     ratio = float(gear.ratio) / (1.0 if gear.creep is None else 1 - float(gear.creep))
     states = None if run.stable_states is None else int(run.stable_states)
-    return {**series, **single, "stable_states": states, "ratio": ratio}
+    load = overload_document(run.overload, drive.motor)
+    return {**series, **single, "stable_states": states, "ratio": ratio, "overload": load}
 
 
 def moves(data: dict[str, Any]) -> bool:

@@ -100,7 +100,8 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     closing = _law_torque(machine) if moves and scene.mechanism.prescribed else None
     checks, code = machine.run(checks_of, scene, grid, motion, here, closing, angles, shown, limits)
     work, wheels = machine.run(_totals, scene, motion, here, wheels) if moves else (None, None)
-    motor = motor_run(machine, grid, at, motion, shown.forces[0], shown.speed[0], shown.acceleration[0])
+    moved = shown.forces[0], shown.speed[0], shown.acceleration[0]
+    motor = motor_run(machine, grid, at, motion, angles, shown.pose, moved)
     on_grid = OnGrid(grid, loaded, at.sample.dynamics[1])
     given = (grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code, motor)
     return Stages(*given, on_grid)

@@ -9,6 +9,7 @@ import numpy as np
 from linkjax._display import NONE, ROUNDING, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
+from linkjax.analysis._overload import overload_rows
 from linkjax.analysis._tidy import acts_text, peak_place, peak_shown, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_label, peak_unit
 from linkjax.loads import Passage
@@ -90,6 +91,7 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
                          f"{shown('min_torque', 'N·m')} to {shown('max_torque', 'N·m')}"),
         ("motor power", f"{shown('mean_power', 'W')} mean, {shown('min_power', 'W')} to {shown('max_power', 'W')}"),
     ]  # fmt: skip
+    rows += overload_rows(run["overload"], show)
     if run["multiplier"] is None:
         return rows
     more = "" if run["stable_states"] == 1 else f"; {run['stable_states']} stable motions from 0.02 to 4 times `speed`"

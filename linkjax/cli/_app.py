@@ -19,7 +19,17 @@ from linkjax._display import retold
 from linkjax._results import MachineError, Result
 from linkjax._types import as_float
 from linkjax._units import QuantityError, quantity
-from linkjax.analysis import analyse, asked_measures, at_acceleration, document, explain, pick, plain
+from linkjax.analysis import (
+    analyse,
+    asked_harmonics,
+    asked_measures,
+    at_acceleration,
+    document,
+    explain,
+    harmonics_document,
+    pick,
+    plain,
+)
 from linkjax.cli._console import console, elapsed
 from linkjax.cli._options import (
     CsvFolder,
@@ -193,6 +203,10 @@ def analyse_command(
         list[str] | None,
         typer.Option(metavar="NAME", help="Also give this measure, e.g. stroke.D or x.D@60deg. May be repeated."),
     ] = None,
+    harmonics: Annotated[
+        int,
+        typer.Option(min=0, max=1000, help="Harmonics of torque and speed up to this order; 12 with a motor."),
+    ] = 0,
     nodes: Nodes = NODES,
     units: Units = "",
     set_: Set = None,
@@ -204,7 +218,7 @@ def analyse_command(
     if load_document(scene).rolling:
         refuse(scene, {"--at": bool(at), "--acceleration": acceleration is not None, "--nodes": nodes != NODES,
                        "--constant-speed": constant_speed, "--method": method is not Method.quadrature,
-                       "--measure": bool(measure)})  # fmt: skip
+                       "--measure": bool(measure), "--harmonics": bool(harmonics)})  # fmt: skip
         bodies, units = load_rolling(scene, changes), units_for(scene, changes, units)
         check_places(out, csv_folder, json_file)
         with messages_in(shown := numbers_in(units)):
@@ -225,6 +239,8 @@ def analyse_command(
         data = document(cycle, scene, __version__)
         if measure:
             data["measures"] = asked_measures(cycle, measure, nodes)
+        if harmonics and data["result"]["code"] != Result.CANNOT_BE_ASSEMBLED:
+            data["harmonics"] = harmonics_document(asked_harmonics(cycle, harmonics, nodes))
     if json_file:
         write_text(json_file, json.dumps(plain(data), allow_nan=False))
     if csv_folder:

@@ -21,6 +21,10 @@ from linkjax.drives._motors import DCMotor as DCMotor
 from linkjax.drives._motors import LineMotor as LineMotor
 from linkjax.drives._motors import NoMotor as NoMotor
 from linkjax.drives._motors import TableMotor as TableMotor
+from linkjax.drives._recommended import RECOMMENDED_DELTA as RECOMMENDED_DELTA
+from linkjax.drives._recommended import RECOMMENDED_DELTA_SOURCE as RECOMMENDED_DELTA_SOURCE
+from linkjax.drives._recommended import RecommendedDelta as RecommendedDelta
+from linkjax.drives._recommended import recommended_delta as recommended_delta
 from linkjax.drives._servo import Servo as Servo
 from linkjax.drives._servo import ServoMargins as ServoMargins
 from linkjax.drives._servo import servo_margins as servo_margins

@@ -105,6 +105,9 @@ class InductionMotor(AbstractMotor):
     def no_load_speed(self):
         return self.synchronous_speed
 
+    def torque_limit(self):
+        return self.breakdown_torque()
+
 
 class InductionCircuit(AbstractMotor):
     """An induction motor by its equivalent circuit in T form, with three phases, in steady state.
@@ -175,6 +178,9 @@ class InductionCircuit(AbstractMotor):
         """The slip at which the torque in the air gap is greatest."""
         _, r, x = self._source()
         return self.rotor_resistance / safe_sqrt(r**2 + (x + self.rotor_reactance) ** 2, 1.0)
+
+    def torque_limit(self):
+        return self.torque((1 - self.breakdown_slip()) * self.synchronous_speed())
 
     def no_load_speed(self):
         if self.friction_speed is None:

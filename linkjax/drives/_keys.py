@@ -11,7 +11,7 @@ from linkjax.drives._drive import MotorDrive
 KEYS = {"value": "torque", "no_load": "no_load_speed", "stall": "stall_torque"}  # fields with another name in a file
 UNITS: dict[str, Any] = {  # of the fields of motors and transmissions; the points of a line have two
     "value": "N m", "no_load": "rad/s", "stall": "N m", "points": ("rad/s", "N m"), "speeds": "rad/s",
-    "torques": "N m", "voltage": "V", "resistance": "ohm", "constant": "V s", "rated_power": "W",
+    "torques": "N m", "voltage": "V", "resistance": "ohm", "constant": "V s", "rated_current": "A", "rated_power": "W",
     "rated_speed": "rad/s", "synchronous_speed": "rad/s", "phase_voltage": "V", "frequency": "Hz",
     "stator_resistance": "ohm", "rotor_resistance": "ohm", "magnetizing_reactance": "ohm",
     "stator_reactance": "ohm", "rotor_reactance": "ohm", "friction_power": "W", "friction_speed": "rad/s",

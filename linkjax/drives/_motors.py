@@ -36,7 +36,8 @@ def numbers(values: Any) -> tuple[Array, ...]:
 class AbstractMotor(eqx.Module):
     """A motor: torque (N m) at its shaft as a function of the speed of its shaft (rad/s).
 
-    A new kind of motor is a subclass with `torque`; `knots` and `no_load_speed` where the characteristic has them.
+    A new kind of motor is a subclass with `torque`; `knots` and `no_load_speed` where the characteristic has them, and
+    `rated_torque`, `torque_limit` and `speed_limit` where its type plate gives them.
     """
 
     @abc.abstractmethod
@@ -54,6 +55,19 @@ class AbstractMotor(eqx.Module):
     def stall_torque(self) -> Array:
         """The torque at rest (N m), that of the start."""
         return self.torque(jnp.zeros(()))
+
+    def rated_torque(self) -> Array | None:
+        """The torque (N m) that the motor may give continuously; None where it is not known."""
+        return None
+
+    def torque_limit(self) -> Array | None:
+        """The greatest torque that the motor can give (N m): the breakdown torque, or the limit of a servo motor; None
+        where there is none."""
+        return None
+
+    def speed_limit(self) -> Array | None:
+        """The greatest speed of the shaft (rad/s); None where there is none."""
+        return None
 
 
 class NoMotor(AbstractMotor):
@@ -174,17 +188,19 @@ class DCMotor(AbstractMotor):
     """A DC motor with separate or permanent excitation: T = k (U - k ω) / R.
 
     `voltage` U of the armature (V), its `resistance` R (ohm) and the `constant` k (V s, or N m/A). The current is
-    T / k. Raises `ValueError` unless all are above zero.
+    T / k; that of the rating plate, `rated_current` (A), gives the rated torque. Raises `ValueError` unless all are
+    above zero.
     Source: A. E. Fitzgerald, C. Kingsley, S. D. Umans, Electric Machinery, ch. 7.
     """
 
     voltage: Array = eqx.field(converter=as_float)
     resistance: Array = eqx.field(converter=as_float)
     constant: Array = eqx.field(converter=as_float)
+    rated_current: Array | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self):
-        given = {"voltage": self.voltage, "resistance": self.resistance, "constant": self.constant}
-        check_numbers("a DC motor", given)
+        names = ("voltage", "resistance", "constant", "rated_current")
+        check_numbers("a DC motor", {name: getattr(self, name) for name in names})
 
     @classmethod
     def rated(cls, voltage: Any, resistance: Any, current: Any, speed: Any) -> DCMotor:
@@ -196,7 +212,7 @@ class DCMotor(AbstractMotor):
         if left is not None and not np.all(left > 0):
             problem = f"resistance times rated current leaves {left} V of the voltage of a DC motor"
             raise ValueError(f"{problem}; write a smaller resistance or current")
-        return cls(voltage, resistance, (voltage - resistance * current) / speed)
+        return cls(voltage, resistance, (voltage - resistance * current) / speed, current)
 
     def current(self, speed: Array) -> Array:
         """Current of the armature (A) at shaft speeds (rad/s)."""
@@ -207,3 +223,6 @@ class DCMotor(AbstractMotor):
 
     def no_load_speed(self):
         return self.voltage / self.constant
+
+    def rated_torque(self):
+        return None if self.rated_current is None else self.constant * self.rated_current

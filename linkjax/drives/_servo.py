@@ -40,6 +40,12 @@ class Servo(AbstractMotor):
     def knots(self):
         return (self.max_speed,)
 
+    def torque_limit(self):
+        return self.max_torque
+
+    def speed_limit(self):
+        return self.max_speed
+
     def margins(self, speed: Array, torque: Array) -> ServoMargins:
         """Margins of a motion with these shaft speeds (rad/s) and motor torques (N m), at the same instants."""
         fastest, greatest = jnp.max(jnp.abs(speed)), jnp.max(jnp.abs(torque))

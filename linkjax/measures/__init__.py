@@ -1,9 +1,12 @@
 """Measures of a machine: functions of a scene, each with a unit."""
 
 from linkjax._renamed import old_names as old_names
+from linkjax.measures._driver import AtMotor as AtMotor
+from linkjax.measures._driver import at_motor as at_motor
 from linkjax.measures._families import FAMILIES as FAMILIES
 from linkjax.measures._families import Asked as Asked
 from linkjax.measures._families import Family as Family
+from linkjax.measures._families import rows as rows
 from linkjax.measures._families import values_of as values_of
 from linkjax.measures._forces import in_motion as in_motion
 from linkjax.measures._forces import motion_of as motion_of
@@ -12,6 +15,9 @@ from linkjax.measures._forces import reaction_names as reaction_names
 from linkjax.measures._forces import signed_rows as signed_rows
 from linkjax.measures._forces import table as table
 from linkjax.measures._gaps import no_transmission_angle as no_transmission_angle
+from linkjax.measures._harmonics import Harmonics as Harmonics
+from linkjax.measures._harmonics import harmonic_family as harmonic_family
+from linkjax.measures._harmonics import harmonics_of as harmonics_of
 from linkjax.measures._inertia import measure_remark as measure_remark
 from linkjax.measures._measures import delta as delta
 from linkjax.measures._measures import energy_per_cycle as energy_per_cycle

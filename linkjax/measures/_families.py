@@ -26,10 +26,12 @@ from linkjax.measures._gaps import limited_groups, margins, transmission_angles
 from linkjax.measures._inertia import RATIO, force_extremes, force_ratio
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES, Quantity, net_turn, turning_groups
+from linkjax.measures._starting import run_up, torque_margin
 from linkjax.measures._strokes import between, path_lengths, stopping, stroke_rows, swing_rows, time_ratio
 from linkjax.measures._structure import Elements
 from linkjax.mechanism import StructureError
 from linkjax.motion import Grid, Place, Rows, Wanted, by_node
+from linkjax.runs import no_start
 
 CONSTANT = "_constant_speed"
 WINDOW = re.compile(r"(.+?)\s+where\s+(.+?)\s+to\s+(.+)")
@@ -50,6 +52,7 @@ STATISTICS: dict[str, tuple[str, ...]] = {
     "net_frame_force": ("peak", "rms"),
     "drive_torque": ("peak", "max", "min", "rms"),
     "drive_power": ("peak", "max", "min"),
+    "motor_speed": ("peak", "max", "min"),
     "motor_torque": ("peak", "max", "min", "rms", "mean"),
     "motor_power": ("peak", "max", "min", "mean"),
     "crank_speed": ("min", "max"),
@@ -84,7 +87,8 @@ class Asked(NamedTuple):
 class Family:
     """Measures of one kind, of different elements: the name before the dot, the SI unit, the meaning, what the element
     is ("point", "link", "group", "joint", "" for none), and its names in a scene. `motion` says whether the actual
-    motion is needed; `quantity` and `statistic` what it is an extreme of."""
+    motion is needed; `quantity` and `statistic` what it is an extreme of. `at` gives the value for a crank angle (rad),
+    `lacks` what a scene lacks for it."""
 
     name: str
     unit: str
@@ -96,6 +100,14 @@ class Family:
     statistic: str = ""
     value: Callable[[Parts, str], Array] | None = None
     rows: Callable[[Parts, str], Rows | Wanted] | None = None
+    at: Callable[[Parts, float], Array] | None = None
+    lacks: Callable[[Scene], tuple[str, str] | None] | None = None
+
+    def lacking(self, scene: Scene) -> tuple[str, str] | None:
+        """What a scene lacks for it, and a remedy; None if it has it."""
+        if self.quantity is not None:
+            return self.quantity.lacking(scene)
+        return None if self.lacks is None else self.lacks(scene)
 
     @property
     def smallest(self) -> bool:
@@ -125,7 +137,7 @@ for _name in STATISTICS:
 
 
 def _own(name: str, unit: str, of: str, names: Callable[[Scene], Elements], meaning: str, **given: Any) -> None:
-    FAMILIES[name] = Family(name, unit, meaning, of, names, False, **given)
+    FAMILIES[name] = Family(name, unit, meaning, of, names, **{"motion": False, **given})
 
 
 _own(
@@ -156,6 +168,17 @@ _own(
     RATIO, "1", "", QUANTITIES["crank_speed"].names,
     "Largest joint force by inertia alone, divided by the largest by weight and loads alone, at constant nominal "
     "speed; above 0.1 statics alone is not sufficient; infinite where weight and loads give no force.",
+)  # fmt: skip
+_own(
+    "run_up_time", "s", "", lambda scene: (),
+    "Time from rest, at crank angle zero or at the one given (`run_up_time@60deg`), to 99 % of the speed of the "
+    "steady-state motion; infinite if the machine does not get there.", motion=True,
+    value=lambda of, element: run_up(of), at=run_up, lacks=no_start,
+)  # fmt: skip
+_own(
+    "starting_torque_margin", "1", "", lambda scene: (),
+    "Torque of the motor at rest, on the crank, over the greatest static load torque over the cycle, less 1; negative: "
+    "does not start from there; infinite if no load resists.", value=torque_margin, lacks=no_start,
 )  # fmt: skip
 
 
@@ -223,7 +246,7 @@ def breaks_of(asked: Asked) -> tuple[float, ...]:
 def checked(asked: Asked, scene: Scene) -> None:
     """Raise `StructureError` where a scene has no measure of this name."""
     family, name = FAMILIES[asked.family], asked.text()
-    if family.quantity is not None and (lacking := family.quantity.lacking(scene)):
+    if lacking := family.lacking(scene):
         raise StructureError(name, *lacking)
     known = family.names(scene)
     if family.of and not (asked.element or family.name in ALL_OF):
@@ -235,7 +258,7 @@ def checked(asked: Asked, scene: Scene) -> None:
         what = {"stroke": "point of a slider", "travel": "point of a slider"}.get(family.name, f"moving {family.of}")
         what = {"group": "group with a transmission angle", "joint": "joint with a link"}.get(family.of, what)
         raise StructureError(name, f"{asked.element!r} is not a {what} of this machine", nearest(asked.element, known))
-    if asked.angle is not None and (family.quantity is None or family.statistic):
+    if asked.angle is not None and family.at is None and (family.quantity is None or family.statistic):
         bare = "delete the crank angle"
         if family.quantity is not None:
             plain = asked._replace(family=family.name.removeprefix(f"{family.statistic}_"))
@@ -304,7 +327,9 @@ def _plan(of: Parts, asked: Asked) -> tuple[list[Extreme], Callable[..., Array]]
     if family.name == "swing":
         net = jnp.abs(net_turn(of, asked.element))
         return between("angle", asked.element), lambda high, low: jnp.where(net > 0, net, high - low)
-    value, quantity, angle = family.value, family.quantity, asked.angle
+    value, at, quantity, angle = family.value, family.at, family.quantity, asked.angle
+    if at is not None and angle is not None:
+        return [], lambda: at(of, angle)
     if value is not None:
         return [], lambda: value(of, asked.element)
     assert quantity is not None

@@ -16,11 +16,11 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn
-from linkjax.drives import MotorDrive
 from linkjax.forces import Forces, other_sides
 from linkjax.groups import FRAME, Guide
 from linkjax.kinematics import Pose, named_groups
 from linkjax.machine import Scene
+from linkjax.measures._driver import asked_of_motor
 from linkjax.measures._parts import Parts
 from linkjax.measures._structure import Elements, by_structure, guided, guides, sliding_points
 from linkjax.motion import At, Grid, Place, Regime
@@ -329,31 +329,22 @@ def drive_power(of: Parts, elements: Elements):
     return _asked_of_forces("drive_power")
 
 
-@compiled_soon(static=("power",))
-def _of_motor(motor: MotorDrive, forces: Forces, speed: Array, acceleration: Array, power: bool) -> Vectors:
-    torque = motor.required_torque(forces.drive_torque, speed, acceleration)
-    return _stacked([torque * motor.motor_speed(speed) if power else torque])
-
-
-def _asked_of_motor(of: Parts, power: bool) -> Callable[[Regime, At], Vectors]:
-    def at(regime: Regime, at: At) -> Vectors:
-        motor = regime.scene.motor
-        assert motor is not None
-        return of.machine.run(_of_motor, motor, regime.forces(at), *regime.crank(at), power=power)
-
-    return at
+@quantity("rad/s", "", motor=True)
+def motor_speed(of: Parts, elements: Elements):
+    """Speed of the motor's own shaft."""
+    return asked_of_motor("speed")
 
 
 @quantity("N m", "", motor=True)
 def motor_torque(of: Parts, elements: Elements):
     """Torque of the motor at its own shaft (with what accelerates the rotor and what the transmission loses)."""
-    return _asked_of_motor(of, power=False)
+    return asked_of_motor("torque")
 
 
 @quantity("W", "", motor=True)
 def motor_power(of: Parts, elements: Elements):
     """Power of the motor at its own shaft."""
-    return _asked_of_motor(of, power=True)
+    return asked_of_motor("power")
 
 
 @compiled_soon

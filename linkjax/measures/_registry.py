@@ -117,7 +117,7 @@ def measure_names(scene: Scene) -> tuple[str, ...]:
     lacking = ("min_transmission_angle",) if no_transmission_angle(scene.mechanism) else ()
     found = [name for name in MEASURES if name not in lacking]
     for family in FAMILIES.values():
-        if family.quantity is not None and (not family.statistic or family.quantity.lacking(scene)):
+        if (family.quantity is not None and not family.statistic) or family.lacking(scene):
             continue
         elements = family.names(scene) if family.of else ("",)
         found += [Asked(family.name, element).text() for element in elements]

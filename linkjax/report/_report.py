@@ -18,6 +18,7 @@ from linkjax.report import _optimum, _tables
 from linkjax.report._cells import Cells
 from linkjax.report._embed import inline_svg
 from linkjax.report._energies import energies
+from linkjax.report._harmonics import harmonics_table
 from linkjax.viz import PICTURES, courses, drawn, machine_view, svg
 
 Data = dict[str, Any]
@@ -103,7 +104,8 @@ def write_report(
         "Results": _tables.results(show, data, scene, before[0] if before else None)
         + energies(show, data, before[0] if before else None),
         "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.loads(show, data, scene),
-        "Peaks": _tables.peaks(show, data, before[0] if before else None) + _tables.measures(show, data),
+        "Peaks": _tables.peaks(show, data, before[0] if before else None) + _tables.measures(show, data)
+        + harmonics_table(show, data),
         "Margins": _tables.groups(show, data) + _tables.dead_centres(show, data),
         "Checks": _tables.checks(show, data) + _tables.model(data, scene),
         "Figures": (HINT if view and pictures else "") + "\n".join(pictures.values()),

@@ -56,7 +56,7 @@ class Setup(NamedTuple):
         return self.made, self.times, self.unit, self.energy, self.tolerance
 
 
-def _setup_of(numbers: tuple, through_rest: bool = False, stiff: bool = False) -> Setup:
+def setup_of(numbers: tuple, through_rest: bool = False, stiff: bool = False) -> Setup:
     """A run of these numbers, without a solver of its own."""
     made, times, unit, energy, tolerance = numbers
     return Setup(made, times, unit, energy, tolerance, through_rest, stiff, None)
@@ -77,7 +77,7 @@ def course(setup: Setup, times: Array, start: Array, works: bool) -> Course:
 
 @compiled_soon(static=("through_rest", "stiff", "works"))
 def _course(numbers: tuple, times: Array, start: Array, through_rest: bool, stiff: bool, works: bool) -> Course:
-    setup = _setup_of(numbers, through_rest, stiff)
+    setup = setup_of(numbers, through_rest, stiff)
     return _integrated(setup, times, start, works, solver_for(setup.made, None, stiff))
 
 
@@ -101,7 +101,7 @@ class Details(NamedTuple):
 @compiled_soon
 def details(numbers: tuple, times: Array, states: Array) -> Details:
     """Acceleration and energies at states of a run."""
-    setup = _setup_of(numbers)
+    setup = setup_of(numbers)
     scene = setup.made.scene
     rotor = 0.0 if scene.motor is None else scene.motor.rotor_inertia()
 

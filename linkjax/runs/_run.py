@@ -74,7 +74,7 @@ def run(
         given = given.of(eqx.tree_at(lambda s: s.motor, given.scene, without_motor(given.scene.motor)))
     angle, speed = as_float(start_angle), as_float(start_speed)
     made = given.of(at_crank_angles(given))
-    setup = _setup(made, angle, motor, acting, through_rest, tolerance, solver)
+    setup = setup_for(made, angle, motor, acting, through_rest, tolerance, solver)
     gap = _gap(given, made, speed, off)
     if traced:
         assert time is not None
@@ -117,7 +117,10 @@ def _check(scene: Scene, speed, time, cycles, motor, acting, through_rest, point
             raise StructureError(f"load {load.name!r}", problem, "write a window of the crank angle")
 
 
-def _setup(made: ReadyScene, angle: Array, motor, acting, through_rest: bool, tolerance: float, solver: Any) -> Setup:
+def setup_for(
+    made: ReadyScene, angle: Array, motor, acting, through_rest: bool, tolerance: float, solver: Any
+) -> Setup:
+    """What a run from the crank angle `angle` (rad) at any speed is made of."""
     scene, times = made.scene, None
     if acting or not isinstance(motor, bool):
         always = (-math.inf, math.inf)
@@ -141,11 +144,11 @@ def _gap(given: ReadyScene, made: ReadyScene, speed: Array, off: bool) -> Gap | 
     assert motion.driven is not None
     if not isinstance(motion.driven.found, Tracer) and not bool(motion.driven.found):
         return None
-    return lambda phi, speed: _missing(made, motion, phi, speed)
+    return lambda phi, speed: missing_speed(made, motion, phi, speed)
 
 
 @compiled_soon
-def _missing(made: ReadyScene, motion: Steady, phi: Array, speed: Array) -> tuple[Array, Array]:
+def missing_speed(made: ReadyScene, motion: Steady, phi: Array, speed: Array) -> tuple[Array, Array]:
     """What is missing of 99 % of the steady-state motion's speed (rad/s), negative, and the slope of that."""
     steady, gain = jax.vmap(lambda phi: motion.at(made, motion.grid.place(phi)))(phi)
     found = jnp.asarray(True) if motion.driven is None else motion.driven.found

@@ -201,10 +201,11 @@ class DCTable(MotorTable):
     def motor(self) -> drives.AbstractMotor:
         if self.constant is None:
             return drives.DCMotor.rated(self.voltage, self.resistance, self.rated_current, self.rated_speed)
-        return drives.DCMotor(self.voltage, self.resistance, self.constant)
+        return drives.DCMotor(self.voltage, self.resistance, self.constant, self.rated_current)
 
     def faults(self) -> Iterator[Fault]:
-        yield from list(self.needs(("constant",), ("rated_current", "rated_speed"))) or super().faults()
+        ways = (("constant",), ("constant", "rated_current"), ("rated_current", "rated_speed"))
+        yield from list(self.needs(*ways)) or super().faults()
 
 
 class InductionTable(MotorTable):

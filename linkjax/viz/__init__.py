@@ -16,6 +16,9 @@ from linkjax.viz._kinematics import velocity_hodographs_figure as velocity_hodog
 from linkjax.viz._loads import loads_figure as loads_figure
 from linkjax.viz._machine import machine_figure as machine_figure
 from linkjax.viz._machine import scale_mark as scale_mark
+from linkjax.viz._motor import energy_mass_figure as energy_mass_figure
+from linkjax.viz._motor import harmonics_figure as harmonics_figure
+from linkjax.viz._motor import operating_loop_figure as operating_loop_figure
 from linkjax.viz._optimum import history_figure as history_figure
 from linkjax.viz._optimum import trade_off_figure as trade_off_figure
 from linkjax.viz._rolling import ROLLING_PICTURES as ROLLING_PICTURES

@@ -26,6 +26,7 @@ from linkjax.viz._kinematics import (
 )
 from linkjax.viz._loads import acts, loads_figure
 from linkjax.viz._machine import machine_figure
+from linkjax.viz._motor import energy_mass_figure, harmonics_figure, has_loop, operating_loop_figure
 from linkjax.viz._optimum import history_figure, trade_off_figure
 from linkjax.viz._style import STYLE, Data
 
@@ -56,6 +57,9 @@ PICTURES = (
     Picture("reaction-hodographs", "Hodographs of the joint forces", reaction_hodographs_figure, "forces"),
     Picture("drive", "Drive torque and power", drive_figure, "forces"),
     Picture("shaking", "Shaking force and shaking moment", shaking_figure, "forces"),
+    Picture("energy-mass", "Energy-mass diagram (Wittenbauer)", energy_mass_figure, "free motion"),
+    Picture("operating-loop", "Operating loop on the characteristic of the motor", operating_loop_figure, "loop"),
+    Picture("harmonics", "Harmonics of torque and speed", harmonics_figure, "harmonics"),
 )  # fmt: skip
 
 COURSES = (
@@ -89,17 +93,21 @@ def write_figures(
 def drawn(data: Data, scene: Scene, before: Data | None, units: Units) -> Iterator[tuple[str, Figure]]:
     """Every figure for which the analysis has data, with its name."""
     for picture in PICTURES:
-        if _has(data, picture.needs):
-            old = before if before and _has(before, picture.needs) else None
+        if _has(data, picture.needs, scene):
+            old = before if before and _has(before, picture.needs, scene) else None
             yield picture.name, picture.draw(data, scene, before=old, units=units)
 
 
-def _has(data: Data, part: str) -> bool:
+def _has(data: Data, part: str, scene: Scene) -> bool:
     """Whether an analysis contains the part that a figure needs."""
     if part == "motion":
         return moves(data)
     if part == "loads":
         return acts(data)
+    if part == "free motion":
+        return moves(data) and not scene.mechanism.prescribed
+    if part == "loop":
+        return has_loop(data, scene)
     return bool(data.get(part) or (part == "forces" and data.get("forces_constant_speed")))
 
 

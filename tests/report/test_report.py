@@ -12,10 +12,10 @@ import pytest
 from linkjax._units import QuantityError, display_units
 from linkjax.report import write_report
 from linkjax.report._cells import Numbers
-from linkjax.viz import PICTURES, write_figures
+from linkjax.viz import write_figures
 from tests.report.optimum import OPTIMUM
 from tests.report.pages import assert_printed, read
-from tests.viz.cycles import SCENES, analysed
+from tests.viz.cycles import PLAIN, SCENES, analysed
 
 PLAIN = Numbers()
 
@@ -39,12 +39,12 @@ def test_self_contained_and_well_formed(name, tmp_path):
     assert len(text.encode()) <= 1.5e6
     assert not re.search(r"https?:|//www|@import|<link|<img|src=|NaN|Infinity", text)
     page = read(path)
-    assert page.counts["svg"] == len(PICTURES)  # the page draws the machine by itself
-    assert page.counts["figure"] == len(PICTURES)
+    assert page.counts["svg"] == len(PLAIN)  # the page draws the machine by itself
+    assert page.counts["figure"] == len(PLAIN)
     assert page.counts["script"] == 2
     assert len(page.ids) == len(set(page.ids))
     assert {link.removeprefix("#") for link in page.links} <= set(page.ids)
-    for picture in PICTURES[1:]:
+    for picture in PLAIN[1:]:
         assert picture.caption in page.text
 
 

@@ -170,7 +170,7 @@ def test_numbers_are_design_variables():
         ('kind = "line"\npoints = [["1 m", 3], ["1 rpm", 2]]', "motor.points[0][0]", "a length where a speed"),
         ('kind = "table"\nspeeds = [0, 1]\ntorques = [1]', "motor", "a torque for each"),
         ('kind = "table"\nspeeds = [1, 1]\ntorques = [1, 2]', "motor", "do not increase"),
-        ('kind = "dc"\nvoltage = "1 V"\nresistance = "1 ohm"', "motor", "has constant, or rated_current and"),
+        ('kind = "dc"\nvoltage = "1 V"\nresistance = "1 ohm"', "motor", "has constant, or constant and rated_current"),
         ('kind = "dc"\nvoltage = "1 A"\nresistance = "1 ohm"\nconstant = 1', "motor.voltage", "a current where a volt"),
         (PLATE.replace("1462", "1562"), "motor.rated_speed", "not below the synchronous"),
         (PLATE.replace("2.5", "0.9"), "motor.breakdown_ratio", "not above one"),

@@ -9,9 +9,12 @@ import pytest
 
 import linkjax as lj
 from linkjax.analysis import document
+from linkjax.viz import PICTURES
 
 QUICK = ("hay-press", "quick-return")
 SCENES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in lj.scene_names()]
+OF_MOTORS = ("loop", "harmonics")  # what figures of motors need
+PLAIN = tuple(picture for picture in PICTURES if picture.needs not in OF_MOTORS)
 
 
 @functools.cache
