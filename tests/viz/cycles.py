@@ -14,7 +14,7 @@ from linkjax.viz import PICTURES
 QUICK = ("hay-press", "quick-return")
 SCENES = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in lj.scene_names()]
 OF_MOTORS = ("loop", "harmonics")  # what figures of motors need
-PLAIN = tuple(picture for picture in PICTURES if picture.needs not in OF_MOTORS)
+STANDARD = tuple(picture for picture in PICTURES if picture.needs not in OF_MOTORS)
 
 
 @functools.cache

@@ -17,9 +17,9 @@ from linkjax._units import display_units
 from linkjax.viz._forces import cases, joints
 from tests.helpers import PACKAGE
 from tests.report.optimum import OPTIMUM
-from tests.viz.cycles import PLAIN, SCENES, analysed
+from tests.viz.cycles import SCENES, STANDARD, analysed
 
-PICTURE = {picture.name: picture for picture in PLAIN}
+PICTURE = {picture.name: picture for picture in STANDARD}
 
 
 def curves(figure: Figure) -> list[np.ndarray]:
@@ -207,7 +207,7 @@ def test_a_machine_before_with_other_parts():
     """Points, links and joints that it lacks are omitted."""
     scene, data = analysed("hay-press")
     _, other = analysed("slider-crank")
-    for picture in PLAIN[1:]:
+    for picture in STANDARD[1:]:
         assert curves(picture.draw(data, scene, before=other))
 
 

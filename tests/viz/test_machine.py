@@ -15,7 +15,7 @@ from linkjax.viz._animation import frame_angles
 from linkjax.viz._labels import overlap, place_labels
 from linkjax.viz._machine import JOINT, machine_figure
 from linkjax.viz._skeleton import Skeleton, places, skeleton
-from tests.viz.cycles import PLAIN, SCENES, analysed
+from tests.viz.cycles import SCENES, STANDARD, analysed
 
 
 def markers(figure, radius: float) -> np.ndarray:
@@ -186,7 +186,7 @@ def test_animation_without_a_motion(tmp_path):
 def test_files(tmp_path):
     scene, data = analysed("slider-crank")
     written = viz.write_figures(data, scene, tmp_path / "new" / "folder")
-    names = [picture.name for picture in PLAIN]
+    names = [picture.name for picture in STANDARD]
     assert [path.name for path in written] == [f"{name}{kind}" for name in names for kind in (".png", ".svg")]
     with Image.open(written[0]) as image:
         assert image.width == 1080  # 7.2 inches at 150 dpi
