@@ -5,6 +5,7 @@ Source: equivalent (reduced) mass and force, e.g. Artobolevsky, Theory of Mechan
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -57,7 +58,7 @@ def reduced_mass(
     square = at.dr.squared()
     stops = square <= STOPPED**2 * at.ddr.squared()
     if (found := known(stops)) is not None and np.any(found):
-        degrees = np.degrees(float(known(jnp.asarray(phi))))  # not traced, since what depends on it is not
+        degrees = math.degrees(float(phi))  # not traced, since what depends on it is not
         problem = f"point {point!r} stops at {degrees:.6g} degrees of crank angle, so that the mass reduced to it is"
         raise ValueError(f"{problem} unbounded there; choose another crank angle or point")
     square = jnp.where(stops, 1.0, square)

@@ -130,7 +130,7 @@ class Flywheel(Table):
     """The flywheel on the crankshaft, or on a shaft that gears couple with it."""
 
     inertia: Inertia = Field(default=0.0, description="moment of inertia about its shaft", examples=["40 kg m^2"])
-    ratio: Ratio = Field(1.0, description="speed of its shaft over crank speed", examples=[4.5])
+    ratio: Ratio = Field(default=1.0, description="speed of its shaft over crank speed", examples=[4.5])
 
 
 class SceneFile(Table):
