@@ -29,6 +29,7 @@ OUTER = 40  # the most steps of Newton's method for all panels together
 HALVES = 60  # the most steps of the search for a starting energy
 SAME = 1e-13  # relative: a step as small as this is the last
 KEPT = 0.1  # the least part of an energy that a step of Newton's method leaves
+CLOSED = 1e-9  # relative: a step as small as this is that of a solution
 REST = 1e-10  # of the unit of energy: less than this is a standstill
 
 Rate = Callable[[Any, Any, Array], Array]  # (what is given, data of the nodes of a panel, energies) -> slopes there
@@ -169,19 +170,33 @@ def near(rate: Rate, panels: Panels, start: Array) -> Sought:
     return Sought(passed, ~passed.stopped, passed.end - start, jnp.ones((), int))
 
 
+def settled(rate: Rate, panels: Panels, nodes: Array, edges: Array) -> tuple[Orbit, Bool[Array, ""]]:
+    """The periodic solution from energies (J) near it, and whether it was found, is stable, and never rests."""
+    none = jnp.zeros_like(panels.unit)
+    found = _repeated(rate, panels, (nodes, edges, none), None)
+    new, left, multiplier = _newton(rate, panels, found, None)
+    runs = jnp.minimum(jnp.min(new[0]), jnp.min(new[1])) > REST * panels.unit
+    return Orbit(new[0], new[1], none, multiplier, left), (left < CLOSED) & runs & (jnp.abs(multiplier) < 1)
+
+
+def _repeated(rate: Rate, panels: Panels, start: tuple[Array, Array, Array], lack: Lack | None) -> Any:
+    """Newton's method until its steps are rounding."""
+
+    def again(state):
+        count, orbit, _ = state
+        new, move, _ = _newton(rate, panels, orbit, lack)
+        return count + 1, new, move > max(SAME, 50 * float(jnp.finfo(move.dtype).eps))
+
+    state = (jnp.zeros((), jnp.int32), start, jnp.asarray(True))
+    return jax.lax.while_loop(lambda s: s[2] & (s[0] < OUTER), again, state)[1]
+
+
 def periodic(rate: Rate, panels: Panels, nodes: Array, edges: Array, constant: Array, lack: Lack | None) -> Orbit:
     """The periodic solution near the energies (J) at the nodes and first edges. With `lack` a constant slope (N m) is
     added to `rate`, such that `lack` of the panels and the energies is zero. Differentiable: the last two steps of
     Newton's method are right up to the third derivative."""
-    fixed, start = jax.lax.stop_gradient((panels, (nodes, edges, constant)))
-
-    def again(state):
-        count, orbit, _ = state
-        new, move, _ = _newton(rate, fixed, orbit, lack)
-        return count + 1, new, move > max(SAME, 50 * float(jnp.finfo(move.dtype).eps))
-
-    state = (jnp.zeros((), jnp.int32), start, jnp.asarray(True))
-    found = jax.lax.while_loop(lambda s: s[2] & (s[0] < OUTER), again, state)[1]
+    fixed = jax.lax.stop_gradient(panels)
+    found = _repeated(rate, fixed, jax.lax.stop_gradient((nodes, edges, constant)), lack)
     found, multiplier = jax.lax.stop_gradient(found), jnp.ones_like(constant)
     for _ in range(2):
         found, _, multiplier = _newton(rate, panels, found, lack)
