@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkjax._display import Units, prefixed
-from linkjax.loads import AbstractLoad, Force, OpposingForce, OpposingTorque, Torque
+from linkjax.loads import AbstractLoad, Damper, Force, OpposingForce, OpposingTorque, Spring, Torque
 from linkjax.machine import Scene
 from linkjax.mechanism import Link
 from linkjax.viz._style import Data, closed, lost, ranges
@@ -17,6 +17,7 @@ from linkjax.viz._wheels import Strands, Wheel, wheels_of
 
 Place = tuple[float, float]
 Places = dict[str, np.ndarray]
+SMALL = 1e-3  # of its largest value: a smaller load is not drawn
 
 
 class Shape(NamedTuple):
@@ -248,7 +249,26 @@ def arrows(data: Data, scene: Scene, angle: float, units: Units | None = None) -
             if torque != 0:
                 text = f"{load.name} {amount(abs(torque), 'N·m', units)}"
                 found.append(Arrow(text, at[origins[load.link]], nothing, 1 if torque > 0 else -1))
+        elif not isinstance(load, Spring | Damper):  # those are drawn themselves
+            found += _varying(data, load, angle % scene.cycle, at[load.point or origins[load.link]], units)
     return found
+
+
+def _varying(data: Data, load: AbstractLoad, angle: float, place: np.ndarray, units: Units | None) -> list[Arrow]:
+    """A load of varying size, such as a table or gas, as it acts at the nearest crank angle of the analysis."""
+    run = (data.get("loads") or {}).get(load.name)
+    if run is None:
+        return []
+    i = int(np.argmin(np.abs(np.asarray(data["angles"], float) - angle)))
+    parts = [np.asarray(run[key], float) for key in ("fx", "fy", "moment") if key in run]
+    now = [float(part[i]) for part in parts]
+    size, unit = math.hypot(*now), "N" if len(now) > 1 else "N·m"
+    if size <= SMALL * max(float(np.max(np.abs(part))) for part in parts):
+        return []
+    text = f"{load.name} {amount(size, unit, units)}"
+    if len(now) == 1:
+        return [Arrow(text, place, np.zeros(2), 1 if now[0] > 0 else -1)]
+    return [Arrow(text, place, np.array(now) / size, 0)]
 
 
 def acts(data: Data, scene: Scene, load: AbstractLoad, angle: float) -> bool:

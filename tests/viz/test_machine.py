@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 
@@ -10,11 +11,12 @@ import pytest
 from matplotlib.patches import Circle, FancyArrowPatch, Wedge
 from PIL import Image
 
+import linkjax as lj
 from linkjax import viz
 from linkjax.viz._animation import frame_angles
 from linkjax.viz._labels import overlap, place_labels
 from linkjax.viz._machine import JOINT, machine_figure
-from linkjax.viz._skeleton import Skeleton, places, skeleton
+from linkjax.viz._skeleton import Skeleton, arrows, places, skeleton
 from tests.viz.cycles import SCENES, STANDARD, analysed
 
 
@@ -199,3 +201,19 @@ def test_files_of_a_part_are_the_same_every_time(tmp_path):
     first, second = (viz.write_figures(part, scene, tmp_path / name) for name in "ab")
     assert [path.name for path in first] == ["inertia.png", "inertia.svg", "torque.png", "torque.svg"]
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+
+
+def test_arrows_of_loads_of_varying_size():
+    """A table and a resistance are drawn as they act at the angle, and not where they vanish."""
+    scene, data = analysed("quick-return")
+    link = scene.mechanism.driving_link
+    loads = (lj.Table.row("cloth", link, values=[3.0, -5.0, 0.0]), lj.DragTorque("fan", link, linear=1.0))
+    scene = dataclasses.replace(scene, loads=loads)
+    places = np.asarray(data["angles"])[[0, 100, 200]]
+    turns = np.zeros(len(data["angles"]))
+    turns[[0, 100]] = 3.0, -5.0
+    data = {**data, "loads": {"cloth": {"moment": turns}, "fan": {"moment": np.full(len(turns), -2.0)}}}
+    one, two, three = ([(arrow.text, arrow.turn) for arrow in arrows(data, scene, angle)] for angle in places)
+    assert one == [("cloth 3 N·m", 1), ("fan 2 N·m", -1)]
+    assert two == [("cloth 5 N·m", -1), ("fan 2 N·m", -1)]
+    assert three == [("fan 2 N·m", -1)]
