@@ -164,6 +164,8 @@ def test_tables_hold_the_same_numbers(analysed):
                     "torque": data["reduced"]["torque"],
                     **{f"torque_{load}": share for load, share in data["reduced"]["torque_by_load"].items()}},
         "motion": {key: data["motion"][key] for key in ("speed", "acceleration", "time", "power")},
+        "loads": {f"power_{load}" if key == "power" else f"{key}_load_{load}": run[key]
+                  for load, run in data["loads"].items() for key in ("fx", "fy", "moment", "power") if key in run},
         **{f"forces{suffix}": {
             **{f"{key}_{joint.replace('.', '_')}_{link}{suffix}": side[key] for joint, links in
                forces["reactions"].items() for link, side in links.items() for key in ("fx", "fy", "moment")},

@@ -219,6 +219,7 @@ def test_interrupted(call, scene, tmp_path, monkeypatch):
     assert data["objective"]["after"] == seen[0].point.blocks[0].value
 
 
+@pytest.mark.slow
 def test_interrupted_before_anything_is_found(call, scene, tmp_path, monkeypatch):
     """A design that meets the constraints was not yet reached; this does not show that the problem is infeasible."""
 

@@ -149,19 +149,20 @@ def seek(rate: Rate, panels: Panels, starts: Array, wanted: Array) -> Sought:
     low, high = jnp.where(found, low, best), jnp.where(found, high, best)
 
     def step(state):
-        count, low, high, at, _ = state
+        count, low, high, at, _, _ = state
         passed = follow(rate, panels, at)
         rise = passed.end - at
         low, high = jnp.where(rise > 0, at, low), jnp.where(rise > 0, high, at)
         new = at + safe_divide(rise, 1 - passed.slope, jnp.inf)
         inside = (new > low) & (new < high) & ~passed.stopped
         new = jnp.where(inside, new, 0.5 * (low + high))
-        return count + 1, low, high, new, jnp.abs(new - at) > 1e-9 * at
+        return count + 1, low, high, new, passed, found & (jnp.abs(new - at) > 1e-9 * at)
 
-    state = (jnp.zeros((), jnp.int32), low, high, jnp.sqrt(low * high), found)
-    at = jax.lax.while_loop(lambda s: s[4] & (s[0] < HALVES), step, state)[3]
-    passed = follow(rate, panels, at)
-    return Sought(passed, found, passed.end - at, jnp.sum(falls))
+    none, edges = jnp.zeros_like(low), jnp.zeros_like(panels.half)
+    begin = Passed(none, none, jnp.asarray(True), edges[:, None] + jnp.zeros(panels.n, none.dtype)[None], edges)
+    state = (jnp.zeros((), jnp.int32), low, high, jnp.sqrt(low * high), begin, jnp.asarray(True))
+    passed = jax.lax.while_loop(lambda s: s[5] & (s[0] < HALVES), step, state)[4]
+    return Sought(passed, found, passed.end - passed.edges[0], jnp.sum(falls))
 
 
 def near(rate: Rate, panels: Panels, start: Array) -> Sought:
@@ -173,22 +174,22 @@ def near(rate: Rate, panels: Panels, start: Array) -> Sought:
 def settled(rate: Rate, panels: Panels, nodes: Array, edges: Array) -> tuple[Orbit, Bool[Array, ""]]:
     """The periodic solution from energies (J) near it, and whether it was found, is stable, and never rests."""
     none = jnp.zeros_like(panels.unit)
-    found = _repeated(rate, panels, (nodes, edges, none), None)
-    new, left, multiplier = _newton(rate, panels, found, None)
-    runs = jnp.minimum(jnp.min(new[0]), jnp.min(new[1])) > REST * panels.unit
-    return Orbit(new[0], new[1], none, multiplier, left), (left < CLOSED) & runs & (jnp.abs(multiplier) < 1)
+    (nodes, edges, _), left, multiplier = _repeated(rate, panels, (nodes, edges, none), None)
+    runs = jnp.minimum(jnp.min(nodes), jnp.min(edges)) > REST * panels.unit
+    return Orbit(nodes, edges, none, multiplier, left), (left < CLOSED) & runs & (jnp.abs(multiplier) < 1)
 
 
-def _repeated(rate: Rate, panels: Panels, start: tuple[Array, Array, Array], lack: Lack | None) -> Any:
-    """Newton's method until its steps are rounding."""
+def _repeated(
+    rate: Rate, panels: Panels, start: tuple[Array, Array, Array], lack: Lack | None
+) -> tuple[tuple[Array, Array, Array], Array, Array]:
+    """Newton's method until its steps are rounding: the state, the size of the last step, and the multiplier."""
+    one, same = jnp.ones_like(panels.unit), max(SAME, 50 * float(jnp.finfo(panels.unit.dtype).eps))
 
     def again(state):
-        count, orbit, _ = state
-        new, move, _ = _newton(rate, panels, orbit, lack)
-        return count + 1, new, move > max(SAME, 50 * float(jnp.finfo(move.dtype).eps))
+        return state[0] + 1, *_newton(rate, panels, state[1], lack)
 
-    state = (jnp.zeros((), jnp.int32), start, jnp.asarray(True))
-    return jax.lax.while_loop(lambda s: s[2] & (s[0] < OUTER), again, state)[1]
+    state = (jnp.zeros((), jnp.int32), start, jnp.inf * one, one)
+    return jax.lax.while_loop(lambda s: (s[2] > same) & (s[0] < OUTER), again, state)[1:]
 
 
 def periodic(rate: Rate, panels: Panels, nodes: Array, edges: Array, constant: Array, lack: Lack | None) -> Orbit:
@@ -196,12 +197,12 @@ def periodic(rate: Rate, panels: Panels, nodes: Array, edges: Array, constant: A
     added to `rate`, such that `lack` of the panels and the energies is zero. Differentiable: the last two steps of
     Newton's method are right up to the third derivative."""
     fixed = jax.lax.stop_gradient(panels)
-    found = _repeated(rate, fixed, jax.lax.stop_gradient((nodes, edges, constant)), lack)
+    found = _repeated(rate, fixed, jax.lax.stop_gradient((nodes, edges, constant)), lack)[0]
     found, multiplier = jax.lax.stop_gradient(found), jnp.ones_like(constant)
+    left = jnp.zeros_like(constant)
     for _ in range(2):
-        found, _, multiplier = _newton(rate, panels, found, lack)
-    left = jax.lax.stop_gradient(_newton(rate, fixed, jax.lax.stop_gradient(found), lack)[1])
-    return Orbit(found[0], found[1], found[2], multiplier, left)
+        found, left, multiplier = _newton(rate, panels, found, lack)
+    return Orbit(found[0], found[1], found[2], multiplier, jax.lax.stop_gradient(left))
 
 
 def gained(rate: Rate, panels: Panels, nodes: Array, edges: Array) -> Array:

@@ -43,14 +43,24 @@ def grid_with_kinks(
 ) -> Grid:  # fmt: skip
     """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion: the one
     near the speed `start` (rad/s) at the first edge, if given."""
-    grid = grid_of(machine, nodes, scanned, points, breaks)
-    if not kinked(machine.scene):
-        return grid
+    scene = machine.scene
+    if not kinked(scene):
+        return grid_of(machine, nodes, scanned, points, breaks)
+    # the first grid has room for the kinks, so that one program serves every round and the motion itself
+    found = jnp.full(CHANGES * scene.cycle_turns * len(_causes(scene)), jnp.inf)
+    grid = grid_of(machine, nodes, scanned, points, breaks, found)
     for _ in range(ROUNDS):
-        begun, _ = begun_by_speed(machine, grid, at_nodes(machine, grid, edges=False), start=start)
-        found = machine.run(_kinks, begun.flow, begun.energy, turns=machine.scene.cycle_turns)
+        begun, _ = begun_by_speed(machine, grid, at_nodes(machine, grid), start=start)
+        found = machine.run(_kinks, begun.flow, begun.energy, turns=scene.cycle_turns)
         grid = grid_of(machine, nodes, scanned, points, breaks, found)
     return grid
+
+
+def _causes(scene: Scene) -> tuple[Any, ...]:
+    """What may cause kinks: None for the direction of power, and knots of the motor's characteristic."""
+    motor = scene.motor
+    assert motor is not None
+    return (*(None,) * motor.transmission.loses, *motor.motor.knots())
 
 
 @compiled_soon(static=("turns",))

@@ -212,6 +212,7 @@ def test_rows_hold_the_peak(name, one):
     np.testing.assert_allclose(each[:, first], whole, rtol=0, atol=1e-8 * np.max(np.abs(whole)))
 
 
+@pytest.mark.slow
 def test_root_mean_square():
     """Against the forces of an analysis at equal steps, whose mean is exact for smooth periodic functions."""
     scene = lj.load("slider-crank")

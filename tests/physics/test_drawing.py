@@ -236,6 +236,7 @@ CYLINDER = {"boom": Link(pins=("A", "B"), length=0.3), "barrel": Link(pins=("P",
             "rod": Link(pins=("B",))}  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_cylinder_named_the_other_way_round():
     """Its barrel on its rod is equivalent to its rod on its barrel."""
     law, slots = lj.Harmonic(0.34, 0.37), [Slot("rod", Guide("P", on="barrel"))]

@@ -271,6 +271,7 @@ def test_the_least_margin(least):
     assert float(one[1]) == pytest.approx(float(slope), rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phase", [0.0, 0.37, 1.0])
 def test_a_parallelogram_has_a_change_point(least, phase):
     value, _ = least(0.3, four_bar(rocker=0.1, far=0.3, phase=phase))

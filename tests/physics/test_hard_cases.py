@@ -137,6 +137,7 @@ def test_massless_links():
     finite_gradient(scene)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mechanism", "where", "degrees"),
     [

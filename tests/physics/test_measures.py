@@ -365,6 +365,7 @@ def test_diffrax_sees_single_windows_that_switch_together():
 SLOW_ROWS = [pytest.param(name, marks=pytest.mark.slow) for name in ("delta", "peak_shaking_force", "peak_reaction")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["min_inertia_ratio", *SLOW_ROWS])
 def test_rows_where_windows_switch_together(name):
     """In a panel of zero width there is no NaN; the extreme row is the measure itself."""

@@ -149,6 +149,7 @@ def test_evaluations_are_counted_honestly(name, mean, monkeypatch):
     assert np.max(np.min(away, axis=1)) < 1e-12  # every node is among them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_the_time_mean_is_honoured(name):
     """The duration of the cycle, integrated independently."""

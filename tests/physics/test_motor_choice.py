@@ -118,6 +118,7 @@ def arm() -> lj.Cycle:
     return lj.analyse(lj.Scene(swing, speed=20.0, motor=drive), angles=72)
 
 
+@pytest.mark.slow
 def test_the_limits_of_a_servo_motor():
     """θ = (π/6)(1 - cos φ): the motor has the speed u θ' ω and the torque (J/u + u J_m) θ'' ω²."""
     cycle, size, u = arm(), math.pi / 6, 5.0

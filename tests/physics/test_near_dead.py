@@ -34,6 +34,7 @@ def test_at_every_power_of_ten(case):
     assert growth == pytest.approx(powers.get(case, (0.5, 2.5, 3.0)), abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", PASSING)
 @pytest.mark.parametrize("exponent", [e if e == 10 else pytest.param(e, marks=pytest.mark.slow) for e in range(2, 15)])
 def test_general_groups_pass_a_dead_position(case, exponent):

@@ -44,6 +44,7 @@ def longer(mechanism: Mechanism, link: str, factor: float) -> Mechanism:
     return eqx.tree_at(lambda m: m.links[link].length, mechanism, factor * mechanism.links[link].length)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", [pytest.param("bar1", marks=pytest.mark.slow), "bar3"])
 def test_a_replaced_length_is_followed_anew(link):
     """A bar of a triad that is too short for a whole turn is replaced by a longer one: the former path ends."""

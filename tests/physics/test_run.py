@@ -75,6 +75,7 @@ def test_the_steady_regime_repeats_itself():
     np.testing.assert_allclose(got.time, float(motion.period) * np.arange(4.0), rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("road", ["angle", pytest.param("time", marks=pytest.mark.slow)])
 def test_a_machine_that_stalls(road):
     """It is reported, the result is infinite from there on, and it stops where its kinetic energy is zero."""

@@ -39,6 +39,7 @@ values = compiled_soon(both)
 TIME = INERTIA * NO_LOAD / STALL * math.log(100)
 
 
+@pytest.mark.slow
 def test_a_wheel():
     """ω = ω_s (1 - exp(-t / τ)) with τ = J ω_0 / T_0: 99 % after τ ln 100."""
     found = evaluate(wheel(), ["run_up_time", "starting_torque_margin"])

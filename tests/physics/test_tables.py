@@ -186,6 +186,7 @@ def test_a_drive_torque_by_trapezoids_contains_loads_that_depend_on_the_speed(ma
     assert float(more) == pytest.approx(0.3 * float(machine.speed), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_table_beside_a_damper(machine):
     """The motion depends on the speed, and its panels end at the positions of the table: the works balance, and that of
     the table is a closed form, with its end values beyond the last position, up to R + L."""

@@ -358,6 +358,7 @@ def test_a_clockwise_crank():
     np.testing.assert_allclose(used(lj.Scene(mechanism, loads))[0], want, rtol=0, atol=FINE)
 
 
+@pytest.mark.slow
 def test_other_loads_switch_at_the_same_dead_centre():
     first = press(offset=0.02)
     pull = lj.Force("pull", "ram", "D", force=lj.Vec(-900.0, 0.0), window=lj.Passage(point="D", first=0.02, going="+"))

@@ -143,7 +143,7 @@ def test_every_diagram_has_a_cursor_at_the_angle(page, angle):
     script = """panels => panels.map(p => [p.dataset.panel.split(' ').map(Number), Number(p.dataset.end),
         Number(p.querySelector('.cursor').getAttribute('x1'))])"""
     found = panels.evaluate_all(script)
-    assert len(found) == 6 + 6 + 4 + 2 + 2 + 2 + 7 + 2 + 2
+    assert len(found) == 6 + 6 + 4 + 2 + 2 + 2 + 2 + 7 + 2 + 2
     for (left, _, right, _), end, x in found:
         assert end == 360
         assert x == pytest.approx(left + (right - left) * angle / 360, abs=rounded(2))
