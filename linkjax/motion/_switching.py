@@ -46,7 +46,7 @@ def grid_with_kinks(
     scene = machine.scene
     if not kinked(scene):
         return grid_of(machine, nodes, scanned, points, breaks)
-    # the first grid has room for the kinks, so that one program serves every round and the motion itself
+    # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     found = jnp.full(CHANGES * scene.cycle_turns * len(_causes(scene)), jnp.inf)
     grid = grid_of(machine, nodes, scanned, points, breaks, found)
     for _ in range(ROUNDS):

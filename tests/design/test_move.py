@@ -28,7 +28,7 @@ def inertia(phi: np.ndarray) -> np.ndarray:
 def torque(law: CubicSpline, time: np.ndarray) -> np.ndarray:
     """Torque on the crank for a law of its angle over time, by Lagrange's equation."""
     phi, h = law(time), 1e-20
-    slope = inertia(phi + 1j * h).imag / h
+    slope = np.imag(inertia(phi + 1j * h)) / h
     return inertia(phi) * law(time, 2) + 0.5 * slope * law(time, 1) ** 2
 
 
