@@ -99,6 +99,7 @@ def test_what_vanishes_is_printed_as_zero(call):
     assert not re.search(r"\d ?[nµ][NW]|(?<![\d.])0·10", out), out
 
 
+@pytest.mark.slow
 def test_what_is_constant_has_no_angle(call):
     """1000 N m over 60 of 360 degrees are 166.667 N m on average; a massless shaft carries nothing."""
     code, out, _ = call("analyse", "shaft.toml", "--angles", 36)

@@ -43,6 +43,7 @@ def test_bad_batches_are_refused():
         lj.map_designs(length, block=0)
 
 
+@pytest.mark.slow
 def test_a_cycle_of_many_machines():
     scene = lj.load("slider-crank")
     speeds = jnp.asarray([8.0, 9.0, 10.0, 11.0, 12.0])

@@ -94,7 +94,8 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
     rows += overload_rows(run["overload"], show)
     if run["multiplier"] is None:
         return rows
-    more = "" if run["stable_states"] == 1 else f"; {run['stable_states']} stable motions from 0.02 to 4 times `speed`"
+    states = f"{run['stable_states']} stable motions from 0.02 to 4 times `speed`"
+    more = "" if run["stable_states"] == 1 else f"; {states}, listed by `linkjax.steady_states`"
     kept = f"{run['multiplier']:.3g} of a small difference in speed is left after one cycle{more}"
     return [*rows, ("stability", kept)]
 

@@ -205,6 +205,7 @@ def test_an_engine_of_three_cranks_fluctuates_as_its_turning_moment_says():
     assert float(cycle.delta) == pytest.approx(0.0152607, abs=5e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turns", "printed"), [(5, 326.6), pytest.param(20, 339.5, marks=pytest.mark.slow)])
 def test_a_punching_press_has_the_flywheel_of_its_source(turns, printed):
     """From 160 to 140 rpm: the work of a blow minus that of the motor during the blow. At 150 rpm and 30 blows per

@@ -100,6 +100,7 @@ def test_maximise_and_tie():
     assert float(lengths[0]) == pytest.approx(float(lengths[1]), rel=1e-14)
 
 
+@pytest.mark.slow
 def test_no_feasible_design():
     """δ and the flywheel conflict, and are named; the result has the smallest violation."""
 
@@ -170,6 +171,7 @@ def test_what_cannot_be_asked(change, says):
         lj.optimise(rotor(), asked.pop("free"), asked.pop("minimise"), **asked)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "one"),
     [

@@ -45,6 +45,7 @@ def posed(number: int) -> tuple[Problem, list[np.ndarray]]:
     return problem, [(x - problem.lower) / (problem.upper - problem.lower) for x in starts]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "best", "cone", "sqp"),
     [(1, 52.786870, 319, 510), pytest.param(2, 47.623038, 414, 663, marks=pytest.mark.slow)],

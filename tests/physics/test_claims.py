@@ -61,6 +61,7 @@ def test_moment_on_the_frame():
     np.testing.assert_allclose(got, moment, rtol=0, atol=1e-10 * np.max(np.abs(moment)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["slider-crank", *(pytest.param(n, marks=pytest.mark.slow) for n in ("hay-press", "hay-press-slider"))]
 )
@@ -171,6 +172,7 @@ for make in (
     assert "midrange" in said[2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "four-bar"])
 def test_work_and_power(name):
     """Work of each load by SciPy; the drive compensates all of them, and its mean power is the work over the period."""

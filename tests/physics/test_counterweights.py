@@ -125,6 +125,7 @@ def test_ideal_ones_add_the_product_alone():
     np.testing.assert_allclose(torque, -9.8 * first.imag, rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_gradients_of_a_counterweight():
     """Peak shaking force by mass and position of one on the crank, against differences; also from zero mass."""
     scene = machine("slider-crank")

@@ -126,6 +126,7 @@ def test_no_singularity_at_rest(rng):
         assert np.all(np.isfinite(np.asarray(slopes(40.0, 70.0, phi, speed))))
 
 
+@pytest.mark.slow
 def test_gradients_with_respect_to_design_loads_and_speed(rng):
     def total(tree):
         scene, speed = tree

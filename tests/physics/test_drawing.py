@@ -188,6 +188,7 @@ FIVE = {"a": Link(pins=("A", "B"), length=0.1), "b": Link(pins=("A", "E"), lengt
         "e": Link(pins=("C", "E"), length=0.3)}  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("driver", "against"),
     [("a", "b"), pytest.param("e", "d", marks=pytest.mark.slow)],

@@ -197,6 +197,7 @@ SAMPLED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider-crank", pytest.param("hay-press", marks=pytest.mark.slow)])
 def test_extremes_and_means_of_a_dense_sample(name):
     """4096 crank angles come as near to an extreme as its curvature allows; a mean has the error of its jumps."""

@@ -73,6 +73,7 @@ def test_wheels_that_only_come_out_together():
         np.testing.assert_allclose(xy(two.points[name].ddr), xy(one.points[name].ddr) / 9, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_phases_and_sketch_that_contradict_each_other():
     """Coupled gears are at the angles given by their phases: the reported one is that of the sketch, and agrees."""
     with pytest.raises(StructureError, match=r"'arm' is at .*, but is drawn at 0 deg; write phase = ") as told:
@@ -111,6 +112,7 @@ def test_a_wheel_with_one_pin_cannot_drive():
                 gears=[GearPair("planet", "frame", Teeth((20, 40)))])  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_remedy_is_for_what_was_drawn():
     """A gear drawn from the sun to the planet, solved in the opposite order: its own phase is reported, and agrees."""
     sketch = {"B": (0.001, 0.1)}
@@ -138,6 +140,7 @@ def test_a_drive_on_the_arm_has_a_phase_too(phase, told):
                 gears=[GearPair("planet", "frame", Teeth((20, 40)), phase)])  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_drive_on_the_arm_starts_where_it_is_drawn():
     """With the correct phase, which follows from Willis: planet = phase + (1 + 40 / 20) arm, and planet = arm."""
     links = {name: dataclasses.replace(SUN[name], centre_name="") for name in ("arm", "planet")}
@@ -162,6 +165,7 @@ def tied(phase: float) -> Mechanism:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [0, 1])
 def test_whole_turns_of_a_phase_change_nothing(turns):
     """Gears with rods are at their drawn angles, whatever revolution their phase is given in."""

@@ -278,6 +278,7 @@ def test_a_parallelogram_has_a_change_point(least, phase):
     assert -2e-6 < float(value) <= 0
 
 
+@pytest.mark.slow
 def test_close_to_a_dead_position(least):
     """A linkage that closes by 1e-5 is assembled, one that is 1e-5 too short is not."""
     for phase in (0.03, 0.37):

@@ -201,6 +201,7 @@ def test_least_inertia_beside_a_sharp_peak(short):
     assert float(found.min_inertia_ratio) * mean == pytest.approx(there, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_two_turns_a_cycle():
     """A load in every second turn, against SciPy; as accurate as one turn, because nodes are counted per turn."""
     scene = machine("hay-press-slider")
@@ -240,6 +241,7 @@ def test_windows_that_touch():
     assert float(one.mean_drive_torque) == pytest.approx(float(two.mean_drive_torque), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_window_without_width():
     """It cannot be written, but a search may close it: then it never acts, as if the load did not exist."""
     scene = machine("hay-press-slider")

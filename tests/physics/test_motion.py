@@ -91,6 +91,7 @@ def test_quadrature_and_diffrax_agree(name):
         assert float(getattr(two, field)) == pytest.approx(float(getattr(one, field)), abs=1e-6), field
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["clockwise", *(pytest.param(n, marks=pytest.mark.slow) for n in BUILT_IN if n != "slider-crank")],
@@ -112,6 +113,7 @@ def test_shooting_with_scipy(name):
     assert at(name, angle)[0][0] == pytest.approx(speed, rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("nodes", "evaluations", "error"), [(96, 160, 1e-8), (320, 400, 1e-11)])
 def test_accuracy_for_the_evaluations(nodes, evaluations, error):
     got = quadrature(machine("hay-press-slider"), nodes=nodes)
@@ -185,6 +187,7 @@ def test_the_midrange_is_honoured(name):
     assert float(got.mean_speed) == pytest.approx(float(scene.speed), rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_energy_closes(name):
     """Kinetic energy of the links against the work of weights, loads and drive, by SciPy's quadrature."""
@@ -213,6 +216,7 @@ def test_the_equation_of_motion_holds(name):
     np.testing.assert_allclose(speed * slope, acceleration, rtol=0, atol=1e-6 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param("hay-press", marks=pytest.mark.slow), "four-bar"])
 def test_no_periodic_regime(name):
     """Below the lowest mean speed the energy is insufficient; just above it is sufficient. Nothing is ever NaN."""

@@ -199,6 +199,7 @@ def test_positions_and_rates(shaper):
     np.testing.assert_allclose(transmission["block-lever"], math.pi / 2)
 
 
+@pytest.mark.slow
 def test_gradients_flow_through_it(shaper):
     """δ over the lever length and the pivot height, against central differences."""
 

@@ -126,6 +126,7 @@ def test_the_offset_that_transmits_best():
     assert found.kkt_residual <= 1e-6
 
 
+@pytest.mark.slow
 def test_how_it_is_drawn():
     """The block is parallel to its lever, at every crank angle."""
     scene = lj.load("quick-return")

@@ -445,6 +445,7 @@ def plate_angles(mechanism: Mechanism | Prepared, phi: float) -> list[float]:
     return sorted(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phi", [0.0, 2.0])
 def test_all_assemblies_of_a_triad(phi):
     """All roots of its sextic: as many as a search over the plate angle finds, at the same positions."""

@@ -66,6 +66,7 @@ def test_a_torque_over_the_crank_angle_is_the_work_of_its_lines(machine):
         assert share(scene, phi) == pytest.approx(line, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["linear", "cubic"])
 def test_a_force_over_the_crank_angle_works_on_the_velocity_of_its_point(machine, method):
     knots, values = np.radians([0.0, 40.0, 120.0, 250.0, 300.0]), [100.0, 300.0, -200.0, -250.0, 50.0]
@@ -101,6 +102,7 @@ def test_a_jump_has_a_value_on_either_side(machine, method):
     assert works(scene)["cell"] == pytest.approx(work, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_cells_of_constant_torque_are_windows(machine):
     """A table of jumps is the same as loads with windows: δ, error and peaks."""
     torques = [12.0, -3.0, 5.0, -20.0]
@@ -203,6 +205,7 @@ def test_a_table_beside_a_damper(machine):
     assert float(motion.mean_drive_torque) * TURN == pytest.approx(oil - sum(works(scene).values()), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_table_over_the_stroke_works_on_the_way(machine):
     """The work is the area of the loop, whatever the crank: on both ways by straight lines and by cubics."""
     at, going, coming = [0.18, 0.2, 0.25, 0.30], [0.0, 10.0, 20.0, 5.0], [-30.0, -20.0, -10.0, 0.0]

@@ -146,6 +146,7 @@ def test_a_machine_of_uniform_links_is_that_of_the_same_numbers_by_hand(slope):
     assert float(value) == pytest.approx(float(peak_shaking_force_constant_speed(four_bar(False))), rel=1e-11)
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_differences(slope):
     """Central differences of fourth order, for both lengths and a corner point."""
     x = np.array([0.36, 0.26, 0.16])

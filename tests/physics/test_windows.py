@@ -132,6 +132,7 @@ def test_its_ends_move_with_the_design_as_the_closed_form_says():
     np.testing.assert_allclose(reverse, forward, rtol=1e-12, atol=1e-12 * np.abs(want).max())
 
 
+@pytest.mark.slow
 def test_the_work_of_the_punch_is_its_force_times_the_way_and_the_energy_balance_closes():
     cycle = lj.analyse(press(offset=0.02), angles=90)
     np.testing.assert_allclose(cycle.work["punch"], -PUNCH * LAST, rtol=1e-13)
@@ -322,6 +323,7 @@ def test_a_link_that_rotates_fully_passes_its_window_in_every_revolution():
     assert len(used(press(window=wrong))) == 0
 
 
+@pytest.mark.slow
 def test_a_load_acts_on_every_way_of_a_cycle_of_two_turns():
     on, off = floats(exact_ends(CRANK, ROD, 0.02, LAST))
     turn = 2 * math.pi
@@ -395,6 +397,7 @@ def test_one_crank_angle_does_not_show_a_window_and_the_remedy_works():
     np.testing.assert_allclose(again.delta, found.delta, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_many_windows_at_once():
     lengths = jnp.array([0.004, 0.008, 0.2])
 

@@ -166,6 +166,7 @@ def mutants(table):
 QUICK = ("four-bar",)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in scene_names()])
 def test_no_mutant_gives_anything_but_a_scene_or_a_scene_error(name):
     document = load_document(name)
@@ -181,6 +182,7 @@ def test_no_mutant_gives_anything_but_a_scene_or_a_scene_error(name):
     assert outcomes["error"] > 20 * len(list(paths(document.table))) and outcomes["scene"] > 0
 
 
+@pytest.mark.slow
 def test_no_damaged_text_gives_anything_but_a_scene_or_a_scene_error(rng):
     text = (PACKAGE / "scenes/builtin/four-bar.toml").read_text(encoding="utf-8")
     damage = [*'"[]{}=.,#\n\\ -09eé\0\t', "", "", "", "1e9", "nan", "'''", "[[", "kg"]
