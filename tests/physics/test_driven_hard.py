@@ -54,6 +54,7 @@ def agrees(
     expected, size = lap.speeds(ANGLES), np.max(lap.speeds(ANGLES))
     assert np.max(np.abs(speeds(found, scene, jnp.asarray(ANGLES)) - expected)) < max(to, layer) * size
     assert float(found.period) == pytest.approx(lap.period, rel=to)
+    assert float(found.driven.multiplier) == pytest.approx(lap.multiplier, abs=1e-4 if how else 1e-6)
     jumps = (np.asarray(found.grid.edges)[:, None] + np.asarray([-1e-9, 1e-9])).ravel()
     dense = lap.speeds(np.concatenate([np.linspace(0, scene.cycle, 20001), jumps]))
     away = abs(np.ptp(dense) / float(found.mean_speed) - float(found.delta))
@@ -68,8 +69,7 @@ def test_time_constants_over_six_decades(stall):
     how = {"method": "Radau", "rtol": 1e-11} if stall > 100 else {}
     found = agrees(driven(stall, 0.01, (-0.05, 1.0, 3.0)), stall, layer=1e-6 if how else 0.0, **how)
     assert found.driven is not None
-    decay = math.exp(-2 * math.pi * stall / (40 * 40 * 0.0135))  # of a constant inertia, near the mean one
-    assert 0 <= float(found.driven.multiplier) == pytest.approx(decay, rel=0.5, abs=1e-12)
+    assert 0 <= float(found.driven.multiplier) < 1
 
 
 @pytest.mark.slow
