@@ -1,8 +1,9 @@
 """Crank angles where the motion itself has a kink: the power in a lossy transmission changes its direction, or the
 motor passes a knot of its characteristic.
 
-They depend on the motion, and the motion on the grid whose panels should end there. So both are found in turn: a kink
-that is off by d from the end of a panel costs d². No derivative passes through them, as torques are continuous there.
+They depend on the motion, and the motion on the grid whose panels should end there. So both are found in turn. A kink
+that is off by d from the end of a panel costs d² where the slope of the torque jumps, as with a lossy transmission, and
+d³ at a knot, where only its curvature does. No derivative passes through them, as torques are continuous there.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from linkjax.motion._panels import series_sum
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
-ROUNDS = 3  # of finding the motion and its kinks
+ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and where power is lost
 HALVINGS = 45  # bisections
 JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a jump, where panels end anyway
 
@@ -43,13 +44,13 @@ def grid_with_kinks(
 ) -> Grid:  # fmt: skip
     """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion: the one
     near the speed `start` (rad/s) at the first edge, if given."""
-    scene = machine.scene
-    if not kinked(scene):
+    scene, motor = machine.scene, machine.scene.motor
+    if motor is None or not kinked(scene):
         return grid_of(machine, nodes, scanned, points, breaks)
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     found = jnp.full(CHANGES * scene.cycle_turns * len(_causes(scene)), jnp.inf)
     grid = grid_of(machine, nodes, scanned, points, breaks, found)
-    for _ in range(ROUNDS):
+    for _ in range(LOSSY_ROUNDS if motor.transmission.loses else ROUNDS):
         begun, _ = begun_by_speed(machine, grid, at_nodes(machine, grid), start=start)
         found = machine.run(_kinks, begun.flow, begun.energy, turns=scene.cycle_turns)
         grid = grid_of(machine, nodes, scanned, points, breaks, found)
@@ -81,20 +82,21 @@ def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Arr
     """Crank angles (rad) where a function known at the nodes changes its sign, in order; infinite where there are
     fewer."""
     rule, size = grid.rule, jnp.max(jnp.abs(values))
-    ends = values @ jnp.asarray(rule.ends.T)
-    every = jnp.concatenate([ends[:, :1], values, ends[:, 1:]], axis=1)
-    changes = every[:, :-1] * every[:, 1:] < 0
-    following = jnp.roll(ends[:, 0], -1)
-    across = (ends[:, 1] * following <= 0) & (jnp.abs(ends[:, 1] - following) < JUMP * size)
-    wide = (grid.half > 0)[:, None]
-    flat = (jnp.concatenate([changes, across[:, None]], axis=1) & wide).ravel()
+    first, last = jnp.moveaxis(values @ jnp.asarray(rule.ends.T), -1, 0)
+    # one value at an edge, so that a root at an edge is found once: the two panels' own values there differ by rounding
+    gap = last - jnp.roll(first, -1)
+    joined = jnp.where(jnp.abs(gap) < JUMP * size, 0.5 * gap, 0.0)
+    last, first = last - joined, first + jnp.roll(joined, 1)
+    every = jnp.concatenate([first[:, None], values, last[:, None]], axis=1)
+    changes = (every[:, :-1] < 0) != (every[:, 1:] < 0)
+    flat = changes.ravel()
     place = jnp.sort(jnp.where(flat, jnp.arange(flat.size), flat.size))[:most]
     used, place = place < flat.size, jnp.minimum(place, flat.size - 1)
-    panel, step = place // (grid.n + 2), place % (grid.n + 2)
-    x = np.concatenate([[-1.0], rule.x, [1.0], [1.0]])
+    panel, step = place // (grid.n + 1), place % (grid.n + 1)
+    x = np.concatenate([[-1.0], rule.x, [1.0]])
     low, high = taken(jnp.asarray(x), step), taken(jnp.asarray(x), step + 1)
     series = taken(values @ jnp.asarray(rule.series.T), panel)
-    sign = jnp.sign(series_sum(series, low))
+    sign = jnp.where(taken(every[:, :-1].ravel(), place) < 0, -1.0, 1.0)
 
     def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         middle = 0.5 * (ends[0] + ends[1])

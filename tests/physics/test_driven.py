@@ -260,3 +260,13 @@ def test_flywheel_for_a_wanted_fluctuation_with_a_motor():
     needed = float(compiled_soon(lambda s: flywheel_for(s, 0.05))(scene))
     heavy = steady(slider_crank(line(), flywheel=needed))
     assert float(heavy.delta) == pytest.approx(0.05, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_knots_at_few_nodes():
+    """A motor that passes a knot of its table four times per turn. Each kink is found once: its own panel edge is no
+    second one. δ with few nodes is right within its stated error."""
+    table = lj.TableMotor(speeds=(0.0, 10.0, 30.0, 40.0), torques=(5.66, 3.4, 8.5, 0.0))
+    scene = slider_crank(lj.MotorDrive(table), flywheel=0.0102, pump=1.16)
+    few, many = steady(scene, nodes=32), steady(scene, nodes=192)
+    assert abs(float(few.delta - many.delta)) <= float(few.delta_error) < 1e-9
