@@ -103,7 +103,8 @@ def write_report(
         "Optimisation": _optimisation(show, optimum) if optimum else "",
         "Results": _tables.results(show, data, scene, before[0] if before else None)
         + energies(show, data, before[0] if before else None),
-        "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.loads(show, data, scene),
+        "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.motor(show, scene)
+        + _tables.loads(show, data, scene),
         "Peaks": _tables.peaks(show, data, before[0] if before else None) + _tables.measures(show, data)
         + harmonics_table(show, data),
         "Margins": _tables.groups(show, data) + _tables.dead_centres(show, data),

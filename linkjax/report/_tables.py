@@ -22,6 +22,7 @@ from linkjax.analysis import (
     torque_scale,
     uneven,
 )
+from linkjax.drives import drive_numbers
 from linkjax.loads import Passage
 from linkjax.machine import PERMANENT, Scene, load_place, load_size, passage_text
 from linkjax.measures import in_motion, measure_remark, motion_of
@@ -29,6 +30,11 @@ from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
 
 Data = dict[str, Any]
+MOTORS = {
+    "NoMotor": "none: free motion", "ConstantTorque": "constant torque", "LineMotor": "straight characteristic",
+    "TableMotor": "characteristic by a table", "DCMotor": "DC motor", "InductionMotor": "induction motor, type plate",
+    "InductionCircuit": "induction motor, equivalent circuit", "Servo": "servo motor",
+}  # fmt: skip
 KINDS = {
     "fixed": "fixed", "scaled": "scaled with the length", "stretched": "stretched with the length",
     "section": "from the cross-section",
@@ -203,6 +209,18 @@ def points(show: Cells, scene: Scene) -> str:
         marked = scene.mechanism.links[name].actual().points
         rows += [[words(p), words(name), show.given(at.x, "m"), show.given(at.y, "m")] for p, at in marked.items()]
     return table(["point", "on", "x, or along the link", "y, or across it"], rows)
+
+
+def motor(show: Cells, scene: Scene) -> str:
+    """The numbers of the motor and its transmission by their keys; none without a motor."""
+    if scene.motor is None:
+        return ""
+    kind = type(scene.motor.motor).__name__
+    rows = [[words("kind"), Cell(MOTORS.get(kind, kind), True)]]
+    for number in drive_numbers(scene.motor):
+        value = Cell(show.bound(number.where(scene.motor), number.unit), True)
+        rows.append([words(number.key.replace("_", " ")), value])
+    return table(["motor", ""], rows)
 
 
 def groups(show: Cells, data: Data) -> str:

@@ -269,7 +269,7 @@
     const group = make(parent, "g", { class: "load" });
     const shaft = make(group, "path", { fill: "none", stroke: LOAD, "stroke-width": 2 });
     const head = make(group, "path", { fill: LOAD, d: "M0 0L-9 3.6V-3.6z" });
-    const text = make(group, "text", { fill: LOAD, "text-anchor": "middle" }, entry.text);
+    const text = make(group, "text", { fill: LOAD, "text-anchor": "middle" }, [entry.text].flat()[0]);
     let chosen = 0;
     const show = (at, x1, y1, x2, y2, path, places) => { // the label has the least overlap, and moves only if necessary
       const angle = (Math.atan2(y2 - y1, x2 - x1) * 180) / Math.PI;
@@ -285,7 +285,8 @@
       set(text, { x: there[chosen][0].toFixed(2), y: there[chosen][1].toFixed(2) });
     };
     const straight = (at, px, py) => {
-      let [dx, dy] = entry.along || velocity(machine, entry.point, at).map((part) => -part);
+      const along = entry.along && (Array.isArray(entry.along[0]) ? entry.along[cell(at).i] : entry.along);
+      let [dx, dy] = along || velocity(machine, entry.point, at).map((part) => -part);
       const size = Math.hypot(dx, dy);
       if (size < 1e-12) return false;
       dx /= size;
@@ -318,6 +319,7 @@
     };
     return (at) => {
       const [x, y] = position(machine, entry.point, at);
+      if (Array.isArray(entry.text)) text.textContent = entry.text[cell(at).i];
       const shown = acts(entry, at) && (entry.turn === null ? straight : round)(at, X(x), Y(y));
       group.style.display = shown ? "" : "none";
     };

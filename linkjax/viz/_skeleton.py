@@ -254,21 +254,33 @@ def arrows(data: Data, scene: Scene, angle: float, units: Units | None = None) -
     return found
 
 
-def _varying(data: Data, load: AbstractLoad, angle: float, place: np.ndarray, units: Units | None) -> list[Arrow]:
-    """A load of varying size, such as a table or gas, as it acts at the nearest crank angle of the analysis."""
+def varying(data: Data, load: AbstractLoad) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """Force or torque of a load of varying size, such as a table or gas, at the crank angles of the analysis: direction
+    (one or two rows; zero where it is too small to be drawn), magnitude and unit. None where it does nothing."""
     run = (data.get("loads") or {}).get(load.name)
     if run is None:
+        return None
+    every = [np.broadcast_to(np.asarray(run[key], float), (np.size(data["angles"]),))
+             for key in ("fx", "fy", "moment") if key in run]  # fmt: skip
+    parts = np.stack(every)
+    size = np.linalg.norm(parts, axis=0)
+    if not np.max(size) > 0:
+        return None
+    drawn = size > SMALL * np.max(size)
+    return np.where(drawn, parts / np.where(drawn, size, 1.0), 0.0), size, "N" if len(parts) > 1 else "N·m"
+
+
+def _varying(data: Data, load: AbstractLoad, angle: float, place: np.ndarray, units: Units | None) -> list[Arrow]:
+    """A load of varying size as it acts at the nearest crank angle of the analysis."""
+    found = varying(data, load)
+    if found is None:
         return []
     i = int(np.argmin(np.abs(np.asarray(data["angles"], float) - angle)))
-    parts = [np.asarray(run[key], float) for key in ("fx", "fy", "moment") if key in run]
-    now = [float(part[i]) for part in parts]
-    size, unit = math.hypot(*now), "N" if len(now) > 1 else "N·m"
-    if size <= SMALL * max(float(np.max(np.abs(part))) for part in parts):
+    along, size, unit = found[0][:, i], float(found[1][i]), found[2]
+    if not np.any(along):
         return []
     text = f"{load.name} {amount(size, unit, units)}"
-    if len(now) == 1:
-        return [Arrow(text, place, np.zeros(2), 1 if now[0] > 0 else -1)]
-    return [Arrow(text, place, np.array(now) / size, 0)]
+    return [Arrow(text, place, np.zeros(2), int(along[0])) if along.size == 1 else Arrow(text, place, along, 0)]
 
 
 def acts(data: Data, scene: Scene, load: AbstractLoad, angle: float) -> bool:

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.colors import to_hex
 
 from linkjax._display import Units
-from linkjax.loads import Force, OpposingForce, OpposingTorque, Torque
+from linkjax.loads import AbstractLoad, Damper, Force, OpposingForce, OpposingTorque, Spring, Torque
 from linkjax.machine import Scene
 from linkjax.viz._machine import MARGIN, colour, scale_mark, tint
-from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, heading, outline, path, places, skeleton
+from linkjax.viz._skeleton import Places, Skeleton, amount, clearest, heading, outline, path, places, skeleton, varying
 from linkjax.viz._style import Data, lost, ranges
 
 WIDE, TALLEST = 560.0, 400.0  # typographic points
@@ -149,7 +149,8 @@ def _names(data: Data, look: Skeleton) -> list[dict[str, Any]]:
 
 def _load(data: Data, scene: Scene, load: Any, units: Units | None) -> dict[str, Any] | None:
     """A load: its point, its ranges of crank angle (None: permanent), and its direction: fixed, against the motion, or
-    a sense of rotation. The sense of an opposing torque is given at every angle."""
+    a sense of rotation. The sense of an opposing torque is given at every angle, and so are text and direction of a
+    load of varying size; springs and dampers are drawn themselves."""
     entry: dict[str, Any] = {"windows": ranges(data, scene, load), "against": False, "along": None, "turn": None}
     if isinstance(load, Force | OpposingForce):
         entry["point"] = load.point
@@ -171,5 +172,19 @@ def _load(data: Data, scene: Scene, load: Any, units: Units | None) -> dict[str,
             entry["turn"] = [int(sense) for sense in -np.sign(rate)]
         text = amount(abs(size), "N·m", units)
     else:
-        return None
+        return None if isinstance(load, Spring | Damper) else _varying(data, scene, load, units)
     return entry | {"text": f"{load.name} {text}"} if size else None
+
+
+def _varying(data: Data, scene: Scene, load: AbstractLoad, units: Units | None) -> dict[str, Any] | None:
+    """A load of varying size; its direction is zero where it is too small to be drawn."""
+    found = varying(data, load)
+    if found is None:
+        return None
+    along, size, unit = found
+    entry = {"windows": None, "against": False, "along": None, "turn": None,
+             "text": [f"{load.name} {amount(float(each), unit, units)}" for each in size],
+             "point": load.point or scene.mechanism.origins()[load.link]}  # fmt: skip
+    if len(along) == 1:
+        return entry | {"turn": along[0].astype(int).tolist()}
+    return entry | {"along": [_short(each) for each in along.T]}

@@ -9,9 +9,10 @@ import re
 
 import pytest
 
+import linkjax as lj
 from linkjax._units import QuantityError, display_units
-from linkjax.report import write_report
-from linkjax.report._cells import Numbers
+from linkjax.report import _tables, write_report
+from linkjax.report._cells import Cells, Numbers
 from linkjax.viz import write_figures
 from tests.report.optimum import OPTIMUM
 from tests.report.pages import assert_printed, read
@@ -275,3 +276,10 @@ def test_machines_before_and_after_need_the_same_angles(tmp_path):
     fewer = {**data, "angles": data["angles"][::2]}
     with pytest.raises(ValueError, match="before and after have different crank angles"):
         write_report(data, scene, tmp_path / "report.html", figures=[], before=(fewer, scene))
+
+
+def test_the_numbers_of_a_motor():
+    text = re.sub(r"<[^>]*>", "|", _tables.motor(Cells(), lj.load("pump-with-motor")))
+    for row in ("kind||induction motor, type plate", "rated power||3 kW", "rated speed||1435 rpm", "ratio||8.2"):
+        assert row in text, text
+    assert _tables.motor(Cells(), lj.load("slider-crank")) == ""

@@ -217,3 +217,11 @@ def test_arrows_of_loads_of_varying_size():
     assert one == [("cloth 3 N·m", 1), ("fan 2 N·m", -1)]
     assert two == [("cloth 5 N·m", -1), ("fan 2 N·m", -1)]
     assert three == [("fan 2 N·m", -1)]
+    drawn = viz.machine_view(data, scene)["machines"][0]["loads"]
+    assert [drawn[0]["text"][i] for i in (0, 100)] == ["cloth 3 N·m", "cloth 5 N·m"]
+    assert [[load["turn"][i] for i in (0, 100, 200)] for load in drawn] == [[1, -1, 0], [-1, -1, -1]]
+    across = np.where(turns > 0, 4.0, 0.0)
+    data = {**data, "loads": {"fan": {"fx": -0.75 * across, "fy": across}}}
+    (drawn,) = viz.machine_view(data, scene)["machines"][0]["loads"]
+    assert [drawn["along"][i] for i in (0, 200)] == [[-0.6, 0.8], [0.0, 0.0]]
+    assert drawn["text"][0] == "fan 5 N"
