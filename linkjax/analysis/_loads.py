@@ -14,9 +14,11 @@ from linkjax._batches import joined
 from linkjax._compile import compiled_soon
 from linkjax._numerics import taken
 from linkjax._types import as_float
-from linkjax.forces import JointForce
+from linkjax.drives import MotorDrive
+from linkjax.forces import JointForce, driven_by_joint
 from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, nameless, ready
+from linkjax.mechanism import Mechanism
 from linkjax.motion import Grid, Place, Work, drive_work, split_work, unnamed
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
@@ -56,13 +58,25 @@ def energies_of(cycle: Any) -> dict[str, Work] | None:
     if cycle.on_grid is None:
         return None
     scene, (grid, here, slope) = cycle.scene, cycle.on_grid
-    work, loss = drive_work(scene.motor, grid, cycle.steady, here, slope, as_float(scene.speed))
+    speed = as_float(scene.speed)
+    rotor = _rotor(scene.motor, scene.mechanism, grid.nodes, speed) if driven_by_joint(scene.mechanism) else None
+    work, loss = drive_work(scene.motor, grid, cycle.steady, here, slope, speed, rotor)
     found = {"drive" if scene.motor is None else "motor": work}
     if loss is not None:
         found["transmission"] = Work(jnp.zeros_like(loss), loss)
     names = ["gravity", *(load.name for load in scene.loads)]
     works = split_work(grid.half, tuple(here.by_load[name] for name in names))
     return found | dict(zip(names, works, strict=True))
+
+
+@compiled_soon
+def _rotor(motor: MotorDrive | None, mechanism: Mechanism, nodes: Array, speed: Array) -> Array | None:
+    """Power of a rotor that follows the motion law of a driver, divided by the crank speed (N m)."""
+    law = mechanism.driver.follows()
+    if motor is None or law is None:
+        return None
+    _, d, dd = jax.vmap(jax.vmap(law.at))(nodes)
+    return motor.rotor_inertia() * d * dd * speed**2
 
 
 def loads_of(cycle: Any, energies: dict[str, Work] | None) -> dict[str, LoadRun] | None:

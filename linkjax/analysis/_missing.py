@@ -14,11 +14,12 @@ import jax.numpy as jnp
 
 from linkjax._results import MESSAGES, Result
 from linkjax._types import Tracer, known
-from linkjax.analysis._cycle import Cycle, NoMotion
+from linkjax.analysis._cycle import Cycle, Flywheels, NoMotion
 from linkjax.machine import Scene
-from linkjax.motion import speed_dependent
+from linkjax.motion import speed_dependent, steady_motion, textbook_flywheel, with_flywheel
 
 NONE = (Result.INTEGRATION_FAILED, Result.NO_PERIODIC_REGIME, Result.NO_INERTIA)
+CLOSE = 1e-3  # relative: a flywheel gives the wanted δ
 
 
 def massless(scene: Scene) -> bool:
@@ -42,6 +43,9 @@ def only_what_exists(cycle: Cycle) -> Cycle:
     needed = None if wheels is None else wheels.for_target_delta
     if needed is not None and not (bool(jnp.isfinite(needed)) and float(needed) > 0):
         needed, wheels = None, None
+    if needed is not None and wheels is not None and speed_dependent(cycle.scene):
+        wheels = _driven_wheels(cycle.scene, wheels)
+        needed = None if wheels is None else needed
     missing = NoMotion(
         _reason(cycle, code, "" if needed is None else _needed(cycle, float(needed))),
         fails=code is not Result.NO_INERTIA or not massless(cycle.scene),
@@ -57,12 +61,24 @@ def only_what_exists(cycle: Cycle) -> Cycle:
     )  # fmt: skip
 
 
+def _driven_wheels(scene: Scene, wheels: Flywheels) -> Flywheels | None:
+    """The flywheels where the needed one does give the wanted δ; None where a motor carries the loads with no flywheel,
+    so that the search for one has no meaning."""
+    needed, target = wheels.for_target_delta, scene.target_delta
+    assert needed is not None and target is not None
+    motion = steady_motion(with_flywheel(scene, needed))
+    good = motion.driven is not None and bool(motion.driven.found)
+    if not good or abs(float(motion.delta) / float(target) - 1) > CLOSE:
+        return None
+    return dataclasses.replace(wheels, textbook=textbook_flywheel(motion, target))
+
+
 def _needed(cycle: Cycle, needed: float) -> str:
     assert cycle.scene.target_delta is not None
     return f" (with a flywheel of {needed:.4g} kg m^2 δ is {float(cycle.scene.target_delta):.4g})"
 
 
-def _not_driven(cycle: Cycle, shaft: bool) -> str:
+def _not_driven(cycle: Cycle, shaft: bool, flywheel: str) -> str:
     """Why a motor gives no steady-state motion, and a remedy, in one line."""
     steady, nominal = cycle.steady, f"{float(cycle.scene.speed):.6g} rad/s"
     gain, degrees = float(steady.driven.gain), float(jnp.degrees(steady.angle_of_min))
@@ -77,7 +93,7 @@ def _not_driven(cycle: Cycle, shaft: bool) -> str:
             f"{within}: the drive supplies more energy than the loads take, {gain:.4g} J per cycle too much at the "
             "nearest motion. Check its torque, ratio and the nominal speed, or add what limits the speed."
         )
-    more = "a flywheel" if shaft else "inertia"
+    more = f"a flywheel{flywheel}" if shaft else "inertia"
     return (
         f"{within}: the drive cannot carry the loads, {-gain:.4g} J per cycle are missing at the nearest motion, whose "
         f"speed is lowest at {degrees:.2f} degrees. Choose a stronger motor or another ratio, add {more}, or reduce "
@@ -99,7 +115,7 @@ def _reason(cycle: Cycle, code: Result, flywheel: str) -> str:
     if code is Result.INTEGRATION_FAILED or steady is None:
         return f"no actual motion: {MESSAGES[Result.INTEGRATION_FAILED]}"
     if steady.driven is not None:
-        return _not_driven(cycle, shaft)
+        return _not_driven(cycle, shaft, flywheel)
     nominal, lowest = (f"{float(speed):.6g} rad/s" for speed in (cycle.scene.speed, steady.min_mean_speed))
     degrees = float(jnp.degrees(steady.angle_of_min_work))
     add = "add a flywheel" if shaft else "add inertia to the driven links"

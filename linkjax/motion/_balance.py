@@ -77,19 +77,25 @@ def unnamed(grid: Grid) -> Grid:
 
 
 def drive_work(
-    motor: MotorDrive | None, grid: Grid, steady: Steady | None, here: Reduced, slope: Any, nominal: Any
-) -> tuple[Work, Array | None]:
+    motor: MotorDrive | None, grid: Grid, steady: Steady | None, here: Reduced, slope: Any, nominal: Any,
+    rotor: Array | None = None,
+) -> tuple[Work, Array | None]:  # fmt: skip
     """Work of the drive (J): at the shaft of the `motor`, or on the crank without one; and what its transmission loses
     (None: nothing).
 
     `here` is the reduced model of all loads at the nodes of the grid, `slope` the bare slope of the reduced inertia
     there. Without a motion, or with a prescribed one, the crank turns at the `nominal` speed (rad/s), and the drive
-    gives what inertia and loads require; otherwise it is the constant torque, or the motor by its characteristic.
+    gives what inertia and loads require, and the motor of a motion law the power of its `rotor`, divided by the crank
+    speed (N m at the nodes); otherwise it is the constant torque, or the motor by its characteristic.
     """
     moved = None if steady is None or grid.prescribed else steady
     if moved is None:
-        work = _required(grid.half, slope, tuple(here.by_load.values()), nominal)
-        return (work, None) if motor is None else _at_shaft(motor, work)
+        given = grid.half, slope, tuple(here.by_load.values()), nominal
+        work = _required(*given)
+        if motor is None:
+            return work, None
+        shaft, loss = _at_shaft(motor, work)
+        return (shaft if rotor is None else _with_rotor(motor, *given, rotor, shaft.net)), loss
     if moved.driven is None or motor is None:
         mean = moved.mean_drive_torque * grid.length
         return Work(jnp.maximum(mean, 0.0), jnp.maximum(-mean, 0.0)), None
@@ -105,11 +111,20 @@ def drive_work(
 def _required(half: Array, slope: Array, shares: tuple[Array, ...], nominal: Array) -> Work:
     """Work of a drive that keeps the speed. Its sum is that of the loads exactly: inertia does no work in a cycle."""
     torque = sum(shares, jnp.zeros_like(shares[0]))
-    torques = 0.5 * slope[: torque.size].reshape(torque.shape) * nominal**2 - torque
-    (gained,), (lost,) = _split(half, torques[None])
     weights = half[:, None] * rule(torque.shape[-1]).w[None]
-    more = -jnp.sum(weights * torque) - (gained - lost)
-    drives = gained > lost
+    return _split_to(half, _on_crank(slope, shares, nominal), -jnp.sum(weights * torque))
+
+
+def _on_crank(slope: Array, shares: tuple[Array, ...], nominal: Array) -> Array:
+    """Torque of a drive that keeps the speed (N m), at the nodes."""
+    torque = sum(shares, jnp.zeros_like(shares[0]))
+    return 0.5 * slope[: torque.size].reshape(torque.shape) * nominal**2 - torque
+
+
+def _split_to(half: Array, torque: Array, net: Array) -> Work:
+    """What a torque supplies and absorbs, with a net work that is known."""
+    (gained,), (lost,) = _split(half, torque[None])
+    more, drives = net - (gained - lost), gained > lost
     return Work(gained + jnp.where(drives, more, 0.0), lost - jnp.where(drives, 0.0, more))
 
 
@@ -120,6 +135,16 @@ def _at_shaft(motor: MotorDrive, work: Work) -> tuple[Work, Array | None]:
     there, back = (gear.speed_ratio() / gear.torque_ratio(jnp.asarray(way)) for way in (True, False))
     shaft = Work(work.supplied * there, work.absorbed * back)
     return shaft, shaft.net - work.net if gear.loses else None
+
+
+@compiled_soon
+def _with_rotor(
+    motor: MotorDrive, half: Array, slope: Array, shares: tuple[Array, ...], nominal: Array, rotor: Array, net: Array
+) -> Work:
+    """The work of a motor whose rotor follows a motion law: it does no net work, but the motor has to accelerate it."""
+    torque, gear = _on_crank(slope, shares, nominal), motor.transmission
+    shaft = torque * gear.speed_ratio() / gear.torque_ratio(torque > 0)
+    return _split_to(half, shaft + rotor, net)
 
 
 @compiled_soon

@@ -92,11 +92,26 @@ def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
         return Solved(orbit, orbit.left < SOLVED, jnp.ones((), int), none)
     found = _sought(fixed, nominal) if start is None else near(_rate, fixed, nominal[0, 0] * (start / speed) ** 2)
     nodes, edges = (jnp.maximum(part, fixed.given.least) for part in (found.passed.nodes, found.passed.edges))
-    nearest = Orbit(nodes, edges, none, found.passed.slope, none)
     orbit = periodic(_rate, panels, nodes, edges, none, None)
-    good = found.found & (orbit.left < SOLVED)
+    good, stopped = found.found & (orbit.left < SOLVED), found.passed.stopped
+    still, lack = _at_constant_speed(panels, nominal)
+    near_nodes, near_edges = jnp.where(stopped, still, nodes), jnp.where(stopped, still[:, 0], edges)
+    nearest = Orbit(near_nodes, near_edges, none, found.passed.slope, none)
     orbit = jax.tree.map(lambda a, b: jnp.where(good, a, b), orbit, nearest)
-    return Solved(orbit, good, found.number, gained(_rate, panels, nodes, edges))
+    return Solved(orbit, good, found.number, jnp.where(stopped, lack, gained(_rate, panels, nodes, edges)))
+
+
+def _at_constant_speed(panels: Panels, nominal: Array) -> tuple[Array, Array]:
+    """For a machine whose motion comes to rest: the energies (J) at the nodes at the constant speed at which most is
+    gained, and what is missing there, negative: the gain over the cycle, or where that is positive, the kinetic energy
+    that is short within the cycle."""
+    fixed = jax.lax.stop_gradient(panels)
+    squares = jnp.asarray(STARTS) ** 2
+    gains = jax.vmap(lambda square: jnp.sum(fixed.weights * fixed.slopes(_rate, square * nominal)))(squares)
+    nodes = taken(squares, jnp.argmax(gains)) * nominal
+    gain = panels.weights * panels.slopes(_rate, nodes)
+    short = jnp.min(nodes.ravel() + jnp.cumsum(gain.ravel()))
+    return nodes, jnp.minimum(jnp.where(jnp.sum(gain) < 0, jnp.sum(gain), short), -LEAST * panels.unit)
 
 
 def _sought(panels: Panels, nominal: Array) -> Sought:

@@ -29,7 +29,7 @@ from linkjax.motion._flow import LEAST, SIGNS, Begun, Duty, Ends, Flow, Primitiv
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._nodes import AtEdges, AtNodes, at_nodes, reduced_in
 from linkjax.motion._switching import grid_with_kinks
-from linkjax.reduction import Moving, Reduced, by_speed
+from linkjax.reduction import Moving, Reduced, by_speed, of_crank
 from linkjax.sampling import Sample, Sampler
 
 REPEATS = 5  # of the motion, for a mean of the extremes
@@ -154,7 +154,8 @@ def _all_loads(scene: Scene, grid: Grid, here: Reduced, pose: Pose, steady: Stea
     torques, speed = torques_of(scene), scene.speed * jnp.ones_like(grid.nodes)
     if steady is not None and steady.driven is not None:
         speed = steady.node_speeds(here.inertia)
-    return torques.loaded(here, moving_at_nodes(grid, torques, pose), speed)
+    full = torques.loaded(here, moving_at_nodes(grid, torques, pose), speed)
+    return of_crank(full, grid.prescribed)  # a motion law moves the crank whatever resists
 
 
 def driven_on(machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0) -> tuple[Begun, AtEdges | None]:

@@ -104,3 +104,31 @@ def test_two_turns_a_cycle_with_a_motor():
     scene = dataclasses.replace(driven(2.0, 0.05, (-1.0, 7.0, 8.5)), cycle_turns=2)
     found = agrees(scene, 2.0)
     assert float(found.period) == pytest.approx(4 * math.pi / float(found.mean_speed), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_a_motor_that_is_too_weak():
+    """The load takes 3 rad · 8 N m in every turn, more than the motor gives at the slowest speed looked at, 0.02 times
+    the nominal one; no flywheel helps."""
+    scene = dataclasses.replace(driven(2.0, 0.05, (-8.0, 1.0, 4.0)), target_delta=0.1)
+    lack = 24.0 - 2 * math.pi * (2.0 * 0.98 - 1e-3 * 0.8)
+    found = steady(scene, nodes=192)
+    assert found.driven is not None and not bool(found.driven.found)
+    assert float(found.driven.gain) == pytest.approx(-lack, rel=1e-9)
+    assert float(found.steady_state_margin) < 0 and float(found.angle_of_min) == pytest.approx(4.0, abs=0.05)
+    cycle = lj.analyse(scene, angles=36, throw=False)
+    assert cycle.missing is not None and cycle.flywheel is None
+    assert f"{lack:.4g} J per cycle are missing" in cycle.missing.reason
+
+
+@pytest.mark.slow
+def test_a_flywheel_too_small_for_the_stroke():
+    """The motor carries the work of 10 J in every turn, but without a flywheel the machine stops in the middle of it.
+    The message names the flywheel with which it runs, and it does."""
+    scene = dataclasses.replace(driven(4.0, 0.0, (-20.0, 1.0, 1.5)), target_delta=0.1)
+    cycle = lj.analyse(scene, angles=36, throw=False)
+    assert cycle.missing is not None and cycle.flywheel is not None and cycle.flywheel.for_target_delta is not None
+    need = float(cycle.flywheel.for_target_delta)
+    assert f"a flywheel of {need:.4g} kg m^2" in cycle.missing.reason and "cannot carry" in cycle.missing.reason
+    found = agrees(driven(4.0, need, (-20.0, 1.0, 1.5)), 4.0)
+    assert float(found.delta) == pytest.approx(0.1, rel=1e-8)

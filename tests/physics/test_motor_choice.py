@@ -139,6 +139,29 @@ def test_the_limits_of_a_servo_motor():
 
 
 @pytest.mark.slow
+def test_a_servo_motor_also_accelerates_its_rotor():
+    """Both ways the motor gives the kinetic energy of arm and rotor, ½ (J + u² J_m) (θ' ω)², and takes it back."""
+    energies = arm().energies
+    assert energies is not None
+    kinetic = 0.5 * (0.5 + 5.0**2 * 0.01) * (math.pi / 6 * 20) ** 2
+    assert float(energies["motor"].supplied) == pytest.approx(2 * kinetic, rel=1e-9)
+    assert float(energies["motor"].absorbed) == pytest.approx(2 * kinetic, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_crank_speed_of_a_motion_law_with_a_damper():
+    """A load that depends on the speed changes the drive torque, but not the motion, which the law gives."""
+    links = {"arm": lj.Link(length=0.1, inertia=0.5)}
+    swing = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [lj.Crank("arm", "A", "B", law=lj.Harmonic(0.0, math.pi / 3))])
+    scene = lj.Scene(swing, speed=20.0, loads=(lj.TorsionDamper("oil", "arm", coefficient=9.0),))
+    cycle, size = lj.analyse(scene, angles=72), math.pi / 6
+    assert cycle.steady is not None and cycle.delta is not None
+    assert float(cycle.delta) == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose([cycle.steady.max_speed, cycle.steady.min_speed], 20.0, rtol=1e-12)
+    np.testing.assert_allclose(cycle.steady.mean_drive_torque, 9.0 * 20 * size**2 / 2, rtol=1e-9)
+
+
+@pytest.mark.slow
 def test_a_servo_motor_on_a_slider():
     """Its power is that of the drive, whatever the ratio (rad/m), and its force that on the guide."""
     links = {"rod": lj.Link(length=0.5, mass=2.0, inertia=0.1, centre=lj.Vec(0.25, 0.0)),
