@@ -95,9 +95,9 @@ def _not_driven(cycle: Cycle, shaft: bool, flywheel: str) -> str:
         )
     more = f"a flywheel{flywheel}" if shaft else "inertia"
     return (
-        f"{within}: the drive cannot carry the loads, {-gain:.4g} J per cycle are missing at the nearest motion, whose "
-        f"speed is lowest at {degrees:.2f} degrees. Choose a stronger motor or another ratio, add {more}, or reduce "
-        "the loads."
+        f"{within}: the drive cannot carry the loads, {-gain:.4g} J are missing in the cycle of the nearest motion, "
+        f"whose speed is lowest at {degrees:.2f} degrees. Choose a stronger motor or another ratio, add {more}, or "
+        "reduce the loads."
     )
 
 

@@ -76,8 +76,7 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     """All stages, each a program of its own; the machine is evaluated in batches."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     scanned = machine.sample(scan_angles(turns, MOTION_SCAN), gaps=True)
-    make = grid_with_kinks if moves else grid_of
-    grid = make(machine, nodes, scanned, MOTION_SCAN)
+    grid = grid_with_kinks(machine, nodes, scanned, MOTION_SCAN, moves=moves)
     at = at_nodes(machine, grid)
     motion, wheels = None, None
     if moves:

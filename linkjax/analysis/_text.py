@@ -80,8 +80,8 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
     run = data.get("motor")
     if run is None:
         return []
-    sizes = {unit: max(abs(run[key]) for key in keys) for unit, keys in (
-        ("N·m", ("max_torque", "min_torque")), ("W", ("max_power", "min_power")))}  # fmt: skip
+    sizes = {"N·m": max(torque_scale(data), abs(run["max_torque"]), abs(run["min_torque"])),
+             "W": max(power_scale(data), abs(run["max_power"]), abs(run["min_power"]))}  # fmt: skip
 
     def shown(key: str, unit: str) -> str:
         return show.quantity(run[key], unit, 6, sizes[unit])

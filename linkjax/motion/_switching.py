@@ -1,5 +1,5 @@
 """Crank angles where the motion itself has a kink: the power in a lossy transmission changes its direction, or the
-motor passes a knot of its characteristic.
+motor passes a knot of its characteristic. At constant speed, only the former.
 
 They depend on the motion, and the motion on the grid whose panels should end there. So both are found in turn. A kink
 that is off by d from the end of a panel costs d² where the slope of the torque jumps, as with a lossy transmission, and
@@ -17,17 +17,20 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import taken
+from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion._by_speed import speed_dependent
-from linkjax.motion._driven import begun_by_speed
+from linkjax.motion._by_speed import speed_dependent, torques_of
+from linkjax.motion._driven import begun_by_speed, moving_at_nodes
 from linkjax.motion._flow import Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, grid_of
 from linkjax.motion._nodes import at_nodes
 from linkjax.motion._panels import series_sum
+from linkjax.reduction import Reduced, by_speed
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
 ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and where power is lost
+NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
 HALVINGS = 45  # bisections
 JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a jump, where panels end anyway
 
@@ -40,21 +43,40 @@ def kinked(scene: Scene) -> bool:
 
 def grid_with_kinks(
     machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN,
-    breaks: tuple[float, ...] = (), start: Any = None,
+    breaks: tuple[float, ...] = (), start: Any = None, moves: bool = True,
 ) -> Grid:  # fmt: skip
-    """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion: the one
-    near the speed `start` (rad/s) at the first edge, if given."""
+    """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion, if it
+    `moves`: the one near the speed `start` (rad/s) at the first edge, if given. With a lossy transmission they also end
+    where the power changes its direction at constant speed, or in the motion that a law gives."""
     scene, motor = machine.scene, machine.scene.motor
-    if motor is None or not kinked(scene):
-        return grid_of(machine, nodes, scanned, points, breaks)
+    given, kinks = (machine, nodes, scanned, points, breaks), moves and kinked(scene)
+    if motor is None or not (kinks or motor.transmission.loses):
+        return grid_of(*given)
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
-    found = jnp.full(CHANGES * scene.cycle_turns * len(_causes(scene)), jnp.inf)
-    grid = grid_of(machine, nodes, scanned, points, breaks, found)
-    for _ in range(LOSSY_ROUNDS if motor.transmission.loses else ROUNDS):
-        begun, _ = begun_by_speed(machine, grid, at_nodes(machine, grid), start=start)
-        found = machine.run(_kinks, begun.flow, begun.energy, turns=scene.cycle_turns)
-        grid = grid_of(machine, nodes, scanned, points, breaks, found)
-    return grid
+    most = CHANGES * scene.cycle_turns
+    found = jnp.full(most * (motor.transmission.loses + kinks * len(_causes(scene))), jnp.inf)
+    grid, still = grid_of(*given, found), found[:0]
+    at = at_nodes(machine, grid, edges=kinks)
+    if motor.transmission.loses:
+        poses = at.sample.pose if by_speed(scene) else None
+        still = machine.run(_still, scene, grid, at.here, at.sample.dynamics[1], poses, most=most)
+    for again in range((LOSSY_ROUNDS if motor.transmission.loses else ROUNDS) if kinks else 0):
+        at = at_nodes(machine, grid) if again else at
+        begun, _ = begun_by_speed(machine, grid, at, start=start)
+        found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
+        grid = grid_of(*given, found)
+    return grid if kinks else grid_of(*given, still)
+
+
+@compiled_soon(static=("most",))
+def _still(
+    scene: Scene, grid: Grid, here: Reduced, slope: Array, pose: Pose | None, most: int
+) -> Float[Array, " kinks"]:  # fmt: skip
+    """Crank angles (rad) where the torque on a crank of constant speed changes its sign."""
+    torques = torques_of(scene)
+    every = torques.loaded(here, moving_at_nodes(grid, torques, pose), scene.speed * jnp.ones_like(grid.nodes))
+    own = 0.5 * slope[: grid.size].reshape(grid.nodes.shape) * scene.speed**2
+    return _roots(grid, jax.lax.stop_gradient(own - sum(every.by_load.values(), jnp.zeros_like(own))), most)
 
 
 def _causes(scene: Scene) -> tuple[Any, ...]:
@@ -65,8 +87,8 @@ def _causes(scene: Scene) -> tuple[Any, ...]:
 
 
 @compiled_soon(static=("turns",))
-def _kinks(flow: Flow, energy: Array, turns: int) -> Float[Array, " kinks"]:
-    """Crank angles of the kinks (rad), infinite where there are fewer."""
+def _kinks(flow: Flow, energy: Array, still: Array, turns: int) -> Float[Array, " kinks"]:
+    """Crank angles of the kinks (rad) after those that are `still` there; infinite where there are fewer."""
     flow, energy = jax.lax.stop_gradient((flow, energy))
     assert flow.driven is not None
     motor = flow.driven.torques.motor
@@ -75,7 +97,7 @@ def _kinks(flow: Flow, energy: Array, turns: int) -> Float[Array, " kinks"]:
     rate = (flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia
     values = [motor.shaft_torque(speed, rate)] if motor.transmission.loses else []
     values += [motor.motor_speed(speed) - knot for knot in motor.motor.knots()]
-    return jnp.concatenate([_roots(flow.grid, each, CHANGES * turns) for each in values])
+    return jnp.concatenate([still, *(_roots(flow.grid, each, CHANGES * turns) for each in values)])
 
 
 def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Array, " most"]:
@@ -88,7 +110,8 @@ def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Arr
     joined = jnp.where(jnp.abs(gap) < JUMP * size, 0.5 * gap, 0.0)
     last, first = last - joined, first + jnp.roll(joined, 1)
     every = jnp.concatenate([first[:, None], values, last[:, None]], axis=1)
-    changes = (every[:, :-1] < 0) != (every[:, 1:] < 0)
+    negative = every < -NOISE * size  # in a dwell there is rounding alone
+    changes = negative[:, :-1] != negative[:, 1:]
     flat = changes.ravel()
     place = jnp.sort(jnp.where(flat, jnp.arange(flat.size), flat.size))[:most]
     used, place = place < flat.size, jnp.minimum(place, flat.size - 1)
@@ -96,7 +119,7 @@ def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Arr
     x = np.concatenate([[-1.0], rule.x, [1.0]])
     low, high = taken(jnp.asarray(x), step), taken(jnp.asarray(x), step + 1)
     series = taken(values @ jnp.asarray(rule.series.T), panel)
-    sign = jnp.where(taken(every[:, :-1].ravel(), place) < 0, -1.0, 1.0)
+    sign = jnp.where(taken(negative[:, :-1].ravel(), place), -1.0, 1.0)
 
     def halve(_: Any, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         middle = 0.5 * (ends[0] + ends[1])

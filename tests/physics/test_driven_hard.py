@@ -118,7 +118,7 @@ def test_a_motor_that_is_too_weak():
     assert float(found.steady_state_margin) < 0 and float(found.angle_of_min) == pytest.approx(4.0, abs=0.05)
     cycle = lj.analyse(scene, angles=36, throw=False)
     assert cycle.missing is not None and cycle.flywheel is None
-    assert f"{lack:.4g} J per cycle are missing" in cycle.missing.reason
+    assert f"{lack:.4g} J are missing in the cycle" in cycle.missing.reason
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from typing import Any
 
@@ -159,6 +160,40 @@ def test_the_crank_speed_of_a_motion_law_with_a_damper():
     assert float(cycle.delta) == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose([cycle.steady.max_speed, cycle.steady.min_speed], 20.0, rtol=1e-12)
     np.testing.assert_allclose(cycle.steady.mean_drive_torque, 9.0 * 20 * size**2 / 2, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_servo_motor_with_a_lossy_gear():
+    """Where the power changes its direction, the torque of the motor has a kink: its mean, root mean square, power and
+    loss by Gauss's rule between the zeros of the power."""
+    inertia, drag, w, size, ratio, rotor, ahead, back = 0.5, 9.0, 20.0, math.pi / 6, 5.0, 0.01, 0.8, 0.7
+    swing = lj.Mechanism(
+        {"A": lj.Vec(0.0, 0.0)}, {"arm": lj.Link(length=0.1, inertia=inertia)},
+        [lj.Crank("arm", "A", "B", law=lj.Harmonic(0.0, 2 * size))],
+    )  # fmt: skip
+    motor = lj.MotorDrive(lj.Servo(200.0, 200.0), lj.Transmission(ratio, ahead, back), inertia=rotor)
+    scene = lj.Scene(swing, (lj.TorsionDamper("oil", "arm", coefficient=drag),), speed=w, motor=motor)
+    turn = math.pi - math.atan(inertia * w / drag)
+    x, weights = np.polynomial.legendre.leggauss(40)
+    panels = [
+        (0.5 * (b - a), 0.5 * (a + b)) for a, b in itertools.pairwise((0, turn, math.pi, math.pi + turn, 2 * math.pi))
+    ]
+    phi = np.concatenate([middle + half * x for half, middle in panels])
+    weights = np.concatenate([half * weights for half, _ in panels]) / (2 * math.pi)
+    rate, bend = size * np.sin(phi) * w, size * np.cos(phi) * w**2
+    torque = inertia * bend + drag * rate
+    shaft = torque / ratio * np.where(torque * rate > 0, 1 / ahead, back) + rotor * ratio * bend
+    power, lost = shaft * ratio * rate, (shaft - rotor * ratio * bend) * ratio * rate - torque * rate
+    cycle = lj.analyse(scene, angles=36)
+    run, energies = cycle.motor, cycle.energies
+    assert run is not None and energies is not None
+    expected = weights @ shaft, math.sqrt(weights @ shaft**2), weights @ power, weights @ lost * 2 * math.pi / w
+    found = run.mean_torque, run.rms_torque, run.mean_power, run.loss
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert float(energies["transmission"].absorbed) == pytest.approx(float(run.loss), rel=1e-9)
+    for name, value in zip(("mean_motor_torque", "rms_motor_torque", "mean_motor_power"), expected, strict=False):
+        both = [lj.measures.evaluate(scene, [each])[each] for each in (name, f"{name}_constant_speed")]
+        np.testing.assert_allclose(both, value, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.slow
