@@ -23,6 +23,7 @@ from linkjax.motion import every_row, steady_by_diffrax
 from tests.physics.machines import machine, resized
 
 FEW, MANY = 96, 160
+STEEP = {"oscillating-cylinder": 144}  # nodes where 96 leave an error that counts
 EVERY = lj.scene_names()
 SCENES = [pytest.param(name, marks=[pytest.mark.slow]) for name in EVERY]
 EVEN = ("slider-crank", "four-bar")  # no two values are equal
@@ -59,13 +60,6 @@ FLAT = {  # measures of `MEASURES` without slope
 KINK = 1e-4  # of the slope: a smooth function bends four times as much over twice the step, by far less
 MOST = 40  # measures of one program: a large one takes several times as long to compile as its parts
 FLOOR = 1e-9  # of the largest measure of the same unit: a slope below it is that of a measure that is constant
-
-
-def varied(scene: lj.Scene, by: jax.Array) -> lj.Scene:
-    """The scene with every number changed by a fraction of itself, of 0.03 (a tenth of a link) where it is zero."""
-    leaves, tree = jax.tree.flatten(scene)
-    zero = ZERO.get(scene.title, 0.03)
-    return jax.tree.unflatten(tree, [leaf + jnp.where(leaf == 0, zero, leaf) * by[i] for i, leaf in enumerate(leaves)])
 
 
 @functools.cache
@@ -122,19 +116,15 @@ def values(scene: lj.Scene, names: tuple[str, ...], nodes: int) -> jax.Array:
 
 
 @compiled_soon(static=("names",))
-def around(scene: lj.Scene, shifts: jax.Array, directions: jax.Array, names: tuple[str, ...]):
-    """Measures of many designs around a scene, (designs, measures), and their derivatives along one direction each."""
-
-    def one(pair):
-        return jax.jvp(lambda x: every(varied(scene, x), names, MANY), pair[:1], pair[1:])
-
-    return jax.lax.map(one, (shifts, directions))
+def forward(scene: lj.Scene, direction: lj.Scene, names: tuple[str, ...]) -> tuple[jax.Array, jax.Array]:
+    """The measures named, and their derivatives along a direction."""
+    return jax.jvp(lambda scene: every(scene, names, MANY), (scene,), (direction,))
 
 
 @compiled_soon(static=("names",))
 def backward(scene: lj.Scene, weights: jax.Array, names: tuple[str, ...]) -> lj.Scene:
-    """Gradient of the weighted sum of measures. With respect to the scene itself and one at a time: a program through
-    `varied`, or with pullbacks in a loop, compiles ten times longer for a machine of many groups."""
+    """Gradient of the weighted sum of measures. With respect to the scene itself and one at a time: a program with
+    pullbacks in a loop compiles ten times longer for a machine of many groups."""
     return jax.grad(lambda scene: weights @ every(scene, names, MANY))(scene)
 
 
@@ -153,7 +143,8 @@ def of_parts(program: CompiledSoon, name: str, *args, **fixed) -> list:
 
 @functools.cache
 def gradients(name: str) -> np.ndarray:
-    """Gradients of measures with respect to the arguments of `varied`: (measures, numbers)."""
+    """Gradients of measures with respect to relative changes of every number, `ZERO` where it is zero:
+    (measures, numbers)."""
     scene = swept(name)
     leaves = np.asarray(jax.tree.leaves(scene))
     size = np.where(leaves == 0, ZERO.get(scene.title, 0.03), leaves)
@@ -169,7 +160,7 @@ def gradients(name: str) -> np.ndarray:
 
 def valued(name: str, scene: lj.Scene) -> np.ndarray:
     """The measures of a sweep, of its own scene or of one of the same structure."""
-    return np.concatenate(of_parts(values, name, scene, nodes=FEW))
+    return np.concatenate(of_parts(values, name, scene, nodes=STEEP.get(name, FEW)))
 
 
 @functools.cache
@@ -181,12 +172,23 @@ def all_values(name: str) -> np.ndarray:
 def neighbours(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Measures with every number two steps down, one down, one up and two up, and (last row) unchanged; and their
     derivatives with respect to every number, forward: (numbers, measures)."""
-    count, h = len(jax.tree.leaves(swept(name))), FINER.get(name, H)
-    steps = np.concatenate([*(k * h * np.eye(count) for k in (-2, -1, 1, 2)), np.zeros((1, count))])
-    shifts = jnp.asarray(np.concatenate([steps, np.zeros((count, count))]))
-    directions = jnp.asarray(np.concatenate([np.zeros_like(steps), np.eye(count)]))
-    found = of_parts(around, name, swept(name), shifts, directions)
-    values, slopes = (np.concatenate(part, axis=1) for part in zip(*found, strict=True))
+    scene, h = swept(name), FINER.get(name, H)
+    leaves, tree = jax.tree.flatten(scene)
+    leaves = np.asarray(leaves)
+    size, none = np.where(leaves == 0, ZERO.get(scene.title, 0.03), leaves), np.zeros(leaves.size)
+    steps = [k * h * unit for k in (-2, -1, 1, 2) for unit in np.eye(leaves.size)] + [none]
+    pairs = [(step, none) for step in steps] + [(none, unit) for unit in np.eye(leaves.size)]
+
+    def tree_of(numbers: np.ndarray) -> lj.Scene:
+        return jax.tree.unflatten(tree, list(map(np.asarray, numbers)))
+
+    for names in parts(name):
+        forward.ahead(scene, scene, names=names)
+    found = [
+        [forward(tree_of(leaves + size * step), tree_of(size * along), names=names) for step, along in pairs]
+        for names in parts(name)
+    ]
+    values, slopes = (np.concatenate([[each[i] for each in part] for part in found], axis=1) for i in range(2))
     return values[: len(steps)], slopes[len(steps) :]
 
 
@@ -220,6 +222,7 @@ def test_gradients(name):
     names, reverse, (f, ahead), h = names_of(name), gradients(name), neighbours(name), FINER.get(name, H)
     assert np.all(np.isfinite(reverse))
     rounding, deep = 1e-5 * floors(name), depths(name)
+    lost = 2 * np.finfo(float).eps / h * floors(name) / FLOOR  # rounding of the differences, of the largest of the unit
     size = np.linalg.norm(reverse, axis=1) + floors(name)
     count = reverse.shape[1]
     middle, f = f[-1], f[:-1].reshape((4, count, len(names)))
@@ -236,7 +239,7 @@ def test_gradients(name):
             norm = np.linalg.norm(reverse[i])
             good = both <= max(1e-9, LOST * deep[i] ** 2) * size[i] + rounding[i]
             good &= each not in MEASURES or (norm > 0 and both <= 1e-10 * norm)
-            good &= bool(kinks[i]) or away <= max(1e-6, AWAY * deep[i]) * size[i]
+            good &= bool(kinks[i]) or away <= max(1e-6, AWAY * deep[i]) * size[i] + lost[i]
         if not good:
             wrong[each] = both / size[i], away / size[i], deep[i]
     assert not wrong, "\n".join(
@@ -288,7 +291,7 @@ def test_unchanged_by_units(name, units):
 @pytest.mark.parametrize("name", SCENES)
 def test_an_analysis_holds_the_same_numbers(name):
     """The values that `measured` reads from a cycle, from other programs; only some scenes have a target for δ."""
-    found = measured(lj.analyse(swept(name), angles=4, nodes=FEW))
+    found = measured(lj.analyse(swept(name), angles=4, nodes=STEEP.get(name, FEW)))
     expected = dict(zip(names_of(name), all_values(name), strict=True))
     least = dict(zip(names_of(name), zeros(name), strict=True))
     assert set(MEASURES) - set(found) <= {"flywheel_for_target_delta", "min_transmission_angle"}
