@@ -102,6 +102,7 @@ def write_report(
         "Motion": _stage(view, data, still) if view else still,
         "Optimisation": _optimisation(show, optimum) if optimum else "",
         "Results": _tables.results(show, data, scene, before[0] if before else None)
+        + _tables.motor_load(show, data, before[0] if before else None)
         + energies(show, data, before[0] if before else None),
         "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.motor(show, scene)
         + _tables.loads(show, data, scene),

@@ -57,6 +57,16 @@ def results(show: Cells, data: Data, scene: Scene, before: Data | None = None) -
     return table(["quantity", *(["before", "after"] if before else ["value"]), "remark"], rows)
 
 
+def motor_load(show: Cells, data: Data, before: Data | None = None) -> str:
+    """What the motor does in operation, in words; none without a motor."""
+    old, new = (dict(motor_rows(each, show)) if each else {} for each in (before, data))
+    rows = [
+        [words(name), *([words(old.get(name, NONE))] if before else []), words(new.get(name, NONE))]
+        for name in dict.fromkeys((*new, *old))
+    ]
+    return table(["motor", *(["before", "after"] if before else [""])], rows) if rows else ""
+
+
 def _values(show: Cells, data: Data) -> dict[str, str]:
     """Formatted results of an analysis, by name."""
     motion, wheel = data["motion"], data.get("flywheel", {})
@@ -76,7 +86,6 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
     if motion.get("period") is not None:
         found["mean drive power"] = show.quantity(float(motion["mean_power"]), "W", beside=power_scale(data))
         found["period of the cycle"] = show.quantity(float(motion["period"]), "s")
-        found |= dict(motor_rows(data, show))
     found["flywheel inertia, given"] = show.amount(wheel.get("given"), "kg·m²").text
     if wheel.get("for_target_delta") is not None:
         need = float(wheel["for_target_delta"])
@@ -98,6 +107,7 @@ def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
     wanted = data.get("flywheel", {}).get("target_delta", scene.target_delta)
     steady = (motion.get("steady_state_margin") or 0.0) > 0
     need = data.get("flywheel", {}).get("for_target_delta") or 0.0
+    constant = scene.motor is None and data.get("model", {}).get("method") != "prescribed"
     exact = f"δ = {float(wanted):g}" if wanted is not None else ""
     exact = f"exact value for {exact}" if need > 0 else f"not required for {exact}: δ is smaller without it"
     return {
@@ -105,7 +115,7 @@ def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
         "mean crank speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s" if runs else "",
         "max crank speed": f"at {show.turned(motion['angle_of_max'])}" if runs and uneven(data) else "",
         "min crank speed": f"at {show.turned(motion['angle_of_min'])}" if runs and uneven(data) else "",
-        "mean drive torque": "" if data.get("model", {}).get("method") == "prescribed" else "constant over the cycle",
+        "mean drive torque": "constant over the cycle" if constant else "",
         "mean drive power": "over the cycle",
         "flywheel inertia, given": "on the crankshaft",
         "flywheel inertia for target δ": "" if wanted is None else exact,
