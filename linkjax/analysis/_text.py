@@ -10,7 +10,7 @@ from linkjax._display import NONE, ROUNDING, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
 from linkjax.analysis._overload import overload_rows
-from linkjax.analysis._tidy import acts_text, peak_place, peak_shown, power_scale, torque_scale, uneven
+from linkjax.analysis._tidy import acts_text, peak_motions, peak_place, peak_shown, power_scale, torque_scale, uneven
 from linkjax.analysis._words import peak_label, peak_unit
 from linkjax.loads import Passage
 from linkjax.measures import in_motion, motion_of
@@ -115,11 +115,12 @@ def energy_rows(data: Data, show: Numbers) -> Rows:
 
 
 def _peaks(data: Data) -> Rows:
-    """Peaks by name in the actual motion and at constant speed, each with its crank angle."""
-    rows: Rows = [("peak", "actual motion", "at", "constant speed", "at")]
+    """Peaks by name in the motions that differ, each with its crank angle."""
+    motions = peak_motions(data)
+    rows: Rows = [("peak", *(cell for motion in motions for cell in (motion, "at")))]
     for name in dict.fromkeys(motion_of(key)[0] for key in data["peaks"]):
         cells = [peak_label(name)]
-        for key in (in_motion(name, constant) for constant in (False, True)):
+        for key in (in_motion(name, constant) for constant in motions.values()):
             value, angle, _ = peak_shown(data, key) if key in data["peaks"] else (float("nan"),) * 3
             place = peak_place(data, key, SHOW) if key in data["peaks"] else SHOW.turned(angle)
             cells += [SHOW.quantity(value, peak_unit(name), 6), place]

@@ -49,6 +49,17 @@ def power_scale(data: Data) -> float:
     return torque_scale(data) * abs(data["motion"].get("mean_speed") or 0.0)
 
 
+def peak_motions(data: Data) -> dict[str, bool]:
+    """The motions whose peaks are shown, by name, and whether each is that at constant speed; only one where a motion
+    law gives the machine one motion."""
+    if data.get("model", {}).get("method") == "prescribed":
+        return {"motion law": False}
+    found = {constant for name in data.get("peaks", {}) for constant in (motion_of(name)[1],)}
+    return {
+        name: constant for name, constant in (("actual motion", False), ("constant speed", True)) if constant in found
+    }
+
+
 def peak_shown(data: Data, key: str) -> tuple[float, float, float]:
     """A peak: its value, zero if it is below its error or only a rounding error; its crank angle, NaN if the quantity
     is zero or constant; and its error, NaN if the value is only a rounding error."""

@@ -16,6 +16,7 @@ from linkjax.analysis import (
     motor_rows,
     moves,
     peak_label,
+    peak_motions,
     peak_place,
     peak_shown,
     peak_unit,
@@ -202,15 +203,13 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
 
 
 def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
-    motions = ["actual motion", "at"] if moves(data) else []
-    table = Table("peak", *motions, "constant speed", "at", box=None, pad_edge=False)
+    motions = peak_motions(data)
+    heads = [cell for motion in motions for cell in (motion, "at")]
+    table = Table("peak", *heads, box=None, pad_edge=False)
     for name in dict.fromkeys(motion_of(name)[0] for name in data["peaks"]):
-        keys = [key for constant in (False, True) if (key := in_motion(name, constant)) in data["peaks"]]
-        both = [peak_shown(data, key) for key in keys]
-        values = [show.quantity(value, peak_unit(name), 6) for value, _, _ in both]
-        angles = [
-            peak_place(data, in_motion(name, c), show) for c in (False, True) if in_motion(name, c) in data["peaks"]
-        ]
+        keys = [in_motion(name, constant) for constant in motions.values()]
+        values = [show.quantity(peak_shown(data, key)[0], peak_unit(name), 6) for key in keys]
+        angles = [peak_place(data, key, show) for key in keys]
         table.add_row(peak_label(name), *(cell for pair in zip(values, angles, strict=True) for cell in pair))
     console.print()
     console.print(table, highlight=False)

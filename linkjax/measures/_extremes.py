@@ -51,6 +51,11 @@ class Extreme(NamedTuple):
         """What the machine must be asked for."""
         return self.quantity.asks if self.still else "dynamics"
 
+    @property
+    def held(self) -> tuple[float, ...]:
+        """Crank angles (rad) at which the range ends, or the quantity jumps: these places do not move."""
+        return (*((0.0,) if self.quantity.name == "angle" else ()), *(self.window or ()))
+
     def signs(self, scene: Scene) -> Signs:
         """For every element: one where the largest number is looked for, minus one for the smallest, zero for the
         greatest length; and whether the number is the length of a vector."""
@@ -105,7 +110,8 @@ def looked(of: Parts, extremes: Sequence[Extreme]) -> Looked:
         return machine.run(_raised, raw(regime, at), above, signs=signs)
 
     asks = "dynamics" if any(each.asks == "dynamics" for each in extremes) else extremes[0].asks
-    return Looked(Wanted(regime, components, nodes, None, asks), above, signs)
+    held = tuple(dict.fromkeys(angle for each in extremes for angle in each.held))
+    return Looked(Wanted(regime, components, nodes, None, asks, held), above, signs)
 
 
 @compiled_soon(static=("which", "signs"))
@@ -162,7 +168,8 @@ def extremes_of(of: Parts, extremes: Sequence[Extreme]) -> list[Array]:
             continue
         look = looked(of, [extremes[i] for i in which])
         regime, components, nodes = look.wanted[:3]
-        tops = lowered(peaks(regime, components, nodes).value, look.above, look.signs)
+        held = tuple(extremes[i].held for i in which for _ in extremes[i].elements or ("",))
+        tops = lowered(peaks(regime, components, nodes, held if any(held) else ()).value, look.above, look.signs)
         first = 0
         for i in which:
             size = len(extremes[i].elements or ("",))

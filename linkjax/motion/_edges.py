@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from linkjax._numerics import highest, nearest_turn, once, taken
+from linkjax._numerics import highest, nearest_turn, once, taken, wrapped
 
+ONE = 1e-13  # of the cycle: breakpoints so close are one
 SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
 KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on either side
 REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
@@ -106,3 +107,19 @@ def _sorted(values: Array) -> Array:
     before = (values[None] < values[:, None]) | ((values[None] == values[:, None]) & (number[None] < number[:, None]))
     place = jnp.sum(before, axis=1)
     return jnp.max(jnp.where(place[None] == number[:, None], values[None], -jnp.inf), axis=1)
+
+
+def wrapped_kinks(kinks: Array, cycle: float) -> list[Array]:
+    """Crank angles within the cycle; infinite ones stay."""
+    finite = jnp.isfinite(kinks)
+    return list(jnp.where(finite, wrapped(jnp.where(finite, kinks, 0.0), cycle), jnp.inf))
+
+
+def not_there(angles: tuple[float, ...], fixed: list[Array], cycle: float) -> list[Array]:
+    """Crank angles (rad) within the cycle, infinite where a breakpoint is already."""
+    found = [wrapped(jnp.asarray(angle), cycle) for angle in angles]
+    if not fixed:
+        return found
+    there = jnp.stack(fixed)
+    gaps = [jnp.abs(nearest_turn(jnp.where(jnp.isfinite(there), there, angle + 1.0) - angle, cycle)) for angle in found]
+    return [jnp.where(jnp.min(gap) < ONE * cycle, jnp.inf, angle) for angle, gap in zip(found, gaps, strict=True)]

@@ -158,17 +158,25 @@ def climb(slope: Callable[[Array], Array], summit: Summit, steps: int, rolled: b
     return jax.lax.stop_gradient(stepped(steps, step, state, rolled)[0])
 
 
-def settle(grid: Grid, panel: Array, x: Array) -> Place:
-    """The place found. Its derivative is that of the panel's edge if it is at an edge, and excludes the search
-    (envelope theorem).
+Held = tuple[tuple[float, ...], ...]  # for every quantity, the crank angles (rad) at which its own range ends
+
+
+def settle(grid: Grid, panel: Array, x: Array, held: Held = ()) -> Place:
+    """The place found, of quantities along the first axis. Its derivative is that of the panel's edge if it is at an
+    edge, and excludes the search (envelope theorem). An edge at which the range of the quantity itself ends does not
+    move, whatever else switches there; `held` has these angles of all quantities, or is empty.
 
     Inside a panel the angle is fixed while the panel's edges move with the design, so `x` changes.
     """
     inside = jax.lax.stop_gradient(jnp.abs(x) < 1)
     end = jax.lax.stop_gradient(jnp.where(x < 0, -1.0, 1.0))
     (_, _, edge, middle), angle = grid.at(panel, end), grid.at(panel, x).phi
-    for fixed in grid.breaks:  # an end of a given range of crank angle does not move, whatever else switches there
-        edge = jnp.where(jnp.abs(nearest_turn(edge - fixed, grid.length)) < SAME, jax.lax.stop_gradient(edge), edge)
+    for k in range(max(map(len, held), default=0)):
+        own = np.asarray([len(each) > k for each in held])
+        fixed = np.asarray([each[k] if len(each) > k else 0.0 for each in held])
+        own, fixed = (part.reshape((-1, *[1] * (edge.ndim - 1))) for part in (own, fixed))
+        at_end = own & (jnp.abs(nearest_turn(edge - fixed, grid.length)) < SAME)
+        edge = jnp.where(at_end, jax.lax.stop_gradient(edge), edge)
     drift = safe_divide(jax.lax.stop_gradient(angle) - middle, taken(grid.half, panel))  # zero for no width
     phi = envelope(jnp.where(inside, angle, edge), jnp.where(inside, 0.0, edge - jax.lax.stop_gradient(edge)))
     moves = jnp.where(inside, drift - jax.lax.stop_gradient(drift), 0.0)

@@ -26,7 +26,7 @@ from linkjax.groups import Margin
 from linkjax.kinematics import named_groups
 from linkjax.loads import Passage, Window
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion._edges import Candidates, edges_of, pick
+from linkjax.motion._edges import Candidates, edges_of, not_there, pick, wrapped_kinks
 from linkjax.motion._panels import Rule, rule
 from linkjax.motion._windows import Passed, crossings_of, evaluated, how_many, kinks_at_most, passed
 from linkjax.reduction import Reduced, loaded, of_crank
@@ -281,10 +281,13 @@ def _grid(
     soft = jax.lax.stop_gradient(_closest(margins, plan))
     kinks = Candidates(*(jnp.concatenate(pair) for pair in zip(kinks, soft, strict=True)))
     kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
-    fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks)]
-    fixed += [each for kinks_of_load in met for each in _wrapped_kinks(kinks_of_load, plan.cycle)]
-    fixed += [] if switches.driven is None else _wrapped_kinks(switches.driven, plan.cycle)
-    edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled, sure + len(switches.kinks))
+    sure += len(switches.kinks) - len(plan.breaks)
+    fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks[: -len(plan.breaks) or None])]
+    # an edge that moves must not have a twin that does not: which of them is the place of a peak could not be seen
+    fixed += not_there(plan.breaks, fixed, plan.cycle)
+    fixed += [each for kinks_of_load in met for each in wrapped_kinks(kinks_of_load, plan.cycle)]
+    fixed += [] if switches.driven is None else wrapped_kinks(switches.driven, plan.cycle)
+    edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled, sure)
     order = _order(switches.windows, _switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
     return Grid(
@@ -315,12 +318,6 @@ def _kinks(scene: Scene) -> tuple[Any, ...]:
     times = round(scene.cycle / law.period())
     found = [angle + k * law.period() for k in range(times) for angle in law.breaks()]
     return (*(angle if isinstance(angle, jax.Array) else np.asarray(angle, float) for angle in found), *own)
-
-
-def _wrapped_kinks(kinks: Array, cycle: float) -> list[Array]:
-    """Crank angles within the cycle; infinite ones stay."""
-    finite = jnp.isfinite(kinks)
-    return list(jnp.where(finite, wrapped(jnp.where(finite, kinks, 0.0), cycle), jnp.inf))
 
 
 def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, once, safe_divide, safe_sqrt, taken, wrapped
-from linkjax.motion._extremum import Summit, climb, search, settle, summit_heights
+from linkjax.motion._extremum import Held, Summit, climb, search, settle, summit_heights
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._nodes import node_places
 from linkjax.motion._panels import polynomials
@@ -43,12 +43,14 @@ def peaks(
     regime: Regime,
     components: Components,
     at_nodes: Any = None,
+    held: Held = (),
 ) -> Peak:
     """Peaks of several quantities, each the length of a vector of smooth parts; leaves of shape (quantities,).
 
     `components(regime, at)` gives the vectors at several places (see `Regime.at`). At a jump both one-sided limits
     count. The highest summits of the interpolants are compared on the functions themselves, and the best one is refined
     by a parabola. Values that are known at the nodes may be passed as `at_nodes`, shape (quantities, parts, panels, n).
+    For `held` see `settle`.
 
     Two summits are compared, because interpolants err where large forces cancel. A third one changed no value beyond
     the error bound, and cost 6 µs of 28 in the gradient.
@@ -57,7 +59,7 @@ def peaks(
     at_nodes = node_vectors(still, components) if at_nodes is None else at_nodes
     spots, heights, hidden = machine.run(_two_summits, still.grid, at_nodes, rolled=not machine.traced)
     spot, three, tied = machine.run(_higher, still.grid, spots, components(still, still.at(spots.place)))
-    x, gained, place = machine.run(_parabola, grid, spot, components(still, still.at(three)))
+    x, gained, place = machine.run(_parabola, grid, spot, components(still, still.at(three)), held=held)
     return machine.run(_peaked, grid, x, gained, place, components(regime, regime.at(place)), heights, hidden, tied)
 
 
@@ -157,11 +159,11 @@ def sharpened(followed: Array, y: Array, closer: bool = False) -> tuple[Array, A
     return jax.lax.stop_gradient(x), gained
 
 
-@compiled_soon
-def _parabola(grid: Grid, spot: Spots, found: Array) -> tuple[Array, Array, Place]:
+@compiled_soon(static=("held",))
+def _parabola(grid: Grid, spot: Spots, found: Array, held: Held) -> tuple[Array, Array, Place]:
     three = jnp.broadcast_to(spot.x[:, None], (*spot.x.shape, 3))
     x, gained = sharpened(spot.x, squares(own_rows(found, three)))
-    return x, gained, settle(grid, spot.panel, x)
+    return x, gained, settle(grid, spot.panel, x, held)
 
 
 @compiled_soon

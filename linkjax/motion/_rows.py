@@ -62,13 +62,14 @@ class Wanted(NamedTuple):
     """Rows that are wanted: the vectors of `components` in a regime over the continuous cycle. `at_nodes` are their
     values at the nodes, if known; `finish` makes the rows of the summits, by default of these and the nodes. `asks`
     says what the components use: "place" only, "pose", "dynamics" (the reduced model), or "gaps" (transmission
-    angles)."""
+    angles). At the crank angles `held` (rad) the range of what is wanted ends, or it jumps: see `settle`."""
 
     regime: Regime
     components: Components
     at_nodes: Any = None
     finish: Callable[[Summits], Rows] | None = None
     asks: str = "dynamics"
+    held: tuple[float, ...] = ()
 
 
 def every_row(wanted: Sequence[Wanted | Rows]) -> list[Rows]:
@@ -106,7 +107,9 @@ def summits(wanted: Sequence[Wanted], at_nodes: Sequence[Any]) -> list[Summits]:
     spots, three = zip(*begun, strict=True)
     # twice, to rounding: an optimiser is sensitive to the error
     again = _together(wanted, three, still=True)
-    places = [machine.run(_settled, grid, *each) for each in zip(spots, again, strict=True)]
+    places = [
+        machine.run(_settled, grid, *each, held=one.held) for *each, one in zip(spots, again, wanted, strict=True)
+    ]
     counts = [nodes.shape[0] for nodes in at_nodes]
     last = zip(places, _together(wanted, places, still=False), counts, strict=True)
     return [machine.run(_on_summits, grid, place, found, quantities=count) for place, found, count in last]
@@ -165,13 +168,13 @@ def _sharp(spots: Spots, found: Array, closer: bool) -> Array:
     return sharpened(spots.x, squares(own_rows(found, three)), closer)[0]
 
 
-@compiled_soon
-def _settled(grid: Grid, spots: Spots, found: Array) -> Place:
+@compiled_soon(static=("held",))
+def _settled(grid: Grid, spots: Spots, found: Array, held: tuple[float, ...]) -> Place:
     """The two ends and the two summits of every panel, flat."""
     x = _sharp(spots, found, closer=True)
     ends = jnp.broadcast_to(jnp.asarray([-1.0, 1.0], x.dtype), (*x.shape[:2], 2))
     panel = jnp.concatenate([spots.panel, spots.panel], axis=-1).ravel()
-    return settle(grid, panel, jnp.concatenate([ends, x], axis=-1).ravel())
+    return settle(grid, panel, jnp.concatenate([ends, x], axis=-1).ravel(), (held,) if held else ())
 
 
 @compiled_soon(static=("quantities",))

@@ -66,6 +66,7 @@ $before</form></div>
 <script type="application/json" id="machine-data">$view</script>
 <script>$js</script>""")
 
+PLAYED = 4.0  # s of a cycle on the page, as selected in the controls
 HINT = '<p class="lead screen">Click or drag in a diagram over the crank angle to set the angle of the machine.</p>\n'
 BEFORE = '<label><input type="checkbox" id="show-before" checked disabled> Before</label>'
 
@@ -174,7 +175,10 @@ def _stage(view: Data, data: Data, still: str) -> str:
         f'<li{look}><i style="border-color:{edge};background:{fill}"></i>{escape(name)}</li>'
         for name, edge, fill, look in shapes
     )
-    timed = "; animated in the actual motion, slowed down" if view["time"] and "motion" in data else ""
+    timed = ""
+    if view["time"] and "motion" in data:
+        timed = "; animated in the actual motion, "
+        timed += "faster than the machine" if view["time"][-1] > PLAYED else "slowed down"
     return STAGE.substitute(width=view["width"], height=view["height"], legend=legend, still=still,
                             figcaption=f'<span class="screen">{timed}</span>')  # fmt: skip
 

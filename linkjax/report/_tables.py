@@ -14,6 +14,7 @@ from linkjax.analysis import (
     motor_rows,
     moves,
     peak_label,
+    peak_motions,
     peak_place,
     peak_shown,
     peak_unit,
@@ -132,17 +133,17 @@ def nominal(show: Cells, scene: Scene) -> str:
 
 
 def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
-    """Peak magnitudes over the continuous cycle, in both motions: side by side, or each before and after."""
-    found = data.get("peaks", {})
+    """Peak magnitudes over the continuous cycle, in each motion: side by side, or before and after."""
+    found, motions = data.get("peaks", {}), peak_motions(data)
     names = list(dict.fromkeys(motion_of(name)[0] for name in found))
-    if before is None and not any(name in found for name in names):
-        rows = [[words(peak_name(n)), *_peak(show, data, in_motion(n, True))] for n in names]
-        return table(["peak", "constant speed", "error", "at"], rows)
     if before is None:
-        rows = [[words(peak_name(n)), *_peak(show, data, n), *_peak(show, data, in_motion(n, True))] for n in names]
-        return table(["peak", "actual motion", "error", "at", "constant speed", "error", "at"], rows)
+        rows = [
+            [words(peak_name(n)), *(cell for c in motions.values() for cell in _peak(show, data, in_motion(n, c)))]
+            for n in names
+        ]
+        return table(["peak", *(head for motion in motions for head in (motion, "error", "at"))], rows)
     text = ""
-    for motion, constant in (("actual motion", False), ("constant speed", True)):
+    for motion, constant in motions.items():
         rows = []
         for name, key in ((n, key) for n in names if (key := in_motion(n, constant)) in found):
             old = peak_shown(before, key)[0] if key in before.get("peaks", {}) else None

@@ -35,15 +35,15 @@ from linkjax.viz._style import (
 
 @styled
 def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """Reduced torque of each load, drive torque (its mean unless a motor gives it), their work over the cycle, and the
-    kinetic energy; without an actual motion, only torque and work of the loads.
+    """Reduced torque of each load, drive torque (its mean unless a motor or a motion law gives it), their work over
+    the cycle, and the kinetic energy; without an actual motion, only torque and work of the loads.
 
     Work is integrated by the trapezoidal rule over the angles shown; the kinetic energy is ½ J ω².
     """
     phi, reduced, runs = degrees(data, scene), data["reduced"], moves(data)
     before = before if before and moves(before) == runs else None
     drive = np.full(phi.shape, float(data["motion"]["mean_drive_torque"]) if runs else 0.0)
-    if runs and data.get("motor") is not None:
+    if runs and (data.get("motor") is not None or scene.mechanism.prescribed):
         drive = closed(data, data["forces"]["drive_torque"])
     loads = {name: closed(data, share) for name, share in reduced["torque_by_load"].items()}
     loads = {name: share for name, share in loads.items() if largest([share]) > 0}

@@ -47,6 +47,7 @@ H = 3e-4  # step of the differences
 FINER = {"scissor-lift": 3e-5, "hay-press": 5e-5, "two-slider-press": 5e-5}  # forces are steep, or almost vanish
 LOST = 2e-14  # rounding of a least force, for every square of its depth
 AWAY = 1e-8  # of a half panel: how far three points beside a summit leave it
+ROUNDED = 1e-10  # of a half panel: what rounding of values 1.25e-5 apart leaves of its place
 ZERO = {"Andrews' squeezer": 3e-5}  # the scale of a change of a zero; this machine weighs grams
 FLAT = {  # measures of `MEASURES` without slope
     "andrews-squeezer": ("mean_drive_torque", "mean_drive_power", "energy_per_cycle"),  # without loads
@@ -237,7 +238,7 @@ def test_gradients(name):
             good = np.max(np.abs([reverse[i], ahead.T[i]])) < 1e-10 and np.max(np.abs(differences[i])) < 1e-7
         else:
             norm = np.linalg.norm(reverse[i])
-            good = both <= max(1e-9, LOST * deep[i] ** 2) * size[i] + rounding[i]
+            good = both <= max(1e-9, LOST * deep[i] ** 2, ROUNDED * deep[i]) * size[i] + rounding[i]
             good &= each not in MEASURES or (norm > 0 and both <= 1e-10 * norm)
             good &= bool(kinks[i]) or away <= max(1e-6, AWAY * deep[i]) * size[i] + lost[i]
         if not good:
@@ -297,6 +298,26 @@ def test_an_analysis_holds_the_same_numbers(name):
     assert set(MEASURES) - set(found) <= {"flywheel_for_target_delta", "min_transmission_angle"}
     for measure, value in found.items():
         assert value == pytest.approx(expected[measure], rel=1e-9, abs=least[measure]), measure
+
+
+def test_a_peak_where_a_load_begins_at_crank_angle_zero():
+    """The greatest speed of the crank pin is where the tool begins to cut, at crank angle zero, where a panel ends for
+    the angle of a link as well: together with it, and by itself, the speed has the derivative of differences."""
+    scene = lj.load("quick-return")
+
+    def moved(on: jax.Array) -> lj.Scene:
+        (load,) = scene.loads
+        assert isinstance(load, lj.OpposingForce)
+        return dataclasses.replace(scene, loads=(dataclasses.replace(load, window=lj.Window(on, jnp.asarray(3.0))),))
+
+    @compiled_soon
+    def both(on: jax.Array) -> tuple[jax.Array, jax.Array]:
+        names = ["max_velocity.B", "max_angle.die"]
+        return jax.jvp(lambda on: measures.evaluate(moved(on), names, 64)["max_velocity.B"], (on,), (jnp.ones(()),))
+
+    h = 1e-4
+    below, above = (float(both(jnp.asarray(step))[0]) for step in (-h, h))
+    assert float(both(jnp.asarray(0.0))[1]) == pytest.approx((above - below) / (2 * h), rel=1e-6)
 
 
 def test_windows_that_switch_together_do_not_shake():
