@@ -36,6 +36,7 @@ def test_joints_stand_where_the_data_says(name, index):
     scene, data = analysed(name)
     figure = machine_figure(data, scene, float(data["angles"][index]))
     joints = {p for group in scene.mechanism.groups for ends in group.pins().values() for p in ends if p}
+    joints |= {load.to_point for load in scene.loads if isinstance(load, lj.Spring) if load.to_point}
     wanted = np.array([[np.ravel(data["points"][p][k])[index] for k in ("x", "y")] for p in joints])
     drawn = markers(figure, JOINT)
     assert len(drawn) == len(joints)
@@ -82,7 +83,8 @@ def test_a_guide_lies_under_the_stroke_of_its_pin():
 
 @pytest.mark.parametrize("name", SCENES)
 def test_places_between_the_angles(name):
-    """Cubic Hermite interpolation on every fourth angle against the angles in between: fourth order."""
+    """Cubic Hermite interpolation on every fourth angle against the angles in between: fourth order, unless the
+    acceleration jumps."""
     scene, data = analysed(name)
     size = skeleton(data, scene).size
 
@@ -102,7 +104,8 @@ def test_places_between_the_angles(name):
         return worst / size
 
     assert error(2) < 1e-5
-    assert error(4) < 16 * 1.5 * error(2)
+    law = scene.mechanism.driver.follows()
+    assert error(4) < (16 if law is None or not law.jumps() else 64) * 1.5 * error(2)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -117,7 +120,7 @@ def test_the_view_is_plain_data_in_the_picture(name):
         assert np.all(np.abs(view["base"] - view["scale"] * y - view["height"] / 2) < view["height"] / 2)
     assert view["time"][-1] == pytest.approx(data["motion"]["period"], rel=1e-8)
     assert {link["name"] for link in machine["links"]} == set(scene.mechanism.links)
-    assert len(machine["loads"]) == len(scene.loads)
+    assert len(machine["loads"]) == sum(not isinstance(load, lj.Spring | lj.Damper) for load in scene.loads)
     still = {key: data[key] for key in ("angles", "points", "links")}
     assert viz.machine_view(still, scene)["time"] is None
 
