@@ -187,8 +187,9 @@ def test_a_servo_motor_with_a_lossy_gear():
     cycle = lj.analyse(scene, angles=36)
     run, energies = cycle.motor, cycle.energies
     assert run is not None and energies is not None
-    expected = weights @ shaft, math.sqrt(weights @ shaft**2), weights @ power, weights @ lost * 2 * math.pi / w
-    found = run.mean_torque, run.rms_torque, run.mean_power, run.loss
+    means = [float(weights @ part) for part in (shaft, shaft**2, power, lost)]
+    expected = [means[0], math.sqrt(means[1]), means[2], means[3] * 2 * math.pi / w]
+    found = [float(part) for part in (run.mean_torque, run.rms_torque, run.mean_power, run.loss)]
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert float(energies["transmission"].absorbed) == pytest.approx(float(run.loss), rel=1e-9)
     for name, value in zip(("mean_motor_torque", "rms_motor_torque", "mean_motor_power"), expected, strict=False):
