@@ -82,6 +82,7 @@ def test_a_run_down(call, fan):
     assert "standstill               at 2603.274° after 4.1888 s" in text
 
 
+@pytest.mark.slow
 def test_a_machine_that_does_not_start(call, fan):
     code, text, _ = call("run", fan, "--set", 'motor.stall_torque="0.2 N m"', "--time", "1")
     assert code == 1

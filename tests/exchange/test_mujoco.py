@@ -15,7 +15,8 @@ from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
 
 @pytest.mark.parametrize("name", [
-    *(n for n in (*BUILT_IN, *COMPOSED, *PRESCRIBED) if n != "rolling"), pytest.param("rolling", marks=pytest.mark.slow)
+    pytest.param(n, marks=pytest.mark.slow) if n in ("rolling", "triad", "geared") else n
+    for n in (*BUILT_IN, *COMPOSED, *PRESCRIBED)
 ])  # fmt: skip
 def test_known_machines(name, figures):
     check(machine(name), name, figures)

@@ -42,6 +42,7 @@ def test_a_pump_with_a_motor():
     assert float(start[0]) == pytest.approx(29.749740950780, rel=1e-11)
 
 
+@pytest.mark.slow
 def test_the_same_by_an_analysis():
     """Forces, works and checks of the motion found: the motor's work is that of the pump."""
     cycle = lj.analyse(slider_crank(line()), angles=24)

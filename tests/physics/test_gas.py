@@ -141,6 +141,7 @@ def test_a_diagram_of_four_strokes(machine):
     assert works(scene, 96)["air"] == pytest.approx(work, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_gas_acts_on_piston_and_head(machine):
     """The net force on the frame has no gas in it: it pushes the head as much as the piston."""
     cycle = lj.analyse(with_loads(machine, compressor()), angles=24, constant_speed=True)

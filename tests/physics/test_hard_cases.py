@@ -91,6 +91,7 @@ def test_a_parallelogram_between_its_change_points():
     np.testing.assert_allclose(lower["rocker"].w, slope, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_no_loads_at_all():
     """The kinetic energy is constant: ω = √(2 E / J), so δ follows from the extremes of J alone."""
     scene = lj.Scene(four_bar(0.1, 0.4, 0.3, 0.4), speed=10.0)

@@ -74,7 +74,7 @@ def close(value, truth, tolerance: float):
     assert np.max(np.abs(value - truth)) <= tolerance * size
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", SOON)
 def test_coefficients_are_derivatives_of_the_position(name):
     got = computed(name)
     (points, links), (points2, links2) = got.first, got.second

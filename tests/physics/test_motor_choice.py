@@ -28,6 +28,7 @@ def pump() -> tuple[lj.Scene, lj.Cycle, dict[str, Any]]:
     return scene, cycle, document(cycle)
 
 
+@pytest.mark.slow
 def test_the_load_of_a_motor():
     """Ratios from the torques of the characteristic at the crank angles, over time."""
     _, cycle, data = pump()

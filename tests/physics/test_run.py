@@ -64,6 +64,7 @@ def test_both_roads_from_any_state(name, angle, speed, drive):
     np.testing.assert_allclose(two.speed, speeds, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_the_steady_regime_repeats_itself():
     """Started in the steady-state motion, a run stays there: three cycles later, the same speed and three periods."""
     scene = machine("hay-press-slider")

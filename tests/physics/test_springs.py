@@ -97,6 +97,7 @@ def test_the_drive_torque_of_a_scotch_yoke_with_a_spring():
     assert abs(float(cycle.forces_constant_speed.net_frame.fx[1])) < 1e-13  # the spring pulls the frame back
 
 
+@pytest.mark.slow
 def test_a_spring_stores_what_it_takes_and_the_energy_balance_closes():
     scene = dataclasses.replace(lj.load("hay-press"), loads=(*lj.load("hay-press").loads, *EVERY))
     cycle = lj.analyse(scene, angles=24, nodes=256)

@@ -29,6 +29,7 @@ def report(request, tmp_path_factory):
     return scene, data, read(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["quick-return", *(pytest.param(n, marks=pytest.mark.slow) for n in ("hay-press", "four-bar"))]
 )
