@@ -223,7 +223,10 @@ def plot(found: dict[str, list[Point]], file: Path) -> None:
     rows = math.ceil(len(found) / 2)
     figure = Figure(figsize=(9.0, 3.2 * rows), layout="constrained")
     colours = ("#0072B2", "#009E73", "#E69F00")
-    for axes, (name, points) in zip(figure.subplots(rows, 2, squeeze=False).flat, found.items(), strict=False):
+    places = figure.subplots(rows, 2, squeeze=False).ravel()
+    for axes in places[len(found) :]:
+        axes.remove()
+    for axes, (name, points) in zip(places, found.items(), strict=False):
         for way, colour, marker in zip(dict.fromkeys(p.way for p in points), colours, "osD", strict=False):
             some = [p for p in points if p.way == way]
             axes.loglog(
