@@ -181,9 +181,7 @@ class ClosureEquations(NamedTuple):
         at 1e-8. Two of these steps instead of three left a closure error of 4e-10 beside a fold between two points of
         the path. `General` takes two more steps with a fixed inverse.
         """
-        for _ in range(NEAR):
-            z = self._nearer(z, c, sense)
-        return z
+        return jax.lax.fori_loop(0, NEAR, lambda _, z: self._nearer(z, c, sense), z)
 
     def _nearer(self, z: Placed, c: Closure, sense: Array) -> Placed:
         """A step of Newton's method that handles folds, to the root where the Jacobian's determinant has this sign.
@@ -301,18 +299,17 @@ def along(angle: Array) -> Array:
 
 def turned(u: Array, at: Array) -> Array:
     """Rows given in axes whose directions are the rows of `u`, transformed to the axes of the frame."""
-    x, y, c, s = at[:, 0], at[:, 1], u[:, 0], u[:, 1]
-    return jnp.stack([x * c - y * s, x * s + y * c], axis=1)
+    return at * u[:, :1] + perp(at) * u[:, 1:]
 
 
 def crossed(a: Array, b: Array) -> Array:
     """Cross products of rows."""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return jnp.sum(perp(a) * b, axis=1)
 
 
 def perp(a: Array) -> Array:
     """Rows turned by +90 degrees."""
-    return jnp.stack([-a[:, 1], a[:, 0]], axis=1)
+    return jax.lax.rev(a, (1,)) * np.array([[-1.0, 1.0]])
 
 
 def least_singular(matrix: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
