@@ -70,17 +70,27 @@ _decomposed, _pseudo = (
 )
 
 
-def solve(a: Array, b: Array) -> Array:
-    """x of a x = b, for a of shape (n, n) and b of shape (n,) or (n, m); differentiable as `jnp.linalg.solve`."""
+def solver(a: Array) -> Callable[[Array], Array]:
+    """The function b -> x of a x = b, for a of shape (n, n) and b of shape (n,) or (n, m), with a factored once;
+    differentiable as `jnp.linalg.solve`."""
     factors, pivots = _factored(jax.lax.stop_gradient(a))
     order = jax.lax.linalg.lu_pivots_to_permutation(pivots, a.shape[0])  # a loop, done once for all shares
-    x = jax.lax.custom_linear_solve(
-        lambda x: a @ x,
-        b if b.ndim == 2 else b[:, None],
-        solve=lambda _, x: _ahead(factors, order, x),
-        transpose_solve=lambda _, x: _back(factors, order, x),
-    )
-    return x if b.ndim == 2 else x[:, 0]
+
+    def solved(b: Array) -> Array:
+        x = jax.lax.custom_linear_solve(
+            lambda x: a @ x,
+            b if b.ndim == 2 else b[:, None],
+            solve=lambda _, x: _ahead(factors, order, x),
+            transpose_solve=lambda _, x: _back(factors, order, x),
+        )
+        return x if b.ndim == 2 else x[:, 0]
+
+    return solved
+
+
+def solve(a: Array, b: Array) -> Array:
+    """x of a x = b, for a of shape (n, n) and b of shape (n,) or (n, m); differentiable as `jnp.linalg.solve`."""
+    return solver(a)(b)
 
 
 def inverted(a: Array) -> Array:

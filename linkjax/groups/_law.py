@@ -49,6 +49,11 @@ class AbstractLaw(eqx.Module):
         design."""
         return ()
 
+    def every_break(self, cycle: float) -> tuple[Array, ...]:
+        """The breaks of all periods in a cycle (rad)."""
+        times = range(round(cycle / self.period()))
+        return tuple(jnp.asarray(angle + k * self.period(), float) for k in times for angle in self.breaks())
+
     def jumps(self) -> bool:
         """Whether the acceleration jumps at a break, so that values there are one-sided limits."""
         return False

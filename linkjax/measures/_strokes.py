@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -84,17 +85,20 @@ def path_lengths(of: Parts, elements: Elements) -> list[Array]:
     """Lengths of the paths of points over the cycle.
 
     They are integrated between the places where a point is slowest: at a dead centre, or near a cusp of its path, the
-    speed has a kink or a singularity close by. Source: Takahasi and Mori, Double exponential formulas for numerical
+    speed has a kink or a singularity close by; and between the ends of the moves of a motion law. Source: Takahasi and Mori, Double exponential formulas for numerical
     integration, 1974.
     """
     machine, turns = of.machine, of.scene.cycle_turns
+    law = of.scene.mechanism.driver.follows()
+    moves = jax.lax.stop_gradient(() if law is None else law.every_break(of.scene.cycle))
     scanned = machine.sample(scan_angles(turns, MOTION_SCAN), fixed=True, dynamics=False).pose
     cuts = machine.run(_slowest, scanned, turns=turns, elements=elements)
 
     def closer(cuts: Array) -> Array:
         return machine.run(_slower, cuts, machine.sample(cuts, fixed=True, dynamics=False).pose, elements=elements)
 
-    places, weights = machine.run(_between, machine.loop(CLOSER, closer, cuts), turns=turns, count=len(elements))
+    slowest = machine.loop(CLOSER, closer, cuts)
+    places, weights = machine.run(_between, slowest, moves, turns=turns, count=len(elements))
     return machine.run(_lengths, machine.sample(places, dynamics=False).pose, weights, elements=elements)
 
 
@@ -140,10 +144,11 @@ def _rule() -> tuple[np.ndarray, np.ndarray]:
 
 
 @compiled_soon(static=("turns", "count"))
-def _between(cuts: Array, turns: int, count: int) -> tuple[Array, Array]:
-    """Places between the cuts of each point over one cycle (rad), flat, and their weights."""
+def _between(cuts: Array, moves: tuple[Array, ...], turns: int, count: int) -> tuple[Array, Array]:
+    """Places between the cuts of each point, and the ends of `moves`, over one cycle (rad), flat, and their weights."""
     cycle = 2 * np.pi * turns
-    edges = jnp.sort(cuts.reshape((count, -1)), axis=1)
+    ends = [jnp.broadcast_to(wrapped(end, cycle), (count, 1)) for end in moves]
+    edges = jnp.sort(jnp.concatenate([cuts.reshape((count, -1)), *ends], axis=1), axis=1)
     edges = jnp.concatenate([edges, edges[:, :1] + cycle], axis=1)
     x, weights = _rule()
     half, middle = 0.5 * jnp.diff(edges)[..., None], 0.5 * (edges[:, 1:] + edges[:, :-1])[..., None]

@@ -1,9 +1,11 @@
 """Periodic solutions of dE/dφ = f(φ, E) on the panels of a cycle, by collocation at the Gauss nodes.
 
 The unknown is the kinetic energy E. In every panel E is the polynomial with the slope f at the Gauss nodes, which is
-the implicit Runge-Kutta method of Gauss. Newton's method takes all panels together; its last two steps carry the
-derivatives. Before, the cycle is followed panel by panel from many starting energies: this shows every periodic
-solution in a range, whether it is stable, and where a motion comes to rest.
+the implicit Runge-Kutta method of Gauss. Newton's method takes all panels together. Its linear equations are solved by
+an integrating factor, without matrices, as the solution of E' = d E + g is known; where this does not converge, as with
+a stiff motor, by elimination. Derivatives follow from the equations themselves. Following the cycle panel by panel
+from many starting energies shows every periodic solution in a range, whether it is stable, and where a motion comes to
+rest.
 Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 1993, ch. II.7; Ascher, Mattheij and
 Russell, Numerical Solution of Boundary Value Problems, 1995, ch. 5.
 """
@@ -27,9 +29,11 @@ from linkjax.motion._panels import Rule, rule
 INNER = 30  # the most steps of Newton's method in one panel
 OUTER = 40  # the most steps of Newton's method for all panels together
 HALVES = 60  # the most steps of the search for a starting energy
-SAME = 1e-13  # relative: a step as small as this is the last
+QUICK = 12  # the most steps of it with an integrating factor
+MORE = 2  # steps of which the size is small, as the convergence may be linear
+STEEP = 30.0  # the greatest exponent of an integrating factor
 KEPT = 0.1  # the least part of an energy that a step of Newton's method leaves
-CLOSED = 1e-9  # relative: a step as small as this is that of a solution
+CLOSED = 1e-8  # relative: a step as small as this is that of a solution
 REST = 1e-10  # of the unit of energy: less than this is a standstill
 
 Rate = Callable[[Any, Any, Array], Array]  # (what is given, data of the nodes of a panel, energies) -> slopes there
@@ -67,18 +71,24 @@ class Panels:
 
 
 Lack = Callable[[Panels, Array], Array]  # (panels, energies at all nodes) -> what is missing of the wanted motion
+State = tuple[Array, Array, Array]  # energies at the nodes and at the first edges (J), additional constant slope (N m)
 
 
 class Orbit(NamedTuple):
     """Energies (J) at the nodes, shape (panels, n), and at the first edge of every panel; an additional constant slope
-    (N m) where one was wanted, otherwise zero; the Floquet multiplier of the cycle, dE(end) / dE(start); and what is
-    left of the equations, relative to the unit of energy."""
+    (N m) where one was wanted, otherwise zero; the Floquet multiplier of the cycle, dE(end) / dE(start); and whether
+    these are a solution."""
 
     nodes: Array
     edges: Array
     constant: Array
     multiplier: Array
-    left: Array
+    solved: Bool[Array, ""]
+
+    @property
+    def state(self) -> State:
+        """The unknowns."""
+        return self.nodes, self.edges, self.constant
 
 
 class Passed(NamedTuple):
@@ -171,96 +181,159 @@ def near(rate: Rate, panels: Panels, start: Array) -> Sought:
     return Sought(passed, ~passed.stopped, passed.end - start, jnp.ones((), int))
 
 
-def settled(rate: Rate, panels: Panels, nodes: Array, edges: Array) -> tuple[Orbit, Bool[Array, ""]]:
-    """The periodic solution from energies (J) near it, and whether it was found, is stable, and never rests."""
-    none = jnp.zeros_like(panels.unit)
-    (nodes, edges, _), left, multiplier = _repeated(rate, panels, (nodes, edges, none), None)
-    runs = jnp.minimum(jnp.min(nodes), jnp.min(edges)) > REST * panels.unit
-    return Orbit(nodes, edges, none, multiplier, left), (left < CLOSED) & runs & (jnp.abs(multiplier) < 1)
+def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None) -> Orbit:
+    """The periodic solution from energies (J) near it, by Newton's method; without derivatives. With `lack` a constant
+    slope (N m) is added to `rate`, such that `lack` of the panels and the energies is zero."""
+    one, small = jnp.ones_like(panels.unit), max(CLOSED, 50 * float(jnp.finfo(panels.unit.dtype).eps))
+
+    def repeated(state: State, multiplier: Array, spare: Array, most: int, quick: bool) -> tuple[State, Array, Array]:
+        def again(loop):
+            state, size, multiplier = _newton(rate, panels, loop[1], lack, quick)
+            return loop[0] + 1, state, multiplier, loop[3] - jnp.where(size <= small, 1, 0)
+
+        begin = (jnp.zeros((), jnp.int32), state, multiplier, spare)
+        return jax.lax.while_loop(lambda loop: (loop[3] > 0) & (loop[0] < most), again, begin)[1:]
+
+    found, multiplier, spare = repeated(start, one, jnp.asarray(MORE, jnp.int32), QUICK, True)
+    there = spare <= 0
+    begin = jax.tree.map(lambda a, b: jnp.where(there, a, b), found, start)
+    (nodes, edges, constant), multiplier, spare = repeated(
+        begin, multiplier, jnp.where(there, spare, MORE), OUTER, False
+    )
+    return Orbit(nodes, edges, constant, multiplier, spare <= 0)
 
 
-def _repeated(
-    rate: Rate, panels: Panels, start: tuple[Array, Array, Array], lack: Lack | None
-) -> tuple[tuple[Array, Array, Array], Array, Array]:
-    """Newton's method until its steps are rounding: the state, the size of the last step, and the multiplier."""
-    one, same = jnp.ones_like(panels.unit), max(SAME, 50 * float(jnp.finfo(panels.unit.dtype).eps))
-
-    def again(state):
-        return state[0] + 1, *_newton(rate, panels, state[1], lack)
-
-    state = (jnp.zeros((), jnp.int32), start, jnp.inf * one, one)
-    return jax.lax.while_loop(lambda s: (s[2] > same) & (s[0] < OUTER), again, state)[1:]
+def lasting(panels: Panels, orbit: Orbit) -> Bool[Array, ""]:
+    """Whether a periodic solution was found that is stable and never rests."""
+    runs = jnp.minimum(jnp.min(orbit.nodes), jnp.min(orbit.edges)) > REST * panels.unit
+    return orbit.solved & runs & (jnp.abs(orbit.multiplier) < 1)
 
 
-def periodic(rate: Rate, panels: Panels, nodes: Array, edges: Array, constant: Array, lack: Lack | None) -> Orbit:
-    """The periodic solution near the energies (J) at the nodes and first edges. With `lack` a constant slope (N m) is
-    added to `rate`, such that `lack` of the panels and the energies is zero. Differentiable: the last two steps of
-    Newton's method are right up to the third derivative."""
-    fixed = jax.lax.stop_gradient(panels)
-    found = _repeated(rate, fixed, jax.lax.stop_gradient((nodes, edges, constant)), lack)[0]
-    found, multiplier = jax.lax.stop_gradient(found), jnp.ones_like(constant)
-    left = jnp.zeros_like(constant)
-    for _ in range(2):
-        found, left, multiplier = _newton(rate, panels, found, lack)
-    return Orbit(found[0], found[1], found[2], multiplier, jax.lax.stop_gradient(left))
+def implicit(rate: Rate, panels: Panels, state: State, lack: Lack | None) -> State:
+    """A periodic solution with its derivatives, of any order."""
+
+    @jax.custom_jvp
+    def root(panels: Panels, state: State) -> State:
+        return state
+
+    @root.defjvp
+    def _rule(given, moving):
+        panels, state = given[0], root(*given)
+        push = jax.jvp(lambda panels: _left(rate, panels, state, lack), (panels,), (moving[0],))[1]
+        return state, _solved(panels, state[0], _slope(rate, panels, state[0]), push, lack, False)[0]
+
+    return root(panels, jax.lax.stop_gradient(state))
 
 
-def gained(rate: Rate, panels: Panels, nodes: Array, edges: Array) -> Array:
+def gained(rate: Rate, panels: Panels, state: State) -> Array:
     """Gain of energy (J) over the cycle from a fixed starting energy, for energies that satisfy the equations within
     every panel; with its first derivative."""
-    fixed = jax.lax.stop_gradient((nodes, edges, jnp.zeros_like(panels.unit)))
-    return _newton(rate, panels, fixed, None, closed=False)[1]
+
+    @jax.custom_jvp
+    def gain(panels: Panels, state: State) -> Array:
+        return jnp.sum(_left(rate, panels, state, None)[1])
+
+    @gain.defjvp
+    def _rule(given, moving):
+        panels, state = given
+        inner, outer, _ = jax.jvp(lambda panels: _left(rate, panels, state, None), (panels,), (moving[0],))[1]
+        d = _slope(rate, panels, state[0])
+        unit, rest = _exactly(panels, d, [jnp.ones_like(inner), inner])
+        return gain(*given), _chained(_over(panels, d, unit) + 1, [outer + _over(panels, d, rest)])[0][1]
+
+    return gain(panels, jax.lax.stop_gradient(state))
+
+
+def _left(rate: Rate, panels: Panels, state: State, lack: Lack | None, slopes: Array | None = None) -> State:
+    """What is left of the equations, for the nodes and ends of all panels (J), and of the wanted motion."""
+    nodes, edges, constant = state
+    f = (panels.slopes(rate, nodes) if slopes is None else slopes) + constant
+    inner = edges[:, None] + panels.half[:, None] * f @ jnp.asarray(panels.inside).T - nodes
+    outer = edges + panels.half * (f @ jnp.asarray(panels.rule.w)) - jnp.roll(edges, -1)
+    return inner, outer, jnp.zeros_like(constant) if lack is None else lack(panels, nodes)
+
+
+def _slope(rate: Rate, panels: Panels, nodes: Array) -> Array:
+    """Derivatives of the slopes with respect to the energies at the nodes."""
+    return jax.jvp(lambda e: panels.slopes(rate, e), (nodes,), (jnp.ones_like(nodes),))[1]
+
+
+def _over(panels: Panels, d: Array, inside: Array) -> Array:
+    """The change over every panel for changes inside, shape (panels, n)."""
+    return panels.half * ((d * inside) @ jnp.asarray(panels.rule.w))
+
+
+def _chained(a: Array, rest: list[Array]) -> tuple[list[Array], list[Array]]:
+    """Panels one after the other: x becomes a x + b. For x = 1 and b = 0, and for x = 0 and every b of `rest`: x after
+    the last panel and before every panel."""
+    one = jnp.ones_like(a[0])
+
+    def chain(carry, each):
+        a, *rest = each
+        return [a * carry[0], *(a * x + b for x, b in zip(carry[1:], rest, strict=True))], carry
+
+    return jax.lax.scan(chain, [one, *(jnp.zeros_like(one) for _ in rest)], [a, *rest])
 
 
 def _newton(
-    rate: Rate, panels: Panels, at: tuple[Array, Array, Array], lack: Lack | None, closed: bool = True
-) -> tuple[Any, Array, Array]:
-    """One step of Newton's method for all panels: the new state, the relative size of the step, and the multiplier.
-    Unless `closed`, the state is unchanged, and the second result is the gain of energy from the same start."""
-    (nodes, edges, constant), half = at, panels.half[:, None]
-    inside, w, eye = jnp.asarray(panels.inside), jnp.asarray(panels.rule.w), jnp.eye(panels.n)
+    rate: Rate, panels: Panels, state: State, lack: Lack | None, quick: bool
+) -> tuple[State, Array, Array]:  # fmt: skip
+    """One step of Newton's method for all panels: the new state, the relative size of the step, and the multiplier."""
+    nodes, edges, constant = state
     f, d = jax.jvp(lambda e: panels.slopes(rate, e), (nodes,), (jnp.ones_like(nodes),))
-    f = f + constant
-    right = [jnp.ones_like(nodes), edges[:, None] + half * f @ inside.T - nodes, half * jnp.sum(inside, axis=1)[None]]
-    matrix = eye[None] - half[:, :, None] * inside[None] * d[:, None, :]
-    unit, rest, extra = jnp.moveaxis(jax.vmap(_lapack.solve)(matrix, jnp.stack(right, axis=-1)), -1, 0)
+    (inner, outer, more), p = _solved(panels, nodes, d, _left(rate, panels, state, lack, f), lack, quick)
+    new_nodes = jnp.maximum(nodes + inner, KEPT * nodes)
+    new_edges = jnp.maximum(edges + outer, KEPT * edges)
+    size = jnp.max(jnp.abs(inner)) / (panels.unit + jnp.max(jnp.abs(nodes)))
+    return (new_nodes, new_edges, constant + more), size, p
 
-    def ends(inside_panel):
-        return panels.half * ((d * inside_panel) @ w)
 
-    a = 1 + ends(unit)
-    b = edges + panels.half * (f @ w) - jnp.roll(edges, -1) + ends(rest)
-    c = 2 * panels.half + ends(extra)
-
-    def chain(carry, each):
-        (p, q, r), (a, b, c) = carry, each
-        return (a * p, a * q + b, a * r + c), carry
-
-    begin = (jnp.ones_like(constant), jnp.zeros_like(constant), jnp.zeros_like(constant))
-    (p, q, r), along = jax.lax.scan(chain, begin, (a, b, c))
-    if not closed:
-        return (nodes, edges, constant), q, p
+def _solved(
+    panels: Panels, nodes: Array, d: Array, left: State, lack: Lack | None, quick: bool
+) -> tuple[State, Array]:  # fmt: skip
+    """The change of the state that makes up for what is `left` of the linear equations, and the multiplier. With
+    `quick` up to the truncation error of the panels."""
+    inner, outer, short = left
+    right, ends = [jnp.ones_like(nodes), inner], [jnp.zeros_like(outer), outer]
+    if lack is not None:
+        right += [panels.half[:, None] * jnp.sum(jnp.asarray(panels.inside), axis=1)[None]]
+        ends += [2 * panels.half]
+    inside = (_by_factor if quick else _exactly)(panels, d, right)
+    a, *rest = (end + _over(panels, d, part) for end, part in zip(ends, inside, strict=True))
+    (p, q, *r), along = _chained(1 + a, rest)
     if lack is None:
-        first, more = safe_divide(q, 1 - p), jnp.zeros_like(constant)
+        first, parts = safe_divide(q, 1 - p), [1.0]
     else:
-        wanted = lack
-
-        def along_by(first, more):
-            moved = along[0] * first + along[2] * more
-            return unit * moved[:, None] + extra * more
-
-        moved = unit * along[1][:, None] + rest
-        short, by_rest = jax.jvp(lambda e: wanted(panels, e), (nodes,), (moved,))
-        by_first, by_more = (
-            jax.jvp(lambda e: wanted(panels, e), (nodes,), (along_by(*which),))[1] for which in ((1.0, 0.0), (0.0, 1.0))
+        wanted, (unit, rest, extra) = lack, inside
+        first_way, more_way = unit * along[0][:, None], unit * along[2][:, None] + extra
+        by_rest, by_first, by_more = (
+            jax.jvp(lambda e: wanted(panels, e), (nodes,), (way,))[1]
+            for way in (unit * along[1][:, None] + rest, first_way, more_way)
         )
         short = -short - by_rest
-        size = (1 - p) * by_more + r * by_first
-        first = safe_divide(q * by_more + r * short, size)
-        more = safe_divide((1 - p) * short - by_first * q, size)
-    step_edges = along[0] * first + along[1] + along[2] * more
-    step_nodes = unit * step_edges[:, None] + rest + extra * more
-    new_nodes = jnp.maximum(nodes + step_nodes, KEPT * nodes)
-    new_edges = jnp.maximum(edges + step_edges, KEPT * edges)
-    size = jnp.max(jnp.abs(step_nodes)) / (panels.unit + jnp.max(jnp.abs(nodes)))
-    return (new_nodes, new_edges, constant + more), size, p
+        size = (1 - p) * by_more + r[0] * by_first
+        first = safe_divide(q * by_more + r[0] * short, size)
+        parts = [1.0, safe_divide((1 - p) * short - by_first * q, size)]
+    edges = along[0] * first + sum(share * x for share, x in zip(parts, along[1:], strict=True))
+    step = inside[0] * edges[:, None] + sum(share * x for share, x in zip(parts, inside[1:], strict=True))
+    return (step, edges, parts[1] if lack is not None else jnp.zeros_like(p)), p
+
+
+def _exactly(panels: Panels, d: Array, right: list[Array]) -> list[Array]:
+    """x of x - A (d x) = right in every panel, where A integrates from its low end, for several right-hand sides. Each
+    is solved by itself, as not all depend on the tangents of a derivative."""
+    matrix = jnp.eye(panels.n)[None] - panels.half[:, None, None] * jnp.asarray(panels.inside)[None] * d[:, None, :]
+
+    def every(matrix: Array, right: list[Array]) -> list[Array]:
+        found = _lapack.solver(matrix)
+        return [found(each) for each in right]
+
+    return jax.vmap(every)(matrix, [jnp.broadcast_to(each, d.shape) for each in right])
+
+
+def _by_factor(panels: Panels, d: Array, right: list[Array]) -> list[Array]:
+    """The same up to the truncation error: x = right + u A (d right / u) with u = exp(A d). Where u is too steep, it is
+    not the solution."""
+    half, inside = panels.half[:, None], jnp.asarray(panels.inside)
+    u = jnp.exp(jnp.clip(half * (d @ inside.T), -STEEP, STEEP))
+    return [each + u * half * ((d * each / u) @ inside.T) for each in right]

@@ -14,7 +14,18 @@ from linkjax._numerics import safe_divide, taken
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
 from linkjax.motion._by_speed import BySpeed, Driven, moving_at, torques_of
-from linkjax.motion._collocation import Orbit, Panels, Passed, Sought, follow, gained, near, periodic, seek, settled
+from linkjax.motion._collocation import (
+    Orbit,
+    Panels,
+    Sought,
+    follow,
+    gained,
+    implicit,
+    lasting,
+    near,
+    seek,
+    settled,
+)
 from linkjax.motion._flow import LEAST, Begun, Duty, Flow, duty_of, inertia_floor, primitive, spotted
 from linkjax.motion._grid import Grid
 from linkjax.motion._nodes import AtEdges, AtNodes
@@ -22,7 +33,6 @@ from linkjax.reduction import Moving, Reduced, by_speed
 from linkjax.sampling import Sampler
 
 STARTS = np.geomspace(0.02, 4.0, 33)  # speeds, relative to the nominal one, from which a motor's cycle is followed
-SOLVED = 1e-8  # relative: what may be left of the equations
 HALVINGS = 40  # of an interval of speeds with a periodic motion
 NEAR = 1e-6  # relative: the gain over a cycle that is nearly periodic
 
@@ -83,22 +93,45 @@ class Solved(NamedTuple):
     gain: Array
 
 
+class Kept(NamedTuple):
+    """A periodic solution, or where none was found the nearest motion; the number of stable ones, and whether this
+    motion came to rest; without derivatives."""
+
+    orbit: Orbit
+    number: Array
+    stopped: Array
+
+
 def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
     fixed, none = jax.lax.stop_gradient(panels), jnp.zeros_like(speed)
     nominal = 0.5 * fixed.data.inertia * jax.lax.stop_gradient(speed) ** 2
     if panels.given.torques.motor is None:
         constant = -jnp.sum(fixed.weights * fixed.slopes(_rate, nominal)) / jnp.sum(fixed.weights)
-        orbit = periodic(_rate, panels, nominal, nominal[:, 0], constant, _lack)
-        return Solved(orbit, orbit.left < SOLVED, jnp.ones((), int), none)
-    found = _sought(fixed, nominal) if start is None else near(_rate, fixed, nominal[0, 0] * (start / speed) ** 2)
-    nodes, edges = (jnp.maximum(part, fixed.given.least) for part in (found.passed.nodes, found.passed.edges))
-    orbit = periodic(_rate, panels, nodes, edges, none, None)
-    good, stopped = found.found & (orbit.left < SOLVED), found.passed.stopped
+        orbit = settled(_rate, fixed, (nominal, nominal[:, 0], constant), _lack)
+        nodes, edges, constant = implicit(_rate, panels, orbit.state, _lack)
+        return Solved(
+            orbit._replace(nodes=nodes, edges=edges, constant=constant), orbit.solved, jnp.ones((), int), none
+        )
+    if start is None:
+        kept = _sought(fixed, nominal)
+    else:
+        kept = _kept(fixed, near(_rate, fixed, nominal[0, 0] * (start / speed) ** 2))
+    orbit, stopped, good = kept.orbit, kept.stopped, kept.orbit.solved
     still, lack = _at_constant_speed(panels, nominal)
-    near_nodes, near_edges = jnp.where(stopped, still, nodes), jnp.where(stopped, still[:, 0], edges)
-    nearest = Orbit(near_nodes, near_edges, none, found.passed.slope, none)
-    orbit = jax.tree.map(lambda a, b: jnp.where(good, a, b), orbit, nearest)
-    return Solved(orbit, good, found.number, jnp.where(stopped, lack, gained(_rate, panels, nodes, edges)))
+    nodes, edges, _ = implicit(_rate, panels, orbit.state, None)
+    nodes = jnp.where(good, nodes, jnp.where(stopped, still, orbit.nodes))
+    edges = jnp.where(good, edges, jnp.where(stopped, still[:, 0], orbit.edges))
+    gain = jnp.where(stopped, lack, gained(_rate, panels, orbit.state))
+    return Solved(orbit._replace(nodes=nodes, edges=edges), good, kept.number, gain)
+
+
+def _kept(panels: Panels, found: Sought) -> Kept:
+    """The periodic solution near a cycle that was followed."""
+    nodes, edges = (jnp.maximum(part, panels.given.least) for part in (found.passed.nodes, found.passed.edges))
+    state = (nodes, edges, jnp.zeros_like(panels.unit))
+    orbit, nearest = settled(_rate, panels, state, None), Orbit(*state, found.passed.slope, jnp.asarray(False))
+    good = found.found & orbit.solved
+    return Kept(jax.tree.map(lambda a, b: jnp.where(good, a, b), orbit, nearest), found.number, found.passed.stopped)
 
 
 def _at_constant_speed(panels: Panels, nominal: Array) -> tuple[Array, Array]:
@@ -114,7 +147,7 @@ def _at_constant_speed(panels: Panels, nominal: Array) -> tuple[Array, Array]:
     return nodes, jnp.minimum(jnp.where(jnp.sum(gain) < 0, jnp.sum(gain), short), -LEAST * panels.unit)
 
 
-def _sought(panels: Panels, nominal: Array) -> Sought:
+def _sought(panels: Panels, nominal: Array) -> Kept:
     """The stable motion nearest to the nominal one, with the energies `nominal` (J) at the nodes; without derivatives.
 
     The gain over a cycle at constant speed shows where a periodic motion is. Where it shows one that is stable, and
@@ -132,14 +165,13 @@ def _sought(panels: Panels, nominal: Array) -> Sought:
     share = safe_divide(gains[first], gains[first] - gains[first + 1])
     square = low + share * (high - low)
     guess = square * nominal
-    at, good = settled(_rate, panels, guess, guess[:, 0])
-    good = good & (jnp.sum(falls) == 1)
-    passed = Passed(at.edges[0], at.multiplier, jnp.asarray(False), at.nodes, at.edges)
-    begin = Sought(passed, good, jnp.zeros_like(good, nominal.dtype), jnp.ones((), int))
+    orbit = settled(_rate, panels, (guess, guess[:, 0], jnp.zeros_like(panels.unit)), None)
+    good = lasting(panels, orbit) & (jnp.sum(falls) == 1)
+    begin = Kept(orbit._replace(solved=good), jnp.ones((), int), jnp.asarray(False))
 
     def search(state):  # it depends on the state, otherwise XLA moves it out of the loop, and it always runs
         starts = nominal[0, 0] * jnp.where(state[0], 1.0, squares)
-        return jnp.asarray(True), seek(_rate, panels, starts, nominal[0, 0])
+        return jnp.asarray(True), _kept(panels, seek(_rate, panels, starts, nominal[0, 0]))
 
     return jax.lax.while_loop(lambda state: ~state[0], search, (good, begin))[1]
 

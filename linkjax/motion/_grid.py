@@ -313,11 +313,7 @@ def _kinks(scene: Scene) -> tuple[Any, ...]:
     """Crank angles where the motion law of the driver, or a load, has a kink, over the whole cycle."""
     own = tuple(angle for load in scene.loads for angle in load.kinks(scene.cycle))
     law = scene.mechanism.driver.follows()
-    if law is None:
-        return own
-    times = round(scene.cycle / law.period())
-    found = [angle + k * law.period() for k in range(times) for angle in law.breaks()]
-    return (*(angle if isinstance(angle, jax.Array) else np.asarray(angle, float) for angle in found), *own)
+    return own if law is None else (*law.every_break(scene.cycle), *own)
 
 
 def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:

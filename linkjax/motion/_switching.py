@@ -31,7 +31,7 @@ from linkjax.sampling import Sample, Sampler
 CHANGES = 6  # the most kinks of one cause per crank turn
 ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and with a lossy transmission
 NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
-HALVINGS = 45  # bisections
+HALVINGS = 30  # bisections of a step between nodes: 1e-9 of it, of which the square counts
 JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a jump, where panels end anyway
 
 
