@@ -243,12 +243,12 @@ def find_margins(
     loops = tuple(side == "loops" for _, side in names)  # singular values, which have no sign
     paths = [groups[group].path if loop else None for (group, _), loop in zip(names, loops, strict=True)]
     paths = [jax.lax.stop_gradient(path) if isinstance(path, ReferencePath) else None for path in paths]
-    start = machine.run(_scanned_margins, scanned, paths, turns=cycle_turns, every=points // MARGIN_SCAN)
+    start, lowest = machine.run(_scanned_margins, scanned, paths, turns=cycle_turns, every=points // MARGIN_SCAN)
 
     def step(phi):
         return machine.run(_next_margins, phi, start, asked(phi), loops=loops)
 
-    phi = machine.loop(SHARPEN, step, start)
+    phi = machine.run(_joined, machine.loop(SHARPEN, step, start), lowest)
     back = [None if side == "apart" else groups[group].returns() for group, side in names]
     every = machine.run(_least_margins, phi, asked(phi, fixed=False), back, turns=cycle_turns)
     found: dict[str, dict[str, Least]] = {}
@@ -262,7 +262,11 @@ def _listed(names: list[tuple[str, str]], margins: dict[str, dict[str, Margin]])
 
 
 @compiled_soon(static=("turns", "every"))
-def _scanned_margins(scanned: list[Margin], paths: list[ReferencePath | None], turns: int, every: int) -> Array:
+def _scanned_margins(
+    scanned: list[Margin], paths: list[ReferencePath | None], turns: int, every: int
+) -> tuple[Array, Array]:
+    """For every margin a first guess of the least, and the lowest scan point: in a dwell of a motion law it is least,
+    and no step finds its end."""
     scan = scan_angles(turns, MARGIN_SCAN)
     at = Values(*(jnp.stack(part)[:, : every * scan.size : every] for part in zip(*scanned, strict=True)))
     start = scan_least(at, scan)
@@ -270,7 +274,12 @@ def _scanned_margins(scanned: list[Margin], paths: list[ReferencePath | None], t
         if path is not None:  # a gap in the path may lie between scan points
             unseen = path.ends() & (jnp.min(at.value[i]) > 0)
             start = start.at[i].set(jnp.where(unseen, path.middle(), start[i]))
-    return start
+    return start, jnp.asarray(scan)[jnp.argmin(at.value, axis=1)]
+
+
+@compiled_soon
+def _joined(one: Array, other: Array) -> Array:
+    return jnp.concatenate([one, other])
 
 
 @compiled_soon(static=("loops",))
@@ -282,12 +291,14 @@ def _next_margins(phi: Array, start: Array, here: list[Margin], loops: tuple[boo
 
 @compiled_soon(static=("turns",))
 def _least_margins(phi: Array, here: list[Margin], back: list[Array | None], turns: int) -> list[Least]:
-    angle = wrapped(phi, 2 * math.pi * turns)
-    values = [margin.value[i] for i, margin in enumerate(here)]
-    return [
-        Least(value if good is None else jnp.where(good, value, jnp.minimum(value, -BEYOND)), angle[i])
-        for i, (value, good) in enumerate(zip(values, back, strict=True))
-    ]
+    angle, count = wrapped(phi, 2 * math.pi * turns), len(here)
+    found = []
+    for i, (margin, good) in enumerate(zip(here, back, strict=True)):
+        refined = margin.value[i] <= margin.value[count + i]
+        value = jnp.where(refined, margin.value[i], margin.value[count + i])
+        value = value if good is None else jnp.where(good, value, jnp.minimum(value, -BEYOND))
+        found.append(Least(value, jnp.where(refined, angle[i], angle[count + i])))
+    return found
 
 
 def stacked(ready: Prepared, phi: Array) -> Margin:

@@ -399,9 +399,11 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
     inertias, forces = masses * lengths**2, masses * lengths / times**2
 
     def link(old: Link) -> Link:
+        own = {"inertia": old.inertia * inertias, "centre": old.centre * lengths}
+        if old.uniform:  # which has neither
+            own = {"inertia": jnp.zeros(()), "centre": Vec(0.0, 0.0)}
         return dataclasses.replace(
-            old, length=old.length * lengths, mass=old.mass * masses, inertia=old.inertia * inertias,
-            centre=old.centre * lengths, points={name: at * lengths for name, at in old.points.items()},
+            old, length=old.length * lengths, mass=old.mass * masses, **own, points={name: at * lengths for name, at in old.points.items()},
             reference_length=None if old.reference_length is None else old.reference_length * lengths,
             area=None if old.area is None else old.area * lengths**2,
             density=None if old.density is None else old.density * (masses / lengths**3),
@@ -441,7 +443,24 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             return dataclasses.replace(old, offset=old.offset * lengths)
         return old
 
+    def window(old):
+        if not isinstance(old, lj.Passage) or not old.point:
+            return old
+        own = {name: getattr(old, name) for name in ("first", "last", "between")}
+        return dataclasses.replace(old, **{k: jax.tree.map(lambda x: x * lengths, v) for k, v in own.items()})
+
     def load(old):
+        if getattr(old, "window", None) is not None:
+            old = dataclasses.replace(old, window=window(old.window))
+        if isinstance(old, lj.Spring):
+            return dataclasses.replace(
+                old, stiffness=old.stiffness * (forces / lengths), free_length=old.free_length * lengths,
+                preload=old.preload * forces,
+            )  # fmt: skip
+        if isinstance(old, lj.Drag):
+            slow = times / lengths
+            linear, quadratic = old.linear * (forces * slow), old.quadratic * (forces * slow**2)
+            return dataclasses.replace(old, linear=linear, quadratic=quadratic)
         if isinstance(old, Force):
             return dataclasses.replace(old, force=old.force * forces)
         size = forces if isinstance(old, OpposingForce) else forces * lengths
@@ -449,9 +468,20 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             return dataclasses.replace(old, torque=old.torque * size)
         return dataclasses.replace(old, magnitude=old.magnitude * size)
 
+    def motor(old):
+        if old is None:
+            return None
+        assert isinstance(old.motor, lj.InductionMotor)
+        rated = dataclasses.replace(
+            old.motor, rated_power=old.motor.rated_power * (forces * lengths / times),
+            rated_speed=old.motor.rated_speed / times, synchronous_speed=old.motor.synchronous_speed / times,
+        )  # fmt: skip
+        return dataclasses.replace(old, motor=rated, inertia=old.inertia * inertias)
+
     m = scene.mechanism
     return dataclasses.replace(
         scene,
+        motor=motor(scene.motor),
         mechanism=Mechanism(
             {name: at * lengths for name, at in m.fixed.items()},
             {name: link(m.links[name]) for name in m.link_names},

@@ -37,6 +37,23 @@ def test_stroke_of_a_slider_crank():
     assert found == pytest.approx([ends[1] - ends[0], 2 * (ends[1] - ends[0]), *ends], rel=EXACT)
 
 
+def test_a_path_with_dwells():
+    """The pin of a crank that a law moves: the crank times all that it turns there and back. Its least transmission
+    angle is that of a dwell, and a measure and an analysis agree on it."""
+    there, back = [lj.Move(1.9, 1.1), lj.Move(0.7, 1.3, "cycloidal")], [lj.Move(0.3, 1.1, "trapezoidal")]
+    law = lj.Moves(0.3, [*there, lj.Move(None, 0.9, "dwell"), *back, lj.Move(shape="dwell")])
+    bars = {"crank": 0.1, "rod": 0.32, "rocker": 0.25}
+    links = {name: lj.Link(length=length, mass=1.0, inertia=0.01) for name, length in bars.items()}
+    groups = [lj.Crank("crank", "A", "B", law=law), lj.RRR(("rod", "rocker"), "B", "D", "C")]
+    machine = lj.Mechanism({"A": lj.Vec(0, 0), "D": lj.Vec(0.3, 0)}, links, groups)
+    (length, least) = value(machine, "path_length.B", "min_transmission_angle")
+    assert length == pytest.approx(0.1 * 2 * (1.9 - 0.3), rel=EXACT)
+    base = math.hypot(0.3 - 0.1 * math.cos(0.3), 0.1 * math.sin(0.3))  # the crank rests at 0.3 rad
+    assert least == pytest.approx(math.acos((0.32**2 + 0.25**2 - base**2) / (2 * 0.32 * 0.25)), rel=EXACT)
+    cycle = lj.analyse(lj.Scene(machine, speed=10.0), angles=4)
+    assert lj.analysis.measured(cycle)["min_transmission_angle"] == pytest.approx(least, rel=EXACT)
+
+
 def test_swing_and_time_ratio_of_a_crank_rocker():
     """From the triangles in which crank and coupler are in line."""
     a, b, c, d = 0.1, 0.4, 0.3, 0.4

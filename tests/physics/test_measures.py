@@ -42,6 +42,10 @@ CHANGED = {  # the larger of two equal values has no slope
     },
     "scissor-lift": {"loads[0].force": [0, "-3000 N"]},  # otherwise both bars carry the same load
     "combine-shoe": {"links.crank.centre": "20 mm"},  # a place on the axis has no slope
+    "spring-door": {  # otherwise it is as fast at the beginning as at the end of its ways
+        f"groups[0].law.moves[{i}].over": f"{angle} deg"
+        for i, angle in enumerate((9.6, 114.2, 10.3, 45.9, 11, 112.8, 12, 44.2))
+    },
     "two-slider-press": {"groups[1].guide.offset": "3 mm", "links.crank.centre": "20 mm"},
 }
 H = 3e-4  # step of the differences
@@ -57,6 +61,10 @@ FLAT = {  # measures of `MEASURES` without slope
         "mean_drive_power",
         "flywheel_for_target_delta", "peak_shaking_force", "peak_shaking_force_constant_speed",
         "rms_shaking_force_constant_speed", "peak_shaking_moment_constant_speed", "min_transmission_angle",
+    ),
+    "spring-door": (  # likewise, and its spring and weight are conservative
+        "delta", "slow_down", "energy_per_cycle", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque",
+        "mean_drive_power",
     ),
 }  # fmt: skip
 KINK = 1e-4  # of the slope: a smooth function bends four times as much over twice the step, by far less
@@ -230,12 +238,13 @@ def test_gradients(name):
     middle, f = f[-1], f[:-1].reshape((4, count, len(names)))
     differences = ((f[0] - f[3]) + 8 * (f[2] - f[1])).T / (12 * h)
     near, far = f[1] + f[2] - 2 * middle[None], f[0] + f[3] - 2 * middle[None]
-    kinks = np.max(np.abs(far - 4 * near), axis=0) / h > KINK * size
+    flat = np.asarray([each in FLAT.get(name, ()) for each in names])
+    kinks = ~flat & (np.max(np.abs(far - 4 * near), axis=0) / h > KINK * size)
     assert np.mean(kinks) <= 0.02, [each for each, kink in zip(names, kinks, strict=True) if kink]
     wrong = {}
     for i, each in enumerate(names):
         both, away = (np.max(np.abs(part - reverse[i])) for part in (ahead.T[i], differences[i]))
-        if each in FLAT.get(name, ()):  # rounding, beside torques of kilonewton metres
+        if flat[i]:  # rounding, beside torques of kilonewton metres
             good = np.max(np.abs([reverse[i], ahead.T[i]])) < 1e-10 and np.max(np.abs(differences[i])) < 1e-7
         else:
             norm = np.linalg.norm(reverse[i])
