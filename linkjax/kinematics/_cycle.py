@@ -30,7 +30,16 @@ from linkjax._search import (
 )
 from linkjax._vec import Vec
 from linkjax.groups import BEYOND, Margin, ReferencePath
-from linkjax.kinematics._pose import Pose, Prepared, margins, margins_of_pose, named_groups, pose, prepared
+from linkjax.kinematics._pose import (
+    Pose,
+    Prepared,
+    margins,
+    margins_of_pose,
+    named_groups,
+    plain,
+    pose,
+    prepared,
+)
 from linkjax.mechanism import Mechanism
 
 DEAD_CENTRES = 8  # slots per link and crank turn
@@ -243,12 +252,16 @@ def find_margins(
     loops = tuple(side == "loops" for _, side in names)  # singular values, which have no sign
     paths = [groups[group].path if loop else None for (group, _), loop in zip(names, loops, strict=True)]
     paths = [jax.lax.stop_gradient(path) if isinstance(path, ReferencePath) else None for path in paths]
-    start, lowest = machine.run(_scanned_margins, scanned, paths, turns=cycle_turns, every=points // MARGIN_SCAN)
+    given, how = (scanned, paths), {"turns": cycle_turns, "every": points // MARGIN_SCAN}
+    start = machine.run(_scanned_margins, *given, **how)
 
     def step(phi):
         return machine.run(_next_margins, phi, start, asked(phi), loops=loops)
 
-    phi = machine.run(_joined, machine.loop(SHARPEN, step, start), lowest)
+    phi = machine.loop(SHARPEN, step, start)
+    law = plain(machine.prepared).driver.follows()
+    if law is not None and law.breaks():
+        phi = machine.run(_with_lowest, phi, scanned, **how)
     back = [None if side == "apart" else groups[group].returns() for group, side in names]
     every = machine.run(_least_margins, phi, asked(phi, fixed=False), back, turns=cycle_turns)
     found: dict[str, dict[str, Least]] = {}
@@ -262,11 +275,7 @@ def _listed(names: list[tuple[str, str]], margins: dict[str, dict[str, Margin]])
 
 
 @compiled_soon(static=("turns", "every"))
-def _scanned_margins(
-    scanned: list[Margin], paths: list[ReferencePath | None], turns: int, every: int
-) -> tuple[Array, Array]:
-    """For every margin a first guess of the least, and the lowest scan point: in a dwell of a motion law it is least,
-    and no step finds its end."""
+def _scanned_margins(scanned: list[Margin], paths: list[ReferencePath | None], turns: int, every: int) -> Array:
     scan = scan_angles(turns, MARGIN_SCAN)
     at = Values(*(jnp.stack(part)[:, : every * scan.size : every] for part in zip(*scanned, strict=True)))
     start = scan_least(at, scan)
@@ -274,12 +283,16 @@ def _scanned_margins(
         if path is not None:  # a gap in the path may lie between scan points
             unseen = path.ends() & (jnp.min(at.value[i]) > 0)
             start = start.at[i].set(jnp.where(unseen, path.middle(), start[i]))
-    return start, jnp.asarray(scan)[jnp.argmin(at.value, axis=1)]
+    return start
 
 
-@compiled_soon
-def _joined(one: Array, other: Array) -> Array:
-    return jnp.concatenate([one, other])
+@compiled_soon(static=("turns", "every"))
+def _with_lowest(phi: Array, scanned: list[Margin], turns: int, every: int) -> Array:
+    """The places of the least margins, and for each the lowest scan point: in a dwell of a motion law it is the least,
+    and no step finds its end."""
+    scan = scan_angles(turns, MARGIN_SCAN)
+    at = jnp.stack([margin.value for margin in scanned])[:, : every * scan.size : every]
+    return jnp.concatenate([phi, jnp.asarray(scan)[jnp.argmin(at, axis=1)]])
 
 
 @compiled_soon(static=("loops",))
@@ -294,10 +307,12 @@ def _least_margins(phi: Array, here: list[Margin], back: list[Array | None], tur
     angle, count = wrapped(phi, 2 * math.pi * turns), len(here)
     found = []
     for i, (margin, good) in enumerate(zip(here, back, strict=True)):
-        refined = margin.value[i] <= margin.value[count + i]
-        value = jnp.where(refined, margin.value[i], margin.value[count + i])
+        value, where = margin.value[i], angle[i]
+        if angle.size > count:
+            lower = margin.value[count + i] < value
+            value, where = jnp.where(lower, margin.value[count + i], value), jnp.where(lower, angle[count + i], where)
         value = value if good is None else jnp.where(good, value, jnp.minimum(value, -BEYOND))
-        found.append(Least(value, jnp.where(refined, angle[i], angle[count + i])))
+        found.append(Least(value, where))
     return found
 
 
