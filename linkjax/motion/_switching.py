@@ -97,7 +97,8 @@ def _kinks(flow: Flow, energy: Array, still: Array, turns: int) -> Float[Array, 
     rate = (flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia
     values = [motor.shaft_torque(speed, rate)] if motor.transmission.loses else []
     values += [motor.motor_speed(speed) - knot for knot in motor.motor.knots()]
-    return jnp.concatenate([still, *(_roots(flow.grid, each, CHANGES * turns) for each in values)])
+    found = jax.vmap(lambda each: _roots(flow.grid, each, CHANGES * turns))(jnp.stack(values))
+    return jnp.concatenate([still, found.ravel()])
 
 
 def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Array, " most"]:
