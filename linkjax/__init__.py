@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from linkjax.analysis import harmonics as harmonics
     from linkjax.design import Case as Case
     from linkjax.design import DesignError as DesignError
+    from linkjax.design import Optimum as Optimum
     from linkjax.design import Variable as Variable
     from linkjax.design import at_least as at_least
     from linkjax.design import at_most as at_most
@@ -215,6 +216,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
     "design": (
         "Case",
         "DesignError",
+        "Optimum",
         "Variable",
         "at_least",
         "at_most",

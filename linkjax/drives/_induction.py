@@ -15,7 +15,7 @@ from jaxtyping import Array
 
 from linkjax._numerics import root, safe_sqrt
 from linkjax._types import as_float, known
-from linkjax.drives._motors import AbstractMotor, check_numbers
+from linkjax.drives._motors import AbstractMotor, check_numbers, of_speed
 
 STEPS = 12  # of Newton's method for the speed without load
 
@@ -51,7 +51,8 @@ class InductionMotor(AbstractMotor):
         check_numbers("an induction motor", {name: getattr(self, name) for name in names}, {"q": self.q})
         rated, synchronous, breakdown, start = (known(getattr(self, name)) for name in names[1:])
         if rated is not None and synchronous is not None and not np.all(rated < synchronous):
-            problem = f"rated_speed of an induction motor is {rated} rad/s, not below the synchronous {synchronous}"
+            problem = f"rated_speed of an induction motor is {of_speed(rated)}"
+            problem += f", not below the synchronous {of_speed(synchronous)}"
             raise ValueError(f"{problem}; write both from the type plate, e.g. 1450 and 1500 rpm")
         if breakdown is not None and not np.all(breakdown > 1):
             remedy = "write the breakdown torque over the rated torque, e.g. 2.5"

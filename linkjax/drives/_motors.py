@@ -28,6 +28,12 @@ def check_numbers(kind: str, above: dict[str, Any], least: dict[str, Any] | None
             raise ValueError(f"{name} of {kind} is {number}; write a finite number {size}")
 
 
+def of_speed(value: Any) -> str:
+    """A speed (rad/s) in both of its usual units; the first one where there are several."""
+    first = float(np.ravel(value)[0])
+    return f"{first:.6g} rad/s ({first * 30 / np.pi:.6g} rpm)"
+
+
 def numbers(values: Any) -> tuple[Array, ...]:
     """Several numbers, each an array of its own."""
     return tuple(as_float(value) for value in values)
@@ -120,7 +126,7 @@ class LineMotor(AbstractMotor):
         if any(value is not None and not np.all(np.isfinite(value)) for value in values):
             raise ValueError("a point of a line motor is not finite; write finite speeds and torques")
         if values[0] is not None and values[2] is not None and np.any(values[0] == values[2]):
-            raise ValueError(f"both points of a line motor have the speed {values[0]} rad/s; write two speeds")
+            raise ValueError(f"both points of a line motor have the speed {of_speed(values[0])}; write two speeds")
 
     def torque(self, speed):
         if self.points is None:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from linkjax._units import nearest
 
 RECOMMENDED_DELTA_SOURCE = (
-    "Engineers Edge, Flywheel Effect or Polar Moment of Inertia, table of the coefficient of fluctuation of rotation"
+    "table 26-1, required coefficient of steadiness, p. 509 of the chapter Flywheels of a textbook of machine design "
+    "(Scribd document 421582869)"
 )
 
 

@@ -85,8 +85,8 @@ def path_lengths(of: Parts, elements: Elements) -> list[Array]:
     """Lengths of the paths of points over the cycle.
 
     They are integrated between the places where a point is slowest: at a dead centre, or near a cusp of its path, the
-    speed has a kink or a singularity close by; and between the ends of the moves of a motion law. Source: Takahasi and Mori, Double exponential formulas for numerical
-    integration, 1974.
+    speed has a kink or a singularity close by; and between the ends of the moves of a motion law. Source: Takahasi and
+    Mori, Double exponential formulas for numerical integration, 1974.
     """
     machine, turns = of.machine, of.scene.cycle_turns
     law = of.scene.mechanism.driver.follows()

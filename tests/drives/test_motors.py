@@ -199,7 +199,7 @@ def test_kinks_are_where_the_knots_say(name, rng):
         (lambda: LineMotor(no_load=3.0), "has points, or no_load and stall"),
         (lambda: LineMotor(no_load=3.0, stall=-1.0), r"stall of a line motor is -1\.0; write a finite number above"),
         (lambda: LineMotor([(1.0, 2.0)]), "are not two pairs"),
-        (lambda: LineMotor([(1.0, 2.0), (1.0, 3.0)]), r"have the speed 1\.0 rad/s"),
+        (lambda: LineMotor([(1.0, 2.0), (1.0, 3.0)]), r"have the speed 1 rad/s \(9\.5493 rpm\)"),
         (lambda: LineMotor([(1.0, 2.0), (math.inf, 3.0)]), "is not finite"),
         (lambda: TableMotor([1.0, 2.0], [1.0]), "2 speeds and 1 torques"),
         (lambda: TableMotor([1.0, 1.0], [1.0, 2.0]), "do not increase"),

@@ -403,7 +403,8 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
         if old.uniform:  # which has neither
             own = {"inertia": jnp.zeros(()), "centre": Vec(0.0, 0.0)}
         return dataclasses.replace(
-            old, length=old.length * lengths, mass=old.mass * masses, **own, points={name: at * lengths for name, at in old.points.items()},
+            old, length=old.length * lengths, mass=old.mass * masses, **own,
+            points={name: at * lengths for name, at in old.points.items()},
             reference_length=None if old.reference_length is None else old.reference_length * lengths,
             area=None if old.area is None else old.area * lengths**2,
             density=None if old.density is None else old.density * (masses / lengths**3),

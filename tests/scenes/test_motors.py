@@ -172,7 +172,7 @@ def test_numbers_are_design_variables():
         ('kind = "table"\nspeeds = [1, 1]\ntorques = [1, 2]', "motor", "do not increase"),
         ('kind = "dc"\nvoltage = "1 V"\nresistance = "1 ohm"', "motor", "has constant, or constant and rated_current"),
         ('kind = "dc"\nvoltage = "1 A"\nresistance = "1 ohm"\nconstant = 1', "motor.voltage", "a current where a volt"),
-        (PLATE.replace("1462", "1562"), "motor.rated_speed", "not below the synchronous"),
+        (PLATE.replace("1462", "1562"), "motor.rated_speed", "(1562 rpm), not below the synchronous"),
         (PLATE.replace("2.5", "0.9"), "motor.breakdown_ratio", "not above one"),
         (PLATE + "starting_ratio = 3", "motor.starting_ratio", "not below its breakdown_ratio"),
         (CIRCUIT, "motor", "has phase_voltage, or line_voltage and connection"),
