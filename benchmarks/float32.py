@@ -21,6 +21,7 @@ from linkjax.analysis import float32_digits
 from linkjax.forces import kinetostatics
 from linkjax.machine import ready
 from linkjax.measures import reaction_names
+from linkjax.motion import at_crank_angles
 from linkjax.rolling import RollingMachine
 from linkjax.scenes import load_rolling, rolling_names
 
@@ -50,7 +51,7 @@ def row(name: str, found: dict[str, float]) -> str:
 
 def reactions(scene: lj.Scene) -> Any:
     """Forces at all joints at constant nominal speed, one row per joint."""
-    made = ready(jax.tree.map(as_float, scene))
+    made = ready(at_crank_angles(jax.tree.map(as_float, scene)))
     scene = made.scene
 
     def at(phi):

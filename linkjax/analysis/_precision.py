@@ -16,7 +16,7 @@ from linkjax.analysis._cycle import Cycle
 from linkjax.forces import kinetostatics
 from linkjax.kinematics import pose
 from linkjax.machine import Scene, ready
-from linkjax.motion import steady_motion
+from linkjax.motion import at_crank_angles, steady_motion
 
 FEWEST = 4  # digits, below which there is a warning
 COMPARED = 90  # crank angles per turn
@@ -43,7 +43,7 @@ def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
 
 def _figures(scene: Scene, nodes: int) -> tuple[Array, ...]:
     """The quantities compared, each of shape (quantities, angles) except the last."""
-    made = ready(jax.tree.map(as_float, scene))
+    made = ready(at_crank_angles(jax.tree.map(as_float, scene)))
     scene = made.scene
     phi = scan_angles(scene.cycle_turns, COMPARED)
 
