@@ -183,12 +183,14 @@ def at_error(points: list[Point], times: dict[str, np.ndarray], wanted: float) -
 
 
 def designs(scene: lj.Scene, count: int) -> lj.Scene:
-    """Random designs: masses, flywheel, loads and motor within two per cent, all dimensions as they are."""
+    """Random designs: masses, flywheel, loads and motor within two per cent, all dimensions and windows as they are,
+    as diffrax is given the angles at which loads switch."""
     rng = np.random.default_rng(0)
 
     def varied(scene):
         masses = [link.mass for link in scene.mechanism.links.values()]
-        return [*masses, scene.mechanism.flywheel.inertia, *jax.tree.leaves((scene.loads[-1], scene.motor))]
+        load = dataclasses.replace(scene.loads[-1], window=None)
+        return [*masses, scene.mechanism.flywheel.inertia, *jax.tree.leaves((load, scene.motor))]
 
     many = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))), scene)
     fresh = [jnp.asarray(np.asarray(x) * rng.uniform(0.98, 1.0, count)) for x in varied(scene)]

@@ -47,8 +47,10 @@ class Primitive:
     def extremes(self) -> tuple[Array, Array]:
         """Largest and smallest value over the continuous cycle, and their crank angles (rad); each of shape (2,)."""
         rule, sign = self.grid.rule, jnp.asarray([1.0, -1.0], self.series.dtype)
-        value = self.at_edges[:-1, None] + self.series @ jnp.asarray(rule.at_points.T)
-        found = pieces(rule, value, self.series @ jnp.asarray(rule.slope_at_points.T))
+        # no derivatives of the search: a maximum of values that XLA computes twice, with other rounding, has none
+        edges, series = jax.lax.stop_gradient((self.at_edges, self.series))
+        value = edges[:-1, None] + series @ jnp.asarray(rule.at_points.T)
+        found = pieces(rule, value, series @ jnp.asarray(rule.slope_at_points.T))
         panel, x, bend = jax.vmap(lambda height: best_piece(found, height))(jnp.stack([found.high, -found.low]))
         rows = taken(self.series, panel)
         _, slope = jax.jvp(lambda x: series_sum(rows, x), (x,), (jnp.ones_like(x),))
