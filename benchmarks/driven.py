@@ -189,8 +189,9 @@ def designs(scene: lj.Scene, count: int) -> lj.Scene:
 
     def varied(scene):
         masses = [link.mass for link in scene.mechanism.links.values()]
-        load = dataclasses.replace(scene.loads[-1], window=None)
-        return [*masses, scene.mechanism.flywheel.inertia, *jax.tree.leaves((load, scene.motor))]
+        load = scene.loads[-1]
+        sizes = [getattr(load, name) for name in ("magnitude", "linear", "coefficient") if hasattr(load, name)]
+        return [*masses, scene.mechanism.flywheel.inertia, *sizes, *jax.tree.leaves(scene.motor)]
 
     many = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))), scene)
     fresh = [jnp.asarray(np.asarray(x) * rng.uniform(0.98, 1.0, count)) for x in varied(scene)]
