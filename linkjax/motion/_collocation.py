@@ -302,7 +302,7 @@ def _solved(
     a, *rest = (end + _over(panels, d, part) for end, part in zip(ends, inside, strict=True))
     (p, q, *r), along = _chained(1 + a, rest)
     if lack is None:
-        first, parts = safe_divide(q, 1 - p), [1.0]
+        first, more, parts = safe_divide(q, 1 - p), jnp.zeros_like(p), [1.0]
     else:
         wanted, (unit, rest, extra) = lack, inside
         first_way, more_way = unit * along[0][:, None], unit * along[2][:, None] + extra
@@ -313,10 +313,11 @@ def _solved(
         short = -short - by_rest
         size = (1 - p) * by_more + r[0] * by_first
         first = safe_divide(q * by_more + r[0] * short, size)
-        parts = [1.0, safe_divide((1 - p) * short - by_first * q, size)]
+        more = safe_divide((1 - p) * short - by_first * q, size)
+        parts = [1.0, more]
     edges = along[0] * first + sum(share * x for share, x in zip(parts, along[1:], strict=True))
     step = inside[0] * edges[:, None] + sum(share * x for share, x in zip(parts, inside[1:], strict=True))
-    return (step, edges, parts[1] if lack is not None else jnp.zeros_like(p)), p
+    return (step, edges, more), p
 
 
 def _exactly(panels: Panels, d: Array, right: list[Array]) -> list[Array]:
