@@ -54,6 +54,10 @@ class AbstractLaw(eqx.Module):
         times = range(round(cycle / self.period()))
         return tuple(jnp.asarray(angle + k * self.period(), float) for k in times for angle in self.breaks())
 
+    def rests(self) -> bool:
+        """Whether the coordinate rests over a range of crank angles."""
+        return False
+
     def jumps(self) -> bool:
         """Whether the acceleration jumps at a break, so that values there are one-sided limits."""
         return False

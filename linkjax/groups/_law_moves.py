@@ -108,6 +108,9 @@ class Moves(AbstractLaw):
             values.append(here)
         return jnp.stack(values)
 
+    def rests(self):
+        return any(move.shape == "dwell" for move in self.moves)
+
     def jumps(self):
         return any(move.shape == "trapezoidal" for move in self.moves)
 

@@ -27,7 +27,7 @@ from linkjax.measures._inertia import RATIO, force_extremes, force_ratio
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES, Quantity, net_turn, turning_groups
 from linkjax.measures._starting import run_up, torque_margin
-from linkjax.measures._strokes import between, path_lengths, stopping, stroke_rows, swing_rows, time_ratio
+from linkjax.measures._strokes import between, path_lengths, resting, stopping, stroke_rows, swing_rows, time_ratio
 from linkjax.measures._structure import Elements
 from linkjax.mechanism import StructureError
 from linkjax.motion import Grid, Place, Rows, Wanted, by_node
@@ -151,7 +151,7 @@ _own(
 _own(
     "time_ratio", "1", "point or link", stopping,
     "Time of the slower way of a slider or link to that of the faster one, back, at constant crank speed; infinite "
-    "where it never turns back.", value=time_ratio,
+    "where it never turns back; none where a motion law has dwells.", value=time_ratio, lacks=resting,
 )  # fmt: skip
 _own("path_length", "m", "point", QUANTITIES["velocity"].names, "Length of the path of a point over the cycle.")
 _own(

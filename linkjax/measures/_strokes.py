@@ -59,7 +59,15 @@ def swing_rows(of: Parts, element: str) -> Wanted:
 @by_structure
 def stopping(scene: Scene) -> tuple[str, ...]:
     """The points of sliders and the links that may have dead centres."""
-    return tuple(stopping_ends(scene.mechanism))
+    return () if resting(scene) else tuple(stopping_ends(scene.mechanism))
+
+
+def resting(scene: Scene) -> tuple[str, str] | None:
+    """Why a machine has no time ratio, and a remedy, where its motion law has dwells; otherwise None."""
+    law = scene.mechanism.driver.follows()
+    if law is None or not law.rests():
+        return None
+    return "does not exist: the motion law has dwells, and a way has no single end there", "delete it"
 
 
 def time_ratio(of: Parts, element: str) -> Array:

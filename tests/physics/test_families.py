@@ -50,7 +50,10 @@ def test_a_path_with_dwells():
     assert length == pytest.approx(0.1 * 2 * (1.9 - 0.3), rel=EXACT)
     base = math.hypot(0.3 - 0.1 * math.cos(0.3), 0.1 * math.sin(0.3))  # the crank rests at 0.3 rad
     assert least == pytest.approx(math.acos((0.32**2 + 0.25**2 - base**2) / (2 * 0.32 * 0.25)), rel=EXACT)
+    with pytest.raises(StructureError, match="motion law has dwells"):
+        value(machine, "time_ratio.rocker")
     cycle = lj.analyse(lj.Scene(machine, speed=10.0), angles=4)
+    assert not any(each.startswith("time_ratio") for each in measures.measure_names(cycle.scene))
     assert lj.analysis.measured(cycle)["min_transmission_angle"] == pytest.approx(least, rel=EXACT)
 
 
