@@ -23,6 +23,7 @@ from linkjax.motion import Rows, Summits, Wanted
 
 CUTS = 8  # per crank turn: the most places where a point is slowest
 CLOSER = 3  # steps to each of them
+ROUNDED = 1e-12  # of the largest value: less is rounding
 SPACING, REACH = 0.11, 29  # of the double-exponential rule, and its nodes to either side of the middle
 
 
@@ -119,10 +120,11 @@ def _slowest(pose: Pose, turns: int, elements: Elements) -> Array:
     for name in elements:
         v, a = pose.points[name].dr, pose.points[name].ddr
         slope = v.dot(a)[: scan.size]
-        least = (slope <= 0) & (jnp.roll(slope, -1) > 0)
+        rises = slope > ROUNDED * jnp.max(jnp.abs(slope))  # at constant speed there is rounding alone
+        least = ~rises & jnp.roll(rises, -1)
         place = jnp.cumsum(least)
         chosen = least[None] & (place[None] == slots[:, None])
-        guess = jnp.sum(jnp.where(chosen, jnp.asarray(scan)[None], 0.0), axis=1)
+        guess = jnp.max(jnp.where(chosen, jnp.asarray(scan)[None], 0.0), axis=1)
         found.append(jnp.where(slots <= place[-1], guess, even))
     return jnp.concatenate(found)
 
@@ -156,7 +158,8 @@ def _between(cuts: Array, moves: tuple[Array, ...], turns: int, count: int) -> t
     """Places between the cuts of each point, and the ends of `moves`, over one cycle (rad), flat, and their weights."""
     cycle = 2 * np.pi * turns
     ends = [jnp.broadcast_to(wrapped(end, cycle), (count, 1)) for end in moves]
-    edges = jnp.sort(jnp.concatenate([cuts.reshape((count, -1)), *ends], axis=1), axis=1)
+    cuts = wrapped(cuts.reshape((count, -1)), cycle)  # those outside of the cycle would lie between other moves
+    edges = jnp.sort(jnp.concatenate([cuts, *ends], axis=1), axis=1)
     edges = jnp.concatenate([edges, edges[:, :1] + cycle], axis=1)
     x, weights = _rule()
     half, middle = 0.5 * jnp.diff(edges)[..., None], 0.5 * (edges[:, 1:] + edges[:, :-1])[..., None]

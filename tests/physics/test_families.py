@@ -17,6 +17,7 @@ from linkjax import measures
 from linkjax._compile import compiled_soon
 from linkjax.kinematics import pose, prepared, transmission_of_pose
 from linkjax.library import four_bar, quick_return, scotch_yoke, slider_crank
+from linkjax.measures._strokes import _between
 from linkjax.mechanism import StructureError
 from tests.physics.machines import machine
 
@@ -55,6 +56,16 @@ def test_a_path_with_dwells():
     cycle = lj.analyse(lj.Scene(machine, speed=10.0), angles=4)
     assert not any(each.startswith("time_ratio") for each in measures.measure_names(cycle.scene))
     assert lj.analysis.measured(cycle)["min_transmission_angle"] == pytest.approx(least, rel=EXACT)
+
+
+def test_a_path_is_integrated_between_the_moves_wherever_a_point_is_slowest():
+    """By rounding, places where a point is slowest may lie outside of the cycle; the speed still has its kinks at the
+    ends of the moves only: between 1 and 3 rad it is three times as high."""
+    for cuts in ((0.4, 2.0), (0.4, 2.0 + 2 * math.pi), (2.5 - 2 * math.pi, 9.9)):
+        places, weights = _between(jnp.asarray(cuts), (jnp.asarray(1.0), jnp.asarray(3.0)), turns=1, count=1)
+        at = np.asarray(places) % (2 * math.pi)
+        speed = np.where((at > 1.0) & (at < 3.0), 3.0, 1.0)
+        assert np.asarray(weights) @ speed == pytest.approx(2 * math.pi + 4.0, rel=EXACT)
 
 
 def test_swing_and_time_ratio_of_a_crank_rocker():
