@@ -18,7 +18,7 @@ from linkjax.analysis._checks import Shown, checks_of
 from linkjax.analysis._cycle import Checks, Flywheels, Margins
 from linkjax.analysis._loads import OnGrid
 from linkjax.analysis._motor import MotorRun, motor_run
-from linkjax.forces import Forces, forces_of_pose
+from linkjax.forces import Forces, forces_of_pose, meshes
 from linkjax.kinematics import Pose, Reversals, find_dead_centres, find_margins, find_strokes
 from linkjax.machine import ReadyScene, Scene
 from linkjax.measures import peak_names, signed_rows, table
@@ -39,10 +39,12 @@ from linkjax.motion import (
     flywheel_on,
     grid_of,
     grid_with_kinks,
+    node_places,
     peaks,
     steady_by_diffrax,
     steady_on,
     textbook_flywheel,
+    with_kinks,
 )
 from linkjax.reduction import Reduced, by_speed
 from linkjax.sampling import Sample, Sampler
@@ -216,12 +218,18 @@ def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
     """Peaks of all forces in the actual motion (if it exists) and at constant speed, and the root mean square of the
     shaking force at constant speed."""
     machine, motions = regime.machine, 1 if regime.steady is None else 2
+    if meshes(machine.mechanism):
+        each = [regime, Regime(machine, regime.grid)][:motions]
+        regime = with_kinks(each, [one.at(at.place, at.sample) for one in each])[0]
+        nodes = regime.at(machine.run(node_places, regime.grid, edges=False))
+    else:
+        nodes = regime.at(at.place, at.sample)
 
     def vectors(regime, at):
         return _driven(regime, at).vectors
 
     rows = signed_rows(machine.scene)
-    found = vectors(regime, regime.at(at.place, at.sample))
+    found = vectors(regime, nodes)
     at_nodes, raised, rms = machine.run(_by_quantity, regime.grid, found, motions=motions, rows=rows)
 
     def looked(regime, at):

@@ -8,3 +8,6 @@ from linkjax.forces._kinetostatics import driven_by_joint as driven_by_joint
 from linkjax.forces._kinetostatics import forces_of_pose as forces_of_pose
 from linkjax.forces._kinetostatics import kinetostatics as kinetostatics
 from linkjax.forces._kinetostatics import other_sides as other_sides
+from linkjax.forces._meshes import Mesh as Mesh
+from linkjax.forces._meshes import meshes as meshes
+from linkjax.forces._meshes import through_meshes as through_meshes

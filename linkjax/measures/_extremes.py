@@ -20,7 +20,7 @@ from linkjax.machine import Scene
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES, Quantity, Vectors
 from linkjax.measures._structure import Elements
-from linkjax.motion import At, Grid, Regime, Rows, Summits, Wanted, by_node, every_row, peaks
+from linkjax.motion import CLOSER, DEEPER, At, Grid, Regime, Rows, Summits, Wanted, by_node, every_row, peaks
 
 Statistic = Literal["peak", "max", "min"]
 RAISED = 2.0  # times the largest magnitude: numbers are raised by so much
@@ -36,10 +36,6 @@ class Extreme(NamedTuple):
     statistic: Statistic
     constant: bool
     window: tuple[float, float] | None = None
-
-    def regime(self, of: Parts) -> Regime:
-        """The motion in which it is looked for."""
-        return of.constant_speed if self.still else of.true_motion
 
     @property
     def still(self) -> bool:
@@ -85,7 +81,8 @@ class Looked(NamedTuple):
 
 def looked(of: Parts, extremes: Sequence[Extreme]) -> Looked:
     """What is looked for by extremes of one motion, over the whole cycle: windows are left to the rows."""
-    regime, machine = extremes[0].regime(of), of.machine
+    kinked = next((each.quantity for each in extremes if each.quantity.kinks), extremes[0].quantity)
+    regime, machine = kinked.regime(of, not extremes[0].still), of.machine
     signs = tuple(sign for each in extremes for sign in each.signs(of.scene))
     elements: dict[str, dict[str, int]] = {}  # of every quantity, once
     for each in extremes:
@@ -103,7 +100,7 @@ def looked(of: Parts, extremes: Sequence[Extreme]) -> Looked:
     def raw(regime: Regime, at: At) -> Vectors:
         return machine.run(_numbers, [one(regime, at) for one in asked], which=which, signs=signs)
 
-    nodes = machine.run(by_node, of.grid, raw(regime, of.nodes_in(regime)))
+    nodes = machine.run(by_node, regime.grid, raw(regime, of.nodes_in(regime)))
     nodes, above = machine.run(_above, nodes, signs=signs)
 
     def components(regime: Regime, at: At) -> Vectors:
@@ -188,12 +185,14 @@ def rows_of(of: Parts, extreme: Extreme) -> Wanted:
     ways = {way for way, _ in look.signs}
     if extreme.window is None and ways == {0.0}:
         return look.wanted
-    inside = jnp.repeat(in_window(of.grid, extreme.window), 4)  # two ends and two summits of every panel
+    grid = look.wanted.regime.grid
+    inside = jnp.repeat(in_window(grid, extreme.window), 4)  # two ends and two summits of every panel
 
     def finished(found: Summits) -> Rows:
         return of.machine.run(_rows, found, look.above, inside, signs=look.signs)
 
-    return look.wanted._replace(finish=finished)
+    closer = DEEPER if extreme.deep(of.scene) else CLOSER
+    return look.wanted._replace(finish=finished, closer=closer)
 
 
 @compiled_soon(static=("signs",))

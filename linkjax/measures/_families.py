@@ -305,12 +305,12 @@ def _every_mean(of: Parts, asked: Sequence[Asked]) -> dict[Asked, Array]:
     for name in which:
         family, own = FAMILIES[name], list(dict.fromkeys(each for each in asked if each.family == name))
         assert family.quantity is not None
-        regime = of.true_motion if family.motion else of.constant_speed
+        regime = family.quantity.regime(of, family.motion)
         at = of.nodes_in(regime)
         vectors = family.quantity.at(of, tuple(each.element for each in own if each.element))(regime, at)
-        nodes = of.machine.run(by_node, of.grid, vectors)
+        nodes = of.machine.run(by_node, regime.grid, vectors)
         mean = _rms if family.statistic == "rms" else _mean
-        found |= dict(zip(own, of.machine.run(mean, of.grid, nodes, regime.crank(at)[0]), strict=True))
+        found |= dict(zip(own, of.machine.run(mean, regime.grid, nodes, regime.crank(at)[0]), strict=True))
     return found
 
 

@@ -66,10 +66,10 @@ def harmonics_of(of: Parts, what: Sequence[tuple[Family, Asked]], orders: int) -
     found = []
     for family, asked in what:
         assert family.quantity is not None
-        regime = of.true_motion if family.motion else of.constant_speed
+        regime = family.quantity.regime(of, family.motion)
         vectors = family.quantity.at(of, (asked.element,) if asked.element else ())(regime, of.nodes_in(regime))
-        nodes = of.machine.run(by_node, of.grid, vectors)
-        found.append(of.machine.run(_series, of.grid, nodes, orders=orders, turns=of.scene.cycle_turns))
+        nodes = of.machine.run(by_node, regime.grid, vectors)
+        found.append(of.machine.run(_series, regime.grid, nodes, orders=orders, turns=of.scene.cycle_turns))
     return found
 
 

@@ -8,7 +8,18 @@ from typing import Any
 
 from linkjax.kinematics import Least, Reversals, find_dead_centres, find_margins
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion import At, AtNodes, Grid, Regime, Steady, at_nodes, grid_with_kinks, steady_on
+from linkjax.motion import (
+    At,
+    AtNodes,
+    Grid,
+    Regime,
+    Steady,
+    at_nodes,
+    grid_with_kinks,
+    node_places,
+    steady_on,
+    with_kinks,
+)
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -78,7 +89,13 @@ class Parts:
 
     def nodes_in(self, regime: Regime) -> At:
         """The machine at the nodes in a regime of this scene."""
+        if regime.grid.divided:
+            return self.once(regime, lambda: regime.at(self.machine.run(node_places, regime.grid, edges=False)))
         return self.once(regime, lambda: regime.at(self.at.place, self.at.sample))
+
+    def with_kinks(self, regime: Regime) -> Regime:
+        """The same motion, with panels that also end where reactions have a kink."""
+        return self.once(("kinks", regime), lambda: with_kinks([regime], [self.nodes_in(regime)])[0])
 
     @functools.cached_property
     def dead_centres(self) -> dict[str, Reversals]:

@@ -38,7 +38,7 @@ class Quantity:
     `vector` says whether it is a vector, whose length counts, or a number with its sign. `moves` says whether it
     depends on the motion, so that there is one at constant speed. `asks` is what the machine must be asked for (see
     `Wanted`). `at(of, elements)` gives the function from regime and places to the vectors, `names(scene)` its elements.
-    `motor` says whether it is one of the motor's.
+    `motor` says whether it is one of the motor's, `kinks` whether it has a kink where other flanks of gears are loaded.
     """
 
     name: str
@@ -51,10 +51,16 @@ class Quantity:
     at: Callable[[Parts, Elements], Callable[[Regime, At], Vectors]]
     names: Callable[[Scene], Elements]
     motor: bool = False
+    kinks: bool = False
 
     def lacking(self, scene: Scene) -> tuple[str, str] | None:
         """What a scene lacks for this quantity, and a remedy; None if it has it."""
         return ("the scene has no motor", "add [motor], or delete it") if self.motor and scene.motor is None else None
+
+    def regime(self, of: Parts, motion: bool) -> Regime:
+        """The actual motion, or that of constant speed, on a grid whose panels end at the kinks of this quantity."""
+        found = of.true_motion if motion else of.constant_speed
+        return of.with_kinks(found) if self.kinks else found
 
     def signed(self, scene: Scene, element: str) -> bool:
         """Whether it is a number with its sign for this element: of a guide the force normal to it."""
@@ -66,13 +72,14 @@ QUANTITIES: dict[str, Quantity] = {}
 
 def quantity(
     unit: str, of: Of, *, vector: bool = False, moves: bool = True, asks: str = "pose", names: Any = None,
-    motor: bool = False,
+    motor: bool = False, kinks: bool = False,
 ):  # fmt: skip
     """Make a quantity of a function of `Parts` and elements, and register it under the function's name."""
 
     def made(function: Callable[[Parts, Elements], Callable[[Regime, At], Vectors]]) -> Quantity:
         meaning = (function.__doc__ or "").strip()
-        found = Quantity(function.__name__, unit, meaning, of, vector, moves, asks, function, names or NAMES[of], motor)
+        given = (unit, meaning, of, vector, moves, asks, function, names or NAMES[of], motor, kinks)
+        found = Quantity(function.__name__, *given)
         QUANTITIES[found.name] = found
         return found
 
@@ -240,7 +247,7 @@ def _travels(along: dict[str, Guide], pose: Pose, elements: Elements) -> Vectors
     return _stacked(jax.vmap(seen)(pose.links, pose.points))
 
 
-@quantity("N", "joint", vector=True)
+@quantity("N", "joint", vector=True, kinks=True)
 def reaction(of: Parts, elements: Elements):
     """Force in a joint on a link (of a guide the component along the left normal of its direction)."""
     return lambda regime, at: by_forces(of, elements, at.pose, regime.forces(at))

@@ -10,6 +10,7 @@ from linkjax.motion._by_speed import speed_dependent as speed_dependent
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
 from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax
+from linkjax.motion._divided import with_kinks as with_kinks
 from linkjax.motion._flow import LEAST as LEAST
 from linkjax.motion._flow import Primitive as Primitive
 from linkjax.motion._flow import primitive as primitive
@@ -28,8 +29,11 @@ from linkjax.motion._march import Way as Way
 from linkjax.motion._march import march as march
 from linkjax.motion._nodes import AtNodes as AtNodes
 from linkjax.motion._nodes import at_nodes as at_nodes
+from linkjax.motion._nodes import node_places as node_places
 from linkjax.motion._nodes import node_values as node_values
 from linkjax.motion._nodes import reduced_in as reduced_in
+from linkjax.motion._peaks import CLOSER as CLOSER
+from linkjax.motion._peaks import DEEPER as DEEPER
 from linkjax.motion._peaks import TIED as TIED
 from linkjax.motion._peaks import Peak as Peak
 from linkjax.motion._peaks import by_node as by_node

@@ -47,6 +47,7 @@ class Grid:
     the grid has edges for. `doubt` bounds the error of the work (J) due to the position error of reversals. `passages`
     are the ranges of crank angle of the windows that are given by what happens, in the order of the loads. With
     `one_sided`, the acceleration of the motion law jumps at edges, so that the ends of panels lie just inside of them.
+    The panels of a grid that is `divided` also end where forces have a kink.
     """
 
     edges: Float[Array, " edges"]
@@ -64,6 +65,7 @@ class Grid:
     one_sided: bool = eqx.field(static=True)
     breaks: tuple[float, ...] = eqx.field(static=True)
     evaluations: int = eqx.field(static=True)
+    divided: bool = eqx.field(static=True, default=False)
 
     @property
     def size(self) -> int:

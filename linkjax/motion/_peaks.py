@@ -22,6 +22,7 @@ FOLLOW = 3  # steps on the interpolants
 RIVALS = 2  # panels whose summits are compared on the function itself
 NEAR = 2e-4  # half width, in half panels, of the parabola that refines a peak on the function itself
 CLOSER = 16.0  # the half width of a second parabola is smaller by this
+DEEPER = 64.0  # and by this for a sharp minimum, whose parabola ends where its arms begin
 COARSE = 9.0  # in single precision: this many times the square root of the rounding unit
 ROUNDINGS = 4000.0  # rounding units of a peak: the least error stated
 FAR = 3e-2  # the most that the parabola may move a peak
@@ -130,19 +131,19 @@ def _higher(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place, Array
     return spots_at(grid, panel[:, 0], x[:, 0]), spots_at(grid, *three_around(panel[:, 0], x[:, 0])).place, tied
 
 
-def _near(x: Array, closer: bool) -> float:
-    return max(NEAR / CLOSER if closer else NEAR, COARSE * math.sqrt(jnp.finfo(x.dtype).eps))
+def _near(x: Array, closer: float) -> float:
+    return max(NEAR / closer, COARSE * math.sqrt(jnp.finfo(x.dtype).eps))
 
 
-def three_around(panel: Array, x: Array, closer: bool = False) -> tuple[Array, Array]:
-    """Three places around each one, in the same panel; nearer to it if `closer`."""
+def three_around(panel: Array, x: Array, closer: float = 1.0) -> tuple[Array, Array]:
+    """Three places around each one, in the same panel; as many times nearer to it as `closer`."""
     near = _near(x, closer)
     centre = jnp.clip(x, -1.0 + near, 1.0 - near)
     three = jnp.stack([centre - near, centre, centre + near], axis=-1)
     return jnp.broadcast_to(panel[..., None], three.shape), three
 
 
-def sharpened(followed: Array, y: Array, closer: bool = False) -> tuple[Array, Array]:
+def sharpened(followed: Array, y: Array, closer: float = 1.0) -> tuple[Array, Array]:
     """The coordinate of a summit by a parabola through three squared values, and the increase of the square by it.
     `closer` is as in `three_around`.
 

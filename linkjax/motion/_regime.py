@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import taken
+from linkjax._numerics import safe_divide, taken
 from linkjax.forces import Forces
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
@@ -122,13 +122,22 @@ def _driven(
 
 
 def crank_at(
-    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any, here: Pose | None
+    grid: Grid, steady: Steady | None, nominal: Array, place: Place, dynamics: Any, pose: Pose | None
 ) -> tuple[Array, Array]:
     """Crank speed (rad/s) and acceleration (rad/s²) at places, in the actual motion or, without one, at constant
     nominal speed; with the pose there, if loads depend on the speed."""
     if steady is None or grid.prescribed:
         return nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
     moving = None
-    if here is not None and steady.driven is not None:
-        moving = moving_at(steady.driven.torques.numbers, grid, here, place.phi, place.panel)
-    return steady.crank(nominal, grid.reduced(dynamics, place.panel), place, moving)
+    if pose is not None and steady.driven is not None:
+        moving = moving_at(steady.driven.torques.numbers, grid, pose, place.phi, place.panel)
+    here = grid.reduced(dynamics, place.panel)
+    return steady.crank(nominal, here, _around(steady.grid, place) if grid.divided else place, moving)
+
+
+def _around(grid: Grid, place: Place) -> Place:
+    """The place on a grid of a place on another one, which divides its panels."""
+    panel = jnp.searchsorted(grid.edges, jax.lax.stop_gradient(place.side), side="right").astype(jnp.int32) - 1
+    panel = jnp.clip(panel, 0, grid.panels - 1)
+    middle, half = taken(grid.middle, panel), taken(grid.half, panel)
+    return Place(panel, jnp.clip(safe_divide(place.phi - middle, half), -1.0, 1.0), place.phi, middle)

@@ -23,6 +23,7 @@ from linkjax._tree import node
 from linkjax.motion._extremum import highest_in, settle
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._peaks import (
+    CLOSER,
     Spots,
     follow,
     interpolated,
@@ -62,7 +63,8 @@ class Wanted(NamedTuple):
     """Rows that are wanted: the vectors of `components` in a regime over the continuous cycle. `at_nodes` are their
     values at the nodes, if known; `finish` makes the rows of the summits, by default of these and the nodes. `asks`
     says what the components use: "place" only, "pose", "dynamics" (the reduced model), or "gaps" (transmission
-    angles). At the crank angles `held` (rad) the range of what is wanted ends, or it jumps: see `settle`."""
+    angles). At the crank angles `held` (rad) the range of what is wanted ends, or it jumps: see `settle`. `closer` is
+    that of the second parabola: see `three_around`."""
 
     regime: Regime
     components: Components
@@ -70,10 +72,11 @@ class Wanted(NamedTuple):
     finish: Callable[[Summits], Rows] | None = None
     asks: str = "dynamics"
     held: tuple[float, ...] = ()
+    closer: float = CLOSER
 
 
 def every_row(wanted: Sequence[Wanted | Rows]) -> list[Rows]:
-    """The rows that are wanted, those of one machine on one grid, differentiable; rows that are known are unchanged.
+    """The rows that are wanted, those of one machine, differentiable; rows that are known are unchanged.
     All are found together, so that the machine is evaluated in few batches."""
     asked = [each for each in wanted if isinstance(each, Wanted)]
     nodes = [node_vectors(each.regime, each.components) if each.at_nodes is None else each.at_nodes for each in asked]
@@ -99,20 +102,23 @@ def _joined(grid: Grid, at_nodes: Array, tops: Summits) -> Rows:
 def summits(wanted: Sequence[Wanted], at_nodes: Sequence[Any]) -> list[Summits]:
     """Vectors at both ends of every panel (both limits at every jump) and at the two highest summits of every panel.
     Each summit is found as in `peaks` and refined to rounding. Differentiable, but not with respect to `at_nodes`."""
-    machine, grid, still = wanted[0].regime.machine, wanted[0].regime.grid, wanted[0].regime.still.grid
-    begun = [machine.run(_all_summits, still, nodes, rolled=not machine.traced) for nodes in at_nodes]
+    machine, grids = wanted[0].regime.machine, [each.regime.grid for each in wanted]
+    still = [each.regime.still.grid for each in wanted]
+    rolled = not machine.traced
+    begun = [machine.run(_all_summits, *each, rolled=rolled) for each in zip(still, at_nodes, strict=True)]
     spots, three = zip(*begun, strict=True)
     again = _together(wanted, three, still=True)
-    begun = [machine.run(_again, still, *each) for each in zip(spots, again, strict=True)]
+    begun = [
+        machine.run(_again, *each, closer=one.closer) for *each, one in zip(still, spots, again, wanted, strict=True)
+    ]
     spots, three = zip(*begun, strict=True)
     # twice, to rounding: an optimiser is sensitive to the error
     again = _together(wanted, three, still=True)
-    places = [
-        machine.run(_settled, grid, *each, held=one.held) for *each, one in zip(spots, again, wanted, strict=True)
-    ]
+    settled = zip(grids, spots, again, wanted, strict=True)
+    places = [machine.run(_settled, *each, held=one.held, closer=one.closer) for *each, one in settled]
     counts = [nodes.shape[0] for nodes in at_nodes]
-    last = zip(places, _together(wanted, places, still=False), counts, strict=True)
-    return [machine.run(_on_summits, grid, place, found, quantities=count) for place, found, count in last]
+    last = zip(grids, places, _together(wanted, places, still=False), counts, strict=True)
+    return [machine.run(_on_summits, *each, quantities=count) for *each, count in last]
 
 
 def _together(wanted: Sequence[Wanted], places: Sequence[Place], still: bool) -> list[Any]:
@@ -157,21 +163,21 @@ def _all_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Plac
     return spots_at(grid, panel, x), spots_at(grid, *three_around(panel, x)).place
 
 
-@compiled_soon
-def _again(grid: Grid, spots: Spots, found: Array) -> tuple[Spots, Place]:
-    x = _sharp(spots, found, closer=False)
-    return spots._replace(x=x), spots_at(grid, *three_around(spots.panel, x, closer=True)).place
+@compiled_soon(static=("closer",))
+def _again(grid: Grid, spots: Spots, found: Array, closer: float) -> tuple[Spots, Place]:
+    x = _sharp(spots, found, 1.0)
+    return spots._replace(x=x), spots_at(grid, *three_around(spots.panel, x, closer)).place
 
 
-def _sharp(spots: Spots, found: Array, closer: bool) -> Array:
+def _sharp(spots: Spots, found: Array, closer: float) -> Array:
     three = jnp.broadcast_to(spots.x[..., None], (*spots.x.shape, 3))
     return sharpened(spots.x, squares(own_rows(found, three)), closer)[0]
 
 
-@compiled_soon(static=("held",))
-def _settled(grid: Grid, spots: Spots, found: Array, held: tuple[float, ...]) -> Place:
+@compiled_soon(static=("held", "closer"))
+def _settled(grid: Grid, spots: Spots, found: Array, held: tuple[float, ...], closer: float) -> Place:
     """The two ends and the two summits of every panel, flat."""
-    x = _sharp(spots, found, closer=True)
+    x = _sharp(spots, found, closer)
     ends = jnp.broadcast_to(jnp.asarray([-1.0, 1.0], x.dtype), (*x.shape[:2], 2))
     panel = jnp.concatenate([spots.panel, spots.panel], axis=-1).ravel()
     return settle(grid, panel, jnp.concatenate([ends, x], axis=-1).ravel(), (held,) if held else ())

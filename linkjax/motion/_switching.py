@@ -8,12 +8,12 @@ d³ at a knot, where only its curvature does. No derivative passes through them,
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import taken
@@ -76,7 +76,8 @@ def _still(
     torques = torques_of(scene)
     every = torques.loaded(here, moving_at_nodes(grid, torques, pose), scene.speed * jnp.ones_like(grid.nodes))
     own = 0.5 * slope[: grid.size].reshape(grid.nodes.shape) * scene.speed**2
-    return _roots(grid, jax.lax.stop_gradient(own - sum(every.by_load.values(), jnp.zeros_like(own))), most)
+    torque = jax.lax.stop_gradient(own - sum(every.by_load.values(), jnp.zeros_like(own)))
+    return sign_changes(grid, torque, most).angles(grid)
 
 
 def _causes(scene: Scene) -> tuple[Any, ...]:
@@ -97,13 +98,24 @@ def _kinks(flow: Flow, energy: Array, still: Array, turns: int) -> Float[Array, 
     rate = (flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia
     values = [motor.shaft_torque(speed, rate)] if motor.transmission.loses else []
     values += [motor.motor_speed(speed) - knot for knot in motor.motor.knots()]
-    found = jax.vmap(lambda each: _roots(flow.grid, each, CHANGES * turns))(jnp.stack(values))
+    found = jax.vmap(lambda each: sign_changes(flow.grid, each, CHANGES * turns).angles(flow.grid))(jnp.stack(values))
     return jnp.concatenate([still, found.ravel()])
 
 
-def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Array, " most"]:
-    """Crank angles (rad) where a function known at the nodes changes its sign, in order; infinite where there are
-    fewer."""
+class Changes(NamedTuple):
+    """Where a function changes its sign: panels and coordinates in them, and which of these slots are used."""
+
+    panel: Int[Array, " slots"]
+    x: Float[Array, " slots"]
+    used: Bool[Array, " slots"]
+
+    def angles(self, grid: Grid) -> Float[Array, " slots"]:
+        """The crank angles (rad); infinite ones are not used."""
+        return jnp.where(self.used, taken(grid.middle, self.panel) + taken(grid.half, self.panel) * self.x, jnp.inf)
+
+
+def sign_changes(grid: Grid, values: Float[Array, "panels n"], most: int) -> Changes:
+    """Where a function known at the nodes changes its sign, in order."""
     rule, size = grid.rule, jnp.max(jnp.abs(values))
     first, last = jnp.moveaxis(values @ jnp.asarray(rule.ends.T), -1, 0)
     # one value at an edge, so that a root at an edge is found once: the two panels' own values there differ by rounding
@@ -128,5 +140,4 @@ def _roots(grid: Grid, values: Float[Array, "panels n"], most: int) -> Float[Arr
         return jnp.where(left, middle, ends[0]), jnp.where(left, ends[1], middle)
 
     low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
-    found = taken(grid.middle, panel) + taken(grid.half, panel) * 0.5 * (low + high)
-    return jnp.where(used, found, jnp.inf)
+    return Changes(panel, 0.5 * (low + high), used)
