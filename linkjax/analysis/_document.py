@@ -216,7 +216,8 @@ def _stops(cycle: Any, found: Reversals) -> np.ndarray:
 
 def _strokes(cycle: Any) -> dict[str, Any]:
     """Strokes of sliders, swings of links, and time ratios at constant crank speed."""
-    strokes, swings = {}, {}
+    strokes, swings, law = {}, {}, cycle.scene.mechanism.driver.follows()
+    rests = law is not None and law.rests()
     for name, value in cycle.strokes.items():
         stops = _stops(cycle, cycle.dead_centres[name])
         if stops.size < 2 or not np.isfinite(value):
@@ -224,7 +225,7 @@ def _strokes(cycle: Any) -> dict[str, Any]:
         turn = np.sort(np.mod(stops, 2 * math.pi))
         ways = np.diff(turn, append=turn[0] + 2 * math.pi)
         ways = ways[ways > SAME]  # a dead centre that repeats in every turn counts once
-        ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 else None
+        ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 and not rests else None
         rows = strokes if name in cycle.pose.points else swings
         rows[name] = {"value": float(value), "time_ratio": ratio}
     return {"strokes": strokes, "swings": swings}

@@ -33,7 +33,7 @@ def meshes(mechanism: Mechanism) -> tuple[Mesh, ...]:
     return tuple(found)
 
 
-def through_meshes(which: tuple[Mesh, ...], pose: Pose, forces: Forces) -> Float[Array, meshes * places]:
+def through_meshes(which: tuple[Mesh, ...], pose: Pose, forces: Forces) -> Float[Array, "meshes places"]:
     """The moment on every gear or pulley (N m), and the force on every rack along its guide (N)."""
     rows = []
     for joint, link, rack in which:

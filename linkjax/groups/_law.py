@@ -29,6 +29,15 @@ class Moved(NamedTuple):
     dd: Array
 
 
+class Stops(NamedTuple):
+    """Where a law stands still between two moves: the crank angles (rad) at which it stops and at which it goes on, one
+    for each stop, and whether it then turns back."""
+
+    begin: Array
+    end: Array
+    back: Array
+
+
 class AbstractLaw(eqx.Module):
     """A coordinate of the driver, an angle (rad) or a distance (m), as a periodic function of the crank angle."""
 
@@ -53,6 +62,20 @@ class AbstractLaw(eqx.Module):
         """The breaks of all periods in a cycle (rad)."""
         times = range(round(cycle / self.period()))
         return tuple(jnp.asarray(angle + k * self.period(), float) for k in times for angle in self.breaks())
+
+    def stops(self) -> Stops | None:
+        """Where it stands still between two moves, in one period; None if it has no moves."""
+        return None
+
+    def every_stop(self, cycle: float) -> Stops | None:
+        """The stops of all periods in a cycle (rad)."""
+        once = self.stops()
+        if once is None:
+            return None
+        times = round(cycle / self.period())
+        begin, end, back = (jnp.tile(part, times) for part in once)
+        later = jnp.asarray(np.repeat(np.arange(times) * self.period(), once.begin.size), begin.dtype)
+        return Stops(begin + later, end + later, back)
 
     def rests(self) -> bool:
         """Whether the coordinate rests over a range of crank angles."""

@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from linkjax._numerics import wrapped
 from linkjax._types import as_float, known
-from linkjax.groups._law import AbstractLaw, Moved
+from linkjax.groups._law import AbstractLaw, Moved, Stops
 from linkjax.groups._law_shapes import (
     Blend,
     Rise,
@@ -107,6 +107,21 @@ class Moves(AbstractLaw):
             here = self.start if number == last else values[-1] if move.to is None else move.to
             values.append(here)
         return jnp.stack(values)
+
+    def stops(self):
+        angles, heights = self._angles(), jnp.diff(self._values())
+        count, goes = len(self.moves), [i for i, move in enumerate(self.moves) if move.shape != "dwell"]
+        found = []
+        for place, number in enumerate(goes):
+            after = goes[(place + 1) % len(goes)]
+            if "constant_speed" in (self.moves[number].shape, self.moves[after].shape):
+                continue
+            rest = (after - number - 1) % count
+            end = angles[number + 1] + sum((jnp.diff(angles)[(number + 1 + i) % count] for i in range(rest)), 0.0)
+            found.append((angles[number + 1], end, heights[number] * heights[after] < 0))
+        if not found:
+            return None
+        return Stops(*(jnp.stack(part) for part in zip(*found, strict=True)))
 
     def rests(self):
         return any(move.shape == "dwell" for move in self.moves)

@@ -86,7 +86,8 @@ def dead_centres(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> dict[
 
     Returns {name: `Reversals`} for the pin of every slider on a guide of the frame and for every link pivoted on the
     frame, except a crank that drives without a motion law. Crank angles are in rad, accurate to rounding, in
-    8 `cycle_turns` slots each; `Reversals.true` selects the used ones. If the mechanism cannot be assembled over the
+    8 `cycle_turns` slots each and one for each stop of a motion law; `Reversals.true` selects the used ones. Where a
+    law rests before it turns back, the angle is that at which it stops. If the mechanism cannot be assembled over the
     whole cycle, the values are finite but meaningless. Differentiable with respect to the design.
     """
     return find_dead_centres(Positioned(prepared(mechanism, cycle_turns)), cycle_turns)
@@ -113,6 +114,9 @@ def find_dead_centres(machine: Any, cycle_turns: int, scanned: Any = None) -> di
 
     angle, flat = machine.loop(POLISH - 1, step, (found.angle, flat))
     every = machine.run(_refined_ends, angle, _motions(ends, machine.sample(flat, dynamics=False).pose), found)
+    law = plain(machine.prepared).driver.follows()
+    if law is not None and law.stops() is not None:
+        every = machine.run(_with_stops, every, law, turns=cycle_turns)
     return dict(zip(ends, every, strict=True))
 
 
@@ -139,6 +143,24 @@ def _next_ends(angle: Array, motions: tuple[Motion, ...], found: Found) -> tuple
 def _refined_ends(angle: Array, motions: tuple[Motion, ...], found: Found) -> list[Reversals]:
     every = _refine(angle, motions, found)
     return [Reversals(*(leaf[i] for leaf in every)) for i in range(angle.shape[0])]
+
+
+@compiled_soon(static=("turns",))
+def _with_stops(found: list[Reversals], law: Any, turns: int) -> list[Reversals]:
+    """Where a motion law stops and turns back, all that it moves is at a dead centre; where it stops, there is no other
+    one. The steps of the search would not end there, because the acceleration vanishes, too."""
+    cycle, step = 2 * math.pi * turns, 2 * math.pi / MOTION_SCAN
+    stops = law.every_stop(cycle)
+    none, every = jnp.zeros_like(stops.begin), []
+    for each in found:
+        late = wrapped(each.angle[:, None] - stops.begin[None] + step, cycle)
+        stands = jnp.any(late < (stops.end - stops.begin)[None] + 2 * step, axis=1)
+        more = Reversals(stops.begin, none, stops.back, none, none + 1, each.overflow)
+        there = each._replace(present=each.present & ~stands)
+        parts = [jnp.concatenate(pair) for pair in zip(there[:-1], more[:-1], strict=True)]
+        angle, distance, present, left, rate = parts
+        every.append(Reversals(angle, distance, present, left, rate, each.overflow))
+    return every
 
 
 def strokes(mechanism: Mechanism | Prepared, found: dict[str, Reversals], cycle_turns: int = 1) -> dict[str, Array]:

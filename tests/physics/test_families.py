@@ -38,15 +38,20 @@ def test_stroke_of_a_slider_crank():
     assert found == pytest.approx([ends[1] - ends[0], 2 * (ends[1] - ends[0]), *ends], rel=EXACT)
 
 
-def test_a_path_with_dwells():
-    """The pin of a crank that a law moves: the crank times all that it turns there and back. Its least transmission
-    angle is that of a dwell, and a measure and an analysis agree on it."""
+def resting_bar() -> lj.Mechanism:
+    """A four-bar whose crank a law moves from 0.3 to 1.9 rad, to 0.7 rad, where it rests, and back, where it rests."""
     there, back = [lj.Move(1.9, 1.1), lj.Move(0.7, 1.3, "cycloidal")], [lj.Move(0.3, 1.1, "trapezoidal")]
     law = lj.Moves(0.3, [*there, lj.Move(None, 0.9, "dwell"), *back, lj.Move(shape="dwell")])
     bars = {"crank": 0.1, "rod": 0.32, "rocker": 0.25}
     links = {name: lj.Link(length=length, mass=1.0, inertia=0.01) for name, length in bars.items()}
     groups = [lj.Crank("crank", "A", "B", law=law), lj.RRR(("rod", "rocker"), "B", "D", "C")]
-    machine = lj.Mechanism({"A": lj.Vec(0, 0), "D": lj.Vec(0.3, 0)}, links, groups)
+    return lj.Mechanism({"A": lj.Vec(0, 0), "D": lj.Vec(0.3, 0)}, links, groups)
+
+
+def test_a_path_with_dwells():
+    """The pin of a crank that a law moves: the crank times all that it turns there and back. Its least transmission
+    angle is that of a dwell, and a measure and an analysis agree on it."""
+    machine = resting_bar()
     (length, least) = value(machine, "path_length.B", "min_transmission_angle")
     assert length == pytest.approx(0.1 * 2 * (1.9 - 0.3), rel=EXACT)
     base = math.hypot(0.3 - 0.1 * math.cos(0.3), 0.1 * math.sin(0.3))  # the crank rests at 0.3 rad
@@ -56,6 +61,32 @@ def test_a_path_with_dwells():
     cycle = lj.analyse(lj.Scene(machine, speed=10.0), angles=4)
     assert not any(each.startswith("time_ratio") for each in measures.measure_names(cycle.scene))
     assert lj.analysis.measured(cycle)["min_transmission_angle"] == pytest.approx(least, rel=EXACT)
+
+
+def test_dead_centres_where_a_law_turns_back():
+    """The crank stops at 1.1 and at 4.4 rad, where it rests first; at 2.4 rad it rests and goes on. The rocker turns
+    back there, too, and where crank and rod are in line. Time ratios do not exist."""
+    made = resting_bar()
+    cycle = lj.analyse(lj.Scene(made, speed=10.0), angles=4)
+    stops = {link: np.sort(np.asarray(found.angle)[np.asarray(found.true)])
+             for link, found in cycle.dead_centres.items()}  # fmt: skip
+    np.testing.assert_allclose(stops["crank"], [1.1, 4.4], rtol=EXACT)
+    np.testing.assert_allclose(stops["rocker"][1::2], [1.1, 4.4], rtol=EXACT)
+    in_line = math.acos((0.42**2 + 0.3**2 - 0.25**2) / (2 * 0.42 * 0.3))
+    law = made.driver.follows()
+    assert law is not None
+    there = [float(law.at(jnp.asarray(angle)).value) for angle in stops["rocker"][::2]]
+    assert there == pytest.approx([in_line] * len(there), rel=EXACT)
+
+    def rocker(crank: float) -> float:
+        across, up = 0.1 * math.cos(crank) - 0.3, 0.1 * math.sin(crank)
+        far = math.hypot(across, up)
+        return math.atan2(up, across) - math.acos((far**2 + 0.25**2 - 0.32**2) / (2 * far * 0.25))
+
+    assert float(cycle.strokes["crank"]) == pytest.approx(1.9 - 0.3, rel=EXACT)
+    assert float(cycle.strokes["rocker"]) == pytest.approx(abs(rocker(1.9) - rocker(in_line)), rel=EXACT)
+    swings = lj.analysis.document(cycle)["swings"]
+    assert [each["time_ratio"] for each in swings.values()] == [None, None]
 
 
 def test_a_path_is_integrated_between_the_moves_wherever_a_point_is_slowest():

@@ -83,7 +83,7 @@ def test_extremes_and_means_at_constant_speed(one, pin):
         assert float(found[f"{way}_reaction_constant_speed.{pin}"]) == pytest.approx(wanted, rel=1e-11)
     changes = np.flatnonzero(np.diff(np.sign(moment(scan))))
     assert changes.size >= 2
-    ends = [brentq(moment, scan[i], scan[i + 1], xtol=1e-14) for i in changes]
+    ends: list = [brentq(moment, scan[i], scan[i + 1], xtol=1e-14) for i in changes]
     ends = [*ends, ends[0] + 2 * np.pi]
     parts = [quad(lambda phi: force(phi) ** 2, *each, epsabs=0, epsrel=1e-11)[0] for each in itertools.pairwise(ends)]
     mean = np.sqrt(sum(parts) / (2 * np.pi))

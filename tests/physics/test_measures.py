@@ -119,7 +119,8 @@ def all_names(name: str) -> tuple[str, ...]:
     known = [each for each in measures.measure_names(swept(name)) if each not in none]
     found = measures.evaluate(swept(name), known)
     ratios = ("time_ratio", "inertia_force_ratio")
-    return tuple(each for each, value in found.items() if not (each.startswith(ratios) and np.isinf(value)))
+    exist = [each for each, value in found.items() if not (each.startswith(ratios) and np.isinf(value))]
+    return tuple(sorted(exist, key=lambda each: measures.named(each).motion))  # few parts contain the actual motion
 
 
 def every(scene: lj.Scene, names: tuple[str, ...], nodes: int) -> jax.Array:
