@@ -20,6 +20,7 @@ from linkjax.motion import speed_dependent, steady_motion, textbook_flywheel, wi
 
 NONE = (Result.INTEGRATION_FAILED, Result.NO_PERIODIC_REGIME, Result.NO_INERTIA)
 CLOSE = 1e-3  # relative: a flywheel gives the wanted δ
+HEAVY = 1e4  # times the reduced inertia: with a flywheel of so much the speed is nearly constant
 
 
 def massless(scene: Scene) -> bool:
@@ -93,12 +94,18 @@ def _not_driven(cycle: Cycle, shaft: bool, flywheel: str) -> str:
             f"{within}: the drive supplies more energy than the loads take, {gain:.4g} J per cycle too much at the "
             "nearest motion. Check its torque, ratio and the nominal speed, or add what limits the speed."
         )
-    more = f"a flywheel{flywheel}" if shaft else "inertia"
+    more = f" add {f'a flywheel{flywheel}' if shaft else 'inertia'}," if flywheel or _heavier_helps(cycle) else ""
     return (
         f"{within}: the drive cannot carry the loads, {-gain:.4g} J are missing in the cycle of the nearest motion, "
-        f"whose speed is lowest at {degrees:.2f} degrees. Choose a stronger motor or another ratio, add {more}, or "
-        "reduce the loads."
+        f"whose speed is lowest at {degrees:.2f} degrees. Choose a stronger motor or another ratio,{more} or reduce "
+        "the loads."
     )
+
+
+def _heavier_helps(cycle: Cycle) -> bool:
+    """Whether the motor carries the loads at a nearly constant speed."""
+    motion = steady_motion(with_flywheel(cycle.scene, HEAVY * jnp.max(cycle.reduced.inertia)))
+    return motion.driven is not None and bool(motion.driven.found)
 
 
 def _reason(cycle: Cycle, code: Result, flywheel: str) -> str:
