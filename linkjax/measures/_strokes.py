@@ -11,8 +11,9 @@ from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, safe_sqrt, wrapped
-from linkjax._search import MOTION_SCAN, scan_angles
+from linkjax._search import HALVINGS, MOTION_SCAN, scan_angles
 from linkjax._vec import Vec
+from linkjax.groups import AbstractLaw
 from linkjax.kinematics import Pose, Reversals, stopping_ends
 from linkjax.machine import Scene
 from linkjax.measures._extremes import Extreme, Statistic, looked, lowered
@@ -24,6 +25,7 @@ from linkjax.motion import Rows, Summits, Wanted
 CUTS = 8  # per crank turn: the most places where a point is slowest
 CLOSER = 3  # steps to each of them
 ROUNDED = 1e-12  # of the largest value: less is rounding
+INSIDE = 32  # steps in a move, to see where a law turns back
 SPACING, REACH = 0.11, 29  # of the double-exponential rule, and its nodes to either side of the middle
 
 
@@ -99,7 +101,9 @@ def path_lengths(of: Parts, elements: Elements) -> list[Array]:
     """
     machine, turns = of.machine, of.scene.cycle_turns
     law = of.scene.mechanism.driver.follows()
-    moves = jax.lax.stop_gradient(() if law is None else law.every_break(of.scene.cycle))
+    moves = None
+    if law is not None and law.breaks():
+        moves = machine.run(_ends_of_moves, jax.lax.stop_gradient(law), cycle=of.scene.cycle)
     scanned = machine.sample(scan_angles(turns, MOTION_SCAN), fixed=True, dynamics=False).pose
     cuts = machine.run(_slowest, scanned, turns=turns, elements=elements)
 
@@ -109,6 +113,32 @@ def path_lengths(of: Parts, elements: Elements) -> list[Array]:
     slowest = machine.loop(CLOSER, closer, cuts)
     places, weights = machine.run(_between, slowest, moves, turns=turns, count=len(elements))
     return machine.run(_lengths, machine.sample(places, dynamics=False).pose, weights, elements=elements)
+
+
+@compiled_soon(static=("cycle",))
+def _ends_of_moves(law: AbstractLaw, cycle: float) -> Array:
+    """Where moves end, and where the law turns back inside of a move (rad); the begin of the move where it does not.
+    The way back may be short, so that the scan does not show it."""
+    begin = jnp.sort(wrapped(jnp.stack(law.every_break(cycle)), cycle))
+    width = jnp.roll(begin, -1) - begin + jnp.where(jnp.arange(begin.size) == begin.size - 1, cycle, 0.0)
+
+    def forwards(phi):
+        return jax.vmap(jax.vmap(law.at))(phi).d > 0
+
+    x = np.linspace(0.0, 1.0, INSIDE + 1)[None, 1:-1]
+    seen = forwards(begin[:, None] + width[:, None] * jnp.asarray(x))
+    turns = seen[:, 1:] != seen[:, :-1]
+    first = jnp.argmax(turns, axis=1)
+    low = begin + width * jnp.asarray(x[0])[first]
+    after = jnp.take_along_axis(seen, first[:, None] + 1, axis=1)[:, 0]
+
+    def halve(_, ends):
+        middle = 0.5 * (ends[0] + ends[1])
+        late = forwards(middle[:, None])[:, 0] == after
+        return jnp.where(late, ends[0], middle), jnp.where(late, middle, ends[1])
+
+    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, low + width / INSIDE))
+    return jnp.concatenate([begin, jnp.where(jnp.any(turns, axis=1), 0.5 * (low + high), begin)])
 
 
 @compiled_soon(static=("turns", "elements"))
@@ -154,12 +184,13 @@ def _rule() -> tuple[np.ndarray, np.ndarray]:
 
 
 @compiled_soon(static=("turns", "count"))
-def _between(cuts: Array, moves: tuple[Array, ...], turns: int, count: int) -> tuple[Array, Array]:
+def _between(cuts: Array, moves: Array | None, turns: int, count: int) -> tuple[Array, Array]:
     """Places between the cuts of each point, and the ends of `moves`, over one cycle (rad), flat, and their weights."""
     cycle = 2 * np.pi * turns
-    ends = [jnp.broadcast_to(wrapped(end, cycle), (count, 1)) for end in moves]
     cuts = wrapped(cuts.reshape((count, -1)), cycle)  # those outside of the cycle would lie between other moves
-    edges = jnp.sort(jnp.concatenate([cuts, *ends], axis=1), axis=1)
+    if moves is not None:
+        cuts = jnp.concatenate([cuts, jnp.broadcast_to(wrapped(moves, cycle)[None], (count, moves.size))], axis=1)
+    edges = jnp.sort(cuts, axis=1)
     edges = jnp.concatenate([edges, edges[:, :1] + cycle], axis=1)
     x, weights = _rule()
     half, middle = 0.5 * jnp.diff(edges)[..., None], 0.5 * (edges[:, 1:] + edges[:, :-1])[..., None]

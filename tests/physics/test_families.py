@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import linkjax as lj
 from linkjax import measures
@@ -63,6 +64,21 @@ def test_a_path_with_dwells():
     assert lj.analysis.measured(cycle)["min_transmission_angle"] == pytest.approx(least, rel=EXACT)
 
 
+def test_a_path_where_a_law_turns_back_within_a_move():
+    """Ramps of the wrong height go back a little before they go ahead: for less than a step of the scan here."""
+    ramp, back = lj.Move(0.115, 0.3), lj.Move(1.3, 0.3)
+    law = lj.Moves(0.0, [ramp, lj.Move(1.2, 1.1, "constant_speed"), back, lj.Move(shape="4-5-6-7")])
+    links = {"crank": lj.Link(length=0.2, mass=1.0, inertia=0.01)}
+    machine = lj.Mechanism({"A": lj.Vec(0, 0)}, links, [lj.Crank("crank", "A", "B", law=law)])
+    scan = np.linspace(0.0, 2 * math.pi, 100_001)
+    speed = np.asarray(jax.vmap(law.at)(jnp.asarray(scan)).d)
+    turns = np.flatnonzero(speed[:-1] * speed[1:] < 0)
+    at = [brentq(lambda phi: float(law.at(jnp.asarray(phi)).d), scan[i], scan[i + 1], xtol=1e-14) for i in turns]
+    angles = np.asarray(jax.vmap(law.at)(jnp.asarray([0.0, *at, 2 * math.pi])).value)
+    assert turns.size > 1 and np.min(np.diff([0.0, *at])) < math.radians(2.8)
+    assert value(machine, "path_length.B") == pytest.approx([0.2 * np.sum(np.abs(np.diff(angles)))], rel=EXACT)
+
+
 def test_dead_centres_where_a_law_turns_back():
     """The crank stops at 1.1 and at 4.4 rad, where it rests first; at 2.4 rad it rests and goes on. The rocker turns
     back there, too, and where crank and rod are in line. Time ratios do not exist."""
@@ -93,7 +109,7 @@ def test_a_path_is_integrated_between_the_moves_wherever_a_point_is_slowest():
     """By rounding, places where a point is slowest may lie outside of the cycle; the speed still has its kinks at the
     ends of the moves only: between 1 and 3 rad it is three times as high."""
     for cuts in ((0.4, 2.0), (0.4, 2.0 + 2 * math.pi), (2.5 - 2 * math.pi, 9.9)):
-        places, weights = _between(jnp.asarray(cuts), (jnp.asarray(1.0), jnp.asarray(3.0)), turns=1, count=1)
+        places, weights = _between(jnp.asarray(cuts), jnp.asarray([1.0, 3.0]), turns=1, count=1)
         at = np.asarray(places) % (2 * math.pi)
         speed = np.where((at > 1.0) & (at < 3.0), 3.0, 1.0)
         assert np.asarray(weights) @ speed == pytest.approx(2 * math.pi + 4.0, rel=EXACT)
