@@ -25,6 +25,7 @@ from linkjax.motion._regime import At, Regime
 from linkjax.motion._switching import CHANGES, Changes, sign_changes
 
 NEAR = 1e-3  # half panels: the distance of the places that give the slope at a change
+IDLE = 1e-11  # of the drive torque and of the largest torque through a mesh: less is rounding
 
 
 def with_kinks(regimes: Sequence[Regime], at_nodes: Sequence[At]) -> list[Regime]:
@@ -48,25 +49,29 @@ def with_kinks(regimes: Sequence[Regime], at_nodes: Sequence[At]) -> list[Regime
 
 
 @compiled_soon(static=("which",))
-def _torques(pose: Pose, forces: Forces, which: tuple[Mesh, ...]) -> Float[Array, "meshes places"]:
-    return through_meshes(which, pose, forces)
+def _torques(pose: Pose, forces: Forces, which: tuple[Mesh, ...]) -> Float[Array, "rows places"]:
+    """What is transmitted through the meshes, and the drive torque."""
+    return jnp.concatenate([through_meshes(which, pose, forces), forces.drive_torque[None]])
 
 
 @compiled_soon(static=("turns",))
-def _changed(grid: Grid, torques: Float[Array, "meshes places"], turns: int) -> tuple[Changes, Place]:
-    """Where functions known at the nodes change their signs, and three places around each, flat."""
-    values = jax.lax.stop_gradient(torques[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+def _changed(grid: Grid, torques: Float[Array, "rows places"], turns: int) -> tuple[Changes, Place]:
+    """Where functions known at the nodes change their signs, all but the last, and three places around each, flat."""
+    values = jax.lax.stop_gradient(torques[:, : grid.size])
+    size = jnp.max(jnp.abs(values), axis=1)
+    values = values[:-1].reshape((-1, *grid.nodes.shape))
     found = jax.vmap(lambda each: sign_changes(grid, each, CHANGES * turns))(values)
-    found = found._replace(x=jnp.clip(found.x, NEAR - 1, 1 - NEAR))
+    used = found.used & (size[:-1] > IDLE * jnp.max(size))[:, None]
+    found = found._replace(x=jnp.clip(found.x, NEAR - 1, 1 - NEAR), used=used)
     three = (found.x[..., None] + jnp.asarray([[[-NEAR, 0.0, NEAR]]])).ravel()
     return found, settle(grid, jnp.repeat(found.panel.ravel(), 3), three)
 
 
 @compiled_soon
-def _settled(grid: Grid, found: Changes, torques: Float[Array, "meshes places"]) -> Float[Array, "meshes changes"]:
+def _settled(grid: Grid, found: Changes, torques: Float[Array, "rows places"]) -> Float[Array, "meshes changes"]:
     """The crank angles of the changes (rad) by one more step, which has their derivatives; infinite ones are unused."""
     count = found.x.shape[1]
-    three = own(torques[:, None], 3 * count)[:, 0].reshape((-1, count, 3))
+    three = own(torques[:-1, None], 3 * count)[:, 0].reshape((-1, count, 3))
     slope = jax.lax.stop_gradient(0.5 * (three[..., 2] - three[..., 0]) / NEAR)
     step = -safe_divide(three[..., 1], slope)
     step = jnp.where(jnp.abs(step) < 2 * NEAR, step, 0.0)
