@@ -217,14 +217,14 @@ def _stops(cycle: Any, found: Reversals) -> np.ndarray:
 def _strokes(cycle: Any) -> dict[str, Any]:
     """Strokes of sliders, swings of links, and time ratios at constant crank speed."""
     strokes, swings, law = {}, {}, cycle.scene.mechanism.driver.follows()
-    rests = law is not None and law.rests()
+    rests, period = law is not None and law.rests(), 2 * math.pi if law is None else law.period()
     for name, value in cycle.strokes.items():
         stops = _stops(cycle, cycle.dead_centres[name])
         if stops.size < 2 or not np.isfinite(value):
             continue
-        turn = np.sort(np.mod(stops, 2 * math.pi))
-        ways = np.diff(turn, append=turn[0] + 2 * math.pi)
-        ways = ways[ways > SAME]  # a dead centre that repeats in every turn counts once
+        turn = np.sort(np.mod(stops, period))
+        ways = np.diff(turn, append=turn[0] + period)
+        ways = ways[ways > SAME]  # a dead centre that repeats in every turn, or period of a law, counts once
         ratio = float(np.max(ways) / np.min(ways)) if ways.size == 2 and not rests else None
         rows = strokes if name in cycle.pose.points else swings
         rows[name] = {"value": float(value), "time_ratio": ratio}

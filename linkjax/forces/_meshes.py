@@ -17,11 +17,13 @@ from linkjax.mechanism import Mechanism
 
 
 class Mesh(NamedTuple):
-    """A mesh: the name of its joint, its gear, pulley or rack, and whether this is a rack."""
+    """A mesh: the name of its joint, its gear, pulley or rack, whether this is a rack, and how many times as fast as
+    the slower gear the faster one turns, rounded up."""
 
     joint: str
     link: str
     rack: bool
+    faster: int
 
 
 def meshes(mechanism: Mechanism) -> tuple[Mesh, ...]:
@@ -29,14 +31,17 @@ def meshes(mechanism: Mechanism) -> tuple[Mesh, ...]:
     found = []
     for group in mechanism.groups:
         sliding = {joint.link for joint in group.joints() if joint.slides}
-        found += [Mesh(joint.name, joint.link, joint.link in sliding) for joint in group.joints() if joint.meshes]
+        faster = max((wheel.faster() for wheel in group.wheels()), default=1)
+        found += [
+            Mesh(joint.name, joint.link, joint.link in sliding, faster) for joint in group.joints() if joint.meshes
+        ]
     return tuple(found)
 
 
 def through_meshes(which: tuple[Mesh, ...], pose: Pose, forces: Forces) -> Float[Array, "meshes places"]:
     """The moment on every gear or pulley (N m), and the force on every rack along its guide (N)."""
     rows = []
-    for joint, link, rack in which:
+    for joint, link, rack, _ in which:
         on, axis = forces.reactions[joint][link], pose.links[link].u
         rows.append(on.fx * axis.x + on.fy * axis.y if rack else on.moment)
     return jnp.stack(rows)

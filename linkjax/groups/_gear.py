@@ -35,6 +35,10 @@ class AbstractWheel(AbstractGroup):
     def wheels(self):
         return (self,)
 
+    def faster(self) -> int:
+        """How many times as fast as the slower gear of its mesh the faster one turns, rounded up."""
+        return 1
+
     def transmission(self, states, points):
         return None
 
@@ -97,6 +101,9 @@ class Gear(AbstractWheel):
 
     def joints(self):
         return self.in_gear(self.to)
+
+    def faster(self):
+        return self.mesh.faster()
 
     def coupling(self) -> Coupling:
         """The quantity that the mesh keeps constant."""

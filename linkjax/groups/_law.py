@@ -31,11 +31,11 @@ class Moved(NamedTuple):
 
 class Stops(NamedTuple):
     """Where a law stands still between two moves: the crank angles (rad) at which it stops and at which it goes on, one
-    for each stop, and whether it then turns back."""
+    for each stop, and a distance from both at which it moves (rad)."""
 
     begin: Array
     end: Array
-    back: Array
+    near: Array
 
 
 class AbstractLaw(eqx.Module):
@@ -73,9 +73,9 @@ class AbstractLaw(eqx.Module):
         if once is None:
             return None
         times = round(cycle / self.period())
-        begin, end, back = (jnp.tile(part, times) for part in once)
+        begin, end, near = (jnp.tile(part, times) for part in once)
         later = jnp.asarray(np.repeat(np.arange(times) * self.period(), once.begin.size), begin.dtype)
-        return Stops(begin + later, end + later, back)
+        return Stops(begin + later, end + later, near)
 
     def rests(self) -> bool:
         """Whether the coordinate rests over a range of crank angles."""

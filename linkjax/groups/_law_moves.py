@@ -34,6 +34,7 @@ INSIDE = {"modified_sine": (1 / 8, 7 / 8), "modified_trapezoid": (1 / 8, 3 / 8, 
 RAMP = 1 / 3  # of a trapezoidal speed
 SAME = 1e-9  # relative: numbers of a law that agree
 SHORTEST = 1e-6  # of the cycle: the least angle of a move
+BESIDE = 0.03  # of a move: beside a stop
 
 
 class Move(eqx.Module):
@@ -109,7 +110,7 @@ class Moves(AbstractLaw):
         return jnp.stack(values)
 
     def stops(self):
-        angles, heights = self._angles(), jnp.diff(self._values())
+        angles, widths = self._angles(), jnp.diff(self._angles())
         count, goes = len(self.moves), [i for i, move in enumerate(self.moves) if move.shape != "dwell"]
         found = []
         for place, number in enumerate(goes):
@@ -117,8 +118,8 @@ class Moves(AbstractLaw):
             if "constant_speed" in (self.moves[number].shape, self.moves[after].shape):
                 continue
             rest = (after - number - 1) % count
-            end = angles[number + 1] + sum((jnp.diff(angles)[(number + 1 + i) % count] for i in range(rest)), 0.0)
-            found.append((angles[number + 1], end, heights[number] * heights[after] < 0))
+            end = angles[number + 1] + sum((widths[(number + 1 + i) % count] for i in range(rest)), 0.0)
+            found.append((angles[number + 1], end, BESIDE * jnp.minimum(widths[number], widths[after])))
         if not found:
             return None
         return Stops(*(jnp.stack(part) for part in zip(*found, strict=True)))

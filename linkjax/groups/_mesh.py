@@ -67,6 +67,10 @@ class Teeth(eqx.Module):
         """Turns of the gear per turn of the other, relative to the link that carries both."""
         return as_float((1 if self.internal else -1) * self.teeth[1] / self.teeth[0])
 
+    def faster(self) -> int:
+        """How many times as fast as the slower gear the faster one turns, rounded up."""
+        return -(-max(self.teeth) // min(self.teeth))
+
     def turned_round(self) -> Teeth:
         """The same mesh, as that of the other gear."""
         return Teeth((self.teeth[1], self.teeth[0]), self.internal, self.pressure_angle)
@@ -117,6 +121,10 @@ class Belt(eqx.Module):
     def ratio(self) -> Array:
         """Turns of the pulley per turn of the other, relative to the link that carries both."""
         return (-1.0 if self.crossed else 1.0) * self.other / self.radius
+
+    def faster(self) -> int:
+        """One: the radii are design variables."""
+        return 1
 
     def turned_round(self) -> Belt:
         """The same belt, as that of the other pulley."""

@@ -78,6 +78,10 @@ class Rack(AbstractGroup):
     def wheels(self):
         return (self,)
 
+    def faster(self) -> int:
+        """One: a rack has no turns."""
+        return 1
+
     def coupling(self) -> Coupling:
         """The quantity that the mesh keeps constant."""
         rolled = self.side * self.radius

@@ -29,7 +29,7 @@ from linkjax._search import (
     towards_least,
 )
 from linkjax._vec import Vec
-from linkjax.groups import BEYOND, Margin, ReferencePath
+from linkjax.groups import BEYOND, AbstractLaw, Margin, ReferencePath
 from linkjax.kinematics._pose import (
     Pose,
     Prepared,
@@ -116,7 +116,9 @@ def find_dead_centres(machine: Any, cycle_turns: int, scanned: Any = None) -> di
     every = machine.run(_refined_ends, angle, _motions(ends, machine.sample(flat, dynamics=False).pose), found)
     law = plain(machine.prepared).driver.follows()
     if law is not None and law.stops() is not None:
-        every = machine.run(_with_stops, every, law, turns=cycle_turns)
+        beside = machine.run(_beside_stops, law, turns=cycle_turns)
+        moving = _motions(ends, machine.sample(beside, fixed=True, dynamics=False).pose)
+        every = machine.run(_with_stops, every, law, moving, turns=cycle_turns)
     return dict(zip(ends, every, strict=True))
 
 
@@ -146,16 +148,32 @@ def _refined_ends(angle: Array, motions: tuple[Motion, ...], found: Found) -> li
 
 
 @compiled_soon(static=("turns",))
-def _with_stops(found: list[Reversals], law: Any, turns: int) -> list[Reversals]:
-    """Where a motion law stops and turns back, all that it moves is at a dead centre; where it stops, there is no other
+def _beside_stops(law: AbstractLaw, turns: int) -> Array:
+    """Crank angles (rad) before all stops of a motion law, and after them."""
+    stops = law.every_stop(2 * math.pi * turns)
+    assert stops is not None
+    near = jnp.minimum(stops.near, 2 * math.pi / MOTION_SCAN)
+    return jax.lax.stop_gradient(jnp.concatenate([stops.begin - near, stops.end + near]))
+
+
+@compiled_soon(static=("turns",))
+def _with_stops(found: list[Reversals], law: AbstractLaw, beside: tuple[Motion, ...], turns: int) -> list[Reversals]:
+    """Where a motion law stops, a slider or link is at a dead centre if it moves back afterwards, and there is no other
     one. The steps of the search would not end there, because the acceleration vanishes, too."""
     cycle, step = 2 * math.pi * turns, 2 * math.pi / MOTION_SCAN
     stops = law.every_stop(cycle)
-    none, every = jnp.zeros_like(stops.begin), []
-    for each in found:
-        late = wrapped(each.angle[:, None] - stops.begin[None] + step, cycle)
-        stands = jnp.any(late < (stops.end - stops.begin)[None] + 2 * step, axis=1)
-        more = Reversals(stops.begin, none, stops.back, none, none + 1, each.overflow)
+    assert stops is not None
+    count, none = stops.begin.size, jnp.zeros_like(stops.begin)
+    near = jnp.minimum(stops.near, step)
+    velocity, every = stacked_motions(beside)[0], []
+    for i, each in enumerate(found):
+        late = wrapped(each.angle[:, None] - stops.begin[None] + near[None], cycle)
+        stands = jnp.any(late < (stops.end - stops.begin + 2 * near)[None], axis=1)
+        before, after = velocity[i, :, :count], velocity[i, :, count : 2 * count]
+        rests = jnp.all(after == 0, axis=0)  # in a move to the same value
+        after = jnp.where(rests[None], jnp.roll(after, -1, axis=1), after)
+        back = jnp.sum(before * after, axis=0) < 0
+        more = Reversals(stops.begin, none, back, none, none + 1, each.overflow)
         there = each._replace(present=each.present & ~stands)
         parts = [jnp.concatenate(pair) for pair in zip(there[:-1], more[:-1], strict=True)]
         angle, distance, present, left, rate = parts

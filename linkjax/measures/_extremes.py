@@ -6,6 +6,7 @@ the greatest distance from above.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -80,9 +81,9 @@ class Looked(NamedTuple):
 
 
 def looked(of: Parts, extremes: Sequence[Extreme]) -> Looked:
-    """What is looked for by extremes of one motion, over the whole cycle: windows are left to the rows."""
-    kinked = next((each.quantity for each in extremes if each.quantity.kinks), extremes[0].quantity)
-    regime, machine = kinked.regime(of, not extremes[0].still), of.machine
+    """What is looked for by extremes of one motion, all with kinks or all without, over the whole cycle: windows are
+    left to the rows."""
+    regime, machine = extremes[0].quantity.regime(of, not extremes[0].still), of.machine
     signs = tuple(sign for each in extremes for sign in each.signs(of.scene))
     elements: dict[str, dict[str, int]] = {}  # of every quantity, once
     for each in extremes:
@@ -156,11 +157,14 @@ def lowered(found: Array, above: Array, signs: Signs) -> Array:
 
 
 def extremes_of(of: Parts, extremes: Sequence[Extreme]) -> list[Array]:
-    """The values of extremes; those of one motion are found together."""
+    """The values of extremes; those of one motion and one grid are found together."""
     found: dict[int, Array] = {}
     by_rows = [i for i, each in enumerate(extremes) if each.window is not None or each.deep(of.scene)]
-    for still in (True, False):
-        which = [i for i, each in enumerate(extremes) if i not in by_rows and each.still is still]
+    for still, kinks in itertools.product((True, False), (False, True)):
+        which = [
+            i for i, each in enumerate(extremes)
+            if i not in by_rows and each.still is still and each.quantity.kinks is kinks
+        ]  # fmt: skip
         if not which:
             continue
         look = looked(of, [extremes[i] for i in which])

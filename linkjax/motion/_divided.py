@@ -34,13 +34,13 @@ def with_kinks(regimes: Sequence[Regime], at_nodes: Sequence[At]) -> list[Regime
     machine, grid, which = regimes[0].machine, regimes[0].grid, meshes(regimes[0].machine.mechanism)
     if not which:
         return list(regimes)
-    turns, ends = machine.scene.cycle_turns, []
+    most, ends = CHANGES * machine.scene.cycle_turns * max(mesh.faster for mesh in which), []
     for regime, at in zip(regimes, at_nodes, strict=True):
         there = at
         if machine.traced:
             there = regime.still.at(*jax.lax.stop_gradient((at.place, at.sample)))
         torques = machine.run(_torques, there.pose, there.forces, which=which)
-        found, places = machine.run(_changed, grid, torques, turns=turns)
+        found, places = machine.run(_changed, grid, torques, most=most)
         there = regime.at(places)
         torques = machine.run(_torques, there.pose, there.forces, which=which)
         ends.append(machine.run(_settled, grid, found, torques))
@@ -54,13 +54,13 @@ def _torques(pose: Pose, forces: Forces, which: tuple[Mesh, ...]) -> Float[Array
     return jnp.concatenate([through_meshes(which, pose, forces), forces.drive_torque[None]])
 
 
-@compiled_soon(static=("turns",))
-def _changed(grid: Grid, torques: Float[Array, "rows places"], turns: int) -> tuple[Changes, Place]:
+@compiled_soon(static=("most",))
+def _changed(grid: Grid, torques: Float[Array, "rows places"], most: int) -> tuple[Changes, Place]:
     """Where functions known at the nodes change their signs, all but the last, and three places around each, flat."""
     values = jax.lax.stop_gradient(torques[:, : grid.size])
     size = jnp.max(jnp.abs(values), axis=1)
     values = values[:-1].reshape((-1, *grid.nodes.shape))
-    found = jax.vmap(lambda each: sign_changes(grid, each, CHANGES * turns))(values)
+    found = jax.vmap(lambda each: sign_changes(grid, each, most))(values)
     used = found.used & (size[:-1] > IDLE * jnp.max(size))[:, None]
     found = found._replace(x=jnp.clip(found.x, NEAR - 1, 1 - NEAR), used=used)
     three = (found.x[..., None] + jnp.asarray([[[-NEAR, 0.0, NEAR]]])).ravel()
@@ -81,9 +81,11 @@ def _settled(grid: Grid, found: Changes, torques: Float[Array, "rows places"]) -
 
 @compiled_soon
 def _divided(grid: Grid, ends: list[Array]) -> Grid:
-    """The grid with more edges; those that are not used are at its end."""
+    """The grid with more edges; those that are not used are in the middle of the widest panel, where nothing jumps."""
     more = jnp.concatenate([each.ravel() for each in ends])
-    every = jnp.concatenate([grid.edges, jnp.clip(more, grid.edges[0], grid.edges[-1])])
+    spare = taken(grid.middle, jnp.argmax(jax.lax.stop_gradient(grid.half)))
+    more = jnp.where(jnp.isfinite(more), jnp.clip(more, grid.edges[0], grid.edges[-1]), spare)
+    every = jnp.concatenate([grid.edges, more])
     edges = once(taken(every, jnp.argsort(jax.lax.stop_gradient(every))))
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
     number = jnp.searchsorted(jax.lax.stop_gradient(grid.edges), jax.lax.stop_gradient(middle), side="right") - 1

@@ -73,7 +73,7 @@ def test_a_path_where_a_law_turns_back_within_a_move():
     scan = np.linspace(0.0, 2 * math.pi, 100_001)
     speed = np.asarray(jax.vmap(law.at)(jnp.asarray(scan)).d)
     turns = np.flatnonzero(speed[:-1] * speed[1:] < 0)
-    at = [brentq(lambda phi: float(law.at(jnp.asarray(phi)).d), scan[i], scan[i + 1], xtol=1e-14) for i in turns]
+    at: list = [brentq(lambda phi: float(law.at(jnp.asarray(phi)).d), scan[i], scan[i + 1], xtol=1e-14) for i in turns]
     angles = np.asarray(jax.vmap(law.at)(jnp.asarray([0.0, *at, 2 * math.pi])).value)
     assert turns.size > 1 and np.min(np.diff([0.0, *at])) < math.radians(2.8)
     assert value(machine, "path_length.B") == pytest.approx([0.2 * np.sum(np.abs(np.diff(angles)))], rel=EXACT)
@@ -103,6 +103,42 @@ def test_dead_centres_where_a_law_turns_back():
     assert float(cycle.strokes["rocker"]) == pytest.approx(abs(rocker(1.9) - rocker(in_line)), rel=EXACT)
     swings = lj.analysis.document(cycle)["swings"]
     assert [each["time_ratio"] for each in swings.values()] == [None, None]
+
+
+Q = 0.5 * math.pi
+LAWS = {
+    "through the dead centre, where it stops": [lj.Move(0.0, Q), lj.Move(1.2, Q), lj.Move(0.0, Q), lj.Move()],
+    "where it rests": [lj.Move(0.0, 1.2), lj.Move(None, 0.6, "dwell"), lj.Move(1.2, 1.2), lj.Move()],
+    "and keeps a value": [lj.Move(1.2, 1.2), lj.Move(1.2, 0.6), lj.Move(0.5, 1.2), lj.Move()],
+}
+
+
+@pytest.mark.parametrize("moves", LAWS.values(), ids=LAWS.keys())
+def test_a_slider_turns_back_where_a_law_only_stops(moves):
+    """At its own dead centre it does, and where the law turns back after a move to the same value. The slider's stroke
+    is from the crank's greatest angle to its dead centre, once or several times."""
+    links = {"crank": lj.Link(length=0.1, mass=1.0, inertia=0.01), "rod": lj.Link(length=0.3, mass=1.0, inertia=0.01),
+             "slider": lj.Link(mass=1.0)}  # fmt: skip
+    law = lj.Moves(-1.2, moves)
+    groups = [lj.Crank("crank", "A", "B", law=law), lj.RRP("rod", "slider", "B", "D", lj.Guide("A"))]
+    made = lj.Mechanism({"A": lj.Vec(0, 0)}, links, groups)
+    found = lj.dead_centres(made)
+    reach = 0.1 * math.cos(1.2) + math.sqrt(0.3**2 - (0.1 * math.sin(1.2)) ** 2)
+    assert float(lj.strokes(made, found)["D"]) == pytest.approx(0.4 - reach, rel=EXACT)
+    angles = np.sort(np.asarray(found["crank"].angle)[np.asarray(found["crank"].true)])
+    assert angles.size == 2
+
+
+def test_time_ratio_of_a_law_of_two_turns():
+    """There in 3 rad, and back in the rest of two turns: an analysis and a measure agree."""
+    law = lj.Moves(0.3, [lj.Move(1.3, 3.0), lj.Move()], cycle=4 * math.pi)
+    links = {"crank": lj.Link(length=0.1, mass=1.0, inertia=0.01)}
+    made = lj.Mechanism({"A": lj.Vec(0, 0)}, links, [lj.Crank("crank", "A", "B", law=law)])
+    scene = lj.Scene(made, speed=10.0, cycle_turns=2)
+    swing = lj.analysis.document(lj.analyse(scene, angles=4))["swings"]["crank"]
+    wanted = (4 * math.pi - 3) / 3
+    measured = float(measures.evaluate(scene, ("time_ratio.crank",))["time_ratio.crank"])
+    assert (swing["value"], swing["time_ratio"], measured) == pytest.approx((1.0, wanted, wanted), rel=EXACT)
 
 
 def test_a_path_is_integrated_between_the_moves_wherever_a_point_is_slowest():

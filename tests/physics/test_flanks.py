@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 
 import jax
 import jax.numpy as jnp
@@ -134,3 +135,50 @@ def test_their_gradients(one):
     for i, unit in enumerate(jnp.eye(len(SLOPES))):
         parts = zip(jax.tree.leaves(backward(one, unit)), jax.tree.leaves(along), strict=True)
         assert sum(float(leaf * part) for leaf, part in parts) == pytest.approx(slopes[i], rel=1e-9)
+
+
+def test_what_jumps_together_where_the_cycle_begins():
+    """A load ends at 360 degrees, where the acceleration of the law jumps: the rack never has both the load and the
+    acceleration afterwards. Its forces are constant between jumps, so the curves have the peaks."""
+    ends = [lj.Move(2.0, math.radians(120), "trapezoidal"), lj.Move(None, math.radians(60), "dwell")]
+    law = lj.Moves(0.0, [*ends, lj.Move(0.0, math.radians(120), "trapezoidal"), lj.Move(shape="dwell")])
+    links = {"crank": lj.Link(length=0.02, mass=1.0, inertia=0.01), "rack": lj.Link(mass=5.0)}
+    groups = [lj.Crank("crank", "A", "B", law=law), lj.Rack("rack", "P", lj.Guide("Q"), "crank", "A", 0.05)]
+    made = lj.Mechanism({"A": lj.Vec(0, 0), "Q": lj.Vec(0, -0.05)}, links, groups)
+    window = lj.Window(math.radians(300), math.radians(360))
+    load = lj.Force("work", "rack", point="P", force=lj.Vec(-200.0, 0.0), window=window)
+    cycle = lj.analyse(lj.Scene(made, (load,), speed=20.0), angles=720)
+    names, forces = measures.peak_names(cycle.scene), cycle.forces
+    assert forces is not None and cycle.peaks is not None
+    for joint, link in (("A", "crank"), ("rack.guide", "rack"), ("rack.mesh", "rack")):
+        on = forces.reactions[joint][link]
+        highest = np.max(np.hypot(np.asarray(on.fx), np.asarray(on.fy)))
+        found = float(cycle.peaks.value[names.index(f"peak_reaction.{joint}.{link}")])
+        assert found == pytest.approx(highest, rel=1e-3)
+
+
+def test_angles_beside_reactions():
+    """Angles of links that turn unevenly are the same, whatever else is asked for."""
+    bars = {"crank": 0.25, "rod": 0.22, "out": 0.24}
+    links = {name: lj.Link(length=length, mass=1.0, inertia=0.01) for name, length in bars.items()}
+    links["wheel"] = lj.Link(length=0.1, mass=6.0, inertia=0.03, centre=lj.Vec(0.08, 0.0))
+    groups = [lj.Crank("crank", "A", "B"), lj.RRR(("rod", "out"), "B", "D", "C"),
+              lj.Gear("wheel", "E", lj.Teeth((20, 40)), "out", "D", "W")]  # fmt: skip
+    made = lj.Mechanism({"A": lj.Vec(0, 0), "D": lj.Vec(0.17, 0), "E": lj.Vec(0.47, 0)}, links, groups)
+    scene = lj.Scene(made, speed=5.0, gravity=lj.Vec(0, -9.81))
+    angles = ("max_angle.wheel", "min_angle.out")
+    alone, both = (measures.evaluate(scene, (*angles, *more)) for more in ((), ("peak_reaction_constant_speed.D.out",)))
+    for name in angles:
+        assert float(both[name]) == pytest.approx(float(alone[name]), rel=1e-13)
+
+
+def test_a_gear_that_turns_fast():
+    """An eccentric planet turns five times with its arm: the torque through its mesh changes its sign ten times."""
+    links = {"arm": lj.Link(length=0.12, mass=2.0, inertia=0.01),
+             "planet": lj.Link(length=0.1, mass=6.0, inertia=0.03, centre=lj.Vec(0.06, 0.01))}  # fmt: skip
+    planet = lj.Gear("planet", "B", lj.Teeth((20, 80)), "frame", "A", "W", carrier="arm")
+    made = lj.Mechanism({"A": lj.Vec(0, 0)}, links, [lj.Crank("arm", "A", "B"), planet])
+    scene = lj.Scene(made, speed=6.0, gravity=lj.Vec(0, -9.81))
+    name = "rms_reaction_constant_speed.A.arm"
+    few, many = (float(measures.evaluate(scene, (name,), nodes)[name]) for nodes in (96, 150))
+    assert few == pytest.approx(many, rel=1e-11)
