@@ -154,7 +154,7 @@ def test_what_jumps_together_where_the_cycle_begins():
         on = forces.reactions[joint][link]
         highest = np.max(np.hypot(np.asarray(on.fx), np.asarray(on.fy)))
         found = float(cycle.peaks.value[names.index(f"peak_reaction.{joint}.{link}")])
-        assert found == pytest.approx(highest, rel=1e-3)
+        assert found == pytest.approx(highest, rel=1e-12)
 
 
 def test_angles_beside_reactions():
