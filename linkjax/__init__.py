@@ -159,6 +159,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "Spline",
         "Teeth",
     ),
+    "elements": (),
     "topology": (),
     "mechanism": ("Counterweight", "Flywheel", "Link", "Mechanism", "StructureError", "linkage", "structure"),
     "kinematics": (

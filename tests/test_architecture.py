@@ -41,6 +41,7 @@ RANKS = {
     ),
     **{
         "groups": 1,
+        "elements": 1,
         "topology": 2,
         "mechanism": 3,
         "kinematics": 4,

@@ -12,7 +12,8 @@ import sys
 from linkjax._compile import stop
 from linkjax._results import MachineError
 from linkjax._units import QuantityError
-from linkjax.cli import _exchange as _exchange  # adds their commands to `app`
+from linkjax.cli import _element as _element  # adds their commands to `app`
+from linkjax.cli import _exchange as _exchange
 from linkjax.cli import _optimise as _optimise
 from linkjax.cli import _run as _run
 from linkjax.cli._app import app

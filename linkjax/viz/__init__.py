@@ -3,6 +3,7 @@
 from linkjax.viz._animation import animate as animate
 from linkjax.viz._dynamics import speed_figure as speed_figure
 from linkjax.viz._dynamics import torque_figure as torque_figure
+from linkjax.viz._elements import element_figure as element_figure
 from linkjax.viz._forces import drive_figure as drive_figure
 from linkjax.viz._forces import reaction_hodographs_figure as reaction_hodographs_figure
 from linkjax.viz._forces import reactions_figure as reactions_figure
