@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from linkjax.exchange import read_pylinkage as read_pylinkage
     from linkjax.exchange import to_mjcf as to_mjcf
     from linkjax.exchange import to_pylinkage as to_pylinkage
+    from linkjax.friction import GuideFriction as GuideFriction
+    from linkjax.friction import PinFriction as PinFriction
     from linkjax.groups import PRP as PRP
     from linkjax.groups import RPP as RPP
     from linkjax.groups import RPR as RPR
@@ -184,6 +186,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "Transmission",
         "recommended_delta",
     ),
+    "friction": ("GuideFriction", "PinFriction"),
     "loads": (
         "Coordinate",
         "Damper",

@@ -47,6 +47,7 @@ RANKS = {
         "kinematics": 4,
         "loads": 5,
         "drives": 5,
+        "friction": 5,
         "machine": 6,
         "library": 7,
         "reduction": 7,

@@ -332,7 +332,7 @@ def test_other_names_compile_nothing(made, tmp_path):
 
 def test_strings_in_structures_are_names_or_choices():
     """A new field that is a string in a group, load or link is a name unless it is listed as a choice."""
-    rooms = (lj.groups, lj.mechanism, lj.loads)
+    rooms = (lj.groups, lj.mechanism, lj.loads, lj.friction)
     classes = {c for room in rooms for c in vars(room).values() if isinstance(c, type) and dataclasses.is_dataclass(c)}
     names = {"link", "links", "block", "blocks", "from_", "to", "end", "meet", "about", "pivot", "centre", "carrier"}
     names |= {

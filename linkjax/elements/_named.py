@@ -87,10 +87,11 @@ def element_document(name: str, given: Mapping[str, Any], bearing: str | None = 
     data: dict[str, Any] = {"element": name, "title": known.title, "given": {**given, **extra}}
     if not known.ways:
         return {**data, **{key: _plain(value) for key, value in found._asdict().items() if np.isfinite(value)}}
-    ways = {key: {part: _plain(x) for part, x in getattr(found, key)._asdict().items()} for key in found._fields[:2]}
-    for way in ways.values():
-        way["locks"] = bool(way["margin"] <= 0)
-    return {**data, **ways, "friction_angle": float(found.friction_angle)}
+    for key in ("forward", "backward"):
+        way = getattr(found, key)
+        parts: dict[str, Any] = {part: _plain(value) for part, value in way._asdict().items()}
+        data[key] = {**parts, "locks": bool(way.margin <= 0)}
+    return {**data, "friction_angle": float(found.friction_angle)}
 
 
 def _plain(value: Any) -> float | None:

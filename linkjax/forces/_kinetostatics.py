@@ -6,7 +6,8 @@ ch. 13. Forces in N, moments in N m, in the axes of the frame.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import functools
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +16,7 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
+from linkjax.forces._friction import JointFriction, Rubbing, rubbed, rubbing
 from linkjax.groups import Joint, Wrench
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Applied, Instant, power
@@ -53,7 +55,8 @@ class Forces(NamedTuple):
     `reactions[joint][link]` acts on the link; `other_sides` names the link that exerts it. `shaking` is -Σ m a with the
     moment -dH/dt. `frame` is the resultant on the frame through the joints, without the reaction of the motor, which is
     minus the drive torque. `net_frame` adds the reactions of loads that react on the frame. `weight` and `loads` are
-    the resultants of weights and loads.
+    the resultants of weights and loads. Reactions of joints with friction contain it; `friction[joint][link]` is
+    friction alone, and `moves` is false where the machine locks: where no drive torque keeps up this motion.
     """
 
     reactions: dict[str, dict[str, JointForce]]
@@ -63,6 +66,8 @@ class Forces(NamedTuple):
     net_frame: JointForce
     weight: JointForce
     loads: JointForce
+    friction: dict[str, dict[str, JointFriction]]
+    moves: Array | None
 
 
 def kinetostatics(
@@ -94,9 +99,11 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
     for link, point, force, couple in [*inertia, *weight, *working]:
         arm = here.points[point].r - here.points[origins[link]].r if point else zero()
         acting[link] = Wrench(acting[link].force + force, acting[link].moment + couple + arm.cross(force))
-    found, drive = _solve_groups(scene, here, acting, origins)
+    joints = rubbing(scene.mechanism, scene.friction, here, at) if scene.friction else []
+    rub = None if not joints else rubbed(joints, functools.partial(_rubbed_by, scene, here, acting, origins, joints))
+    found, drive = _solve_groups(scene, here, acting, origins, joints, None if rub is None else rub.values)
     about = here.points[scene.mechanism.groups[0].needs()[0]].r
-    sources = tuple(_resultant(here, applied, about) for applied in (inertia, weight, working))
+    shaking, weights, loads = (_resultant(here, applied, about) for applied in (inertia, weight, working))
     frame = _on_frame(here, found, about)
     lost = at_change_point(scene.mechanism, here)
     if lost is not None:  # the balance of the whole machine gives these where joints do not
@@ -105,12 +112,16 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
         own_torque = (
             zero().x if driven_by_joint(scene.mechanism) else here.links[scene.mechanism.driving_link].w * whole
         )
-        total = JointForce(*(a + b + c for a, b, c in zip(*sources, strict=True)))
+        total = JointForce(*(a + b + c for a, b, c in zip(shaking, weights, loads, strict=True)))
         total = total._replace(moment=total.moment + own_torque)
         frame = JointForce(*(jnp.where(lost, a, b) for a, b in zip(total, frame, strict=True)))
     to_frame = _resultant(here, own, about)
     net = JointForce(*(a - b for a, b in zip(frame, to_frame, strict=True)))
-    return Forces(_by_joint(found), drive, sources[0], frame, net, *sources[1:])
+    friction: dict[str, dict[str, JointFriction]] = {}
+    for each, value in zip(joints, () if rub is None else rub.values, strict=True):
+        friction.setdefault(each.joint.name, {})[each.joint.link] = JointFriction(value * each.sense, each.speed)
+    moves = None if rub is None else rub.found
+    return Forces(_by_joint(found), drive, shaking, frame, net, weights, loads, friction, moves)
 
 
 def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
@@ -151,23 +162,43 @@ def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, accele
     return inertia, weight, working, own
 
 
-def _solve_groups(scene: Scene, here: Pose, acting: dict[str, Wrench], origins: dict[str, str]):
-    owners = scene.mechanism.owners()
+def _solve_groups(
+    scene: Scene, here: Pose, loads: dict[str, Wrench], origins: dict[str, str], joints: list[Rubbing], friction: Any
+) -> tuple[list[Reaction], Array]:
+    """Reactions and drive torque, from the loads on every link and the friction of joints."""
+    owners, acting = scene.mechanism.owners(), dict(loads)
     found: list[Reaction] = []
+    rubs: dict[Joint, tuple[Vec, Array]] = {}
+    for i, each in enumerate(joints):
+        rubs[each.joint] = each.add(acting, here, origins, friction[i])
     drive = jnp.zeros(())
     for group in reversed(scene.mechanism.groups):
         wrenches, torque = group.react(acting, here.links, here.points)
         drive = drive if torque is None else torque
         for joint, (force, moment) in zip(group.joints(), wrenches, strict=True):
             by = joint.by or owners[joint.point]
-            found.append(Reaction(joint, joint.link, by, force, moment))
-            if by == "frame":
-                continue
-            found.append(Reaction(joint, by, joint.link, -force, -moment))
-            if by not in group.link_names():
+            if by != "frame" and by not in group.link_names():
                 arm = here.points[joint.point].r - here.points[origins[by]].r
                 acting[by] = Wrench(acting[by].force - force, acting[by].moment - moment - arm.cross(force))
+            if joint in rubs:
+                rub, couple = rubs[joint]
+                force, moment = force + rub, moment + couple
+            found.append(Reaction(joint, joint.link, by, force, moment))
+            if by != "frame":
+                found.append(Reaction(joint, by, joint.link, -force, -moment))
     return found, drive
+
+
+def _rubbed_by(
+    scene: Scene, here: Pose, loads: dict[str, Wrench], origins: dict[str, str], joints: list[Rubbing], friction: Array
+) -> tuple[Array, Array, Array]:
+    """What joints with this friction transmit beside it: forces fx and fy (N), and moments (N m)."""
+    found, _ = _solve_groups(scene, here, loads, origins, joints, friction)
+    on = {reaction.joint: reaction for reaction in found if reaction.link == reaction.joint.link}
+    each = [on[rub.joint] for rub in joints]
+    rubs = [rub.wrench(friction[i]) for i, rub in enumerate(joints)]
+    fx, fy = (jnp.stack([getattr(r.force - f, axis) for r, (f, _) in zip(each, rubs, strict=True)]) for axis in "xy")
+    return fx, fy, jnp.stack([r.moment - c for r, (_, c) in zip(each, rubs, strict=True)])
 
 
 def _by_joint(found: list[Reaction]) -> dict[str, dict[str, JointForce]]:

@@ -19,8 +19,8 @@ from linkjax.machine._scene import ReadyScene, Scene, untitled
 
 TOKEN = re.compile("<[0-9]+>")
 # strings in a structure that are no names
-CHOICES = {"branch", "by", "going", "head", "mass_properties", "mean", "method", "reacts_on", "rotation", "shape",
-           "title"}  # fmt: skip
+CHOICES = {"bearing", "branch", "by", "going", "head", "mass_properties", "mean", "method", "reacts_on", "rotation",
+           "shape", "title"}  # fmt: skip
 MOST = 64  # structures whose names are remembered
 
 

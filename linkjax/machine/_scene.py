@@ -16,6 +16,7 @@ from linkjax._tree import node
 from linkjax._types import as_float, known
 from linkjax._vec import Vec
 from linkjax.drives import MotorDrive, Servo
+from linkjax.friction import AbstractFriction, check_friction
 from linkjax.groups import Path
 from linkjax.kinematics import Prepared, prepared
 from linkjax.loads import AbstractLoad, Instant, Passage
@@ -37,6 +38,8 @@ class Scene(eqx.Module):
     `motor` is what drives the crank, with its transmission and rotor. With None the drive is a constant torque on the
     crank that balances the work of the loads over the cycle. A driver that follows a motion law has a `Servo` or None.
 
+    `friction` is that of its joints, each once; the others have none.
+
     Raises `StructureError` for an invalid value, for a load on an unknown link or point, and if the mechanism does not
     return to its initial position after `cycle_turns`, as far as its gears and motion law show.
     """
@@ -51,6 +54,7 @@ class Scene(eqx.Module):
     title: str = eqx.field(static=True, default="")
     constant_speed: bool = eqx.field(static=True, default=False)
     motor: MotorDrive | None = None
+    friction: tuple[AbstractFriction, ...] = ()
 
     def __check_init__(self):
         if not isinstance(self.mechanism, Mechanism):
@@ -89,6 +93,7 @@ class Scene(eqx.Module):
             problem = f"are {type(self.loads).__name__}"
             raise StructureError("loads", problem, "write a tuple of loads, (load,) for a single one")
         check_loads(self.mechanism, self.loads, self.cycle)
+        check_friction(self.mechanism, self.friction)
 
     def _check_motor(self, prescribed: bool) -> None:
         """Raise `StructureError` for anything but a motor, and for one that does not fit the way in which it drives."""
@@ -137,6 +142,13 @@ def untitled(scene: Scene) -> Scene:
     for field in dataclasses.fields(scene):
         object.__setattr__(plain, field.name, "" if field.name == "title" else getattr(scene, field.name))
     return plain
+
+
+def check_frictionless(scene: Scene) -> None:
+    """Raise `StructureError` for a scene with friction."""
+    if scene.friction:
+        problem = "only the forces at a given speed and acceleration are known with it"
+        raise StructureError("friction", problem, "use linkjax.forces.kinetostatics, or omit the friction")
 
 
 def check_scene(scene: object) -> None:

@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
-from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion._by_speed import speed_dependent
 from linkjax.motion._flow import LEAST, Begun, Flow, Primitive, duty_of, spotted
@@ -58,6 +58,7 @@ def free(scene: Scene | ReadyScene) -> ReadyScene:
     """The scene, made ready. Raises `StructureError` if its driver has a motion law: there is no equation of motion to
     solve."""
     made = ready(scene)
+    check_frictionless(made.scene)
     if made.scene.mechanism.prescribed:
         problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
         raise StructureError(made.scene.mechanism.driving_link, problem, "use the quadrature, or delete the law")

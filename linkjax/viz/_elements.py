@@ -98,7 +98,8 @@ def _arrow(ax: Axes, at: Any, force: Any, text: str, colour: str = VERMILION) ->
     look = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 9}
     ax.annotate("", at, start, arrowprops=look, zorder=6)
     shift = -0.09 * force / max(float(np.hypot(*force)), 1e-12)
-    ax.text(*(start + shift), text, color=colour, ha="center", va="center", zorder=7)
+    x, y = start + shift
+    ax.text(x, y, text, color=colour, ha="center", va="center", zorder=7)
     ax.update_datalim([start + 2 * shift, at])
 
 
@@ -119,8 +120,8 @@ def _arc(ax: Axes, centre: Any, radius: float, start: float, end: float, text: s
     ax.plot(
         centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles), color=GREY, linewidth=0.8, zorder=4
     )
-    middle = np.asarray(centre) + 1.22 * radius * _unit(0.5 * (start + end))
-    ax.text(*middle, text, color=GREY, ha="center", va="center", zorder=7)
+    x, y = np.asarray(centre) + 1.22 * radius * _unit(0.5 * (start + end))
+    ax.text(x, y, text, color=GREY, ha="center", va="center", zorder=7)
 
 
 def _slider(ax: Axes, data: dict[str, Any]) -> None:

@@ -111,8 +111,9 @@ class Solution(NamedTuple):
     spin_rate: dict[str, Any]
 
 
-def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = None) -> Solution:
-    """Forces at arrays of crank angle, crank speed and acceleration; in mpmath at one, with the rates there."""
+def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = None, more=()) -> Solution:
+    """Forces at arrays of crank angle, crank speed and acceleration; in mpmath at one, with the rates there. `more` are
+    further loads (link, point, force, couple)."""
     n = oracle.reader(m)
     phi, speed, acceleration = (n(x) for x in (phi, speed, acceleration))
     mechanism = scene.mechanism
@@ -166,7 +167,7 @@ def solve(scene, phi, speed, acceleration, m=np, here: oracle.Rates | None = Non
         rate[name] = b.mass * (centre[name].a * speed**2 + centre[name].v * acceleration)
         spin[name] = inertia * (here.links[name].a * speed**2 + here.links[name].v * acceleration)
         right[..., row[name] : row[name] + 3] = np.stack([rate[name].real, rate[name].imag, spin[name]], -1)
-    for link, point, force, couple in oracle.applied(scene, phi, here, m).values():
+    for link, point, force, couple in [*oracle.applied(scene, phi, here, m).values(), *more]:
         arm = here.points[point].r - centre[link].r if point else none
         right[..., row[link]] -= force.real
         right[..., row[link] + 1] -= force.imag

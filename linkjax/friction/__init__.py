@@ -1,0 +1,8 @@
+"""Friction in the joints of a machine."""
+
+from linkjax.friction._friction import AbstractFriction as AbstractFriction
+from linkjax.friction._friction import GuideFriction as GuideFriction
+from linkjax.friction._friction import PinFriction as PinFriction
+from linkjax.friction._friction import Thrust as Thrust
+from linkjax.friction._friction import check_friction as check_friction
+from linkjax.friction._friction import everywhere as everywhere

@@ -1,0 +1,175 @@
+"""Friction of pins and guides: its size, from the force that the joint transmits.
+
+Source: the textbook's chapter on friction, formulas (7-2) to (7-8); Artobolevsky, Theory of Mechanisms and Machines,
+1988, ch. 11. Friction is that of motion: it acts against the relative motion of the two links, with a size that follows
+from the actual reaction.
+"""
+
+from __future__ import annotations
+
+import abc
+from typing import Any, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from linkjax._numerics import safe_sqrt
+from linkjax._types import as_float, known
+from linkjax._units import nearest
+from linkjax.elements import groove_friction, journal_friction, thrust_ring
+from linkjax.groups import Joint
+from linkjax.mechanism import Mechanism, StructureError
+
+
+class AbstractFriction(eqx.Module):
+    """Friction of one joint, whose `size` is a couple (N m) in a pin, and a force (N) in a guide."""
+
+    @property
+    @abc.abstractmethod
+    def joint(self) -> str:
+        """Name of the joint."""
+
+    @abc.abstractmethod
+    def size(self, fx: Array, fy: Array, moment: Array) -> Array:
+        """Size of the friction for a force (N) and moment (N m) that the joint transmits without it."""
+
+    @abc.abstractmethod
+    def scaled(self, factor: Array) -> AbstractFriction:
+        """The same with all its coefficients times a factor."""
+
+
+class Thrust(eqx.Module):
+    """A thrust face between the radii `inner` and `outer` (m) under a given axial `force` (N); see
+    `elements.thrust_ring`."""
+
+    force: Array = eqx.field(converter=as_float)
+    outer: Array = eqx.field(converter=as_float)
+    coefficient: Array = eqx.field(converter=as_float)
+    inner: Array = eqx.field(converter=as_float, default=0.0)
+    bearing: Literal["unworn", "run-in"] = eqx.field(static=True, default="unworn")
+
+    def __check_init__(self):
+        self.couple()
+
+    def couple(self) -> Array:
+        """Its friction couple (N m)."""
+        return thrust_ring(self.outer, self.coefficient, self.force, self.inner, bearing=self.bearing).torque
+
+
+class PinFriction(AbstractFriction):
+    """Friction of a pin at a `point`: the couple f₀ r |R| of a journal of the `radius` r (m) that transmits the force
+    R.
+
+    f₀ follows from the `coefficient` and the `bearing`, see `elements.journal_friction`. A rolling bearing has its
+    coefficient and half of its mean diameter as radius. A `thrust` face adds a constant couple. Raises `ValueError` for
+    a negative coefficient or radius, and for an unknown bearing.
+    """
+
+    point: str = eqx.field(static=True)
+    coefficient: Array = eqx.field(converter=as_float)
+    radius: Array = eqx.field(converter=as_float)
+    bearing: Literal["given", "unworn", "run-in"] = eqx.field(static=True, default="given")
+    thrust: Thrust | None = None
+
+    def __check_init__(self):
+        journal_friction(self.coefficient, self.bearing)
+        _not_negative(f"the pin {self.point!r}", "coefficient", self.coefficient)
+        _not_negative(f"the pin {self.point!r}", "radius", self.radius)
+
+    @property
+    def joint(self):
+        return self.point
+
+    def size(self, fx, fy, moment):
+        couple = journal_friction(self.coefficient, self.bearing) * self.radius * safe_sqrt(fx * fx + fy * fy)
+        return couple if self.thrust is None else couple + self.thrust.couple()
+
+    def scaled(self, factor):
+        thrust = self.thrust
+        if thrust is not None:
+            thrust = eqx.tree_at(lambda t: t.coefficient, thrust, thrust.coefficient * factor)
+        return PinFriction(self.point, self.coefficient * factor, self.radius, self.bearing, thrust)
+
+
+class GuideFriction(AbstractFriction):
+    """Friction of the block or link `link` in its guide: f₀ times the normal force N.
+
+    In a wedge-shaped groove of half angle `groove` (rad) f₀ is f / sin θ, otherwise it is the `coefficient`. With the
+    `length` L (m) of a guide that encloses the block, the couple M of the guide is carried by its edges, and the force
+    that rubs is max(|N|, 2 |M| / L): where the couple tilts the block, both sides are loaded. Without a length the
+    couple is assumed to be carried by one face, whose friction depends on N alone. Raises `ValueError` for a negative
+    coefficient, an angle that is not above 0 and below 90°, and a length that is not above zero.
+    """
+
+    link: str = eqx.field(static=True)
+    coefficient: Array = eqx.field(converter=as_float)
+    groove: Array | None = eqx.field(converter=as_float, default=None)
+    length: Array | None = eqx.field(converter=as_float, default=None)
+
+    def __check_init__(self):
+        _not_negative(f"the guide of {self.link!r}", "coefficient", self.coefficient)
+        if self.groove is not None:
+            groove_friction(self.coefficient, self.groove)
+        length = None if self.length is None else known(self.length)
+        if length is not None and not np.all((length > 0) & np.isfinite(length)):
+            raise ValueError(f"length of the guide of {self.link!r} is {length}; write a finite number above zero")
+
+    @property
+    def joint(self):
+        return f"{self.link}.guide"
+
+    def size(self, fx, fy, moment):
+        normal = safe_sqrt(fx * fx + fy * fy)
+        f0 = self.coefficient if self.groove is None else groove_friction(self.coefficient, self.groove)
+        if self.length is None:
+            return f0 * normal
+        return f0 * jnp.maximum(normal, 2 * jnp.abs(moment) / self.length)
+
+    def scaled(self, factor):
+        return GuideFriction(self.link, self.coefficient * factor, self.groove, self.length)
+
+
+def everywhere(
+    mechanism: Mechanism, coefficient: Any, radius: Any, guide: Any = None, bearing: Any = "given"
+) -> tuple[AbstractFriction, ...]:
+    """The same friction in all joints: pins with this `coefficient`, `radius` (m) and `bearing`, and guides with the
+    coefficient `guide`, by default that of the pins."""
+    found: dict[str, AbstractFriction] = {}
+    for joint in joints_with_friction(mechanism):
+        if joint.slides:
+            found[joint.name] = GuideFriction(joint.link, coefficient if guide is None else guide)
+        else:
+            found[joint.name] = PinFriction(joint.point, coefficient, radius, bearing)
+    return tuple(found.values())
+
+
+def joints_with_friction(mechanism: Mechanism) -> list[Joint]:
+    """The joints that may have friction: pins and guides."""
+    return [joint for group in mechanism.groups for joint in group.joints() if joint.pins or joint.slides]
+
+
+def check_friction(mechanism: Mechanism, friction: Any) -> None:
+    """Raise `StructureError` for anything but a tuple of frictions, for a joint that the mechanism does not have, and
+    for two frictions of one joint."""
+    if not isinstance(friction, tuple) or not all(isinstance(each, AbstractFriction) for each in friction):
+        problem, remedy = f"is {type(friction).__name__}", "write a tuple of PinFriction and GuideFriction"
+        raise StructureError("friction", problem, remedy)
+    there = joints_with_friction(mechanism)
+    pins, guides = ({joint.name for joint in there if joint.slides is slides} for slides in (False, True))
+    seen: set[str] = set()
+    for number, each in enumerate(friction):
+        element, own = f"friction[{number}] ({each.joint})", guides if each.joint.endswith(".guide") else pins
+        if each.joint not in own:
+            kind = "guide" if own is guides else "pin"
+            raise StructureError(element, f"there is no {kind} {each.joint!r}", nearest(each.joint, sorted(own)))
+        if each.joint in seen:
+            raise StructureError(element, "the joint has a friction already", "give every joint one friction")
+        seen.add(each.joint)
+
+
+def _not_negative(owner: str, name: str, value: Any) -> None:
+    number = known(value)
+    if number is not None and not np.all((number >= 0) & np.isfinite(number)):
+        raise ValueError(f"{name} of {owner} is {number}; write a finite number of zero or more")

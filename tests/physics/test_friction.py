@@ -1,0 +1,289 @@
+"""Friction tied to reactions: published digits, friction circles, Newton-Euler equations, power, gradients."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax.forces import Forces, kinetostatics
+from linkjax.friction import GuideFriction, PinFriction, Thrust, everywhere
+from linkjax.machine import ready
+from tests.physics import rubbed
+from tests.physics.machines import machine
+
+MACHINES = ("four-bar", "hay-press", "hay-press-slider", "quick-return", "scotch-yoke", "two-on-one-crank",
+            "moving-guides", "slotted-levers", "triad", "clockwise")  # fmt: skip
+ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
+STATES = ((1.0, 0.0), (0.8, 0.6), (1.1, -0.9))  # speeds times ω, accelerations times ω²
+
+
+@compiled_soon
+def forces_at(scene, phi, speed, acceleration) -> Forces:
+    return jax.vmap(lambda *at: kinetostatics(scene, *at))(phi, speed, acceleration)
+
+
+def forces(scene: lj.Scene, phi: float, speed: float, acceleration: float) -> Forces:
+    """The forces at one angle."""
+    found = forces_at(scene, *(jnp.asarray([x]) for x in (phi, speed, acceleration)))
+    return jax.tree.map(lambda leaf: leaf[0], found)
+
+
+def crank_slider(first=0.1, rod=0.3, friction=(), force=0.0, masses=(0.2, 0.2, 0.4)) -> lj.Scene:
+    """The slider-crank of Exudyn's test data, in line on the x axis."""
+    bars = [lj.Link(length=size, mass=m, inertia=m * size**2 / 12, centre=lj.Vec(size / 2, 0.0))
+            for size, m in ((first, masses[0]), (rod, masses[1]))]  # fmt: skip
+    links = {"crank": bars[0], "rod": bars[1], "slider": lj.Link(mass=masses[2])}
+    groups = [lj.Crank("crank", "A", "B"), lj.RRP("rod", "slider", "B", "D", lj.Guide("A"))]
+    load = lj.Force("push", "slider", "D", force=lj.Vec(force, 0.0))
+    mechanism = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups)
+    return lj.Scene(mechanism, (load,), speed=10 * math.pi, friction=friction)
+
+
+PUBLISHED = [  # load, crank angle, T without and with friction, crank pivot, crank pin, wrist pin, guide, loss
+    (0.0, 30, 3.4586776308, 3.6900154297, 69.613843988, 61.339531197, 43.579969799, -10.777963282, 7.267691296),
+    (0.0, 150, -1.3375945007, -1.2321006142, 52.608215907, 43.130163942, 27.130964780, 4.083422086, 3.314188189),
+    (-200.0, 30, -9.4690225880, -8.9646105647, 133.166240241, 140.441622902, 158.196249765, 22.180579884, 15.846571070),
+    (
+        -200.0,
+        150,
+        -8.4098942819,
+        -7.7881490613,
+        251.861472417,
+        242.562524459,
+        226.593212748,
+        37.327761416,
+        19.532702174,
+    ),
+]
+
+
+@pytest.mark.parametrize("row", PUBLISHED)
+def test_published_digits(row):
+    """Two independent solutions with eight unknowns each, which agree to eleven digits."""
+    force, degrees, free, torque, pivot, pin, wrist, guide, loss = row
+    scene = crank_slider(force=force)
+    every = everywhere(scene.mechanism, 0.1, 0.01)
+    at = math.radians(degrees), 10 * math.pi, 0.0
+    assert forces(scene, *at).drive_torque == pytest.approx(free, abs=1e-10)
+    found = forces(dataclasses.replace(scene, friction=every), *at)
+    assert bool(found.moves)
+    assert found.drive_torque == pytest.approx(torque, abs=1e-10)
+    on = found.reactions
+    assert on["A"]["crank"].magnitude == pytest.approx(pivot, abs=1e-9)
+    assert on["B"]["rod"].magnitude == pytest.approx(pin, abs=1e-9)
+    assert on["D"]["rod"].magnitude == pytest.approx(wrist, abs=1e-9)
+    assert on["slider.guide"]["slider"].fy == pytest.approx(guide, abs=1e-9)
+    lost = [-float(one.value * one.speed) * 10 * math.pi for joint in found.friction.values() for one in joint.values()]
+    assert min(lost) >= 0 and sum(lost) == pytest.approx(loss, abs=1e-9)
+    assert sum(lost) == pytest.approx(10 * math.pi * float(found.drive_torque - forces(scene, *at).drive_torque))
+
+
+def friction_circles(theta: float, first: float, rod: float, load: float, f0: float, radii, guide: float) -> float:
+    """Torque on the crank of a light slider-crank against a load on its slider, by friction circles in closed form: the
+    force along the rod is a tangent of the circles at both of its pins, and the reaction of the frame of that at the
+    pivot."""
+    b = first * np.array([math.cos(theta), math.sin(theta)])
+    beta = math.asin(-b[1] / rod)  # the rod from B to D
+    w = -first * math.cos(theta) / (rod * math.cos(beta))  # of the rod, per turn of the crank
+    speed = -first * math.sin(theta) - rod * w * math.sin(beta)  # of the slider
+    pull = load * math.copysign(1.0, speed)  # the rod pushes the slider forwards
+    tilt = math.asin(f0 * (math.copysign(radii[1], w - 1) + math.copysign(radii[2], w)) / rod)
+    # moments about B on the rod: rod x (force from the slider) + couples = 0
+    for sign in (1, -1):
+        angle = beta + sign * tilt
+        line = np.array([math.cos(angle), math.sin(angle)])
+        # on the slider: s line - load - guide = 0, with friction against the speed
+        for side in (1, -1):
+            size = pull / (line[0] - math.copysign(guide, speed) * side * line[1])
+            on_rod = -size * line
+            arm = rod * np.array([math.cos(beta), math.sin(beta)])
+            couples = -f0 * abs(size) * (math.copysign(radii[1], w - 1) + math.copysign(radii[2], w))
+            moment = arm[0] * on_rod[1] - arm[1] * on_rod[0] + couples
+            if side * size * line[1] >= 0 and abs(moment) < 1e-12 * abs(size):
+                on_crank = on_rod
+                pivot = f0 * radii[0] * abs(size)
+                pin = f0 * radii[1] * abs(size) * math.copysign(1.0, 1 - w)
+                return -(b[0] * on_crank[1] - b[1] * on_crank[0]) + pivot + pin
+    raise AssertionError("no equilibrium")
+
+
+@pytest.mark.parametrize("degrees", [225.0, 25.0, 100.0, 300.0, 340.0])
+def test_friction_circles(degrees):
+    theta, radii = math.radians(degrees), (0.02, 0.018, 0.015)
+    slides = -math.sin(theta) - math.cos(theta) * math.sin(theta) / math.sqrt(3.5**2 - math.sin(theta) ** 2)
+    pins = tuple(PinFriction(p, 0.15, r) for p, r in zip("ABD", radii, strict=True))
+    scene = crank_slider(0.1, 0.35, (*pins, GuideFriction("slider", 0.12)), -math.copysign(1000.0, slides), (0.0,) * 3)
+    found = forces(scene, theta, 1.0, 0.0)
+    known = friction_circles(theta, 0.1, 0.35, 1000.0, 0.15, radii, 0.12)
+    assert found.drive_torque == pytest.approx(known, rel=1e-12)
+    if degrees == 225.0:
+        assert known == pytest.approx(63.43132503228998, rel=1e-9)
+        free = forces(dataclasses.replace(scene, friction=()), theta, 1.0, 0.0).drive_torque
+        assert free == pytest.approx(56.124178968865294, rel=1e-12)
+        assert free / found.drive_torque == pytest.approx(0.8848022477899531, rel=1e-9)
+
+
+@functools.cache
+def with_friction(name: str) -> lj.Scene:
+    """A machine with a different friction in every joint."""
+    scene = machine(name)
+    size = max(float(link.length) for link in scene.mechanism.links.values() if link.length is not None)
+    found = []
+    for i, each in enumerate(everywhere(scene.mechanism, 0.06, 0.02 * size)):
+        if isinstance(each, GuideFriction):
+            kinds = (GuideFriction(each.link, 0.06 + 0.01 * i), GuideFriction(each.link, 0.04, groove=0.6),
+                     GuideFriction(each.link, 0.05, length=0.3 * size))  # fmt: skip
+        else:
+            thrust = Thrust(20.0 + i, 0.05 * size, 0.1, 0.02 * size, "run-in" if i % 2 else "unworn")
+            kinds = (PinFriction(each.joint, 0.05 + 0.01 * i, 0.02 * size),
+                     PinFriction(each.joint, 0.05, 0.03 * size, "unworn", thrust),
+                     PinFriction(each.joint, 0.08, 0.01 * size, "run-in"))  # fmt: skip
+        found.append(kinds[i % 3])
+    return dataclasses.replace(scene, friction=tuple(found))
+
+
+def states(scene: lj.Scene):
+    w = float(scene.speed)
+    parts = [(ANGLES, np.full_like(ANGLES, a * w), np.full_like(ANGLES, b * w * w)) for a, b in STATES]
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+
+
+@functools.cache
+def computed(name: str) -> Forces:
+    return jax.device_get(forces_at(with_friction(name), *map(jnp.asarray, states(with_friction(name)))))
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_newton_euler(name):
+    """Reactions, frictions and drive torque against the equations of all links, repeated until the frictions agree."""
+    scene = with_friction(name)
+    got, known = computed(name), rubbed.solve(scene, *states(scene))
+    assert np.all(got.moves) and known.rounds < rubbed.ROUNDS
+    size = max(float(np.max(np.abs(force))) for force, _ in known.solution.reactions.values())
+    np.testing.assert_allclose(
+        got.drive_torque, known.solution.drive, rtol=0, atol=1e-10 * np.abs(known.solution.drive).max()
+    )
+    owners = scene.mechanism.owners()
+    joints = {(j.name, j.link): j.by or owners[j.point] for group in scene.mechanism.groups for j in group.joints()}
+    pairs = {(joint, frozenset((link, joints[joint, link]))): one
+             for joint, sides in got.friction.items() for link, one in sides.items()}  # fmt: skip
+    assert set(pairs) == set(known.friction)
+    for pair, value in known.friction.items():
+        one = pairs[pair]
+        np.testing.assert_allclose(one.value, value, rtol=0, atol=1e-10 * np.abs(value).max())
+        np.testing.assert_allclose(
+            one.speed, known.speed[pair], rtol=0, atol=1e-10 * max(1e-3, float(np.max(one.speed)))
+        )
+    for (joint, link), (force, _) in known.solution.reactions.items():
+        if joint.endswith((".guide", ".mesh", ".drive")):
+            continue
+        there = got.reactions[joint][link]
+        np.testing.assert_allclose(there.fx + 1j * there.fy, force, rtol=0, atol=1e-10 * size)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_power_balance(name):
+    """The drive gives what loads, weight and inertia take, and what every joint loses by its own reaction."""
+    scene, got = with_friction(name), computed(name)
+    free = jax.device_get(forces_at(dataclasses.replace(scene, friction=()), *map(jnp.asarray, states(scene))))
+    losses = np.stack([-one.value * one.speed for joint in got.friction.values() for one in joint.values()])
+    assert np.all(losses >= 0)
+    largest = np.max(np.abs(got.drive_torque))
+    np.testing.assert_allclose(got.drive_torque - free.drive_torque, losses.sum(axis=0), rtol=0, atol=1e-10 * largest)
+
+
+@pytest.mark.parametrize("name", ["hay-press-slider", pytest.param("moving-guides", marks=pytest.mark.slow)])
+def test_gradients(name):
+    """Drive torque and friction by every number of the machine: forward, reverse, and central differences."""
+    scene = with_friction(name)
+    leaves, tree = jax.tree.flatten(scene)
+    floats = [leaf for leaf in leaves if jnp.issubdtype(jnp.asarray(leaf).dtype, jnp.floating)]
+    assert len(floats) == len(leaves)
+    base = jnp.concatenate([jnp.ravel(leaf) for leaf in leaves])
+    cuts = np.cumsum([leaf.size for leaf in leaves])[:-1]
+    made = ready(scene)
+
+    def all_of(x):
+        parts = [part.reshape(leaf.shape) for part, leaf in zip(jnp.split(x, cuts), leaves, strict=True)]
+        found = kinetostatics(made.of(jax.tree.unflatten(tree, parts)), *map(jnp.asarray, (1.1, 20.0, 40.0)))
+        return jnp.stack(
+            [found.drive_torque, *(one.value for joint in found.friction.values() for one in joint.values())]
+        )
+
+    along = jax.jit(lambda x, way: jax.jvp(all_of, (x,), (way,)))
+    weights = jnp.asarray(np.random.default_rng(4).uniform(0.5, 1, along(base, base)[0].shape))
+    reverse = jax.jit(jax.grad(lambda x: weights @ all_of(x)))(base)
+    forward = np.stack([weights @ along(base, unit)[1] for unit in jnp.eye(base.size)])
+    size = np.linalg.norm(reverse * base)
+    np.testing.assert_allclose(forward * base, reverse * base, rtol=0, atol=1e-9 * float(size))
+    way, h = np.random.default_rng(5).uniform(-1, 1, base.size) * np.abs(base), 1e-5
+    (down, falls), (_, slope), (up, rises) = (along(base + k * h * way, way) for k in (-1, 0, 1))
+    np.testing.assert_allclose(slope, (up - down) / (2 * h), rtol=0, atol=1e-5 * float(np.abs(slope).max()))
+    bends = jax.jit(lambda x, way: jax.jvp(lambda x: jax.jvp(all_of, (x,), (way,))[1], (x,), (way,))[1])(base, way)
+    np.testing.assert_allclose(bends, (rises - falls) / (2 * h), rtol=0, atol=1e-5 * float(np.abs(bends).max()))
+
+
+def test_the_frictionless_limit_is_linear():
+    scene = crank_slider(force=-200.0)
+    at = 0.7, 10 * math.pi, 5.0
+    free = float(forces(scene, *at).drive_torque)
+
+    def more(f):
+        return float(
+            forces(dataclasses.replace(scene, friction=everywhere(scene.mechanism, f, 0.01)), *at).drive_torque
+        )
+
+    assert more(0.0) == pytest.approx(free, rel=1e-14)
+    slope = (more(1e-9) - free) / 1e-9
+    assert (more(1e-6) - free) / 1e-6 == pytest.approx(slope, rel=1e-5)
+    assert slope > 0
+
+
+@pytest.mark.parametrize(
+    ("friction", "match"),
+    [
+        ((PinFriction("E", 0.1, 0.01),), "friction.0. .E.: there is no pin 'E'"),
+        ((GuideFriction("rod", 0.1),), "there is no guide 'rod.guide'.*slider.guide"),
+        (
+            (PinFriction("B", 0.1, 0.01), PinFriction("B", 0.2, 0.01)),
+            "friction.1. .B.: the joint has a friction already",
+        ),
+    ],
+)
+def test_bad_scenes(friction, match):
+    with pytest.raises(lj.mechanism.StructureError, match=match):
+        crank_slider(friction=friction)
+
+
+@pytest.mark.parametrize(
+    ("made", "match"),
+    [
+        (lambda: PinFriction("B", -0.1, 0.01), "friction of the journal is -0.1"),
+        (
+            lambda: PinFriction("B", 0.1, math.nan),
+            "radius of the pin 'B' is nan; write a finite number",
+        ),
+        (lambda: GuideFriction("slider", math.inf), "coefficient of the guide of 'slider' is inf"),
+        (lambda: GuideFriction("slider", 0.1, groove=2.0), "half_angle of the groove is 2.0"),
+        (lambda: GuideFriction("slider", 0.1, length=0.0), "length of the guide of 'slider' is 0.0"),
+        (lambda: Thrust(100.0, 0.02, 0.1, 0.03), "inner of the thrust ring is 0.03; write a radius below"),
+    ],
+)
+def test_bad_numbers(made, match):
+    with pytest.raises(ValueError, match=match):
+        made()
+
+
+def test_the_motion_is_refused():
+    scene = crank_slider(friction=(PinFriction("B", 0.1, 0.01),), force=-100.0)
+    for ask in (lj.analyse, lj.run, lambda scene: lj.measures.evaluate(scene, ["delta"])):
+        with pytest.raises(lj.mechanism.StructureError, match="only the forces at a given speed"):
+            ask(scene)
