@@ -30,11 +30,13 @@ Reactions = Callable[[Array, Array], Transmitted]  # of the frictions, shape (jo
 class JointFriction(NamedTuple):
     """Friction of a joint: the couple (N m) of a pin or the force (N) of a guide, along the relative motion and thus
     negative; the relative speed of the two links at unit crank speed (rad or m per rad); and numbers at whose zeros
-    friction has a kink, as the normal force of a guide (see `AbstractFriction.switches`)."""
+    friction has a kink, as the normal force of a guide (see `AbstractFriction.switches`); and, of a pin, the square of
+    the force (N²), near whose zeros in the complex plane friction is hardly smooth."""
 
     value: Array
     speed: Array
     switches: tuple[Array, ...]
+    square: Array | None
 
 
 class Rubbed(NamedTuple):

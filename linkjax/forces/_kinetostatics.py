@@ -123,10 +123,10 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
     friction: dict[str, dict[str, JointFriction]] = {}
     if rub is not None:
         for i, each in enumerate(joints):
-            found_here = JointFriction(
-                rub.values[i] * each.sense, each.speed, each.switches(*(f[i] for f in rub.loads))
-            )
-            friction.setdefault(each.joint.name, {})[each.joint.link] = found_here
+            fx, fy, moment = (part[i] for part in rub.loads)
+            square = fx * fx + fy * fy if each.axis is None else None
+            own = JointFriction(rub.values[i] * each.sense, each.speed, each.switches(fx, fy, moment), square)
+            friction.setdefault(each.joint.name, {})[each.joint.link] = own
     moves = None if rub is None else rub.found
     return Forces(_by_joint(found), drive, shaking, frame, net, weights, loads, friction, moves)
 

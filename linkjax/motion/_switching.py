@@ -17,13 +17,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import taken
+from linkjax._numerics import safe_divide, safe_sqrt, taken
 from linkjax.forces import JointFriction
 from linkjax.friction import pairs
 from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import begun_by_speed, moving_at_nodes
+from linkjax.motion._edges import REACH, Candidates, nearest, together
 from linkjax.motion._flow import Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
 from linkjax.motion._nodes import AtNodes, at_nodes
@@ -32,6 +33,7 @@ from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
+SOFT = 2  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
 ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and with a lossy transmission
 NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
 HALVINGS = 30  # bisections of a step between nodes: 1e-9 of it, of which the square counts
@@ -53,26 +55,27 @@ def grid_with_kinks(
     scene, motor = machine.scene, machine.scene.motor
     loses, rubs = motor is not None and motor.transmission.loses, _rubs(scene)
     given, kinks = (machine, nodes, scanned, points, breaks), moves and kinked(scene)
-    if not (kinks or loses or rubs):
+    if not (kinks or loses or scene.friction):
         return grid_of(*given)
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     most = CHANGES * scene.cycle_turns
-    found = jnp.full(most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)), jnp.inf)
+    soft = SOFT * scene.cycle_turns * len(scene.friction)
+    found = jnp.full(most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft, jnp.inf)
     grid, still = grid_of(*given, found), found[:0]
     at = at_nodes(machine, grid, edges=kinks)
     if loses:
         poses = at.sample.pose if on_pose(scene) else None
         still = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
-    if rubs:
+    if scene.friction:
         speed, none = machine.run(_nominal, grid, scene.speed)
-        still = machine.run(_joined, still, _rubbing(machine, grid, at, speed, none, most))
+        still = machine.run(_joined, still, _rubbing(machine, grid, at, speed, none, most, soft))
     for again in range((LOSSY_ROUNDS if loses or rubs else ROUNDS) if kinks else 0):
         at = at_nodes(machine, grid) if again else at
         begun, _ = begun_by_speed(machine, grid, at, start=start)
         found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
-        if rubs:
+        if scene.friction:
             speed, rate = machine.run(_crank, begun.flow, begun.energy)
-            found = machine.run(_joined, found, _rubbing(machine, grid, at, speed, rate, most))
+            found = machine.run(_joined, found, _rubbing(machine, grid, at, speed, rate, most, soft))
         grid = grid_of(*given, found)
     return grid if kinks else grid_of(*given, still)
 
@@ -83,11 +86,11 @@ def _rubs(scene: Scene) -> int:
     return sum(by_joint[pair.joint.name].kinks for pair in pairs(scene.mechanism, scene.friction))
 
 
-def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, speed: Any, acceleration: Any, most: int) -> Any:
+def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, speed: Any, acceleration: Any, most: int, soft: int) -> Any:
     """Crank angles (rad) of the kinks of friction, with crank speed (rad/s) and acceleration (rad/s²) at the nodes."""
     place, pose, active = machine.run(_nodes_alone, grid, at.place, at.sample.pose)
     forces = machine.forces(place.phi, place.side, pose, active, speed, acceleration, fixed=True)
-    return machine.run(_rubs_change, grid, forces.friction, most=most)
+    return machine.run(_rubs_change, grid, forces.friction, most=most, soft=soft)
 
 
 @compiled_soon
@@ -114,11 +117,37 @@ def _crank(flow: Flow, energy: Array) -> tuple[Array, Array]:
     return speed.ravel(), ((flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia).ravel()
 
 
-@compiled_soon(static=("most",))
-def _rubs_change(grid: Grid, friction: dict[str, dict[str, JointFriction]], most: int) -> Float[Array, " kinks"]:
-    each = [row for sides in friction.values() for one in sides.values() for row in one.switches]
-    rows = jax.lax.stop_gradient(jnp.stack(each)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
-    return jax.vmap(lambda row: sign_changes(grid, row, most).angles(grid))(rows).ravel()
+@compiled_soon(static=("most", "soft"))
+def _rubs_change(
+    grid: Grid, friction: dict[str, dict[str, JointFriction]], most: int, soft: int
+) -> Float[Array, " kinks"]:  # fmt: skip
+    """Where the friction of guides has a kink, and the nearest of the places where forces of pins almost vanish."""
+    every = [one for sides in friction.values() for one in sides.values()]
+    found = [row for one in every for row in one.switches]
+    squares = [one.square for one in every if one.square is not None]
+    ends = [jnp.zeros(0)]
+    if found:
+        rows = jax.lax.stop_gradient(jnp.stack(found)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+        ends.append(jax.vmap(lambda row: sign_changes(grid, row, most).angles(grid))(rows).ravel())
+    least = Candidates(jnp.full(soft, jnp.inf), jnp.full(soft, jnp.inf))
+    if squares:
+        rows = jax.lax.stop_gradient(jnp.stack(squares)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+        places = jax.vmap(lambda row: _almost_zero(grid, row, most))(rows)
+        least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), soft)
+    return jnp.concatenate([*ends, jnp.where(least.distance < REACH, least.angle, jnp.inf)])
+
+
+def _almost_zero(grid: Grid, square: Float[Array, "panels n"], most: int) -> Candidates:
+    """Minima of a function that is not negative, and how far from them it has its zeros in the complex plane (rad)."""
+    rule = grid.rule
+    slope = jnp.asarray(rule.slope_at_points[1:-1, : grid.n] @ rule.series)
+    first, second = square @ slope.T, square @ slope.T @ slope.T
+    found = sign_changes(grid, first, most)
+    value, bend = (
+        series_sum(taken(part @ jnp.asarray(rule.series.T), found.panel), found.x) for part in (square, second)
+    )
+    distance = taken(grid.half, found.panel) * safe_sqrt(safe_divide(2 * value, bend))
+    return Candidates(found.angles(grid), jnp.where(found.used & (bend > 0), distance, jnp.inf))
 
 
 @compiled_soon(static=("most",))
