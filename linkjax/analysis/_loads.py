@@ -64,7 +64,7 @@ def energies_of(cycle: Any) -> dict[str, Work] | None:
     found = {"drive" if scene.motor is None else "motor": work}
     if loss is not None:
         found["transmission"] = Work(jnp.zeros_like(loss), loss)
-    names = ["gravity", *(load.name for load in scene.loads)]
+    names = ["gravity", *(load.name for load in scene.loads), *(["friction"] if scene.friction else [])]
     works = split_work(grid.half, tuple(here.by_load[name] for name in names))
     return found | dict(zip(names, works, strict=True))
 

@@ -40,13 +40,15 @@ from linkjax.motion import (
     grid_of,
     grid_with_kinks,
     node_places,
+    on_pose,
     peaks,
     steady_by_diffrax,
     steady_on,
     textbook_flywheel,
+    whole,
     with_kinks,
 )
-from linkjax.reduction import Reduced, by_speed
+from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 ROUNDING = 64.0  # units of rounding of the period: a time this close to zero is zero
@@ -173,8 +175,13 @@ def _shown(regime: Regime, angles: Array) -> Shown:
         forces = tuple(machine.run(_without_joints, machine.scene, at.sample.pose, each) for each in forces)
     pose, transmission = at.sample.pose, at.sample.transmission
     every = (reduced,)
-    if by_speed(machine.scene):
-        every = tuple(machine.run(_with_speed, machine.scene, grid, at.place, pose, reduced, each) for each in speed)
+    if on_pose(machine.scene):
+        steady = regime.steady
+        constants = (None,) * len(speed)
+        if steady is not None and steady.driven is not None:
+            constants = (steady.driven.constant, *constants[1:])
+        given = (whole(machine), grid, at.place, pose, reduced)
+        every = tuple(machine.run(_with_speed, *given, *each) for each in zip(speed, constants, strict=True))
     return machine.cut(Shown(pose, transmission, every, forces, speed, acceleration, time, assembled), angles)
 
 
@@ -203,9 +210,12 @@ def _at_angles(
 
 
 @compiled_soon
-def _with_speed(scene: Scene, grid: Grid, place: Place, pose: Pose, reduced: Reduced, speed: Array) -> Reduced:
-    """The reduced model with the loads that depend on the speed."""
-    return at_speed(scene, grid, place, pose, reduced, speed)
+def _with_speed(
+    scene: Scene | ReadyScene, grid: Grid, place: Place, pose: Pose, reduced: Reduced, speed: Array,
+    constant: Array | None,
+) -> Reduced:  # fmt: skip
+    """The reduced model with the loads that depend on the speed, and friction."""
+    return at_speed(scene, grid, place, pose, reduced, speed, constant)
 
 
 def within(late: Array, period: Array) -> Array:

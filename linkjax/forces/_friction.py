@@ -9,136 +9,112 @@ approximation, by Newton's method; Artobolevsky, Theory of Mechanisms and Machin
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from linkjax import _lapack
-from linkjax._numerics import safe_divide, safe_sqrt
-from linkjax._vec import Vec, zero
 from linkjax.friction import AbstractFriction
-from linkjax.groups import FRAME, Joint, Wrench
-from linkjax.kinematics import Pose
-from linkjax.loads import Instant
-from linkjax.mechanism import Mechanism
 
-NEAR = 1e-5  # rad: closer to a reversal than this, the direction of motion is that on the requested side
-STILL = 1e-12  # relative to the crank: a slower joint does not move
 STEPS = 40  # the most steps of Newton's method
 EXACT = 2  # steps with derivatives after it, for the first and second ones
 SMALL = 1e-13  # relative: the last step of Newton's method
 
 
-class Rubbing(NamedTuple):
-    """A joint with friction: which one, the other link, its friction, and how it moves at unit crank speed: direction
-    of the relative motion (a unit vector in a guide, None in a pin), its sense (1, -1, or zero where there is none) and
-    speed (rad or m per rad)."""
-
-    joint: Joint
-    by: str
-    friction: AbstractFriction
-    axis: Vec | None
-    sense: Array
-    speed: Array
-
-    def wrench(self, size: Array) -> tuple[Vec, Array]:
-        """Force and couple on the link of this size, positive along the motion."""
-        return (zero(), size) if self.axis is None else (self.axis * size, jnp.zeros_like(size))
-
-    def add(self, acting: dict[str, Wrench], here: Pose, origins: dict[str, str], size: Array) -> tuple[Vec, Array]:
-        """Add it on the link, and its opposite on the other; returns `wrench`."""
-        force, couple = self.wrench(size)
-        for link, sign in ((self.joint.link, 1.0), (self.by, -1.0)):
-            if link != FRAME:
-                arm = here.points[self.joint.point].r - here.points[origins[link]].r
-                moment = acting[link].moment + sign * (couple + arm.cross(force))
-                acting[link] = Wrench(acting[link].force + force * sign, moment)
-        return force, couple
+Transmitted = tuple[Array, Array, Array]  # forces fx and fy (N) and moments (N m), each of shape (joints,)
+Reactions = Callable[[Array, Array], Transmitted]  # of the frictions, shape (joints,), and the acceleration
 
 
 class JointFriction(NamedTuple):
     """Friction of a joint: the couple (N m) of a pin or the force (N) of a guide, along the relative motion and thus
-    negative, and the relative speed of the two links at unit crank speed (rad or m per rad)."""
+    negative; the relative speed of the two links at unit crank speed (rad or m per rad); and numbers at whose zeros
+    friction has a kink, as the normal force of a guide (see `AbstractFriction.switches`); and, of a pin, the square of
+    the force (N²), near whose zeros in the complex plane friction is hardly smooth."""
 
     value: Array
     speed: Array
+    switches: tuple[Array, ...]
+    square: Array | None
 
 
 class Rubbed(NamedTuple):
-    """Frictions of all joints: couples (N m) and forces (N) along the relative motion, negative, and whether they are a
-    solution that continues that without friction."""
+    """Frictions of all joints: couples (N m) and forces (N), positive where those on the link are; the acceleration of
+    the crank (rad/s²); whether they are a solution that continues that without friction; and what the joints transmit
+    beside it, forces fx and fy (N) and moments (N m)."""
 
     values: Float[Array, " joints"]
+    acceleration: Array
     found: Bool[Array, ""]
+    loads: Transmitted
 
 
-def rubbing(mechanism: Mechanism, friction: tuple[AbstractFriction, ...], here: Pose, at: Instant) -> list[Rubbing]:
-    """The joints with friction, and how they move; a sense at a reversal is that on the side of `at`."""
-    by_joint, owners, found = {each.joint: each for each in friction}, mechanism.owners(), []
-    ahead = jnp.where(at.side >= at.phi, 1.0, -1.0)
-    for group in mechanism.groups:
-        for joint in group.joints():
-            if joint.name in by_joint and (joint.pins or joint.slides):
-                by = joint.by or owners[joint.point]
-                way = _slides if joint.slides else _turns
-                found.append(Rubbing(joint, by, by_joint[joint.name], *way(mechanism, joint, by, here, ahead)))
-    return found
+def linear(reactions: Reactions, joints: int) -> Reactions:
+    """Linear reactions, from their values for unit frictions and a unit acceleration."""
+    none, still = jnp.zeros(joints), jnp.zeros(())
+    first, push = jax.linearize(reactions, none, still)
+    by_each = jax.vmap(lambda c: push(c, still))(jnp.eye(joints))
+    return combined(first, by_each, push(none, jnp.ones_like(still)))
 
 
-def _turns(_: Mechanism, joint: Joint, by: str, here: Pose, ahead: Array) -> tuple[None, Array, Array]:
-    one = here.links[joint.link]
-    w, e = (one.w, one.e) if by == FRAME else (one.w - here.links[by].w, one.e - here.links[by].e)
-    near = jnp.abs(w) <= NEAR * jnp.abs(e)
-    nudged = jnp.where(near, w + ahead * NEAR * e, w)
-    return None, jnp.where(jnp.abs(nudged) > STILL, jnp.sign(nudged), 0.0), jnp.abs(w)
+def combined(first: Transmitted, by_each: Transmitted, by_rate: Transmitted) -> Reactions:
+    """Linear reactions: without friction and acceleration, of unit frictions (joints, joints), and of a unit
+    acceleration."""
 
+    def given(c: Array, rate: Array) -> Transmitted:
+        fx, fy, moment = (a + c @ b + rate * d for a, b, d in zip(first, by_each, by_rate, strict=True))
+        return fx, fy, moment
 
-def _slides(mechanism: Mechanism, joint: Joint, by: str, here: Pose, ahead: Array) -> tuple[Vec, Array, Array]:
-    p = here.points[joint.point]
-    v, a = p.dr, p.ddr
-    if by != FRAME:  # less the coincident point of the other link
-        other, base = here.links[by], here.points[mechanism.origins()[by]]
-        arm, apart = p.r - base.r, p.dr - base.dr
-        v = apart - arm.perp() * other.w
-        a = p.ddr - base.ddr - arm.perp() * other.e - apart.perp() * other.w
-    near = v.squared() <= NEAR * NEAR * a.squared()
-    nudge = jnp.where(near, ahead * NEAR, 0.0)
-    way = Vec(v.x + nudge * a.x, v.y + nudge * a.y)
-    size = safe_sqrt(way.squared())
-    moves = size > 0
-    return way * safe_divide(jnp.ones_like(size), size), jnp.where(moves, 1.0, 0.0), safe_sqrt(v.squared())
+    return given
 
 
 def rubbed(
-    joints: list[Rubbing], reactions: Callable[[Array], tuple[Array, Array, Array]], factor: Any = 1.0
+    frictions: Sequence[AbstractFriction],
+    senses: Array,
+    paces: Array,
+    reactions: Reactions,
+    advance: Callable[[Array], Array],
 ) -> Rubbed:
-    """The frictions with which the `reactions` (forces fx, fy and moments, each of shape (joints,)) are those that
-    cause them; all times a `factor`."""
-    senses = jnp.stack([each.sense for each in joints]) * factor
-    none = jnp.zeros_like(senses)
-    first, push = jax.linearize(reactions, none)
-    by_each = jax.vmap(push)(jnp.eye(none.size, dtype=none.dtype))
+    """The frictions and the acceleration with which the `reactions` are those that cause the frictions, and the
+    acceleration is that which the torque of friction, reduced to the crank, leaves: `advance`. `senses` are those of
+    the relative motions, and `paces` their speeds at unit crank speed, shape (joints,)."""
+    paces = senses * paces
 
-    def left(c: Array) -> Array:
-        there = [start + c @ part for start, part in zip(first, by_each, strict=True)]
-        sizes = [each.friction.size(*(part[i] for part in there)) for i, each in enumerate(joints)]
-        return c + senses * jnp.stack(sizes)
+    def left(state: Array) -> Array:
+        c, rate = state[:-1], state[-1]
+        there = reactions(c, rate)
+        sizes = [each.size(*(part[i] for part in there)) for i, each in enumerate(frictions)]
+        return jnp.append(c + senses * jnp.stack(sizes), rate - advance(paces @ c))
 
-    def step(c: Array) -> Array:
-        return -_lapack.solve(jax.jacfwd(left)(c), left(c))
+    def step(state: Array) -> tuple[Array, Array]:
+        return _eliminated(jax.jacfwd(left)(state), -left(state))
 
-    def again(state: tuple) -> tuple:
-        count, c, _ = state
-        move = step(c)
-        return count + 1, c + move, jnp.max(jnp.abs(move)) > SMALL * jnp.max(jnp.abs(c + move))
+    def again(loop: tuple) -> tuple:
+        count, state, _ = loop
+        move, _ = step(state)
+        new, part = state + move, jnp.arange(state.size) < senses.size
+        sizes = jnp.where(part, jnp.max(jnp.abs(new[:-1])), jnp.abs(new[-1]))
+        return count + 1, new, jnp.any(jnp.abs(move) > SMALL * sizes)
 
     fixed = jax.lax.stop_gradient
-    begin = (jnp.zeros((), jnp.int32), none, jnp.asarray(True))
-    _, c, moves = jax.lax.while_loop(lambda s: s[2] & (s[0] < STEPS), lambda s: fixed(again(fixed(s))), begin)
-    found = ~moves & (_lapack.sign_of_determinant(jax.jacfwd(left)(c)) > 0)
+    begin = fixed(jnp.append(jnp.zeros_like(senses), advance(jnp.zeros_like(senses[0]))))
+    loop = jnp.zeros((), jnp.int32), begin, jnp.asarray(True)
+    _, state, moves = jax.lax.while_loop(lambda s: s[2] & (s[0] < STEPS), lambda s: fixed(again(fixed(s))), loop)
+    sign = jnp.ones_like(state[0])
     for _ in range(EXACT):
-        c = c + step(c)
-    return Rubbed(c, found)
+        move, sign = step(state)
+        state = state + move
+    return Rubbed(state[:-1], state[-1], fixed(~moves & (sign > 0)), reactions(state[:-1], state[-1]))
+
+
+def _eliminated(a: Array, b: Array) -> tuple[Array, Array]:
+    """x of a x = b for one small matrix, and the sign of its determinant, by Gauss and Jordan without pivoting: the
+    matrix is close to the unit matrix, unless the machine is close to locking."""
+    rows, sign = jnp.concatenate([a, b[:, None]], axis=1), jnp.ones_like(b[0])
+    for k in range(b.size):
+        pivot = rows[k, k]
+        row = rows[k] / jnp.where(pivot == 0, jnp.finfo(b.dtype).tiny, pivot)
+        rows = (rows - rows[:, k : k + 1] * row[None]).at[k].set(row)
+        sign = sign * jnp.sign(pivot)
+    return rows[:, -1], sign

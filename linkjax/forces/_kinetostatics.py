@@ -6,7 +6,8 @@ ch. 13. Forces in N, moments in N m, in the axes of the frame.
 
 from __future__ import annotations
 
-import functools
+import itertools
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -16,7 +17,8 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
-from linkjax.forces._friction import JointFriction, Rubbing, rubbed, rubbing
+from linkjax.forces._friction import JointFriction, Reactions, Transmitted, combined, linear, rubbed
+from linkjax.friction import AbstractFriction, Rubbing, pairs, rubbing
 from linkjax.groups import Joint, Wrench
 from linkjax.kinematics import Pose, pose
 from linkjax.loads import Applied, Instant, power
@@ -95,12 +97,13 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
     """The forces for a given pose; see `kinetostatics`. `active` is one for every load that acts, zero otherwise."""
     phi, origins = at.phi, scene.mechanism.origins()
     inertia, weight, working, own = _applied(scene, here, at, active, speed, acceleration)
-    acting = {name: Wrench(zero(), jnp.zeros_like(phi)) for name in scene.mechanism.links}
-    for link, point, force, couple in [*inertia, *weight, *working]:
-        arm = here.points[point].r - here.points[origins[link]].r if point else zero()
-        acting[link] = Wrench(acting[link].force + force, acting[link].moment + couple + arm.cross(force))
-    joints = rubbing(scene.mechanism, scene.friction, here, at) if scene.friction else []
-    rub = None if not joints else rubbed(joints, functools.partial(_rubbed_by, scene, here, acting, origins, joints))
+    acting = _acting(scene, here, origins, inertia, weight, working)
+    ahead = jnp.where(at.side >= phi, 1.0, -1.0)
+    joints = rubbing(scene.mechanism, scene.friction, here, ahead) if scene.friction else []
+    rub = None
+    if joints:
+        reactions = _reactions(scene, here, origins, joints, lambda _: acting)
+        rub = rubbed(*_numbers(joints), reactions, lambda _: acceleration)
     found, drive = _solve_groups(scene, here, acting, origins, joints, None if rub is None else rub.values)
     about = here.points[scene.mechanism.groups[0].needs()[0]].r
     shaking, weights, loads = (_resultant(here, applied, about) for applied in (inertia, weight, working))
@@ -118,10 +121,120 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
     to_frame = _resultant(here, own, about)
     net = JointForce(*(a - b for a, b in zip(frame, to_frame, strict=True)))
     friction: dict[str, dict[str, JointFriction]] = {}
-    for each, value in zip(joints, () if rub is None else rub.values, strict=True):
-        friction.setdefault(each.joint.name, {})[each.joint.link] = JointFriction(value * each.sense, each.speed)
+    if rub is not None:
+        for i, each in enumerate(joints):
+            fx, fy, moment = (part[i] for part in rub.loads)
+            square = fx * fx + fy * fy if each.axis is None else None
+            own = JointFriction(rub.values[i] * each.sense, each.speed, each.switches(fx, fy, moment), square)
+            friction.setdefault(each.joint.name, {})[each.joint.link] = own
     moves = None if rub is None else rub.found
     return Forces(_by_joint(found), drive, shaking, frame, net, weights, loads, friction, moves)
+
+
+class Basis(NamedTuple):
+    """Reactions of joints with friction at a place, for any crank speed and acceleration: senses and speeds of their
+    relative motions, shape (joints,); what they transmit (fx, fy, moment; each of shape (joints,)) from weight and
+    loads that depend on position alone, at unit square of the crank speed, and at unit acceleration; from unit
+    frictions (joints, joints), and from unit forces and couples (3, joints) of every load that depends on the speed."""
+
+    senses: Array
+    paces: Array
+    fixed: Transmitted
+    square: Transmitted
+    rate: Transmitted
+    own: Transmitted
+    by_load: dict[int, tuple[Transmitted, ...]]
+
+
+def basis_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, by_speed: Sequence[int]) -> Basis | None:
+    """The basis of the reactions of joints with friction; `by_speed` are the numbers of the loads that depend on the
+    speed. None with meshes, whose reactions are not linear."""
+    if not _linear(scene.mechanism):
+        return None
+    origins, one, none = scene.mechanism.origins(), jnp.ones(()), jnp.zeros(())
+    joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
+    _, weight, working, _ = _applied(scene, here, at, active, none, none, by_speed)
+    still = _acting(scene, here, origins)
+
+    def transmitted(acting: dict[str, Wrench], c: Array) -> Transmitted:
+        return _rubbed_by(scene, here, acting, origins, joints, c)
+
+    push = jax.linearize(transmitted, still, jnp.zeros(len(joints)))[1]
+    inertia = [_applied(scene, here, at, active, *state, by_speed)[0] for state in ((one, none), (none, one))]
+    units: dict[int, list[Applied]] = {}
+    for number in by_speed:
+        for link, point, *_ in scene.loads[number].wrenches(here, at._replace(speed=one)):
+            sides = ((Vec(one, none), none), (Vec(none, one), none), (zero(), one))
+            units.setdefault(number, []).extend(Applied(link, point, force, couple) for force, couple in sides)
+    every = [weight + working, *inertia, *([unit] for parts in units.values() for unit in parts)]
+    loaded = [_acting(scene, here, origins, each) for each in every]
+    free = jnp.zeros(len(joints))
+    rows = jax.vmap(lambda acting: push(acting, free))(jax.tree.map(lambda *leaves: jnp.stack(leaves), *loaded))
+    fixed, square, rate = (tuple(part[i] for part in rows) for i in range(3))
+    own = jax.vmap(lambda c: push(still, c))(jnp.eye(len(joints)))
+    first, by_load = 3, {}
+    for number, parts in units.items():
+        cuts = range(first, first + len(parts), 3)
+        by_load[number] = tuple(tuple(part[i : i + 3] for part in rows) for i in cuts)
+        first += len(parts)
+    _, senses, paces = _numbers(joints)
+    return Basis(senses, paces, fixed, square, rate, own, by_load)
+
+
+def friction_of_basis(
+    scene: Scene, basis: Basis, here: Pose, at: Instant, active: Array, speed: Scalar,
+    advance: Callable[[Array], Array],
+) -> tuple[Array, Array]:  # fmt: skip
+    """The torque of friction reduced to the crank (N m), negative, at the crank speed (rad/s) and the acceleration
+    (rad/s²) that follows from this torque by `advance`; and whether the machine moves with it, and does not lock."""
+    first = [a + speed**2 * b for a, b in zip(basis.fixed, basis.square, strict=True)]
+    for number, parts in basis.by_load.items():
+        for (_, _, force, couple), part in zip(scene.loads[number].wrenches(here, at), parts, strict=True):
+            size = jnp.stack([force.x, force.y, jnp.asarray(couple)]) * active[..., number]
+            first = [a + size @ b for a, b in zip(first, part, strict=True)]
+    fx, fy, moment = first
+    reactions = combined((fx, fy, moment), basis.own, basis.rate)
+    frictions = [pair.friction for pair in pairs(scene.mechanism, scene.friction)]
+    found = rubbed(frictions, basis.senses, basis.paces, reactions, advance)
+    return found.values @ (basis.senses * basis.paces), found.found
+
+
+def friction_of_pose(
+    scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, advance: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """The same without a basis."""
+    origins = scene.mechanism.origins()
+    joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
+
+    def acting(acceleration: Array) -> dict[str, Wrench]:
+        return _acting(scene, here, origins, *_applied(scene, here, at, active, speed, acceleration)[:3])
+
+    frictions, senses, paces = _numbers(joints)
+    reactions = _reactions(scene, here, origins, joints, acting)
+    found = rubbed(frictions, senses, paces, reactions, advance)
+    return found.values @ (senses * paces), found.found
+
+
+def _numbers(joints: list[Rubbing]) -> tuple[list[AbstractFriction], Array, Array]:
+    """Frictions, senses and speeds of joints."""
+    senses, paces = (jnp.stack(part) for part in zip(*((j.sense, j.speed) for j in joints), strict=True))
+    return [joint.friction for joint in joints], senses, paces
+
+
+def _reactions(
+    scene: Scene, here: Pose, origins: dict[str, str], joints: list[Rubbing], acting: Callable[[Array], Any]
+) -> Reactions:
+    """What joints transmit, as a function of frictions and acceleration, with the loads `acting` at an acceleration."""
+
+    def given(c: Array, rate: Array) -> Transmitted:
+        return _rubbed_by(scene, here, acting(rate), origins, joints, c)
+
+    return linear(given, len(joints)) if _linear(scene.mechanism) else given
+
+
+def _linear(mechanism: Mechanism) -> bool:
+    """Whether reactions are linear in loads: not those of meshes, whose flanks or strands change."""
+    return not any(joint.meshes for group in mechanism.groups for joint in group.joints())
 
 
 def at_change_point(mechanism: Mechanism, here: Pose) -> Array | None:
@@ -142,8 +255,17 @@ def driven_by_joint(mechanism: Mechanism) -> bool:
     return any(joint.drives for joint in mechanism.driver.joints())
 
 
-def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, acceleration):
-    """Inertia forces, weights and loads, and the loads that react on the frame."""
+def _acting(scene: Scene, here: Pose, origins: dict[str, str], *applied: list[Applied]) -> dict[str, Wrench]:
+    """The resultant on every link, with the moment about its origin."""
+    acting = {name: Wrench(zero(), jnp.zeros(())) for name in scene.mechanism.links}
+    for link, point, force, couple in itertools.chain(*applied):
+        arm = here.points[point].r - here.points[origins[link]].r if point else zero()
+        acting[link] = Wrench(acting[link].force + force, acting[link].moment + couple + arm.cross(force))
+    return acting
+
+
+def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, acceleration, but: Sequence[int] = ()):
+    """Inertia forces, weights and loads `but` for some, and the loads that react on the frame."""
     inertia, weight, working, own = [], [], [], []
     for name, place, body in here.heavy():
         centre, turn = here.points[place], here.links[name]
@@ -155,6 +277,8 @@ def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, accele
     spin = here.links[crank].e * speed**2 + here.links[crank].w * acceleration
     inertia.append(Applied(crank, None, zero(), -scene.mechanism.flywheel.inertia * spin))
     for i, load in enumerate(scene.loads):
+        if i in but:
+            continue
         on = active[..., i]
         acting = [w._replace(force=w.force * on, couple=w.couple * on) for w in load.wrenches(here, at)]
         working += acting

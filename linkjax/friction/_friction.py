@@ -35,6 +35,16 @@ class AbstractFriction(eqx.Module):
     def size(self, fx: Array, fy: Array, moment: Array) -> Array:
         """Size of the friction for a force (N) and moment (N m) that the joint transmits without it."""
 
+    def switches(self, normal: Array, moment: Array) -> tuple[Array, ...]:
+        """Numbers at whose zeros the size has a kink, from the force (N) and moment (N m) that a guide transmits across
+        its direction; as many as `kinks`."""
+        return ()
+
+    @property
+    def kinks(self) -> int:
+        """How many these numbers are."""
+        return 0
+
     @abc.abstractmethod
     def scaled(self, factor: Array) -> AbstractFriction:
         """The same with all its coefficients times a factor."""
@@ -126,6 +136,16 @@ class GuideFriction(AbstractFriction):
         if self.length is None:
             return f0 * normal
         return f0 * jnp.maximum(normal, 2 * jnp.abs(moment) / self.length)
+
+    def switches(self, normal, moment):
+        if self.length is None:
+            return (normal,)
+        edges = 2 * moment / self.length
+        return normal, edges, jnp.abs(normal) - jnp.abs(edges)
+
+    @property
+    def kinks(self):
+        return 1 if self.length is None else 3
 
     def scaled(self, factor):
         return GuideFriction(self.link, self.coefficient * factor, self.groove, self.length)

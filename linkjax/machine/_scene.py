@@ -147,7 +147,7 @@ def untitled(scene: Scene) -> Scene:
 def check_frictionless(scene: Scene) -> None:
     """Raise `StructureError` for a scene with friction."""
     if scene.friction:
-        problem = "only the forces at a given speed and acceleration are known with it"
+        problem = "with it only the forces at a given speed and acceleration are computed"
         raise StructureError("friction", problem, "use linkjax.forces.kinetostatics, or omit the friction")
 
 

@@ -6,7 +6,9 @@ from linkjax.motion._balance import drive_work as drive_work
 from linkjax.motion._balance import split_work as split_work
 from linkjax.motion._balance import unnamed as unnamed
 from linkjax.motion._by_speed import at_speed as at_speed
+from linkjax.motion._by_speed import on_pose as on_pose
 from linkjax.motion._by_speed import speed_dependent as speed_dependent
+from linkjax.motion._by_speed import whole as whole
 from linkjax.motion._diffrax import Run as Run
 from linkjax.motion._diffrax import run_in_angle as run_in_angle
 from linkjax.motion._diffrax import steady_by_diffrax as steady_by_diffrax

@@ -156,6 +156,6 @@ def _by_characteristic(
     rotor, by = motor.rotor_inertia(), grid.rule
     work = at_edges[:-1, None] + series @ jnp.asarray(by.at_nodes.T)
     speed = safe_sqrt(2 * (energy + work) / jnp.maximum(here.inertia + rotor, floor))
-    on_crank = BySpeed((), motor, rotor, ()).rise(here, speed, constant) - here.torque
+    on_crank = BySpeed((), motor, rotor, None, ()).rise(here, speed, constant) - here.torque
     shaft = motor.motor_torque(speed) * motor.transmission.speed_ratio()
     return shaft, primitive(grid, shaft - on_crank).at_edges[-1]

@@ -1,43 +1,96 @@
-"""Torques on the crank that depend on its speed: the motor, dampers, resistances.
+"""Torques on the crank that depend on its speed: the motor, dampers, resistances, friction.
 
 The kinetic energy of the machine with its rotor, E = ½ (J + J_r) ω², obeys dE/dφ = Q(φ, ω) + T, where T is the torque
 of the motor on the crank, less the losses of the transmission, before it accelerates the rotor. Without a motor, T is
-the constant torque that gives the wanted mean speed.
+the constant torque that gives the wanted mean speed. Friction depends on the acceleration as well, and so on T.
 Source: equation of motion as in `linkjax.reduction`, in the form of the work-energy theorem.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from linkjax._numerics import taken
+from linkjax._numerics import safe_divide, taken
 from linkjax._tree import node
 from linkjax.drives import MotorDrive
+from linkjax.forces import Basis, basis_of_pose, friction_of_basis, friction_of_pose
 from linkjax.kinematics import Pose
 from linkjax.loads import AbstractLoad
-from linkjax.machine import Scene
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._grid import Grid, Place
 from linkjax.reduction import Moving, Reduced, by_speed, shares_at
+from linkjax.sampling import Sampler
 
 
 @node
 class BySpeed:
-    """The loads of a scene that depend on the speed, by their numbers, the motor (None: a constant torque), and the
-    inertia of the rotor on the crank (kg m²)."""
+    """The loads of a scene that depend on the speed, by their numbers, the motor (None: a constant torque), the inertia
+    of the rotor on the crank (kg m²), and the scene itself if it has friction."""
 
     loads: tuple[AbstractLoad, ...]
     motor: MotorDrive | None
     rotor: Array
+    rough: ReadyScene | None
     numbers: tuple[int, ...] = eqx.field(static=True)
 
-    def loaded(self, here: Reduced, moving: Moving | None, speed: Array) -> Reduced:
-        """The reduced model with the shares of these loads at the crank speed (rad/s)."""
+    @property
+    def placed(self) -> bool:
+        """Whether they need the pose: see `Moving`."""
+        return bool(self.numbers) or self.rough is not None
+
+    def loaded(self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None) -> Reduced:
+        """The reduced model with the shares of these loads at the crank speed (rad/s), and with that of friction: at
+        the acceleration that follows from the motor and a `constant` torque (N m) of the drive, or at constant speed
+        where that is None."""
         if moving is None:
             return here
+        here = self._against(here, moving, speed)
+        if self.rough is None:
+            return here
+        rub, _ = self._friction(here, moving, speed, constant)
+        return here._replace(torque=here.torque + rub, by_load={**here.by_load, "friction": rub})
+
+    def locks(self, here: Reduced, moving: Moving | None, speed: Array, constant: Array) -> Array:
+        """Whether friction locks the machine at one of the places; arguments as for `loaded`."""
+        if moving is None or self.rough is None:
+            return jnp.asarray(False)
+        return ~jnp.all(self._friction(self._against(here, moving, speed), moving, speed, constant)[1])
+
+    def _against(self, here: Reduced, moving: Moving, speed: Array) -> Reduced:
+        """The reduced model with the loads that depend on the speed."""
         shares = shares_at(dict(zip(self.numbers, self.loads, strict=True)), moving, speed)
         return here._replace(torque=sum(shares.values(), here.torque), by_load={**here.by_load, **shares})
+
+    def _friction(
+        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """The torque of friction, reduced to the crank (N m), at places, and whether the machine moves with it."""
+
+        def one(here: Reduced, moving: Moving, speed: Array) -> tuple[Array, Array]:
+            half = 0.5 * here.slope * speed**2
+
+            def advance(torque: Array) -> Array:
+                if constant is None:
+                    return jnp.zeros_like(torque)
+                if self.motor is None:
+                    return safe_divide(here.torque + torque + constant - half, here.inertia)
+                return self.motor.crank_acceleration(here.torque + torque - half, here.inertia, speed)
+
+            assert self.rough is not None
+            at = self.rough.instant(moving.phi, moving.side, speed)
+            scene, given = self.rough.scene, (moving.pose, at, moving.active, speed, advance)
+            if moving.basis is None:
+                return friction_of_pose(scene, *given)
+            return friction_of_basis(scene, moving.basis, *given)
+
+        for _ in range(jnp.ndim(speed)):
+            one = jax.vmap(one)
+        return one(here, moving, speed)
 
     def rise(self, here: Reduced, speed: Array, constant: Array) -> Array:
         """dE/dφ (N m): the reduced torque with all loads, and that of the drive. `here` has all loads, and its inertia
@@ -68,29 +121,58 @@ class Driven:
 
     def rise(self, here: Reduced, moving: Moving | None, speed: Array) -> Array:
         """dE/dφ (N m) at places, at this crank speed (rad/s); `here` is without the loads that depend on it."""
-        return self.torques.rise(self.torques.loaded(here, moving, speed), speed, self.constant)
+        return self.torques.rise(self.torques.loaded(here, moving, speed, self.constant), speed, self.constant)
 
 
 def speed_dependent(scene: Scene) -> bool:
     """Whether the motion of a scene depends on torques that depend on the speed."""
-    return not scene.mechanism.prescribed and (scene.motor is not None or bool(by_speed(scene)))
+    return not scene.mechanism.prescribed and (scene.motor is not None or on_pose(scene))
 
 
-def torques_of(scene: Scene) -> BySpeed:
-    """The torques of a scene that depend on its speed."""
+def on_pose(scene: Scene) -> bool:
+    """Whether the torques of a scene that depend on the speed need the pose: loads and friction, but not a motor."""
+    return bool(by_speed(scene) or scene.friction)
+
+
+def torques_of(made: Scene | ReadyScene) -> BySpeed:
+    """The torques of a scene that depend on its speed; with friction it must be ready."""
+    scene = made.scene if isinstance(made, ReadyScene) else made
     numbers, motor = by_speed(scene), scene.motor
     rotor = jnp.zeros_like(scene.speed) if motor is None else motor.rotor_inertia()
-    return BySpeed(tuple(scene.loads[i] for i in numbers), motor, rotor, numbers)
+    rough = ready(made) if scene.friction else None
+    return BySpeed(tuple(scene.loads[i] for i in numbers), motor, rotor, rough, numbers)
 
 
-def moving_at(numbers: tuple[int, ...], grid: Grid, pose: Pose, phi: Array, panel: Array) -> Moving | None:
-    """What loads that depend on the speed need at places in panels of the grid; None if there are none."""
-    if not numbers:
+def whole(machine: Sampler) -> Scene | ReadyScene:
+    """What `torques_of` needs of a machine."""
+    return machine.ready if machine.scene.friction else machine.scene
+
+
+def moving_at(
+    torques: BySpeed, grid: Grid, pose: Pose, phi: Array, panel: Array, active: Array | None = None
+) -> Moving | None:
+    """What loads that depend on the speed, and friction, need at places in panels of the grid, and which loads act
+    there if not those of the panels; None if there are none."""
+    if not torques.placed:
         return None
-    return Moving(pose, phi, taken(grid.middle, panel), taken(grid.active, panel))
+    acts = taken(grid.active, panel) if active is None else active
+    found, rough = Moving(pose, phi, taken(grid.middle, panel), acts), torques.rough
+    if rough is None:
+        return found
+
+    def basis(moving: Moving) -> Basis | None:
+        at = rough.instant(moving.phi, moving.side)
+        return basis_of_pose(rough.scene, moving.pose, at, moving.active, torques.numbers)
+
+    for _ in range(jnp.ndim(phi)):
+        basis = jax.vmap(basis)
+    return found._replace(basis=basis(found))
 
 
-def at_speed(scene: Scene, grid: Grid, place: Place, pose: Pose, here: Reduced, speed: Array) -> Reduced:
-    """The reduced model at places of the grid with the loads that depend on the speed (rad/s)."""
+def at_speed(
+    scene: Scene | ReadyScene, grid: Grid, place: Place, pose: Pose, here: Reduced, speed: Array, constant: Any = None
+) -> Reduced:
+    """The reduced model at places of the grid with the loads that depend on the speed (rad/s), and with friction; see
+    `BySpeed.loaded`."""
     torques = torques_of(scene)
-    return torques.loaded(here, moving_at(torques.numbers, grid, pose, place.phi, place.panel), speed)
+    return torques.loaded(here, moving_at(torques, grid, pose, place.phi, place.panel), speed, constant)

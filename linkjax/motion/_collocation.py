@@ -36,19 +36,22 @@ KEPT = 0.1  # the least part of an energy that a step of Newton's method leaves
 CLOSED = 1e-8  # relative: a step as small as this is that of a solution
 REST = 1e-10  # of the unit of energy: less than this is a standstill
 
-Rate = Callable[[Any, Any, Array], Array]  # (what is given, data of the nodes of a panel, energies) -> slopes there
+# (what is given, data of the nodes of a panel, energies, additional constant slope) -> other slopes there
+Rate = Callable[[Any, Any, Array, Array], Array]
 
 
 @node
 class Panels:
     """Panels with `n` nodes each: half widths (rad), what is `given` for all nodes, `data` of the nodes (leaves with
-    the axes of panels and nodes), and the unit of energy (J)."""
+    the axes of panels and nodes), and the unit of energy (J); and whether slopes depend on the additional constant
+    one."""
 
     half: Float[Array, " panels"]
     given: Any
     data: Any
     unit: Array
     n: int = eqx.field(static=True)
+    coupled: bool = eqx.field(static=True)
 
     @property
     def rule(self) -> Rule:
@@ -65,9 +68,16 @@ class Panels:
         """Weights of the nodes in an integral over the cycle (rad), shape (panels, n)."""
         return self.half[:, None] * jnp.asarray(self.rule.w)[None]
 
-    def slopes(self, rate: Rate, nodes: Array) -> Array:
-        """The slopes at all nodes."""
-        return jax.vmap(lambda data, energy: rate(self.given, data, energy))(self.data, nodes)
+    def slopes(self, rate: Rate, nodes: Array, constant: Array | None = None) -> Array:
+        """The slopes at all nodes, without the additional constant one."""
+        more = jnp.zeros_like(self.unit) if constant is None else constant
+        return jax.vmap(lambda data, energy: rate(self.given, data, energy, more))(self.data, nodes)
+
+    def by_constant(self, rate: Rate, nodes: Array, constant: Array) -> Array | None:
+        """Derivatives of all slopes with respect to the additional constant one; None if they are one."""
+        if not self.coupled:
+            return None
+        return 1 + jax.jvp(lambda c: self.slopes(rate, nodes, c), (constant,), (jnp.ones_like(constant),))[1]
 
 
 Lack = Callable[[Panels, Array], Array]  # (panels, energies at all nodes) -> what is missing of the wanted motion
@@ -112,7 +122,8 @@ def follow(rate: Rate, panels: Panels, start: Array) -> Passed:
         half, data = each
 
         def left(nodes):
-            f, d = jax.jvp(lambda e: rate(panels.given, data, e), (nodes,), (jnp.ones_like(nodes),))
+            none = jnp.zeros_like(panels.unit)
+            f, d = jax.jvp(lambda e: rate(panels.given, data, e, none), (nodes,), (jnp.ones_like(nodes),))
             return energy + half * inside @ f - nodes, f, d
 
         def step(state):
@@ -220,7 +231,7 @@ def implicit(rate: Rate, panels: Panels, state: State, lack: Lack | None) -> Sta
     def _rule(given, moving):
         panels, state = given[0], root(*given)
         push = jax.jvp(lambda panels: _left(rate, panels, state, lack), (panels,), (moving[0],))[1]
-        return state, _solved(panels, state[0], _slope(rate, panels, state[0]), push, lack, False)[0]
+        return state, _solved(panels, state[0], *_slope(rate, panels, state), push, lack, False)[0]
 
     return root(panels, jax.lax.stop_gradient(state))
 
@@ -237,7 +248,7 @@ def gained(rate: Rate, panels: Panels, state: State) -> Array:
     def _rule(given, moving):
         panels, state = given
         inner, outer, _ = jax.jvp(lambda panels: _left(rate, panels, state, None), (panels,), (moving[0],))[1]
-        d = _slope(rate, panels, state[0])
+        d, _ = _slope(rate, panels, state)
         unit, rest = _exactly(panels, d, [jnp.ones_like(inner), inner])
         return gain(*given), _chained(_over(panels, d, unit) + 1, [outer + _over(panels, d, rest)])[0][1]
 
@@ -247,15 +258,17 @@ def gained(rate: Rate, panels: Panels, state: State) -> Array:
 def _left(rate: Rate, panels: Panels, state: State, lack: Lack | None, slopes: Array | None = None) -> State:
     """What is left of the equations, for the nodes and ends of all panels (J), and of the wanted motion."""
     nodes, edges, constant = state
-    f = (panels.slopes(rate, nodes) if slopes is None else slopes) + constant
+    f = (panels.slopes(rate, nodes, constant) if slopes is None else slopes) + constant
     inner = edges[:, None] + panels.half[:, None] * f @ jnp.asarray(panels.inside).T - nodes
     outer = edges + panels.half * (f @ jnp.asarray(panels.rule.w)) - jnp.roll(edges, -1)
     return inner, outer, jnp.zeros_like(constant) if lack is None else lack(panels, nodes)
 
 
-def _slope(rate: Rate, panels: Panels, nodes: Array) -> Array:
-    """Derivatives of the slopes with respect to the energies at the nodes."""
-    return jax.jvp(lambda e: panels.slopes(rate, e), (nodes,), (jnp.ones_like(nodes),))[1]
+def _slope(rate: Rate, panels: Panels, state: State) -> tuple[Array, Array | None]:
+    """Derivatives of the slopes with respect to the energies at the nodes, and to the additional constant slope."""
+    nodes, _, constant = state
+    d = jax.jvp(lambda e: panels.slopes(rate, e, constant), (nodes,), (jnp.ones_like(nodes),))[1]
+    return d, panels.by_constant(rate, nodes, constant)
 
 
 def _over(panels: Panels, d: Array, inside: Array) -> Array:
@@ -280,8 +293,9 @@ def _newton(
 ) -> tuple[State, Array, Array]:  # fmt: skip
     """One step of Newton's method for all panels: the new state, the relative size of the step, and the multiplier."""
     nodes, edges, constant = state
-    f, d = jax.jvp(lambda e: panels.slopes(rate, e), (nodes,), (jnp.ones_like(nodes),))
-    (inner, outer, more), p = _solved(panels, nodes, d, _left(rate, panels, state, lack, f), lack, quick)
+    f, d = jax.jvp(lambda e: panels.slopes(rate, e, constant), (nodes,), (jnp.ones_like(nodes),))
+    left, by_more = _left(rate, panels, state, lack, f), panels.by_constant(rate, nodes, constant)
+    (inner, outer, more), p = _solved(panels, nodes, d, by_more, left, lack, quick)
     new_nodes = jnp.maximum(nodes + inner, KEPT * nodes)
     new_edges = jnp.maximum(edges + outer, KEPT * edges)
     size = jnp.max(jnp.abs(inner)) / (panels.unit + jnp.max(jnp.abs(nodes)))
@@ -289,15 +303,17 @@ def _newton(
 
 
 def _solved(
-    panels: Panels, nodes: Array, d: Array, left: State, lack: Lack | None, quick: bool
+    panels: Panels, nodes: Array, d: Array, by_constant: Array | None, left: State, lack: Lack | None, quick: bool
 ) -> tuple[State, Array]:  # fmt: skip
     """The change of the state that makes up for what is `left` of the linear equations, and the multiplier. With
     `quick` up to the truncation error of the panels."""
     inner, outer, short = left
     right, ends = [jnp.ones_like(nodes), inner], [jnp.zeros_like(outer), outer]
     if lack is not None:
-        right += [panels.half[:, None] * jnp.sum(jnp.asarray(panels.inside), axis=1)[None]]
-        ends += [2 * panels.half]
+        inside = jnp.asarray(panels.inside)
+        over = jnp.sum(inside, axis=1)[None] if by_constant is None else by_constant @ inside.T
+        right += [panels.half[:, None] * over]
+        ends += [2 * panels.half if by_constant is None else panels.half * (by_constant @ jnp.asarray(panels.rule.w))]
     inside = (_by_factor if quick else _exactly)(panels, d, right)
     a, *rest = (end + _over(panels, d, part) for end, part in zip(ends, inside, strict=True))
     (p, q, *r), along = _chained(1 + a, rest)

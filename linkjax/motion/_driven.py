@@ -12,8 +12,8 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, taken
 from linkjax.kinematics import Pose
-from linkjax.machine import Scene
-from linkjax.motion._by_speed import BySpeed, Driven, moving_at, torques_of
+from linkjax.machine import ReadyScene, Scene
+from linkjax.motion._by_speed import BySpeed, Driven, moving_at, on_pose, torques_of, whole
 from linkjax.motion._collocation import (
     Orbit,
     Panels,
@@ -29,7 +29,7 @@ from linkjax.motion._collocation import (
 from linkjax.motion._flow import LEAST, Begun, Duty, Flow, duty_of, inertia_floor, primitive, spotted
 from linkjax.motion._grid import Grid
 from linkjax.motion._nodes import AtEdges, AtNodes
-from linkjax.reduction import Moving, Reduced, by_speed
+from linkjax.reduction import Moving, Reduced
 from linkjax.sampling import Sampler
 
 STARTS = np.geomspace(0.02, 4.0, 33)  # speeds, relative to the nominal one, from which a motor's cycle is followed
@@ -55,10 +55,10 @@ class Nodes(NamedTuple):
     inertia: Array
 
 
-def _rate(given: Given, at: Nodes, energy: Array) -> Array:
+def _rate(given: Given, at: Nodes, energy: Array, constant: Array) -> Array:
     speed = _speed(given, at, energy)
     torques = given.torques
-    return torques.rise(torques.loaded(at.here, at.moving, speed), speed, jnp.zeros_like(energy))
+    return torques.rise(torques.loaded(at.here, at.moving, speed, constant), speed, jnp.zeros_like(energy))
 
 
 def _speed(given: Given, at: Nodes, energy: Array) -> Array:
@@ -77,9 +77,9 @@ def begun_by_speed(
     """The motion from the values at the nodes; and the edges, if known. `added` is a flywheel inertia (kg m²) that the
     machine does not have; without a motor the time mean of the speed is the wanted one times `ratio`. With the speed
     `start` (rad/s) at the first edge, the motion of a motor is the one near it, stable or not."""
-    pose = at.sample.pose if by_speed(machine.scene) else None
+    pose = at.sample.pose if on_pose(machine.scene) else None
     numbers = (jnp.asarray(each, float) if isinstance(each, int | float) else each for each in (added, ratio))
-    given = (duty_of(machine.scene), machine.scene, grid, at.here, at.sample.dynamics, pose, *numbers, start)
+    given = (duty_of(machine.scene), whole(machine), grid, at.here, at.sample.dynamics, pose, *numbers, start)
     return machine.run(_begun, *given, edges=at.edges is not None)
 
 
@@ -176,7 +176,9 @@ def _sought(panels: Panels, nominal: Array) -> Kept:
     return jax.lax.while_loop(lambda state: ~state[0], search, (good, begin))[1]
 
 
-def _panels(duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | None, added: Any, ratio: Any) -> Panels:
+def _panels(
+    duty: Duty, scene: Scene | ReadyScene, grid: Grid, here: Reduced, pose: Pose | None, added: Any, ratio: Any
+) -> Panels:
     """The equation of motion on the panels of the grid."""
     torques, weights = torques_of(scene), grid.half[:, None] * grid.rule.w[None]
     here = here._replace(inertia=here.inertia + added)
@@ -184,14 +186,15 @@ def _panels(duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | No
     inertia = jnp.maximum(total, inertia_floor(jnp.sum(weights * total) / duty.cycle))
     unit = 0.5 * duty.speed**2 * jnp.sum(weights * inertia) / duty.cycle
     given = Given(torques, LEAST * LEAST * unit, 1 / (duty.speed * ratio))
-    return Panels(grid.half, given, Nodes(here, moving_at_nodes(grid, torques, pose), inertia), unit, grid.n)
+    return Panels(grid.half, given, Nodes(here, moving_at_nodes(grid, torques, pose), inertia), unit, grid.n,
+                  torques.rough is not None)  # fmt: skip
 
 
 def periodic_starts(machine: Sampler, grid: Grid, at: AtNodes, speeds: np.ndarray) -> np.ndarray:
     """Crank speeds (rad/s) at the first edge with which periodic motions begin, between the increasing `speeds` there:
     those of stable and unstable motions."""
-    pose = at.sample.pose if by_speed(machine.scene) else None
-    given = (duty_of(machine.scene), machine.scene, grid, at.here, pose)
+    pose = at.sample.pose if on_pose(machine.scene) else None
+    given = (duty_of(machine.scene), whole(machine), grid, at.here, pose)
     gain = np.asarray(machine.run(_gains, *given, jnp.asarray(speeds)))
     crossings = [
         machine.run(_crossing, *given, *map(jnp.asarray, speeds[i : i + 2]))
@@ -201,7 +204,7 @@ def periodic_starts(machine: Sampler, grid: Grid, at: AtNodes, speeds: np.ndarra
 
 
 @compiled_soon
-def _gains(duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | None, speeds: Array) -> Array:
+def _gains(duty: Duty, scene: Scene | ReadyScene, grid: Grid, here: Reduced, pose: Pose | None, speeds: Array) -> Array:
     """The gain of energy (J) over one cycle from each speed at the first edge."""
     panels = _panels(duty, scene, grid, here, pose, 0.0, 1.0)
     starts = 0.5 * panels.data.inertia[0, 0] * speeds**2
@@ -210,7 +213,7 @@ def _gains(duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | Non
 
 @compiled_soon
 def _crossing(
-    duty: Duty, scene: Scene, grid: Grid, here: Reduced, pose: Pose | None, low: Array, high: Array
+    duty: Duty, scene: Scene | ReadyScene, grid: Grid, here: Reduced, pose: Pose | None, low: Array, high: Array
 ) -> tuple[Array, Array]:
     """The speed between two of which one gains and one loses, and whether the cycle from there closes."""
     panels = _panels(duty, scene, grid, here, pose, 0.0, 1.0)
@@ -233,15 +236,19 @@ def _crossing(
 
 @compiled_soon(static=("edges",))
 def _begun(
-    duty: Duty, scene: Scene, grid: Grid, here: Reduced, dynamics: tuple, pose: Pose | None, added: Array,
+    duty: Duty, scene: Scene | ReadyScene, grid: Grid, here: Reduced, dynamics: tuple, pose: Pose | None, added: Array,
     ratio: Array, start: Array | None, edges: bool,
 ) -> tuple[Begun, AtEdges | None]:  # fmt: skip
     panels = _panels(duty, scene, grid, here, pose, added, ratio)
     torques, data = panels.given.torques, panels.data
     orbit, found, number, gain = _solved(panels, duty.speed, start)
-    rise, change = jax.jvp(lambda e: panels.slopes(_rate, e), (orbit.nodes,), (jnp.ones_like(orbit.nodes),))
+    once = jnp.ones_like(orbit.nodes)
+    rise, change = jax.jvp(lambda e: panels.slopes(_rate, e, orbit.constant), (orbit.nodes,), (once,))
     rise, multiplier = rise + orbit.constant, jnp.exp(jnp.sum(panels.weights * change))
-    full = torques.loaded(data.here, data.moving, _speed(panels.given, data, orbit.nodes))
+    full = torques.loaded(data.here, data.moving, _speed(panels.given, data, orbit.nodes), orbit.constant)
+    if torques.rough is not None:
+        speeds = _speed(panels.given, data, orbit.nodes)
+        found &= ~torques.locks(*jax.lax.stop_gradient((data.here, data.moving, speeds, orbit.constant)))
     mean = -jnp.sum(panels.weights * full.torque) / duty.cycle
     driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain)
     inside = full._replace(inertia=data.here.inertia + torques.rotor, torque=rise)
@@ -259,8 +266,7 @@ def moving_at_nodes(grid: Grid, torques: BySpeed, pose: Pose | None) -> Moving |
     shape = grid.nodes.shape
     own = jax.tree.map(lambda leaf: leaf[: grid.size].reshape((*shape, *leaf.shape[1:])), pose)
     panel = jnp.broadcast_to(jnp.arange(grid.panels, dtype=jnp.int32)[:, None], shape)
-    found = moving_at(torques.numbers, grid, own, grid.nodes, panel)
-    return None if found is None else found._replace(active=taken(grid.order, panel))
+    return moving_at(torques, grid, own, grid.nodes, panel, taken(grid.order, panel))
 
 
 def _edges(
@@ -274,6 +280,6 @@ def _edges(
         here = grid.reduced(rest, panel)
         here = here._replace(inertia=here.inertia + added)
         inertia = jnp.maximum(here.inertia + driven.torques.rotor, flow.floor)
-        moving = moving_at(driven.torques.numbers, grid, there, grid.edges[:-1], panel) if there is not None else None
+        moving = moving_at(driven.torques, grid, there, grid.edges[:-1], panel) if there is not None else None
         sides.append(driven.rise(here, moving, flow.speed(energy, inertia)))
     return AtEdges(here.inertia - added, *sides)

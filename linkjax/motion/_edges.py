@@ -7,9 +7,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Int
 
 from linkjax._numerics import highest, nearest_turn, once, taken, wrapped
+from linkjax.loads import Window
 
 ONE = 1e-13  # of the cycle: breakpoints so close are one
 SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
@@ -23,6 +24,17 @@ class Candidates(NamedTuple):
 
     angle: Array
     distance: Array
+
+
+def together(one: Candidates, two: Candidates) -> Candidates:
+    """All breakpoints."""
+    return Candidates(*(jnp.concatenate(pair) for pair in zip(one, two, strict=True)))
+
+
+def nearest(found: Candidates, most: int) -> tuple[Candidates, Array]:
+    """The breakpoints nearest to the real axis, and whether others are not taken."""
+    order = jnp.argsort(jax.lax.stop_gradient(found.distance))[:most]
+    return Candidates(*(taken(part, order) for part in found)), jnp.sum(jnp.isfinite(found.distance)) > most
 
 
 def pick(mask: Array, values: Array) -> Array:
@@ -123,3 +135,28 @@ def not_there(angles: tuple[float, ...], fixed: list[Array], cycle: float) -> li
     there = jnp.stack(fixed)
     gaps = [jnp.abs(nearest_turn(jnp.where(jnp.isfinite(there), there, angle + 1.0) - angle, cycle)) for angle in found]
     return [jnp.where(jnp.min(gap) < ONE * cycle, jnp.inf, angle) for angle, gap in zip(found, gaps, strict=True)]
+
+
+def switched(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
+    """The edge number of every window end; ends at one angle get consecutive edges."""
+    if not ends:
+        return jnp.zeros((0,), jnp.int32)
+    found, number = jnp.stack(ends), jnp.arange(len(ends))
+    before = jnp.sum(edges[None] < found[:, None], axis=1)
+    twins = jnp.sum((found[None] == found[:, None]) & (number[None] < number[:, None]), axis=1)
+    return (before + twins).astype(jnp.int32)
+
+
+def window_ends(windows: tuple[Window | None, ...], cycle: float) -> tuple[list[Array], int]:
+    """The ends of all ranges of crank angle (rad), infinite for a range that is not used, and how many are finite in
+    any case."""
+    found, sure = [], 0
+    for window in windows:
+        for one in () if window is None else window.ranges:
+            ends = [wrapped(end, cycle) for end in (one.on, one.off)]
+            if window is one:
+                sure += 2
+            else:
+                ends = [jnp.where(one.on == one.off, jnp.inf, end) for end in ends]
+            found += ends
+    return found, sure

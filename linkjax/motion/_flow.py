@@ -244,7 +244,7 @@ class Flow:
         if pose is None or self.driven is None:
             return None
         here = jax.tree.map(lambda leaf: leaf[: place.phi.shape[0]], pose)
-        return moving_at(self.driven.torques.numbers, self.grid, here, place.phi, place.panel)
+        return moving_at(self.driven.torques, self.grid, here, place.phi, place.panel)
 
     def speeds(self, ends: Ends) -> Array:
         """Largest and smallest speed (rad/s)."""

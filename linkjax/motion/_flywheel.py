@@ -12,7 +12,7 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import root, safe_divide, smallest
 from linkjax._types import Scalar, Tracer
-from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
 from linkjax.mechanism import Flywheel
 from linkjax.motion._by_speed import speed_dependent
 from linkjax.motion._flow import duty_of
@@ -34,6 +34,7 @@ def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 
     number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
     motion law."""
     machine = Sampler(ready(scene))
+    check_frictionless(machine.scene)
     grid = grid_with_kinks(machine, nodes)
     delta = jnp.asarray(delta, dtype=machine.scene.speed.dtype)
     return flywheel_on(machine, delta, grid, at_nodes(machine, grid, edges=False))

@@ -22,17 +22,30 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import highest, safe_divide, taken, wrapped
 from linkjax._search import GRID_SCAN, Found, Motion, own, refined, scan_angles, scan_reversals, stacked_motions
 from linkjax._tree import node
+from linkjax.friction import motions, reversing
 from linkjax.groups import Margin
-from linkjax.kinematics import named_groups
+from linkjax.kinematics import Pose, named_groups
 from linkjax.loads import Passage, Window
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion._edges import Candidates, edges_of, not_there, pick, wrapped_kinks
+from linkjax.motion._edges import (
+    Candidates,
+    edges_of,
+    nearest,
+    not_there,
+    pick,
+    switched,
+    together,
+    window_ends,
+    wrapped_kinks,
+)
 from linkjax.motion._panels import Rule, rule
 from linkjax.motion._windows import Passed, crossings_of, evaluated, how_many, kinks_at_most, passed
 from linkjax.reduction import Reduced, loaded, of_crank
 from linkjax.sampling import Sample, Sampler
 
 REVERSALS = 4  # the most reversals per opposing load and crank turn
+RUBS = 2  # reversals per joint with friction and crank turn, in the mean; each has at most as many as a load
+ROUGH = 6  # the least nodes per panel with friction, whose many reversals make panels narrow
 POLISH = 2  # evaluations that refine each of them
 
 
@@ -134,8 +147,8 @@ class Place(NamedTuple):
 
 class Plan(NamedTuple):
     """The fixed sizes of a grid: crank turns and their angle (rad), reversals per opposing load, edges, nodes per
-    panel, scan points per turn, names of the loads, whether panels are halved in a loop, and evaluations of the search
-    for windows."""
+    panel, scan points per turn, names of the loads, whether panels are halved in a loop, evaluations of the search
+    for windows, and reversals of all joints with friction."""
 
     turns: int
     cycle: float
@@ -149,6 +162,7 @@ class Plan(NamedTuple):
     breaks: tuple[float, ...]
     rolled: bool
     looked: int
+    rubs: int
 
     @property
     def scan(self) -> np.ndarray:
@@ -184,20 +198,22 @@ def grid_of(
     of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad), and at those of the array `driven`,
     where the motion itself has a kink; infinite ones are not used."""
     scene, turns = machine.scene, machine.scene.cycle_turns
-    opposing = [load for load in scene.loads if load.opposing]
+    opposing, rough = [load for load in scene.loads if load.opposing], reversing(scene.mechanism, scene.friction)
     kinks, groups = (*_kinks(scene), *breaks), list(named_groups(scene.mechanism))[1:]
     windows, crossed = sum(how_many(load.window, turns) for load in scene.loads), crossings_of(machine.ready)
     looked = evaluated([load.window for load in scene.loads if isinstance(load.window, Passage)] + crossed, turns)
     slots, passed_by = REVERSALS * turns, sum(kinks_at_most(each, turns) for each in crossed)
     more = 0 if driven is None else driven.shape[0]
-    count = max(6 * turns, 2 * windows + passed_by + len(kinks) + slots * len(opposing) + len(groups) * turns)
+    rubs = RUBS * turns * len(rough)
+    count = 2 * windows + passed_by + len(kinks) + slots * len(opposing) + rubs + len(groups) * turns
+    count = max(6 * turns, count)
     names = tuple(load.name for load in scene.loads)
     plan = Plan(
         turns,
         scene.cycle,
         slots,
         count + more,
-        max(4, -(-nodes * turns // count)),
+        max(ROUGH if rough else 4, -(-nodes * turns // count)),
         points,
         names,
         scene.mechanism.prescribed,
@@ -205,6 +221,7 @@ def grid_of(
         breaks,
         not machine.traced,
         looked,
+        rubs,
     )
     if scanned is None:
         plan = plan._replace(points=GRID_SCAN)
@@ -214,19 +231,26 @@ def grid_of(
     acts = tuple(next(ranges) if isinstance(load.window, Passage) else load.window for load in scene.loads)
     switches = Switches(acts, kinks, tuple(load.strength() for load in opposing), late, driven)
     acting = tuple(window for load, window in zip(scene.loads, acts, strict=True) if load.opposing)
+    acting += (None,) * len(rough)
     found, near = None, [list(scanned.margins[name].values()) for name in groups]
-    if not opposing:
+    if not opposing and not rough:
         return machine.run(_grid, switches, None, None, None, near, plan=plan)
 
-    def motions(sample):
-        return tuple(motion for load in opposing if (motion := load.opposed(sample.pose)) is not None)
+    def moved(sample):
+        against = tuple(motion for load in opposing if (motion := load.opposed(sample.pose)) is not None)
+        return (*against, *machine.run(_rubs, scene, sample.pose)) if rough else against
 
-    found, flat = machine.run(_scanned, motions(scanned), acting, plan=plan)
+    found, flat = machine.run(_scanned, moved(scanned), acting, plan=plan)
     angle = found.angle
     for _ in range(POLISH - 1):
-        angle, flat = machine.run(_polished, angle, motions(machine.sample(flat, fixed=True, dynamics=False)), found)
-    last = motions(machine.sample(flat, dynamics=False))
+        angle, flat = machine.run(_polished, angle, moved(machine.sample(flat, fixed=True, dynamics=False)), found)
+    last = moved(machine.sample(flat, dynamics=False))
     return machine.run(_grid, switches, found, angle, last, near, plan=plan)
+
+
+@compiled_soon
+def _rubs(scene: Scene, pose: Pose) -> tuple[Motion, ...]:
+    return motions(scene.mechanism, scene.friction, pose)
 
 
 @compiled_soon(static=("plan",))
@@ -265,23 +289,26 @@ def _grid(
     plan: Plan,
 ) -> Grid:
     """The grid, from its switches, the reversals before their last refinement, and the margins at the scan angles."""
-    ends, sure = _ends(switches.windows, plan.cycle)
+    ends, sure = window_ends(switches.windows, plan.cycle)
     met = () if switches.passed is None else switches.passed.kinks
     kinks, overflow, doubt = Candidates(jnp.zeros(0), jnp.zeros(0)), jnp.asarray(False), jnp.zeros(())
     evaluations = plan.turns * GRID_SCAN + plan.looked
     if found is not None and angle is not None and motions is not None:
         v, a = (own(part, plan.slots) for part in stacked_motions(motions))
         turns = refined(angle, v, a, 2 * math.pi / GRID_SCAN, found)
-        distance = jnp.where(turns.present, turns.distance, jnp.inf)
-        kinks, overflow = Candidates(turns.angle.ravel(), distance.ravel()), jnp.any(turns.overflow)
-        wrong = jnp.sum(jnp.where(turns.present, turns.rate * turns.left**2, 0.0), axis=1)
-        # between the true and the computed angle of a reversal its load has the wrong sign
-        doubt = jax.lax.stop_gradient(jnp.sum(jnp.abs(jnp.stack(switches.strengths)) * wrong))
+        distance, loads = jnp.where(turns.present, turns.distance, jnp.inf), len(switches.strengths)
+        kinks, overflow = Candidates(turns.angle[:loads].ravel(), distance[:loads].ravel()), jnp.any(turns.overflow)
+        if plan.rubs:
+            rubs, more = nearest(Candidates(turns.angle[loads:].ravel(), distance[loads:].ravel()), plan.rubs)
+            kinks, overflow = together(kinks, rubs), overflow | more
+        if loads:  # between the true and the computed angle of a reversal its load has the wrong sign
+            wrong = jnp.sum(jnp.where(turns.present, turns.rate * turns.left**2, 0.0)[:loads], axis=1)
+            doubt = jax.lax.stop_gradient(jnp.sum(jnp.abs(jnp.stack(switches.strengths)) * wrong))
         evaluations += POLISH * turns.angle.size
     if switches.passed is not None:
         overflow, doubt = overflow | switches.passed.overflow, doubt + switches.passed.doubt
     soft = jax.lax.stop_gradient(_closest(margins, plan))
-    kinks = Candidates(*(jnp.concatenate(pair) for pair in zip(kinks, soft, strict=True)))
+    kinks = together(kinks, soft)
     kinks = kinks._replace(angle=wrapped(kinks.angle, plan.cycle))
     sure += len(switches.kinks) - len(plan.breaks)
     fixed = [*ends, *(wrapped(jnp.asarray(kink), plan.cycle) for kink in switches.kinks[: -len(plan.breaks) or None])]
@@ -290,7 +317,7 @@ def _grid(
     fixed += [each for kinks_of_load in met for each in wrapped_kinks(kinks_of_load, plan.cycle)]
     fixed += [] if switches.driven is None else wrapped_kinks(switches.driven, plan.cycle)
     edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled, sure)
-    order = _order(switches.windows, _switched(edges, ends), plan)
+    order = _order(switches.windows, switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
     return Grid(
         edges,
@@ -342,31 +369,6 @@ def _closest(margins: list[list[Margin]], plan: Plan) -> Candidates:
             )
         found.append(best)
     return Candidates(*(jnp.concatenate(part) for part in zip(*found, strict=True)))
-
-
-def _ends(windows: tuple[Window | None, ...], cycle: float) -> tuple[list[Array], int]:
-    """The ends of all ranges of crank angle (rad), infinite for a range that is not used, and how many are finite in
-    any case."""
-    found, sure = [], 0
-    for window in windows:
-        for one in () if window is None else window.ranges:
-            ends = [wrapped(end, cycle) for end in (one.on, one.off)]
-            if window is one:
-                sure += 2
-            else:
-                ends = [jnp.where(one.on == one.off, jnp.inf, end) for end in ends]
-            found += ends
-    return found, sure
-
-
-def _switched(edges: Array, ends: list[Array]) -> Int[Array, " ends"]:
-    """The edge number of every window end; ends at one angle get consecutive edges."""
-    if not ends:
-        return jnp.zeros((0,), jnp.int32)
-    found, number = jnp.stack(ends), jnp.arange(len(ends))
-    before = jnp.sum(edges[None] < found[:, None], axis=1)
-    twins = jnp.sum((found[None] == found[:, None]) & (number[None] < number[:, None]), axis=1)
-    return (before + twins).astype(jnp.int32)
 
 
 def _active(windows: tuple[Window | None, ...], middle: Array, plan: Plan) -> Float[Array, "panels loads"]:

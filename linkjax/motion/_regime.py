@@ -15,10 +15,9 @@ from linkjax._numerics import safe_divide, taken
 from linkjax.forces import Forces
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion._by_speed import moving_at
+from linkjax.motion._by_speed import moving_at, on_pose
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._steady import Steady
-from linkjax.reduction import by_speed
 from linkjax.sampling import Sample, Sampler
 
 
@@ -64,7 +63,7 @@ class Regime:
         """The loads that act, crank speed and acceleration, found anew."""
         scene = self.machine.still.scene if self.fixed else self.scene
         dynamics = None if self.steady is None or self.grid.prescribed else at.sample.dynamics
-        here = None if dynamics is None or not by_speed(scene) else at.sample.pose
+        here = None if dynamics is None or not on_pose(scene) else at.sample.pose
         return self.machine.run(_driven, self.grid, self.steady, scene.speed, at.place, dynamics, here)
 
 
@@ -130,7 +129,7 @@ def crank_at(
         return nominal * jnp.ones_like(place.phi), jnp.zeros_like(place.phi)
     moving = None
     if pose is not None and steady.driven is not None:
-        moving = moving_at(steady.driven.torques.numbers, grid, pose, place.phi, place.panel)
+        moving = moving_at(steady.driven.torques, grid, pose, place.phi, place.panel)
     here = grid.reduced(dynamics, place.panel)
     return steady.crank(nominal, here, _around(steady.grid, place) if grid.divided else place, moving)
 

@@ -20,8 +20,8 @@ from linkjax._numerics import safe_sqrt, taken, wrapped
 from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax.kinematics import Pose, pose
-from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion._by_speed import Driven, moving_at, speed_dependent, torques_of
+from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.motion._by_speed import Driven, moving_at, on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import begun_by_speed, moving_at_nodes
 from linkjax.motion._error import delta_error
 from linkjax.motion._extremum import newton
@@ -29,7 +29,7 @@ from linkjax.motion._flow import LEAST, SIGNS, Begun, Duty, Ends, Flow, Primitiv
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._nodes import AtEdges, AtNodes, at_nodes, reduced_in
 from linkjax.motion._switching import grid_with_kinks
-from linkjax.reduction import Moving, Reduced, by_speed, of_crank
+from linkjax.reduction import Moving, Reduced, of_crank
 from linkjax.sampling import Sample, Sampler
 
 REPEATS = 5  # of the motion, for a mean of the extremes
@@ -105,7 +105,7 @@ class Steady:
         made = ready(scene)
         grid, at = self.grid, pose(made.mechanism, place.phi)
         here = reduced_in(made, grid, place.phi, place.panel, at)
-        moving = moving_at(by_speed(made.scene), grid, at, place.phi, place.panel)
+        moving = moving_at(torques_of(made), grid, at, place.phi, place.panel)
         return self.crank(made.scene.speed, here, place, moving)
 
     def crank(self, nominal: Scalar, here: Reduced, place: Place, moving: Moving | None = None) -> tuple[Array, Array]:
@@ -128,6 +128,7 @@ def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
     Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
     """
     machine = Sampler(ready(scene))
+    check_frictionless(machine.scene)
     grid = grid_with_kinks(machine, nodes)
     return steady_on(machine, grid, at_nodes(machine, grid))
 
@@ -144,17 +145,20 @@ def steady_on(machine: Sampler, grid: Grid, at: AtNodes) -> Steady:
 def all_loads(machine: Sampler, grid: Grid, at: AtNodes, steady: Steady | None) -> Reduced:
     """The reduced model at the nodes with all loads: those that depend on the speed at that of the actual motion, or at
     the nominal speed without one."""
-    if not by_speed(machine.scene):
+    if not on_pose(machine.scene):
         return at.here
-    return machine.run(_all_loads, machine.scene, grid, at.here, at.sample.pose, steady)
+    return machine.run(_all_loads, whole(machine), grid, at.here, at.sample.pose, steady)
 
 
 @compiled_soon
-def _all_loads(scene: Scene, grid: Grid, here: Reduced, pose: Pose, steady: Steady | None) -> Reduced:
-    torques, speed = torques_of(scene), scene.speed * jnp.ones_like(grid.nodes)
+def _all_loads(
+    made: Scene | ReadyScene, grid: Grid, here: Reduced, pose: Pose, steady: Steady | None
+) -> Reduced:  # fmt: skip
+    scene = made.scene if isinstance(made, ReadyScene) else made
+    torques, speed, constant = torques_of(made), scene.speed * jnp.ones_like(grid.nodes), None
     if steady is not None and steady.driven is not None:
-        speed = steady.node_speeds(here.inertia)
-    full = torques.loaded(here, moving_at_nodes(grid, torques, pose), speed)
+        speed, constant = steady.node_speeds(here.inertia), steady.driven.constant
+    full = torques.loaded(here, moving_at_nodes(grid, torques, pose), speed, constant)
     return of_crank(full, grid.prescribed)  # a motion law moves the crank whatever resists
 
 
@@ -208,7 +212,7 @@ def _extremes(machine: Sampler, flow: Flow, energy: Any, spots: Spots, place: Pl
 
 def _asked(flow: Flow, sample: Sample) -> tuple[tuple, Pose | None]:
     """The reduced model of samples, and their pose if loads depend on the speed."""
-    return sample.dynamics, sample.pose if flow.driven is not None and flow.driven.torques.numbers else None
+    return sample.dynamics, sample.pose if flow.driven is not None and flow.driven.torques.placed else None
 
 
 @compiled_soon

@@ -1,5 +1,6 @@
-"""Crank angles where the motion itself has a kink: the power in a lossy transmission changes its direction, or the
-motor passes a knot of its characteristic. At constant speed, only the former.
+"""Crank angles where the motion itself has a kink: the power in a lossy transmission changes its direction, the motor
+passes a knot of its characteristic, or the force of a guide with friction changes its side. At constant speed, only the
+first and the last.
 
 They depend on the motion, and the motion on the grid whose panels should end there. So both are found in turn. A kink
 that is off by d from the end of a panel costs d² where the slope of the torque jumps, as with a lossy transmission, and
@@ -16,19 +17,23 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import taken
+from linkjax._numerics import safe_divide, safe_sqrt, taken
+from linkjax.forces import JointFriction
+from linkjax.friction import pairs
 from linkjax.kinematics import Pose
-from linkjax.machine import Scene
-from linkjax.motion._by_speed import speed_dependent, torques_of
+from linkjax.machine import ReadyScene, Scene
+from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import begun_by_speed, moving_at_nodes
+from linkjax.motion._edges import REACH, Candidates, nearest, together
 from linkjax.motion._flow import Flow
-from linkjax.motion._grid import GRID_SCAN, Grid, grid_of
-from linkjax.motion._nodes import at_nodes
+from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
+from linkjax.motion._nodes import AtNodes, at_nodes
 from linkjax.motion._panels import series_sum
-from linkjax.reduction import Reduced, by_speed
+from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
+SOFT = 2  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
 ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and with a lossy transmission
 NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
 HALVINGS = 30  # bisections of a step between nodes: 1e-9 of it, of which the square counts
@@ -37,8 +42,7 @@ JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a j
 
 def kinked(scene: Scene) -> bool:
     """Whether the steady-state motion of a scene may have kinks of its own."""
-    motor = scene.motor
-    return speed_dependent(scene) and motor is not None and (motor.transmission.loses or bool(motor.motor.knots()))
+    return speed_dependent(scene) and bool(_causes(scene) or _rubs(scene))
 
 
 def grid_with_kinks(
@@ -49,33 +53,112 @@ def grid_with_kinks(
     `moves`: the one near the speed `start` (rad/s) at the first edge, if given. With a lossy transmission they also end
     where the power changes its direction at constant speed, or in the motion that a law gives."""
     scene, motor = machine.scene, machine.scene.motor
+    loses, rubs = motor is not None and motor.transmission.loses, _rubs(scene)
     given, kinks = (machine, nodes, scanned, points, breaks), moves and kinked(scene)
-    if motor is None or not (kinks or motor.transmission.loses):
+    if not (kinks or loses or scene.friction):
         return grid_of(*given)
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     most = CHANGES * scene.cycle_turns
-    found = jnp.full(most * (motor.transmission.loses + kinks * len(_causes(scene))), jnp.inf)
+    soft = SOFT * scene.cycle_turns * len(scene.friction)
+    found = jnp.full(most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft, jnp.inf)
     grid, still = grid_of(*given, found), found[:0]
     at = at_nodes(machine, grid, edges=kinks)
-    if motor.transmission.loses:
-        poses = at.sample.pose if by_speed(scene) else None
-        still = machine.run(_still, scene, grid, at.here, at.sample.dynamics[1], poses, most=most)
-    for again in range((LOSSY_ROUNDS if motor.transmission.loses else ROUNDS) if kinks else 0):
+    if loses:
+        poses = at.sample.pose if on_pose(scene) else None
+        still = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
+    if scene.friction:
+        speed, none = machine.run(_nominal, grid, scene.speed)
+        still = machine.run(_joined, still, _rubbing(machine, grid, at, speed, none, most, soft))
+    for again in range((LOSSY_ROUNDS if loses or rubs else ROUNDS) if kinks else 0):
         at = at_nodes(machine, grid) if again else at
         begun, _ = begun_by_speed(machine, grid, at, start=start)
         found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
+        if scene.friction:
+            speed, rate = machine.run(_crank, begun.flow, begun.energy)
+            found = machine.run(_joined, found, _rubbing(machine, grid, at, speed, rate, most, soft))
         grid = grid_of(*given, found)
     return grid if kinks else grid_of(*given, still)
 
 
+def _rubs(scene: Scene) -> int:
+    """How many numbers there are at whose zeros the friction of a joint has a kink."""
+    by_joint = {each.joint: each for each in scene.friction}
+    return sum(by_joint[pair.joint.name].kinks for pair in pairs(scene.mechanism, scene.friction))
+
+
+def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, speed: Any, acceleration: Any, most: int, soft: int) -> Any:
+    """Crank angles (rad) of the kinks of friction, with crank speed (rad/s) and acceleration (rad/s²) at the nodes."""
+    place, pose, active = machine.run(_nodes_alone, grid, at.place, at.sample.pose)
+    forces = machine.forces(place.phi, place.side, pose, active, speed, acceleration, fixed=True)
+    return machine.run(_rubs_change, grid, forces.friction, most=most, soft=soft)
+
+
+@compiled_soon
+def _nodes_alone(grid: Grid, place: Place, pose: Pose) -> tuple[Place, Pose, Array]:
+    """Places and poses of the nodes, and the loads that act there."""
+    place, pose = jax.tree.map(lambda leaf: leaf[: grid.size], (place, pose))
+    return place, pose, taken(grid.active, place.panel)
+
+
+@compiled_soon
+def _joined(one: Array, other: Array) -> Array:
+    return jnp.concatenate([one, other])
+
+
+@compiled_soon
+def _nominal(grid: Grid, speed: Array) -> tuple[Array, Array]:
+    return jnp.full(grid.size, speed), jnp.zeros(grid.size)
+
+
+@compiled_soon
+def _crank(flow: Flow, energy: Array) -> tuple[Array, Array]:
+    """Crank speed (rad/s) and acceleration (rad/s²) at the nodes."""
+    speed = flow.speed(energy + flow.at_nodes, flow.inertia)
+    return speed.ravel(), ((flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia).ravel()
+
+
+@compiled_soon(static=("most", "soft"))
+def _rubs_change(
+    grid: Grid, friction: dict[str, dict[str, JointFriction]], most: int, soft: int
+) -> Float[Array, " kinks"]:  # fmt: skip
+    """Where the friction of guides has a kink, and the nearest of the places where forces of pins almost vanish."""
+    every = [one for sides in friction.values() for one in sides.values()]
+    found = [row for one in every for row in one.switches]
+    squares = [one.square for one in every if one.square is not None]
+    ends = [jnp.zeros(0)]
+    if found:
+        rows = jax.lax.stop_gradient(jnp.stack(found)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+        ends.append(jax.vmap(lambda row: sign_changes(grid, row, most).angles(grid))(rows).ravel())
+    least = Candidates(jnp.full(soft, jnp.inf), jnp.full(soft, jnp.inf))
+    if squares:
+        rows = jax.lax.stop_gradient(jnp.stack(squares)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+        places = jax.vmap(lambda row: _almost_zero(grid, row, most))(rows)
+        least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), soft)
+    return jnp.concatenate([*ends, jnp.where(least.distance < REACH, least.angle, jnp.inf)])
+
+
+def _almost_zero(grid: Grid, square: Float[Array, "panels n"], most: int) -> Candidates:
+    """Minima of a function that is not negative, and how far from them it has its zeros in the complex plane (rad)."""
+    rule = grid.rule
+    slope = jnp.asarray(rule.slope_at_points[1:-1, : grid.n] @ rule.series)
+    first, second = square @ slope.T, square @ slope.T @ slope.T
+    found = sign_changes(grid, first, most)
+    value, bend = (
+        series_sum(taken(part @ jnp.asarray(rule.series.T), found.panel), found.x) for part in (square, second)
+    )
+    distance = taken(grid.half, found.panel) * safe_sqrt(safe_divide(2 * value, bend))
+    return Candidates(found.angles(grid), jnp.where(found.used & (bend > 0), distance, jnp.inf))
+
+
 @compiled_soon(static=("most",))
 def _still(
-    scene: Scene, grid: Grid, here: Reduced, slope: Array, pose: Pose | None, most: int
+    scene: Scene | ReadyScene, grid: Grid, here: Reduced, slope: Array, pose: Pose | None, most: int
 ) -> Float[Array, " kinks"]:  # fmt: skip
     """Crank angles (rad) where the torque on a crank of constant speed changes its sign."""
     torques = torques_of(scene)
-    every = torques.loaded(here, moving_at_nodes(grid, torques, pose), scene.speed * jnp.ones_like(grid.nodes))
-    own = 0.5 * slope[: grid.size].reshape(grid.nodes.shape) * scene.speed**2
+    nominal = (scene.scene if isinstance(scene, ReadyScene) else scene).speed
+    every = torques.loaded(here, moving_at_nodes(grid, torques, pose), nominal * jnp.ones_like(grid.nodes))
+    own = 0.5 * slope[: grid.size].reshape(grid.nodes.shape) * nominal**2
     torque = jax.lax.stop_gradient(own - sum(every.by_load.values(), jnp.zeros_like(own)))
     return sign_changes(grid, torque, most).angles(grid)
 
@@ -83,8 +166,7 @@ def _still(
 def _causes(scene: Scene) -> tuple[Any, ...]:
     """What may cause kinks: None for the direction of power, and knots of the motor's characteristic."""
     motor = scene.motor
-    assert motor is not None
-    return (*(None,) * motor.transmission.loses, *motor.motor.knots())
+    return () if motor is None else (*(None,) * motor.transmission.loses, *motor.motor.knots())
 
 
 @compiled_soon(static=("turns",))
@@ -93,11 +175,14 @@ def _kinks(flow: Flow, energy: Array, still: Array, turns: int) -> Float[Array, 
     flow, energy = jax.lax.stop_gradient((flow, energy))
     assert flow.driven is not None
     motor = flow.driven.torques.motor
-    assert motor is not None
+    if motor is None:
+        return still
     speed = flow.speed(energy + flow.at_nodes, flow.inertia)
     rate = (flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia
     values = [motor.shaft_torque(speed, rate)] if motor.transmission.loses else []
     values += [motor.motor_speed(speed) - knot for knot in motor.motor.knots()]
+    if not values:
+        return still
     found = jax.vmap(lambda each: sign_changes(flow.grid, each, CHANGES * turns).angles(flow.grid))(jnp.stack(values))
     return jnp.concatenate([still, found.ravel()])
 

@@ -7,7 +7,7 @@ Mechanisms and Machines, 1988, ch. 15; Eksergian, Dynamical analysis of machines
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -107,13 +107,14 @@ def of_crank(here: Reduced, prescribed: bool) -> Reduced:
 
 
 class Moving(NamedTuple):
-    """What loads that depend on the speed need at places: pose, crank angle and side (rad), and which loads act there,
-    with the axis of all loads last."""
+    """What loads that depend on the speed, and friction, need at places: pose, crank angle and side (rad), which loads
+    act there, with the axis of all loads last, and the reactions of joints with friction (`forces.Basis`)."""
 
     pose: Pose
     phi: Array
     side: Array
     active: Array
+    basis: Any = None
 
 
 def by_speed(scene: Scene) -> tuple[int, ...]:

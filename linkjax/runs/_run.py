@@ -17,7 +17,7 @@ from linkjax._types import Scalar, Tracer, as_float
 from linkjax._units import nearest
 from linkjax.drives import Servo
 from linkjax.loads import Passage
-from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion import Steady, at_crank_angles, is_stiff, run_in_time, solver_for, steady_motion
 from linkjax.reduction import reduced_model
@@ -85,6 +85,7 @@ def run(
 
 
 def _check(scene: Scene, speed, time, cycles, motor, acting, through_rest, points) -> None:
+    check_frictionless(scene)
     if scene.mechanism.prescribed:
         problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
         raise StructureError(scene.mechanism.driving_link, problem, "delete the law")

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide
-from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion import Grid, make_grid, reduced_in
 
@@ -40,6 +40,7 @@ def starting_torque(scene: Scene | ReadyScene) -> Starting:
     driver follows a motion law.
     """
     made = ready(scene)
+    check_frictionless(made.scene)
     if made.scene.mechanism.prescribed:
         raise StructureError(
             made.scene.mechanism.driving_link, "has a motion law, so it cannot be started", "delete it"

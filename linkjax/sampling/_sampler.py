@@ -13,7 +13,7 @@ from linkjax._compile import compiled_soon
 from linkjax._types import Tracer
 from linkjax.forces import Forces, forces_of_pose
 from linkjax.kinematics import Pose, Prepared
-from linkjax.machine import ReadyScene, Scene, check_frictionless, untitled
+from linkjax.machine import ReadyScene, Scene, untitled
 from linkjax.mechanism import Mechanism
 from linkjax.sampling._sample import Sample, sample_at
 
@@ -37,7 +37,6 @@ class Sampler(Batches):
     """A scene evaluated at many places at once, made `ready`. Its title is no part of any program."""
 
     def __init__(self, made: ReadyScene, size: int = PLACES):
-        check_frictionless(made.scene)
         super().__init__(made.of(untitled(made.scene)), size)
 
     @property

@@ -66,15 +66,19 @@ def _size(friction: Any, force: np.ndarray, couple: np.ndarray) -> np.ndarray:
     return f * edges
 
 
-def solve(scene, phi, speed, acceleration) -> Rubbed:
-    """Forces with friction at arrays of crank angle (rad), speed (rad/s) and acceleration (rad/s²)."""
+def solve(scene, phi, speed, acceleration, drag=None) -> Rubbed:
+    """Forces with friction at arrays of crank angle (rad), speed (rad/s) and acceleration (rad/s²). `drag` is a load
+    that the oracle does not know: link, point, and resistance (N s/m)."""
     here = oracle.rates(scene.mechanism, phi)
+    if drag is not None:
+        link, point, resistance = drag
+        drag = [(link, point, -resistance * here.points[point].v * speed, 0 * phi)]
     moves = list(_motions(scene, here))
     sizes = [np.zeros_like(phi) for _ in moves]
     count, found, change = 0, None, np.inf
     while count < ROUNDS and change > 0:
         count += 1
-        more = []
+        more = list(drag or ())
         for (joint, _, along, pace), size in zip(moves, sizes, strict=True):
             against = -np.sign(pace) * size
             for link, sign in ((joint.link, 1), (joint.by, -1)):

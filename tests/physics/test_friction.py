@@ -284,6 +284,9 @@ def test_bad_numbers(made, match):
 
 def test_the_motion_is_refused():
     scene = crank_slider(friction=(PinFriction("B", 0.1, 0.01),), force=-100.0)
-    for ask in (lj.analyse, lj.run, lambda scene: lj.measures.evaluate(scene, ["delta"])):
+    driven = dataclasses.replace(scene, motor=lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=20.0)))
+    one = lambda scene: lj.measures.evaluate(scene, ["delta"])  # noqa: E731
+    of_motor = (lj.steady_states, lj.starting_torque, lj.run_up_time)
+    for ask in (lj.analyse, lj.run, lj.steady_motion, lj.to_mjcf, one, *of_motor):
         with pytest.raises(lj.mechanism.StructureError, match="only the forces at a given speed"):
-            ask(scene)
+            ask(driven if ask in of_motor else scene)

@@ -1,0 +1,179 @@
+"""The steady-state motion with friction: Newton-Euler equations of all links at its speeds and accelerations, its own
+slope, the wanted mean, nodes, gradients, limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax.friction import GuideFriction, everywhere
+from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.motion import Steady, at_nodes, grid_with_kinks, steady_on
+from linkjax.sampling import Sampler
+from tests.physics import rubbed
+
+PHI = np.linspace(0, 2 * np.pi, 48, endpoint=False) + 0.013
+STEP = 1e-4
+
+
+def steady_motion(made: Scene | ReadyScene, nodes: int) -> Steady:
+    """As `linkjax.steady_motion`, which refuses friction as long as its error of δ is not examined with it."""
+    machine = Sampler(ready(made))
+    grid = grid_with_kinks(machine, nodes)
+    return steady_on(machine, grid, at_nodes(machine, grid))
+
+
+def slider_crank(friction: float, **given) -> lj.Scene:
+    """The slider-crank of Exudyn's test data with a flywheel, and the same friction in every joint."""
+    bars = [
+        lj.Link(length=size, mass=0.2, inertia=0.2 * size**2 / 12, centre=lj.Vec(size / 2, 0.0)) for size in (0.1, 0.3)
+    ]
+    links = {"crank": bars[0], "rod": bars[1], "slider": lj.Link(mass=0.4)}
+    groups = [lj.Crank("crank", "A", "B"), lj.RRP("rod", "slider", "B", "D", lj.Guide("A"))]
+    mechanism = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups, lj.Flywheel(0.01))
+    every = everywhere(mechanism, friction, 0.01) if friction else ()
+    return lj.Scene(mechanism, speed=30.0, friction=every, **given)
+
+
+PUMP = (lj.Drag("pump", "slider", "D", linear=5.0),)
+CUT = (lj.OpposingForce("cut", "slider", "D", magnitude=60.0, window=lj.Window(1.0, 2.9)),)
+MOTOR = lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=2.0))
+MACHINES = {
+    "motor and pump": lambda f: slider_crank(f, loads=PUMP, motor=MOTOR),
+    "constant torque and cut": lambda f: slider_crank(f, loads=CUT),
+}
+machines = pytest.mark.parametrize("name", MACHINES)
+
+
+@functools.cache
+def motion(name: str, friction: float = 0.1, nodes: int = 144) -> Steady:
+    return steady_motion(MACHINES[name](friction), nodes)
+
+
+@compiled_soon
+def at_angles(made: ReadyScene, found: Steady, phi: jax.Array) -> tuple[jax.Array, jax.Array]:
+    return jax.vmap(lambda phi: found.at(made, found.grid.place(phi)))(phi)
+
+
+def moved(name: str, phi: np.ndarray) -> list[np.ndarray]:
+    """Crank speed and acceleration at crank angles."""
+    return [np.asarray(each) for each in at_angles(ready(MACHINES[name](0.1)), motion(name), jnp.asarray(phi))]
+
+
+@machines
+def test_newton_euler(name):
+    """The drive torque of all links' equations, with friction repeated until it agrees, is that of the drive."""
+    scene, (speed, acceleration) = MACHINES[name](0.1), moved(name, PHI)
+    drag = ("slider", "D", 5.0) if scene.motor else None
+    bare = dataclasses.replace(scene, loads=()) if scene.motor else scene
+    known = rubbed.solve(bare, PHI, speed, acceleration, drag)
+    given = 2 * (1 - speed / 40) if scene.motor else np.full_like(PHI, float(motion(name).mean_drive_torque))
+    np.testing.assert_allclose(known.solution.drive, given, rtol=0, atol=1e-12 * np.abs(given).max())
+
+
+@machines
+def test_the_acceleration_is_the_slope_of_the_speed(name):
+    """Away from the ends of panels, where the acceleration has a kink."""
+    edges = np.asarray(motion(name).grid.edges)
+    far = np.min(np.abs((PHI[:, None] - edges[None] + np.pi) % (2 * np.pi) - np.pi), axis=1) > 2 * STEP
+    (down, _), (_, acceleration), (up, _) = (moved(name, PHI[far] + k * STEP) for k in (-1, 0, 1))
+    slope = (up**2 - down**2) / (4 * STEP)
+    np.testing.assert_allclose(acceleration, slope, rtol=0, atol=1e-7 * np.abs(acceleration).max())
+
+
+def test_panels_end_where_the_force_of_a_pin_is_least():
+    """The force of the wrist pin almost vanishes, and friction is hardly smooth there."""
+    found, scene = motion("constant torque and cut"), MACHINES["constant torque and cut"](0.1)
+    fine = np.linspace(4.95, 5.25, 3001)  # about 284° to 301°
+    force, _ = rubbed.solve(scene, fine, *moved("constant torque and cut", fine)).solution.reactions["D", "rod"]
+    least = np.argmin(np.abs(force))
+    assert 0 < least < fine.size - 1
+    assert np.min(np.abs(np.asarray(found.grid.edges) - fine[least])) < 1e-3
+
+
+def test_the_mean_speed_is_the_wanted_one():
+    found = motion("constant torque and cut")
+    assert found.mean_speed == pytest.approx(30.0, rel=1e-12)
+    phi = np.asarray(found.grid.nodes).ravel()
+    weights = np.asarray(found.grid.half[:, None] * found.grid.rule.w[None]).ravel()
+    speed, _ = moved("constant torque and cut", phi)
+    assert 2 * np.pi / np.sum(weights / speed) == pytest.approx(30.0, rel=1e-11)
+
+
+@machines
+def test_independent_of_the_number_of_nodes(name):
+    many, few = motion(name), motion(name, nodes=96)
+    for part in ("delta", "mean_speed", "mean_drive_torque", "max_speed", "min_speed"):
+        assert getattr(few, part) == pytest.approx(float(getattr(many, part)), rel=1e-11)
+    assert abs(few.delta - many.delta) <= few.delta_error
+
+
+@machines
+def test_panels_end_where_friction_has_a_kink(name):
+    """At reversals of the rod and the slider, and where the guide is loaded from the other side."""
+    found, scene = motion(name), MACHINES[name](0.1)
+    edges = np.degrees(np.asarray(found.grid.edges))
+    for reversal in (0.0, 90.0, 180.0, 270.0):  # of the slider, and of the rod
+        assert np.min(np.abs(edges % 360 - reversal)) < 1e-9
+    fine = np.linspace(0, 2 * np.pi, 721, endpoint=False) + 1e-3
+    speed, acceleration = moved(name, fine)
+    drag = ("slider", "D", 5.0) if scene.motor else None
+    bare = dataclasses.replace(scene, loads=()) if scene.motor else scene
+    normal = rubbed.solve(bare, fine, speed, acceleration, drag).solution.reactions["slider.guide", "slider"][0].imag
+    changes = np.flatnonzero(normal[:-1] * normal[1:] < 0)
+    assert changes.size >= 2
+    for i in changes:
+        assert np.min(np.abs(edges - np.degrees(fine[i]) - 0.25)) < 0.26
+
+
+@machines
+def test_the_frictionless_limit_is_linear(name):
+    free, small, smaller = (motion(name, f, 96) for f in (0.0, 2e-4, 1e-4))
+    for part in ("delta", "mean_drive_torque"):
+        values = [float(getattr(each, part)) for each in (free, small, smaller)]
+        assert (values[1] - values[0]) / (values[2] - values[0]) == pytest.approx(2, rel=2e-3)
+
+
+@pytest.mark.slow
+@machines
+def test_gradients(name):
+    """δ, mean drive torque and greatest speed by coefficients, radii, lengths and masses."""
+    scene = MACHINES[name](0.1)
+    leaves, tree = jax.tree.flatten((scene.friction, scene.mechanism.links))
+    base, made = jnp.stack(leaves), ready(scene)
+
+    def all_of(x: jax.Array) -> jax.Array:
+        friction, links = jax.tree.unflatten(tree, list(x))
+        mechanism = dataclasses.replace(scene.mechanism, links=links)
+        found = steady_motion(made.of(Scene(**{**vars(scene), "mechanism": mechanism, "friction": friction})), 96)
+        return jnp.stack([found.delta, found.mean_drive_torque, found.max_speed])
+
+    along = jax.jit(lambda x, way: jax.jvp(all_of, (x,), (way,)))
+    way = np.random.default_rng(2).uniform(-1, 1, base.size) * np.asarray(base)
+    h = 1e-4
+    (down, _), (_, slope), (up, _) = (along(base + k * h * way, way) for k in (-1, 0, 1))
+    difference = np.asarray((up - down) / (2 * h))
+    np.testing.assert_allclose(slope, difference, rtol=1e-5)
+    weights = jnp.asarray([1.0, 0.7, 0.03])
+    reverse = jax.jit(jax.grad(lambda x: weights @ all_of(x)))(base)
+    assert reverse @ way == pytest.approx(float(weights @ slope), rel=1e-9)
+    assert np.all(np.isfinite(reverse))
+
+
+def test_a_machine_that_locks_has_no_motion():
+    """A guide with a coefficient of 4: the rod, at most 19.5° from the guide, pushes it fast."""
+    scene = MACHINES["motor and pump"](0.0)
+    free = steady_motion(dataclasses.replace(scene, friction=(GuideFriction("slider", 2.5),)), 96)
+    locked = steady_motion(dataclasses.replace(scene, friction=(GuideFriction("slider", 4.0),)), 96)
+    assert locked.driven is not None and free.driven is not None
+    assert bool(free.driven.found) == (math.sqrt(8) > 2.5)  # cot of the largest angle of the rod
+    assert not bool(locked.driven.found) and float(locked.steady_state_margin) < 0
+    assert np.all(np.isfinite(jax.tree.leaves(jax.tree.map(np.mean, (locked.delta, locked.mean_speed)))))
