@@ -23,7 +23,8 @@ from linkjax.motion import every_row, steady_by_diffrax
 from tests.physics.machines import machine, resized
 
 FEW, MANY = 96, 160
-STEEP = {"oscillating-cylinder": 144, "hay-press": 128, "elliptic-trammel": 144}  # nodes where 96 leave an error that counts
+# nodes where 96 leave an error that counts
+STEEP = {"oscillating-cylinder": 144, "hay-press": 128, "elliptic-trammel": 144}
 EVERY = lj.scene_names()
 SCENES = [pytest.param(name, marks=[pytest.mark.slow]) for name in EVERY]
 EVEN = ("slider-crank", "four-bar")  # no two values are equal
