@@ -50,7 +50,10 @@ MACHINES = {
     "motor and pump": lambda f: slider_crank(f, loads=PUMP, motor=MOTOR),
     "constant torque and cut": lambda f: slider_crank(f, loads=CUT),
 }
-machines = pytest.mark.parametrize("name", MACHINES)
+QUICK = "constant torque and cut"
+machines = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name == QUICK else pytest.mark.slow) for name in MACHINES]
+)
 
 
 @functools.cache
@@ -91,23 +94,24 @@ def test_the_acceleration_is_the_slope_of_the_speed(name):
 
 def test_panels_end_where_the_force_of_a_pin_is_least():
     """The force of the wrist pin almost vanishes, and friction is hardly smooth there."""
-    found, scene = motion("constant torque and cut"), MACHINES["constant torque and cut"](0.1)
+    found, scene = motion(QUICK), MACHINES[QUICK](0.1)
     fine = np.linspace(4.95, 5.25, 3001)  # about 284° to 301°
-    force, _ = rubbed.solve(scene, fine, *moved("constant torque and cut", fine)).solution.reactions["D", "rod"]
+    force, _ = rubbed.solve(scene, fine, *moved(QUICK, fine)).solution.reactions["D", "rod"]
     least = np.argmin(np.abs(force))
     assert 0 < least < fine.size - 1
     assert np.min(np.abs(np.asarray(found.grid.edges) - fine[least])) < 1e-3
 
 
 def test_the_mean_speed_is_the_wanted_one():
-    found = motion("constant torque and cut")
+    found = motion(QUICK)
     assert found.mean_speed == pytest.approx(30.0, rel=1e-12)
     phi = np.asarray(found.grid.nodes).ravel()
     weights = np.asarray(found.grid.half[:, None] * found.grid.rule.w[None]).ravel()
-    speed, _ = moved("constant torque and cut", phi)
+    speed, _ = moved(QUICK, phi)
     assert 2 * np.pi / np.sum(weights / speed) == pytest.approx(30.0, rel=1e-11)
 
 
+@pytest.mark.slow
 @machines
 def test_independent_of_the_number_of_nodes(name):
     many, few = motion(name), motion(name, nodes=96)
@@ -134,6 +138,7 @@ def test_panels_end_where_friction_has_a_kink(name):
         assert np.min(np.abs(edges - np.degrees(fine[i]) - 0.25)) < 0.26
 
 
+@pytest.mark.slow
 @machines
 def test_the_frictionless_limit_is_linear(name):
     free, small, smaller = (motion(name, f, 96) for f in (0.0, 2e-4, 1e-4))
@@ -168,6 +173,7 @@ def test_gradients(name):
     assert np.all(np.isfinite(reverse))
 
 
+@pytest.mark.slow
 def test_a_machine_that_locks_has_no_motion():
     """A guide with a coefficient of 4: the rod, at most 19.5° from the guide, pushes it fast."""
     scene = MACHINES["motor and pump"](0.0)
