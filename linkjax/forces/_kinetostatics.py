@@ -58,7 +58,8 @@ class Forces(NamedTuple):
     moment -dH/dt. `frame` is the resultant on the frame through the joints, without the reaction of the motor, which is
     minus the drive torque. `net_frame` adds the reactions of loads that react on the frame. `weight` and `loads` are
     the resultants of weights and loads. Reactions of joints with friction contain it; `friction[joint][link]` is
-    friction alone, and `moves` is false where the machine locks: where no drive torque keeps up this motion.
+    friction alone. `moves` is false where the machine locks: no finite drive torque keeps up this motion, and
+    `drive_torque` is infinite. It is false at a change point, too, where friction is not known.
     """
 
     reactions: dict[str, dict[str, JointForce]]
@@ -128,6 +129,9 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
             own = JointFriction(rub.values[i] * each.sense, each.speed, each.switches(fx, fy, moment), square)
             friction.setdefault(each.joint.name, {})[each.joint.link] = own
     moves = None if rub is None else rub.found
+    if moves is not None:
+        moves = moves if lost is None else moves & ~lost
+        drive = jnp.where(moves, drive, jnp.inf)
     return Forces(_by_joint(found), drive, shaking, frame, net, weights, loads, friction, moves)
 
 

@@ -45,10 +45,6 @@ class AbstractFriction(eqx.Module):
         """How many these numbers are."""
         return 0
 
-    @abc.abstractmethod
-    def scaled(self, factor: Array) -> AbstractFriction:
-        """The same with all its coefficients times a factor."""
-
 
 class Thrust(eqx.Module):
     """A thrust face between the radii `inner` and `outer` (m) under a given axial `force` (N); see
@@ -96,12 +92,6 @@ class PinFriction(AbstractFriction):
         couple = journal_friction(self.coefficient, self.bearing) * self.radius * safe_sqrt(fx * fx + fy * fy)
         return couple if self.thrust is None else couple + self.thrust.couple()
 
-    def scaled(self, factor):
-        thrust = self.thrust
-        if thrust is not None:
-            thrust = eqx.tree_at(lambda t: t.coefficient, thrust, thrust.coefficient * factor)
-        return PinFriction(self.point, self.coefficient * factor, self.radius, self.bearing, thrust)
-
 
 class GuideFriction(AbstractFriction):
     """Friction of the block or link `link` in its guide: f₀ times the normal force N.
@@ -147,9 +137,6 @@ class GuideFriction(AbstractFriction):
     def kinks(self):
         return 1 if self.length is None else 3
 
-    def scaled(self, factor):
-        return GuideFriction(self.link, self.coefficient * factor, self.groove, self.length)
-
 
 def everywhere(
     mechanism: Mechanism, coefficient: Any, radius: Any, guide: Any = None, bearing: Any = "given"
@@ -171,11 +158,14 @@ def joints_with_friction(mechanism: Mechanism) -> list[Joint]:
 
 
 def check_friction(mechanism: Mechanism, friction: Any) -> None:
-    """Raise `StructureError` for anything but a tuple of frictions, for a joint that the mechanism does not have, and
-    for two frictions of one joint."""
+    """Raise `StructureError` for anything but a tuple of frictions, for a joint that the mechanism does not have, for
+    two frictions of one joint, and for a mechanism with redundant links, whose reactions are not unique."""
     if not isinstance(friction, tuple) or not all(isinstance(each, AbstractFriction) for each in friction):
         problem, remedy = f"is {type(friction).__name__}", "write a tuple of PinFriction and GuideFriction"
         raise StructureError("friction", problem, remedy)
+    if friction and any(group.passive() for group in mechanism.groups):
+        problem = "reactions of a mechanism with redundant links are not unique, nor is their friction"
+        raise StructureError("friction", problem, "omit the friction, or the redundant links")
     there = joints_with_friction(mechanism)
     pins, guides = ({joint.name for joint in there if joint.slides is slides} for slides in (False, True))
     seen: set[str] = set()

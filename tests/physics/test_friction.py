@@ -282,10 +282,32 @@ def test_bad_numbers(made, match):
         made()
 
 
+@pytest.mark.parametrize("coefficient", [3.0, 5.0, 30.0])
+def test_where_a_guide_locks(coefficient):
+    """The rod pushes the slider against its guide at an angle of at most 19.5°: it locks for a coefficient above √8."""
+    scene = crank_slider(force=-200.0, friction=(GuideFriction("slider", coefficient),), masses=(0.0,) * 3)
+    assert coefficient > 1 / math.tan(math.asin(abs(math.sin(4.78)) / 3))
+    locked, free = forces(scene, 4.78, 1.0, 0.0), forces(scene, 0.02, 1.0, 0.0)
+    assert not bool(locked.moves) and locked.drive_torque == math.inf
+    assert bool(free.moves) and np.isfinite(free.drive_torque)
+
+
+def test_redundant_links_are_refused():
+    links = {name: lj.Link(length=long) for name, long in (("crank", 0.1), ("rod", 0.3), ("arm", 0.25), ("tie", 0.25))}
+    links["rod"] = lj.Link(length=0.3, points={"F": lj.Vec(0.3, 0.0)})
+    groups = [lj.Crank("crank", "A", "B"), lj.RRR(("rod", "arm"), "B", "D", "C"), lj.RedundantLink("tie", "D", "F")]
+    scene = lj.Scene(lj.Mechanism({"A": lj.Vec(0.0, 0.0), "D": lj.Vec(0.32, 0.0)}, links, groups))
+    with pytest.raises(lj.mechanism.StructureError, match="redundant links are not unique"):
+        dataclasses.replace(scene, friction=(PinFriction("A", 0.1, 0.01),))
+
+
 def test_the_motion_is_refused():
     scene = crank_slider(friction=(PinFriction("B", 0.1, 0.01),), force=-100.0)
     driven = dataclasses.replace(scene, motor=lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=20.0)))
-    one = lambda scene: lj.measures.evaluate(scene, ["delta"])  # noqa: E731
+
+    def one(scene: lj.Scene):
+        return lj.measures.evaluate(scene, ["delta"])
+
     of_motor = (lj.steady_states, lj.starting_torque, lj.run_up_time)
     for ask in (lj.analyse, lj.run, lj.steady_motion, lj.to_mjcf, one, *of_motor):
         with pytest.raises(lj.mechanism.StructureError, match="only the forces at a given speed"):
