@@ -80,7 +80,11 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     """All stages, each a program of its own; the machine is evaluated in batches."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     scanned = machine.sample(scan_angles(turns, MOTION_SCAN), gaps=True)
-    grid = grid_with_kinks(machine, nodes, scanned, MOTION_SCAN, moves=moves)
+
+    def grid_with(added: Any) -> Grid:
+        return grid_with_kinks(machine, nodes, scanned, MOTION_SCAN, moves=moves, added=added)
+
+    grid = grid_with(0.0)
     at = at_nodes(machine, grid)
     motion, wheels = None, None
     if moves:
@@ -90,7 +94,8 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
         else:
             motion = steady_on(machine, grid, at)
         target = scene.target_delta
-        wheels = None if target is None else flywheel_on(machine, target, grid, at, motion.delta)
+        if target is not None:
+            wheels = flywheel_on(machine, target, grid, at, grid_with, motion.delta).inertia
     regime = Regime(machine, grid, motion)
     shown = _shown(regime, angles)
     tops, rms = _peaks(regime, at)

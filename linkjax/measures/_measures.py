@@ -20,6 +20,7 @@ from linkjax.motion import (
     At,
     Regime,
     Rows,
+    Sized,
     Summits,
     Wanted,
     by_node,
@@ -167,11 +168,12 @@ def mean_drive_power(of: Parts) -> Array:
 def _flywheels(of: Parts) -> Rows:
     """The flywheel inertia for every pair of a largest and a smallest speed, to first order about the inertia found, so
     that pairs with equal fluctuation there are exact."""
-    needed = flywheel_for_target_delta.function(of)
+    needed, grid, at = of.once("flywheel", lambda: _sized(of))
     if of.scene.mechanism.prescribed:
         return Rows(needed[None, None], jnp.full(1, jnp.nan), signed=True)
-    swings, still = _swings_with(needed, of), jax.lax.stop_gradient(needed)
-    fixed = Parts(of.ready, of.nodes, *jax.lax.stop_gradient((of.grid, of.at)))
+    parts = Parts(of.ready, of.nodes, grid, at)
+    swings, still = _swings_with(needed, parts), jax.lax.stop_gradient(needed)
+    fixed = Parts(of.ready, of.nodes, *jax.lax.stop_gradient((grid, at)))
     _, rate = jax.jvp(lambda inertia: _swings_with(inertia, fixed).vectors, (still,), (jnp.ones_like(still),))
     steep = jnp.maximum(-rate, SLOW * jnp.max(-rate))
     return Rows(needed + (swings.vectors - _target(of.scene)) / steep, swings.angle, signed=True)
@@ -195,7 +197,12 @@ def _target(scene: Scene) -> Array:
 @measure("kg m^2", _flywheels, motion=True)
 def flywheel_for_target_delta(of: Parts) -> Array:
     """Flywheel inertia that gives the scene's target δ (0.05 if it has none)."""
-    return flywheel_on(of.machine, _target(of.scene), of.grid, of.at)
+    return of.once("flywheel", lambda: _sized(of)).inertia
+
+
+def _sized(of: Parts) -> Sized:
+    """The flywheel for the target δ, with the grid and node values for it."""
+    return flywheel_on(of.machine, _target(of.scene), of.grid, of.at, of.grid_with)
 
 
 @least("1")

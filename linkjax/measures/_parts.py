@@ -60,7 +60,11 @@ class Parts:
     @functools.cached_property
     def grid(self) -> Grid:
         """The cycle grid."""
-        return self._grid or grid_with_kinks(self.machine, self.nodes, breaks=self._breaks)
+        return self._grid or self.grid_with(0.0)
+
+    def grid_with(self, added: Any) -> Grid:
+        """The cycle grid for the motion with a flywheel inertia (kg m²) that the machine does not have."""
+        return grid_with_kinks(self.machine, self.nodes, breaks=self._breaks, added=added)
 
     @functools.cached_property
     def at(self) -> AtNodes:

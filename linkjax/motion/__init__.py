@@ -16,6 +16,7 @@ from linkjax.motion._divided import with_kinks as with_kinks
 from linkjax.motion._flow import LEAST as LEAST
 from linkjax.motion._flow import Primitive as Primitive
 from linkjax.motion._flow import primitive as primitive
+from linkjax.motion._flywheel import Sized as Sized
 from linkjax.motion._flywheel import flywheel_for as flywheel_for
 from linkjax.motion._flywheel import flywheel_on as flywheel_on
 from linkjax.motion._flywheel import textbook_flywheel as textbook_flywheel

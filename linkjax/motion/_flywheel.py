@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -19,7 +20,7 @@ from linkjax.motion._flow import duty_of
 from linkjax.motion._grid import Grid
 from linkjax.motion._nodes import AtNodes, at_nodes
 from linkjax.motion._steady import Steady, begin, driven_on, fluctuation
-from linkjax.motion._switching import grid_with_kinks
+from linkjax.motion._switching import grid_with_kinks, kinked
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
 
@@ -35,23 +36,51 @@ def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 
     motion law."""
     machine = Sampler(ready(scene))
     check_frictionless(machine.scene)
-    grid = grid_with_kinks(machine, nodes)
+    given = (machine, nodes)
+    grid = grid_with_kinks(*given)
     delta = jnp.asarray(delta, dtype=machine.scene.speed.dtype)
-    return flywheel_on(machine, delta, grid, at_nodes(machine, grid, edges=False))
+    at = at_nodes(machine, grid, edges=False)
+    return flywheel_on(machine, delta, grid, at, lambda added: grid_with_kinks(*given, added=added)).inertia
 
 
-def flywheel_on(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any = None) -> Any:
+class Sized(NamedTuple):
+    """A flywheel inertia (kg m²), and the grid with its node values on which it was found."""
+
+    inertia: Array
+    grid: Grid
+    at: AtNodes
+
+
+def flywheel_on(
+    machine: Sampler, delta: Any, grid: Grid, at: AtNodes, regrid: Callable[[Any], Grid], known: Any = None
+) -> Sized:
     """The same from the node values; see `flywheel_for`. `known` is δ with the given flywheel.
+
+    The motion with another flywheel has its kinks elsewhere. If it may have any, `regrid` gives the grid for a flywheel
+    inertia added to the given one, and the search is repeated there, from the first result.
+    """
+    scene = machine.scene
+    if grid.prescribed:  # δ is zero
+        return Sized(jnp.zeros_like(scene.speed), grid, at)
+    found = _searched(machine, delta, grid, at, known)
+    for _ in range(AGAIN if kinked(scene) else 0):
+        start, added = machine.run(_more, found, scene.mechanism.flywheel.inertia)
+        grid = regrid(added)
+        at = at_nodes(machine, grid, edges=False)
+        found = _searched(machine, delta, grid, at, start=start)
+    return Sized(found, grid, at)
+
+
+def _searched(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any = None, start: Any = None) -> Any:
+    """The flywheel inertia for the motion on one grid, searched from `start` or from the given one.
 
     Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. Positions and loads
     do not depend on the flywheel, so they are not computed again. Negative (down to minus half the least reduced
     inertia) if δ is smaller even without a flywheel.
     """
     scene = machine.scene
-    if grid.prescribed:  # δ is zero
-        return jnp.zeros_like(scene.speed)
     given, duty = scene.mechanism.flywheel.inertia, duty_of(scene)
-    state, more = machine.run(_search, given, at.here)
+    state, more = machine.run(_search, given, start, at.here)
 
     def begun(added):
         if speed_dependent(scene):
@@ -76,6 +105,7 @@ def flywheel_on(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: An
     return machine.until(_going, step, state, delta).inertia
 
 
+AGAIN = 1  # searches on a grid whose panels end at the kinks of the motion with the flywheel found
 STEPS = 30  # secant steps for a flywheel
 SAME = 1e-9  # relative: a step as small as this is the last; its error is far smaller, as secant steps converge fast
 
@@ -97,10 +127,16 @@ def _going(state: Search) -> Array:
 
 
 @compiled_soon
-def _search(given: Array, here: Reduced) -> tuple[Search, tuple[Array, Array]]:
+def _more(found: Array, given: Array) -> tuple[Array, Array]:
+    """A flywheel inertia, and what it adds to the given one (kg m²), both without derivatives."""
+    return jax.lax.stop_gradient((found, found - given))
+
+
+@compiled_soon
+def _search(given: Array, start: Array | None, here: Reduced) -> tuple[Search, tuple[Array, Array]]:
     """The start of the search; the mean reduced inertia without a flywheel, and minus half the least one."""
     bare = here.inertia - given
-    start = jax.lax.stop_gradient(jnp.maximum(given, 0.0))
+    start = jax.lax.stop_gradient(jnp.maximum(given, 0.0) if start is None else start)
     state = Search(jnp.asarray(0), start, start - given, start, jnp.zeros_like(start), jnp.asarray(True))
     return state, (jnp.mean(bare), -0.5 * smallest(bare))
 

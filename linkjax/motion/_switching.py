@@ -47,10 +47,11 @@ def kinked(scene: Scene) -> bool:
 
 def grid_with_kinks(
     machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN,
-    breaks: tuple[float, ...] = (), start: Any = None, moves: bool = True,
+    breaks: tuple[float, ...] = (), start: Any = None, moves: bool = True, added: Any = 0.0,
 ) -> Grid:  # fmt: skip
     """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion, if it
-    `moves`: the one near the speed `start` (rad/s) at the first edge, if given. With a lossy transmission they also end
+    `moves`: the one near the speed `start` (rad/s) at the first edge, if given, and with a flywheel inertia `added`
+    (kg m²) that the machine does not have. With a lossy transmission they also end
     where the power changes its direction at constant speed, or in the motion that a law gives."""
     scene, motor = machine.scene, machine.scene.motor
     loses, rubs = motor is not None and motor.transmission.loses, _rubs(scene)
@@ -71,7 +72,7 @@ def grid_with_kinks(
         still = machine.run(_joined, still, _rubbing(machine, grid, at, speed, none, most, soft))
     for again in range((LOSSY_ROUNDS if loses or rubs else ROUNDS) if kinks else 0):
         at = at_nodes(machine, grid) if again else at
-        begun, _ = begun_by_speed(machine, grid, at, start=start)
+        begun, _ = begun_by_speed(machine, grid, at, added, start=start)
         found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
         if scene.friction:
             speed, rate = machine.run(_crank, begun.flow, begun.energy)
