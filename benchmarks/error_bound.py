@@ -23,6 +23,7 @@ import numpy as np
 import linkjax as lj
 from benchmarks._timing import line
 from linkjax._compile import compiled_soon, keep_in
+from linkjax.friction import GuideFriction, everywhere
 from linkjax.motion import steady_motion
 
 NODES, TRUTH, LEAST, FAR = (32, 64), 192, 1e-11, 1e3
@@ -109,6 +110,17 @@ def four_bar(u: Any, motor: lj.MotorDrive | None) -> lj.Scene:
     return lj.Scene(machine, (*scene.loads, damper), speed=scene.speed, gravity=scene.gravity, motor=motor)
 
 
+def rubbed(scene: lj.Scene, u: Any, guide: float | None = None) -> lj.Scene:
+    """The scene with friction in all its joints, of random size, from three numbers; the guide has this length (m)."""
+    machine = scene.mechanism
+    coefficient, radius, sliding = between(0.005, 0.2, u[0]), between(2e-3, 3e-2, u[1]), between(0.005, 0.3, u[2])
+    found = everywhere(machine, coefficient, radius, sliding)
+    if guide is not None:
+        found = (*found[:-1], GuideFriction("slider", sliding, length=guide))
+    return lj.Scene(machine, scene.loads, speed=scene.speed, gravity=scene.gravity, mean=scene.mean,
+                    motor=scene.motor, friction=found)  # fmt: skip
+
+
 MODELS = {
     "quadrature": Model(lambda u: crank_slider(u, (thrown(u[5]),)), 6),
     "quadrature midrange": Model(lambda u: crank_slider(u, (thrown(u[5]),), mean="midrange"), 6),
@@ -142,6 +154,17 @@ MODELS = {
     ),
     "four-bar, damper, line motor": Model(
         lambda u: four_bar(u, lj.MotorDrive(lj.LineMotor(no_load=12.0, stall=between(150.0, 3e3, u[2])))), 3
+    ),
+    "friction, cut": Model(lambda u: rubbed(crank_slider(u, (thrown(u[5]),)), u[6:]), 9),
+    "friction, cut, midrange": Model(lambda u: rubbed(crank_slider(u, (thrown(u[5]),), mean="midrange"), u[6:]), 9),
+    "friction, line motor, pump": Model(
+        lambda u: rubbed(crank_slider(u, (drag(u[5]),), lj.MotorDrive(line_motor(u[6]))), u[7:]), 10
+    ),
+    "friction, guide with edges, pump": Model(lambda u: rubbed(crank_slider(u, (drag(u[5]),)), u[6:], 0.05), 9),
+    "friction, four-bar, line motor": Model(
+        lambda u: rubbed(
+            four_bar(u, lj.MotorDrive(lj.LineMotor(no_load=12.0, stall=between(150.0, 3e3, u[2])))), u[3:]
+        ), 6
     ),
 }  # fmt: skip
 

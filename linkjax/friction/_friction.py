@@ -18,7 +18,7 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt
 from linkjax._types import as_float, known
 from linkjax._units import nearest
-from linkjax.elements import groove_friction, journal_friction, thrust_ring
+from linkjax.elements import groove_friction, journal_friction, seat_friction, thrust_ring
 from linkjax.groups import Joint
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -96,22 +96,25 @@ class PinFriction(AbstractFriction):
 class GuideFriction(AbstractFriction):
     """Friction of the block or link `link` in its guide: f₀ times the normal force N.
 
-    In a wedge-shaped groove of half angle `groove` (rad) f₀ is f / sin θ, otherwise it is the `coefficient`. With the
-    `length` L (m) of a guide that encloses the block, the couple M of the guide is carried by its edges, and the force
-    that rubs is max(|N|, 2 |M| / L): where the couple tilts the block, both sides are loaded. Without a length the
-    couple is assumed to be carried by one face, whose friction depends on N alone. Raises `ValueError` for a negative
-    coefficient, an angle that is not above 0 and below 90°, and a length that is not above zero.
+    f₀ is the `coefficient` f, in a wedge-shaped groove of half angle `groove` θ (rad) f / sin θ, and with a curved seat
+    of the factor `seat` k it is k f. With the `length` L (m) of a guide that encloses the block, the couple M of the
+    guide is carried by its edges, and the force that rubs is max(|N|, 2 |M| / L): where the couple tilts the block,
+    both sides are loaded. Without a length the couple is assumed to be carried by one face, whose friction depends on N
+    alone. Raises `ValueError` for a negative coefficient, an angle that is not above 0 and below 90°, a length that is
+    not above zero, a factor outside of 1 to π/2, and for both a groove and a seat.
     """
 
     link: str = eqx.field(static=True)
     coefficient: Array = eqx.field(converter=as_float)
     groove: Array | None = eqx.field(converter=as_float, default=None)
     length: Array | None = eqx.field(converter=as_float, default=None)
+    seat: Array | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self):
         _not_negative(f"the guide of {self.link!r}", "coefficient", self.coefficient)
-        if self.groove is not None:
-            groove_friction(self.coefficient, self.groove)
+        if self.groove is not None and self.seat is not None:
+            raise ValueError(f"the guide of {self.link!r} has a groove and a curved seat; omit one of them")
+        self.equivalent()
         length = None if self.length is None else known(self.length)
         if length is not None and not np.all((length > 0) & np.isfinite(length)):
             raise ValueError(f"length of the guide of {self.link!r} is {length}; write a finite number above zero")
@@ -122,10 +125,16 @@ class GuideFriction(AbstractFriction):
 
     def size(self, fx, fy, moment):
         normal = safe_sqrt(fx * fx + fy * fy)
-        f0 = self.coefficient if self.groove is None else groove_friction(self.coefficient, self.groove)
+        f0 = self.equivalent()
         if self.length is None:
             return f0 * normal
         return f0 * jnp.maximum(normal, 2 * jnp.abs(moment) / self.length)
+
+    def equivalent(self) -> Array:
+        """The equivalent coefficient f₀."""
+        if self.groove is not None:
+            return groove_friction(self.coefficient, self.groove)
+        return self.coefficient if self.seat is None else seat_friction(self.coefficient, self.seat)
 
     def switches(self, normal, moment):
         if self.length is None:
@@ -144,7 +153,7 @@ def everywhere(
     """The same friction in all joints: pins with this `coefficient`, `radius` (m) and `bearing`, and guides with the
     coefficient `guide`, by default that of the pins."""
     found: dict[str, AbstractFriction] = {}
-    for joint in joints_with_friction(mechanism):
+    for joint in friction_joints(mechanism):
         if joint.slides:
             found[joint.name] = GuideFriction(joint.link, coefficient if guide is None else guide)
         else:
@@ -152,7 +161,7 @@ def everywhere(
     return tuple(found.values())
 
 
-def joints_with_friction(mechanism: Mechanism) -> list[Joint]:
+def friction_joints(mechanism: Mechanism) -> list[Joint]:
     """The joints that may have friction: pins and guides."""
     return [joint for group in mechanism.groups for joint in group.joints() if joint.pins or joint.slides]
 
@@ -166,7 +175,7 @@ def check_friction(mechanism: Mechanism, friction: Any) -> None:
     if friction and any(group.passive() for group in mechanism.groups):
         problem = "reactions of a mechanism with redundant links are not unique, nor is their friction"
         raise StructureError("friction", problem, "omit the friction, or the redundant links")
-    there = joints_with_friction(mechanism)
+    there = friction_joints(mechanism)
     pins, guides = ({joint.name for joint in there if joint.slides is slides} for slides in (False, True))
     seen: set[str] = set()
     for number, each in enumerate(friction):

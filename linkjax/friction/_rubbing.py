@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._vec import Vec, zero
-from linkjax.friction._friction import AbstractFriction, joints_with_friction
+from linkjax.friction._friction import AbstractFriction, friction_joints
 from linkjax.groups import FRAME, Joint, Wrench
 from linkjax.kinematics import Motion, Pose
 from linkjax.mechanism import Mechanism
@@ -62,7 +62,7 @@ class Pair(NamedTuple):
 def pairs(mechanism: Mechanism, friction: tuple[AbstractFriction, ...]) -> list[Pair]:
     """The joints with friction; a pin of several links is several joints."""
     by_joint, owners = {each.joint: each for each in friction}, mechanism.owners()
-    there = joints_with_friction(mechanism)
+    there = friction_joints(mechanism)
     return [Pair(j, j.by or owners[j.point], by_joint[j.name]) for j in there if j.name in by_joint]
 
 

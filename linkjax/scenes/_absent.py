@@ -78,7 +78,10 @@ MOTOR = (
     "the motor is a table of its own, [motor], with `kind` (torque, line, table, dc, induction, none) and its `ratio` "
     "to the crank; without it the drive applies the constant torque that balances the cycle, at the mean `speed`"
 )
-EFFICIENCY = "the efficiency of a gear or belt between motor and crank is `efficiency` under [motor]; joints are ideal"
+EFFICIENCY = (
+    "the efficiency of a gear or belt between motor and crank is `efficiency` under [motor]; friction of joints is "
+    "[friction]"
+)
 ONE_DRIVE = (
     "linkjax has one drive, for machines of one degree of freedom: keep one, and couple other cranks to it by gears; "
     "model a piston that is driven by gas as a load"
@@ -99,13 +102,17 @@ GAS = (
     "diagram or the pressures of a compressor"
 )
 FRICTION = (
-    "there is no friction yet; it will be [friction] for all joints and [joints.B] for one; until then write an "
-    "opposing force or torque under [[loads]]"
+    "friction is [friction] for all joints, with coefficient and radius, and [joints.B] for one; the guide of a block "
+    'is [joints."slider.guide"]'
+)
+JOINTS = (
+    "a pin is a point that two links name in their `pins`, a point under [fixed] is a pin on the frame, and a sliding "
+    "joint is an entry of [[slots]]; [joints.B] holds the friction of one joint"
 )
 SLIDERS = (
     "a slider is a link without length: the `block` of a group RRP or RPR, or of [[slots]] in a scene with a [drive]"
 )
-CONTACT = "there is no contact and no clearance: joints are ideal, and links may pass through each other; delete it"
+CONTACT = "there is no contact and no clearance, and links may pass through each other; delete it"
 ABSENT = (
     Absent("torque power motor torque_curve torque_speed", "drive", MOTOR),
     Absent("power torque motor", "groups", MOTOR),
@@ -131,11 +138,7 @@ ABSENT = (
     Absent("gas pressure cylinder_pressure indicator_diagram", "loads", GAS),
     Absent("gas pressure cylinders engine combustion", "", GAS),
     Absent("friction mu friction_coefficient coulomb losses lubrication bearings", "*", FRICTION),
-    Absent(
-        "joints pins revolutes revolute_joints hinges", "",
-        "a pin is a point that two links name in their `pins`, a point under [fixed] is a pin on the frame, and a "
-        "sliding joint is an entry of [[slots]]; there is no list of joints",
-    ),
+    Absent("pins revolutes revolute_joints hinges", "", JOINTS),
     Absent("crank coupler rocker", "", "write it as a link, e.g. [links.crank]"),
     Absent("sliders slider pistons prismatic prismatic_joints guides", "", SLIDERS),
     Absent("slider sliding type", "links", SLIDERS),
@@ -176,7 +179,7 @@ ABSENT = (
     ),
 )  # fmt: skip
 SHAPES = {  # values of known keys in the form of other programs: (table, key, type) -> message
-    ("", "drive", list): ONE_DRIVE, ("drive", "link", list): ONE_DRIVE,
+    ("", "joints", list): JOINTS, ("", "drive", list): ONE_DRIVE, ("drive", "link", list): ONE_DRIVE,
     ("loads", "force", dict): TABLE, ("loads", "torque", dict): TABLE, ("loads", "torque", list): TABLE,
     ("", "speed", dict): "speed is one number; prescribe a motion by the `law` of the drive",
 }  # fmt: skip

@@ -17,6 +17,7 @@ from linkjax.scenes._check import check
 from linkjax.scenes._document import STARTER, Document, load_document, overridden, override, read_document
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained
+from linkjax.scenes._friction import frictions
 from linkjax.scenes._keys import join, split
 from linkjax.scenes._located import located, part
 from linkjax.scenes._optimise import Optimise
@@ -92,8 +93,9 @@ def build(document: Document) -> Scene:
     with located(source, table):
         model = explained(file.SceneFile, source, table)
         check(model, source, table)
+        mechanism = _mechanism(model)
         return Scene(
-            _mechanism(model),
+            mechanism,
             tuple(_each(lambda load: load.build(model.cycle_turns), model.loads, "loads")),
             Vec(*model.gravity) if isinstance(model.gravity, tuple) else Vec(0.0, -model.gravity),
             model.speed,
@@ -103,6 +105,7 @@ def build(document: Document) -> Scene:
             title=model.title,
             constant_speed=model.constant_speed,
             motor=None if model.motor is None else model.motor.build(),
+            friction=frictions(model.friction, model.joints, mechanism),
         )
 
 

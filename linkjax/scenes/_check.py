@@ -8,6 +8,7 @@ from typing import Any
 
 from linkjax.mechanism import OF_LENGTH
 from linkjax.scenes._explain import fault
+from linkjax.scenes._friction import friction_faults
 from linkjax.scenes._groups import GroupTable
 from linkjax.scenes._guides import Fault
 from linkjax.scenes._loads import LoadTable
@@ -32,6 +33,7 @@ def _problems(model: SceneFile) -> Iterator[Fault]:
         yield from _link(name, link)
     if model.motor is not None:
         yield from model.motor.faults()
+    yield from friction_faults(model.friction, model.joints)
     for number, group in enumerate(model.groups):
         yield from _group(number, group, model)
     for number, load in enumerate(model.loads):

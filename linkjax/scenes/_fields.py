@@ -79,7 +79,8 @@ def _pair(value: Any) -> Any:
     return value
 
 
-def _name(value: str) -> str:
+def checked_name(value: str) -> str:
+    """The name; raises a pydantic error if it cannot be one."""
     if not re.fullmatch(r"[^\W\d_][\w-]{0,39}", value):
         raise wrong("not a usable name", "begin with a letter; up to 39 letters, digits, _ and - may follow")
     return value
@@ -98,7 +99,7 @@ def _count(value: Any) -> int:
 
 
 Pair = BeforeValidator(_pair)
-Name = Annotated[str, AfterValidator(_name)]
+Name = Annotated[str, AfterValidator(checked_name)]
 Length = Annotated[float, Quantity("length")]
 Distance = Annotated[float, Quantity("length", "zero", "a distance is not negative; turn it by 180 deg instead")]
 LinkLength = Annotated[float, Quantity("length", "zero")]

@@ -30,6 +30,7 @@ from linkjax.scenes._fields import (
     Turns,
     Weight,
 )
+from linkjax.scenes._friction import FrictionTable, JointName, JointTable
 from linkjax.scenes._groups import BRANCH, Branch, Group
 from linkjax.scenes._joints import Drive, Slot
 from linkjax.scenes._loads import Load
@@ -164,6 +165,12 @@ class SceneFile(Table):
     links: dict[Name, Link] = Field(description="the links by name")
     flywheel: Flywheel = Field(Flywheel(), description="the flywheel on the crankshaft")
     motor: Motor | None = Field(None, description="the motor; default: the torque that balances the cycle")
+    friction: FrictionTable | None = Field(None, description="friction in all joints; default: none")
+    joints: dict[JointName, JointTable] = Field(
+        {},
+        description='friction in one joint: a pin by its point, a guide by its block, "slider.guide"',
+        examples=[{"B": {"coefficient": 0.1, "radius": "20 mm"}}],
+    )
     groups: list[Group] = Field([], description="crank and structural groups in their order of attachment")
     branch: Branch = BRANCH
     drive: Drive | None = Field(None, description="the drive, in a scene without groups")

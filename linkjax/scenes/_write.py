@@ -12,6 +12,7 @@ from linkjax.scenes._build import build
 from linkjax.scenes._document import Document
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._fields import amount, number_of
+from linkjax.scenes._friction import friction_keys
 from linkjax.scenes._groups import TABLES
 from linkjax.scenes._joints import drawn_keys, is_drawn, pins_of
 from linkjax.scenes._loads import load_keys
@@ -54,6 +55,8 @@ def table_of(scene: Scene) -> Table:
     table["flywheel"] = {"inertia": amount(mechanism.flywheel.inertia, "kg m^2")}
     if scene.motor is not None:
         table["motor"] = motor_keys(scene.motor)
+    if scene.friction:
+        table["joints"] = friction_keys(scene.friction)
     if is_drawn(mechanism):
         for name, pins in pins_of(mechanism).items():
             table["links"][name] = {"pins": pins, **table["links"][name]}
