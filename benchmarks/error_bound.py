@@ -24,7 +24,9 @@ import linkjax as lj
 from benchmarks._timing import line
 from linkjax._compile import compiled_soon, keep_in
 from linkjax.friction import GuideFriction, everywhere
-from linkjax.motion import steady_motion
+from linkjax.machine import ready
+from linkjax.motion import at_nodes, grid_with_kinks, steady_on
+from linkjax.sampling import Sampler
 
 NODES, TRUTH, LEAST, FAR = (32, 64), 192, 1e-11, 1e3
 TORQUE = 2.0  # N m, the unit of random motors
@@ -173,7 +175,9 @@ def found_by(model: Model, nodes: int) -> Callable[[jax.Array], tuple[jax.Array,
     """δ, its stated error, and whether a steady-state motion exists, of many designs."""
 
     def one(numbers):
-        motion = steady_motion(model.scene(numbers), nodes)
+        machine = Sampler(ready(model.scene(numbers)))  # `steady_motion` refuses friction
+        grid = grid_with_kinks(machine, nodes)
+        motion = steady_on(machine, grid, at_nodes(machine, grid))
         runs = (motion.steady_state_margin > 0) & ~motion.grid.overflow
         return motion.delta, motion.delta_error, runs
 

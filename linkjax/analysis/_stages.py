@@ -233,7 +233,7 @@ def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
     """Peaks of all forces in the actual motion (if it exists) and at constant speed, and the root mean square of the
     shaking force at constant speed."""
     machine, motions = regime.machine, 1 if regime.steady is None else 2
-    if meshes(machine.mechanism):
+    if meshes(machine.mechanism) or machine.scene.friction:
         each = [regime, Regime(machine, regime.grid)][:motions]
         regime = with_kinks(each, [one.at(at.place, at.sample) for one in each])[0]
         nodes = regime.at(machine.run(node_places, regime.grid, edges=False))

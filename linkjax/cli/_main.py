@@ -19,6 +19,7 @@ from linkjax.cli import _run as _run
 from linkjax.cli._app import app
 from linkjax.cli._console import complaints
 from linkjax.design import DesignError
+from linkjax.mechanism import StructureError
 from linkjax.scenes import SceneError
 
 
@@ -26,7 +27,7 @@ def main() -> None:
     """Entry point of `linkjax`."""
     try:
         app(standalone_mode=True)
-    except (DesignError, QuantityError, SceneError) as error:
+    except (DesignError, QuantityError, SceneError, StructureError) as error:
         complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
         sys.exit(2)
     except OSError as error:

@@ -163,7 +163,7 @@ def extremes_of(of: Parts, extremes: Sequence[Extreme]) -> list[Array]:
     for still, kinks in itertools.product((True, False), (False, True)):
         which = [
             i for i, each in enumerate(extremes)
-            if i not in by_rows and each.still is still and each.quantity.kinks is kinks
+            if i not in by_rows and each.still is still and each.quantity.kinked(of.scene) is kinks
         ]  # fmt: skip
         if not which:
             continue

@@ -60,7 +60,11 @@ class Quantity:
     def regime(self, of: Parts, motion: bool) -> Regime:
         """The actual motion, or that of constant speed, on a grid whose panels end at the kinks of this quantity."""
         found = of.true_motion if motion else of.constant_speed
-        return of.with_kinks(found) if self.kinks else found
+        return of.with_kinks(found) if self.kinked(of.scene) else found
+
+    def kinked(self, scene: Scene) -> bool:
+        """Whether it has kinks in the motion: with friction, everything that depends on the motion may have."""
+        return self.kinks or (self.moves and bool(scene.friction))
 
     def signed(self, scene: Scene, element: str) -> bool:
         """Whether it is a number with its sign for this element: of a guide the force normal to it."""

@@ -20,7 +20,7 @@ from linkjax._numerics import safe_sqrt, taken, wrapped
 from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax.kinematics import Pose, pose
-from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
 from linkjax.motion._by_speed import Driven, moving_at, on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import begun_by_speed, moving_at_nodes
 from linkjax.motion._error import delta_error
@@ -128,6 +128,7 @@ def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
     Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
     """
     machine = Sampler(ready(scene))
+    check_frictionless(machine.scene)
     grid = grid_with_kinks(machine, nodes)
     return steady_on(machine, grid, at_nodes(machine, grid))
 

@@ -42,7 +42,7 @@ JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a j
 
 def kinked(scene: Scene) -> bool:
     """Whether the steady-state motion of a scene may have kinks of its own."""
-    return speed_dependent(scene) and bool(_causes(scene) or _rubs(scene))
+    return speed_dependent(scene) and bool(_causes(scene) or guide_kinks(scene))
 
 
 def grid_with_kinks(
@@ -54,7 +54,7 @@ def grid_with_kinks(
     (kg m²) that the machine does not have. With a lossy transmission they also end
     where the power changes its direction at constant speed, or in the motion that a law gives."""
     scene, motor = machine.scene, machine.scene.motor
-    loses, rubs = motor is not None and motor.transmission.loses, _rubs(scene)
+    loses, rubs = motor is not None and motor.transmission.loses, guide_kinks(scene)
     given, kinks = (machine, nodes, scanned, points, breaks), moves and kinked(scene)
     if not (kinks or loses or scene.friction):
         return grid_of(*given)
@@ -81,7 +81,7 @@ def grid_with_kinks(
     return grid if kinks else grid_of(*given, still)
 
 
-def _rubs(scene: Scene) -> int:
+def guide_kinks(scene: Scene) -> int:
     """How many numbers there are at whose zeros the friction of a joint has a kink."""
     by_joint = {each.joint: each for each in scene.friction}
     return sum(by_joint[pair.joint.name].kinks for pair in pairs(scene.mechanism, scene.friction))

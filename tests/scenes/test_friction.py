@@ -1,0 +1,78 @@
+"""Friction in scene files: all joints and single ones, materials, written and read again, contradictions."""
+
+from __future__ import annotations
+
+import jax
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax.elements import material_friction, seat_friction
+from linkjax.friction import GuideFriction, PinFriction, Thrust, everywhere
+from linkjax.scenes import SceneError, loads_text, text_of
+
+ALL = {"friction": {"coefficient": 0.1, "radius": "10 mm"}}
+
+
+def same(one: lj.Scene, other: lj.Scene) -> bool:
+    (a, first), (b, second) = jax.tree.flatten(one.friction), jax.tree.flatten(other.friction)
+    return first == second and all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+def test_all_joints():
+    scene = lj.load("slider-crank", ALL)
+    expected = everywhere(scene.mechanism, 0.1, 0.01)
+    assert [each.joint for each in scene.friction] == ["O", "C", "P", "piston.guide"]
+    assert same(scene, lj.Scene(scene.mechanism, speed=1.0, friction=expected))
+
+
+def test_single_joints():
+    """What is not given is that of all joints; a joint with a coefficient of zero has no friction."""
+    joints = {
+        "O": {"coefficient": 0},
+        "C": {"material": "bronze-steel", "lubricated": True, "bearing": "run-in"},
+        "P": {"coefficient": 0.0015, "mean_diameter": "46 mm", "thrust": {"force": "2 kN", "outer": "40 mm"}},
+        "piston.guide": {"seat": 1.27, "length": "120 mm"},
+    }
+    scene = lj.load("slider-crank", {"friction": {**ALL["friction"], "guide": 0.12}, "joints": joints})
+    pin, rolling, guide = scene.friction
+    assert isinstance(pin, PinFriction) and isinstance(rolling, PinFriction) and isinstance(guide, GuideFriction)
+    assert float(pin.coefficient) == material_friction("steel-bronze", lubricated=True) and pin.bearing == "run-in"
+    assert float(pin.radius) == 0.01 and float(rolling.radius) == 0.023
+    assert rolling.thrust is not None
+    assert float(rolling.thrust.couple()) == float(Thrust(2000.0, 0.04, 0.0015).couple())
+    assert float(guide.equivalent()) == float(seat_friction(0.12, 1.27)) and float(guide.length) == 0.12
+    assert same(loads_text(text_of(scene)), scene)
+
+
+def test_guides_alone():
+    found = lj.load("slider-crank", {"friction": {"guide": 0.2}}).friction
+    assert [each.joint for each in found] == ["piston.guide"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"friction": {"coefficient": 0.1}}, 'joints.O: the pin has no radius, at which it rubs; add radius = "20 mm"'),
+        ({"friction": {"radius": "9 mm"}}, "friction.coefficient: missing; add coefficient"),
+        ({"friction": {"mu": 0.1}}, "not a known key; friction is"),
+        ({"friction": 0.1}, "a number where a table is needed"),
+        ({"friction": {"material": "wood-steel"}}, "not in the table; write one of steel-steel"),
+        ({"friction": {"material": "bronze-bronze", "coefficient": 0.1}}, "given, and coefficient too"),
+        ({"friction": {"coefficient": 0.1, "lubricated": True}}, "has no effect without a material"),
+        ({"joints": {"X": {"coefficient": 0.1}}}, "there is no such pin; write one of O, C, P"),
+        ({"joints": {"rod.guide": {"coefficient": 0.1}}}, "there is no such guide; write one of piston.guide"),
+        ({"joints": {"C": {"radius": "3 mm"}}}, "has no coefficient of friction; add"),
+        ({"joints": [{"type": "revolute"}]}, "a pin is a point that two links name"),
+        ({**ALL, "joints": {"piston.guide": {"radius": "3 mm"}}}, "has no effect: piston.guide is a guide"),
+        ({**ALL, "joints": {"C": {"groove": "45 deg"}}}, "has no effect: C is a pin"),
+        ({**ALL, "joints": {"piston.guide": {"seat": 3}}}, "write a number from 1 to"),
+        ({**ALL, "joints": {"piston.guide": {"seat": 1.2, "groove": "45 deg"}}}, "given, and groove too"),
+        ({**ALL, "joints": {"C": {"thrust": {"force": "1 N", "outer": "1 mm", "inner": "2 mm"}}}}, "below the outer"),
+    ],
+)  # fmt: skip
+def test_contradictions(changes, says):
+    with pytest.raises(SceneError) as caught:
+        lj.load("slider-crank", changes)
+    assert says in str(caught.value)
+    assert str(caught.value).startswith("slider-crank.toml: ")
