@@ -157,11 +157,11 @@ def frictions(
             kind = "guide" if name.endswith(GUIDE) else "pin"
             known = ", ".join(each for each in there if each.endswith(GUIDE) == name.endswith(GUIDE))
             raise StructureError(f"joints.{name}", f"there is no such {kind}", f"write one of {known or 'none'}")
-    common, found = friction or FrictionTable(), []
+    common, found = friction or FrictionTable.model_validate({}), []
     for name, joint in there.items():
         if friction is None and name not in joints:
             continue
-        own, place = joints.get(name, JointTable()), f"joints.{name}"
+        own, place = joints.get(name) or JointTable.model_validate({}), f"joints.{name}"
         given = _first(own.size(), common.guide if joint.slides else None, common.size())
         if given is None and name in joints:
             raise StructureError(place, "has no coefficient of friction", "add coefficient = 0.1, or a material")

@@ -41,6 +41,7 @@ def test_single_joints():
     assert float(pin.radius) == 0.01 and float(rolling.radius) == 0.023
     assert rolling.thrust is not None
     assert float(rolling.thrust.couple()) == float(Thrust(2000.0, 0.04, 0.0015).couple())
+    assert guide.length is not None
     assert float(guide.equivalent()) == float(seat_friction(0.12, 1.27)) and float(guide.length) == 0.12
     assert same(loads_text(text_of(scene)), scene)
 
