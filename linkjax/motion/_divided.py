@@ -63,8 +63,8 @@ def _rows(pose: Pose, forces: Forces, which: tuple[Mesh, ...]) -> tuple[Rows, Ro
     found, sizes = [], []
     if which:
         torques = through_meshes(which, pose, forces)
-        found, sizes = [torques], [jnp.broadcast_to(forces.drive_torque[None], torques.shape)]
-        sizes = [jnp.maximum(jnp.abs(sizes[0]), jnp.max(jnp.abs(torques), axis=0))]
+        largest = jnp.max(jnp.abs(jnp.concatenate([torques, forces.drive_torque[None]])), axis=0)
+        found, sizes = [torques], [jnp.broadcast_to(largest, torques.shape)]
     if guides:
         sides = [one for joint in forces.reactions.values() for one in joint.values()]
         largest = jnp.max(jnp.stack([jnp.abs(part) for one in sides for part in (one.fx, one.fy)]), axis=0)
@@ -101,10 +101,11 @@ def _divided(grid: Grid, ends: list[Array]) -> Grid:
     """The grid with more edges; those that are not used are in the middle of the widest panel, where nothing jumps. An
     end at an edge of the grid is no other one, but gives that edge its derivatives."""
     more = jnp.concatenate([each.ravel() for each in ends])
-    apart = jnp.abs(jax.lax.stop_gradient(grid.edges[:, None] - more))
-    here = (apart < SAME) & (apart == jnp.min(apart, axis=1, keepdims=True))
+    apart = jnp.abs(jax.lax.stop_gradient(grid.edges[:, None] - more[None]))
+    nearest = jnp.argmin(apart, axis=1)
     moves = jnp.where(jnp.isfinite(more), more - jax.lax.stop_gradient(more), 0.0)
-    grid = dataclasses.replace(grid, edges=grid.edges + jnp.where(here, moves, 0.0).sum(axis=1))
+    moved = jnp.where(jnp.min(apart, axis=1) < SAME, taken(moves, nearest), 0.0)
+    grid = dataclasses.replace(grid, edges=grid.edges + moved)
     more = jnp.where(jnp.any(apart < SAME, axis=0), jnp.inf, more)
     spare = taken(grid.middle, jnp.argmax(jax.lax.stop_gradient(grid.half)))
     more = jnp.where(jnp.isfinite(more), jnp.clip(more, grid.edges[0], grid.edges[-1]), spare)
