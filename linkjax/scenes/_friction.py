@@ -62,11 +62,12 @@ class Rubs(Table):
         examples=["run-in"],
     )
 
-    def size(self) -> float | None:
-        """The coefficient; None if it is not given here."""
+    def size(self, lubricated: bool | None = None) -> float | None:
+        """The coefficient, of materials that are `lubricated` if it is not said here; None if it is not given here."""
         if self.material is None:
             return self.coefficient
-        return material_friction(self.material, lubricated=bool(self.lubricated))
+        wet = lubricated if self.lubricated is None else self.lubricated
+        return material_friction(self.material, lubricated=bool(wet))
 
     def arm(self) -> float | None:
         """The radius at which a pin rubs (m); None if it is not given here."""
@@ -77,6 +78,9 @@ class Rubs(Table):
         for one, other in (("coefficient", "material"), ("radius", "mean_diameter")):
             if getattr(self, one) is not None and getattr(self, other) is not None:
                 yield (*path, other), f"given, and {one} too", f"delete {other}, or {one}"
+        if self.mean_diameter is not None and self.bearing is not None:
+            problem = "has no effect: the coefficient of a rolling bearing is not that of a worn journal"
+            yield (*path, "bearing"), problem, "delete bearing, or mean_diameter"
         if self.lubricated is not None and self.material is None:
             yield (*path, "lubricated"), "has no effect without a material", "delete it, or add a material"
         if self.material is not None:
@@ -162,7 +166,7 @@ def frictions(
         if friction is None and name not in joints:
             continue
         own, place = joints.get(name) or JointTable.model_validate({}), f"joints.{name}"
-        given = _first(own.size(), common.guide if joint.slides else None, common.size())
+        given = _first(own.size(common.lubricated), common.guide if joint.slides else None, common.size())
         if given is None and name in joints:
             raise StructureError(place, "has no coefficient of friction", "add coefficient = 0.1, or a material")
         if given is None or (not given and own.thrust is None):
@@ -174,7 +178,8 @@ def frictions(
         if radius is None:
             remedy = 'add radius = "20 mm" to [friction] or to the table of the joint'
             raise StructureError(place, "the pin has no radius, at which it rubs", remedy)
-        bearing: Bearing = own.bearing or common.bearing or "given"
+        rolls = own.mean_diameter is not None or (own.radius is None and common.mean_diameter is not None)
+        bearing: Bearing = own.bearing or ("given" if rolls else common.bearing) or "given"
         thrust = None if own.thrust is None else own.thrust.build(given)
         found.append(PinFriction(joint.point, given, radius, bearing, thrust))
     return tuple(found)

@@ -46,6 +46,16 @@ def test_single_joints():
     assert same(loads_text(text_of(scene)), scene)
 
 
+def test_what_a_joint_takes_from_all_joints():
+    """That the materials are lubricated; but a rolling bearing has no worn journal."""
+    common = {"material": "steel-steel", "lubricated": True, "radius": "10 mm", "bearing": "run-in"}
+    joints = {"C": {"material": "steel-bronze"}, "P": {"coefficient": 0.0015, "mean_diameter": "46 mm"}}
+    first, second, rolling, _ = lj.load("slider-crank", {"friction": common, "joints": joints}).friction
+    assert isinstance(first, PinFriction) and isinstance(second, PinFriction) and isinstance(rolling, PinFriction)
+    assert float(second.coefficient) == material_friction("steel-bronze", lubricated=True)
+    assert (first.bearing, second.bearing, rolling.bearing) == ("run-in", "run-in", "given")
+
+
 def test_guides_alone():
     found = lj.load("slider-crank", {"friction": {"guide": 0.2}}).friction
     assert [each.joint for each in found] == ["piston.guide"]
@@ -61,6 +71,7 @@ def test_guides_alone():
         ({"friction": {"material": "wood-steel"}}, "not in the table; write one of steel-steel"),
         ({"friction": {"material": "bronze-bronze", "coefficient": 0.1}}, "given, and coefficient too"),
         ({"friction": {"coefficient": 0.1, "lubricated": True}}, "has no effect without a material"),
+        ({**ALL, "joints": {"C": {"mean_diameter": "46 mm", "bearing": "unworn"}}}, "delete bearing, or mean_diameter"),
         ({"joints": {"X": {"coefficient": 0.1}}}, "there is no such pin; write one of O, C, P"),
         ({"joints": {"rod.guide": {"coefficient": 0.1}}}, "there is no such guide; write one of piston.guide"),
         ({"joints": {"C": {"radius": "3 mm"}}}, "has no coefficient of friction; add"),
