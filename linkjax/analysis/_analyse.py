@@ -20,7 +20,7 @@ from linkjax.analysis._precision import FEWEST, fewest_digits
 from linkjax.analysis._stages import staged
 from linkjax.analysis._wound import warn_of_wound
 from linkjax.loads import Passage
-from linkjax.machine import ReadyScene, Scene, check_frictionless, check_scene, nameless, ready
+from linkjax.machine import ReadyScene, Scene, check_scene, nameless, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion import speed_dependent
 from linkjax.sampling import Ahead, Sampler
@@ -57,12 +57,11 @@ def analyse(
             "near 1e-6; call linkjax.enable_x64() before loading the scene for full precision",
             stacklevel=2,
         )
-    check_frictionless(scene)
     if scene.mechanism.prescribed and method == "diffrax":
         problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
         raise StructureError(scene.mechanism.driving_link, problem, "use the quadrature, or delete the law")
     if method == "diffrax" and speed_dependent(scene):
-        problem = "its motion depends on torques that depend on the speed (a motor, a damper, drag)"
+        problem = "its motion depends on torques that depend on the speed (a motor, a damper, drag, friction)"
         raise StructureError("method", problem, "omit method: collocation gives this motion; lj.run gives others")
     if method not in ("quadrature", "diffrax"):
         raise ValueError(f'method must be "quadrature" or "diffrax", but is {method!r}')

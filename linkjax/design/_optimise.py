@@ -37,7 +37,7 @@ from linkjax.design._texts import (
     with_own,
 )
 from linkjax.design._variables import Case, Variable, check
-from linkjax.machine import Scene, check_frictionless, check_scene
+from linkjax.machine import Scene, check_scene
 from linkjax.measures import NODES, measure_names
 
 REACHED = 1e-6  # relative difference of objectives up to which two starts reached the same optimum
@@ -153,7 +153,6 @@ def optimise(
     `linkjax.design.descend`.
     """
     check_scene(scene)
-    check_frictionless(scene)
     try:
         asked = settled(scene, free, minimise, maximise, limits, cases, solver, trade_off)
     except UnknownName as error:

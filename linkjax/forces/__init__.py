@@ -13,6 +13,8 @@ from linkjax.forces._kinetostatics import friction_of_basis as friction_of_basis
 from linkjax.forces._kinetostatics import friction_of_pose as friction_of_pose
 from linkjax.forces._kinetostatics import kinetostatics as kinetostatics
 from linkjax.forces._kinetostatics import other_sides as other_sides
+from linkjax.forces._locking import Locking as Locking
+from linkjax.forces._locking import locking_of_pose as locking_of_pose
 from linkjax.forces._meshes import Mesh as Mesh
 from linkjax.forces._meshes import meshes as meshes
 from linkjax.forces._meshes import through_meshes as through_meshes

@@ -10,17 +10,19 @@ approximation, by Newton's method; Artobolevsky, Theory of Mechanisms and Machin
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from linkjax._numerics import safe_divide
 from linkjax.friction import AbstractFriction
 
 STEPS = 40  # the most steps of Newton's method
 EXACT = 2  # steps with derivatives after it, for the first and second ones
 SMALL = 1e-13  # relative: the last step of Newton's method
+NEAR = 1e-6  # relative: a last step that found a solution; close to locking rounding errors are as large
 
 
 Transmitted = tuple[Array, Array, Array]  # forces fx and fy (N) and moments (N m), each of shape (joints,)
@@ -75,17 +77,18 @@ def rubbed(
     paces: Array,
     reactions: Reactions,
     advance: Callable[[Array], Array],
+    factor: Any = 1.0,
 ) -> Rubbed:
-    """The frictions and the acceleration with which the `reactions` are those that cause the frictions, and the
-    acceleration is that which the torque of friction, reduced to the crank, leaves: `advance`. `senses` are those of
-    the relative motions, and `paces` their speeds at unit crank speed, shape (joints,)."""
+    """The frictions, all of them times a `factor`, and the acceleration with which the `reactions` are those that cause
+    the frictions, and the acceleration is that which the torque of friction, reduced to the crank, leaves: `advance`.
+    `senses` are those of the relative motions, and `paces` their speeds at unit crank speed, shape (joints,)."""
     paces = senses * paces
 
     def left(state: Array) -> Array:
         c, rate = state[:-1], state[-1]
         there = reactions(c, rate)
         sizes = [each.size(*(part[i] for part in there)) for i, each in enumerate(frictions)]
-        return jnp.append(c + senses * jnp.stack(sizes), rate - advance(paces @ c))
+        return jnp.append(c + factor * senses * jnp.stack(sizes), rate - advance(paces @ c))
 
     def step(state: Array) -> tuple[Array, Array]:
         return _eliminated(jax.jacfwd(left)(state), -left(state))
@@ -95,17 +98,20 @@ def rubbed(
         move, _ = step(state)
         new, part = state + move, jnp.arange(state.size) < senses.size
         sizes = jnp.where(part, jnp.max(jnp.abs(new[:-1])), jnp.abs(new[-1]))
-        return count + 1, new, jnp.any(jnp.abs(move) > SMALL * sizes)
+        last = jnp.max(safe_divide(jnp.abs(move), sizes))
+        return count + 1, new, last
 
     fixed = jax.lax.stop_gradient
     begin = fixed(jnp.append(jnp.zeros_like(senses), advance(jnp.zeros_like(senses[0]))))
-    loop = jnp.zeros((), jnp.int32), begin, jnp.asarray(True)
-    _, state, moves = jax.lax.while_loop(lambda s: s[2] & (s[0] < STEPS), lambda s: fixed(again(fixed(s))), loop)
+    loop = jnp.zeros((), jnp.int32), begin, jnp.ones_like(begin[0])
+    _, state, last = jax.lax.while_loop(
+        lambda s: (s[2] > SMALL) & (s[0] < STEPS), lambda s: fixed(again(fixed(s))), loop
+    )
     sign = jnp.ones_like(state[0])
     for _ in range(EXACT):
         move, sign = step(state)
         state = state + move
-    return Rubbed(state[:-1], state[-1], fixed(~moves & (sign > 0)), reactions(state[:-1], state[-1]))
+    return Rubbed(state[:-1], state[-1], fixed((last < NEAR) & (sign > 0)), reactions(state[:-1], state[-1]))
 
 
 def _eliminated(a: Array, b: Array) -> tuple[Array, Array]:

@@ -79,8 +79,8 @@ def kinetostatics(
     """All forces at the crank angle `phi` (rad), crank speed (rad/s) and crank acceleration (rad/s²).
 
     Arguments and results are scalars; use `jax.vmap` for many. At a jump of a load the value is the one-sided limit on
-    the side of the angle `side` (rad; default: just after `phi`). Reactions follow from equilibrium alone, except
-    those named by `indeterminate`.
+    the side of the angle `side` (rad; default: just after `phi`). With a negative speed friction is that of the motion
+    backwards. Reactions follow from equilibrium alone, except those named by `indeterminate`.
     """
     phi = jnp.asarray(phi)
     return _kinetostatics(ready(scene), phi, speed, acceleration, phi if side is None else jnp.asarray(side))
@@ -97,14 +97,15 @@ def _kinetostatics(made: ReadyScene, phi: Scalar, speed: Scalar, acceleration: S
 def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, acceleration: Scalar) -> Forces:
     """The forces for a given pose; see `kinetostatics`. `active` is one for every load that acts, zero otherwise."""
     phi, origins = at.phi, scene.mechanism.origins()
-    inertia, weight, working, own = _applied(scene, here, at, active, speed, acceleration)
-    acting = _acting(scene, here, origins, inertia, weight, working)
+    inertia, weight, working, own = applied_to(scene, here, at, active, speed, acceleration)
+    acting = acting_on(scene, here, origins, inertia, weight, working)
     ahead = jnp.where(at.side >= phi, 1.0, -1.0)
     joints = rubbing(scene.mechanism, scene.friction, here, ahead) if scene.friction else []
+    joints = [each._replace(sense=jnp.where(speed < 0, -each.sense, each.sense)) for each in joints]
     rub = None
     if joints:
-        reactions = _reactions(scene, here, origins, joints, lambda _: acting)
-        rub = rubbed(*_numbers(joints), reactions, lambda _: acceleration)
+        reactions = reactions_of(scene, here, origins, joints, lambda _: acting)
+        rub = rubbed(*friction_numbers(joints), reactions, lambda _: acceleration)
     found, drive = _solve_groups(scene, here, acting, origins, joints, None if rub is None else rub.values)
     about = here.points[scene.mechanism.groups[0].needs()[0]].r
     shaking, weights, loads = (_resultant(here, applied, about) for applied in (inertia, weight, working))
@@ -157,21 +158,21 @@ def basis_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, by_speed
         return None
     origins, one, none = scene.mechanism.origins(), jnp.ones(()), jnp.zeros(())
     joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
-    _, weight, working, _ = _applied(scene, here, at, active, none, none, by_speed)
-    still = _acting(scene, here, origins)
+    _, weight, working, _ = applied_to(scene, here, at, active, none, none, by_speed)
+    still = acting_on(scene, here, origins)
 
     def transmitted(acting: dict[str, Wrench], c: Array) -> Transmitted:
         return _rubbed_by(scene, here, acting, origins, joints, c)
 
     push = jax.linearize(transmitted, still, jnp.zeros(len(joints)))[1]
-    inertia = [_applied(scene, here, at, active, *state, by_speed)[0] for state in ((one, none), (none, one))]
+    inertia = [applied_to(scene, here, at, active, *state, by_speed)[0] for state in ((one, none), (none, one))]
     units: dict[int, list[Applied]] = {}
     for number in by_speed:
         for link, point, *_ in scene.loads[number].wrenches(here, at._replace(speed=one)):
             sides = ((Vec(one, none), none), (Vec(none, one), none), (zero(), one))
             units.setdefault(number, []).extend(Applied(link, point, force, couple) for force, couple in sides)
     every = [weight + working, *inertia, *([unit] for parts in units.values() for unit in parts)]
-    loaded = [_acting(scene, here, origins, each) for each in every]
+    loaded = [acting_on(scene, here, origins, each) for each in every]
     free = jnp.zeros(len(joints))
     rows = jax.vmap(lambda acting: push(acting, free))(jax.tree.map(lambda *leaves: jnp.stack(leaves), *loaded))
     fixed, square, rate = (tuple(part[i] for part in rows) for i in range(3))
@@ -181,7 +182,7 @@ def basis_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, by_speed
         cuts = range(first, first + len(parts), 3)
         by_load[number] = tuple(tuple(part[i : i + 3] for part in rows) for i in cuts)
         first += len(parts)
-    _, senses, paces = _numbers(joints)
+    _, senses, paces = friction_numbers(joints)
     return Basis(senses, paces, fixed, square, rate, own, by_load)
 
 
@@ -211,21 +212,21 @@ def friction_of_pose(
     joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
 
     def acting(acceleration: Array) -> dict[str, Wrench]:
-        return _acting(scene, here, origins, *_applied(scene, here, at, active, speed, acceleration)[:3])
+        return acting_on(scene, here, origins, *applied_to(scene, here, at, active, speed, acceleration)[:3])
 
-    frictions, senses, paces = _numbers(joints)
-    reactions = _reactions(scene, here, origins, joints, acting)
+    frictions, senses, paces = friction_numbers(joints)
+    reactions = reactions_of(scene, here, origins, joints, acting)
     found = rubbed(frictions, senses, paces, reactions, advance)
     return found.values @ (senses * paces), found.found
 
 
-def _numbers(joints: list[Rubbing]) -> tuple[list[AbstractFriction], Array, Array]:
+def friction_numbers(joints: list[Rubbing]) -> tuple[list[AbstractFriction], Array, Array]:
     """Frictions, senses and speeds of joints."""
     senses, paces = (jnp.stack(part) for part in zip(*((j.sense, j.speed) for j in joints), strict=True))
     return [joint.friction for joint in joints], senses, paces
 
 
-def _reactions(
+def reactions_of(
     scene: Scene, here: Pose, origins: dict[str, str], joints: list[Rubbing], acting: Callable[[Array], Any]
 ) -> Reactions:
     """What joints transmit, as a function of frictions and acceleration, with the loads `acting` at an acceleration."""
@@ -259,7 +260,7 @@ def driven_by_joint(mechanism: Mechanism) -> bool:
     return any(joint.drives for joint in mechanism.driver.joints())
 
 
-def _acting(scene: Scene, here: Pose, origins: dict[str, str], *applied: list[Applied]) -> dict[str, Wrench]:
+def acting_on(scene: Scene, here: Pose, origins: dict[str, str], *applied: list[Applied]) -> dict[str, Wrench]:
     """The resultant on every link, with the moment about its origin."""
     acting = {name: Wrench(zero(), jnp.zeros(())) for name in scene.mechanism.links}
     for link, point, force, couple in itertools.chain(*applied):
@@ -268,7 +269,7 @@ def _acting(scene: Scene, here: Pose, origins: dict[str, str], *applied: list[Ap
     return acting
 
 
-def _applied(scene: Scene, here: Pose, at: Instant, active: Array, speed, acceleration, but: Sequence[int] = ()):
+def applied_to(scene: Scene, here: Pose, at: Instant, active: Array, speed, acceleration, but: Sequence[int] = ()):
     """Inertia forces, weights and loads `but` for some, and the loads that react on the frame."""
     inertia, weight, working, own = [], [], [], []
     for name, place, body in here.heavy():

@@ -14,6 +14,7 @@ from jaxtyping import Array
 
 from linkjax._tree import node
 from linkjax._types import as_float, known
+from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.drives import MotorDrive, Servo
 from linkjax.friction import AbstractFriction, check_friction
@@ -38,7 +39,8 @@ class Scene(eqx.Module):
     `motor` is what drives the crank, with its transmission and rotor. With None the drive is a constant torque on the
     crank that balances the work of the loads over the cycle. A driver that follows a motion law has a `Servo` or None.
 
-    `friction` is that of its joints, each once; the others have none.
+    `friction` is that of its joints, each once; the others have none. `useful` are the names of the loads whose work is
+    what the machine is for; its efficiency counts them.
 
     Raises `StructureError` for an invalid value, for a load on an unknown link or point, and if the mechanism does not
     return to its initial position after `cycle_turns`, as far as its gears and motion law show.
@@ -55,6 +57,7 @@ class Scene(eqx.Module):
     constant_speed: bool = eqx.field(static=True, default=False)
     motor: MotorDrive | None = None
     friction: tuple[AbstractFriction, ...] = ()
+    useful: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __check_init__(self):
         if not isinstance(self.mechanism, Mechanism):
@@ -94,6 +97,13 @@ class Scene(eqx.Module):
             raise StructureError("loads", problem, "write a tuple of loads, (load,) for a single one")
         check_loads(self.mechanism, self.loads, self.cycle)
         check_friction(self.mechanism, self.friction)
+        names = [load.name for load in self.loads]
+        if not isinstance(self.useful, tuple):
+            problem = f"are {type(self.useful).__name__}"
+            raise StructureError("useful", problem, "write a tuple of names of loads, (name,) for a single one")
+        for name in self.useful:
+            if name not in names:
+                raise StructureError("useful", f"there is no load {name!r}", nearest(name, names))
 
     def _check_motor(self, prescribed: bool) -> None:
         """Raise `StructureError` for anything but a motor, and for one that does not fit the way in which it drives."""
@@ -145,10 +155,10 @@ def untitled(scene: Scene) -> Scene:
 
 
 def check_frictionless(scene: Scene) -> None:
-    """Raise `StructureError` for a scene with friction."""
+    """Raise `StructureError` for a scene with friction, where only its steady-state motion is computed."""
     if scene.friction:
-        problem = "with it only the forces at a given speed and acceleration are computed"
-        raise StructureError("friction", problem, "use linkjax.forces.kinetostatics, or omit the friction")
+        problem = "only the steady-state motion and its forces are computed with it"
+        raise StructureError("friction", problem, "use linkjax.analyse, or omit the friction")
 
 
 def check_scene(scene: object) -> None:

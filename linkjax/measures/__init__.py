@@ -3,11 +3,11 @@
 from linkjax._renamed import old_names as old_names
 from linkjax.measures._driver import AtMotor as AtMotor
 from linkjax.measures._driver import at_motor as at_motor
-from linkjax.measures._families import FAMILIES as FAMILIES
-from linkjax.measures._families import Asked as Asked
-from linkjax.measures._families import Family as Family
 from linkjax.measures._families import rows as rows
 from linkjax.measures._families import values_of as values_of
+from linkjax.measures._family import FAMILIES as FAMILIES
+from linkjax.measures._family import Asked as Asked
+from linkjax.measures._family import Family as Family
 from linkjax.measures._forces import in_motion as in_motion
 from linkjax.measures._forces import motion_of as motion_of
 from linkjax.measures._forces import peak_names as peak_names

@@ -17,6 +17,7 @@ from linkjax._compile import compiled_soon
 from linkjax.drives import MotorDrive
 from linkjax.forces import Forces, driven_by_joint
 from linkjax.kinematics import Pose
+from linkjax.measures._forces import known_torque
 from linkjax.mechanism import Mechanism
 from linkjax.motion import At, Regime
 
@@ -41,7 +42,7 @@ def at_driver(
     """
     law = mechanism.driver.follows()
     if law is None or not driven_by_joint(mechanism):
-        return AtDriver(forces.drive_torque, speed, acceleration)
+        return AtDriver(known_torque(forces), speed, acceleration)
     _, d, dd = jax.vmap(law.at)(phi)
     joint = next(joint for joint in mechanism.driver.joints() if joint.drives)
     reaction = forces.reactions[joint.name][joint.link]
@@ -67,7 +68,7 @@ def at_motor(
     speed: Array, acceleration: Array,
 ) -> AtMotor:  # fmt: skip
     """What the motor does; see `at_driver`. Mechanism and pose are needed where the driver follows a motion law."""
-    driven = AtDriver(forces.drive_torque, speed, acceleration)
+    driven = AtDriver(known_torque(forces), speed, acceleration)
     if mechanism is not None and pose is not None:
         driven = at_driver(mechanism, phi, pose, forces, speed, acceleration)
     turning, torque = motor.motor_speed(driven.speed), motor.required_torque(*driven)

@@ -1,185 +1,30 @@
-"""Families of measures: statistic, quantity and regime before the dot, the element behind it, as in `stroke.D`.
-
-A name is `[statistic_]quantity[_constant_speed][.element]`, with `@60deg` for the value at a crank angle, or with
-`where 90deg to 180deg` for an extreme in a window of crank angle.
-"""
+"""Values of the families of measures: their names taken apart, and what each is made of."""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 import re
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import safe_sqrt, smallest
+from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._units import QuantityError, in_si, nearest
 from linkjax.machine import Scene
 from linkjax.measures._extremes import Extreme, Statistic, extremes_of, rows_of
+from linkjax.measures._family import CONSTANT, FAMILIES, STATISTICS, Asked, Family
 from linkjax.measures._forces import reaction_names
-from linkjax.measures._gaps import limited_groups, margins, transmission_angles
 from linkjax.measures._inertia import RATIO, force_extremes, force_ratio
 from linkjax.measures._parts import Parts
-from linkjax.measures._quantities import QUANTITIES, Quantity, net_turn, turning_groups
-from linkjax.measures._starting import run_up, torque_margin
-from linkjax.measures._strokes import between, path_lengths, resting, stopping, stroke_rows, swing_rows, time_ratio
-from linkjax.measures._structure import Elements
+from linkjax.measures._quantities import QUANTITIES, net_turn
+from linkjax.measures._strokes import between, path_lengths
 from linkjax.mechanism import StructureError
-from linkjax.motion import Grid, Place, Rows, Wanted, by_node
-from linkjax.runs import no_start
+from linkjax.motion import Grid, Place, Rows, Wanted, by_node, is_locked
 
-CONSTANT = "_constant_speed"
 WINDOW = re.compile(r"(.+?)\s+where\s+(.+?)\s+to\s+(.+)")
-# the statistics of each quantity
-STATISTICS: dict[str, tuple[str, ...]] = {
-    "x": ("min", "max"),
-    "y": ("min", "max"),
-    "travel": ("min", "max"),
-    "angle": ("min", "max"),
-    "velocity": ("max", "rms"),
-    "acceleration": ("peak", "rms"),
-    "angular_velocity": ("peak", "max", "min", "rms"),
-    "angular_acceleration": ("peak", "max", "min", "rms"),
-    "reaction": ("peak", "max", "min", "rms"),
-    "shaking_force": ("peak", "rms"),
-    "shaking_moment": ("peak", "max", "min", "rms"),
-    "frame_force": ("peak", "rms"),
-    "net_frame_force": ("peak", "rms"),
-    "drive_torque": ("peak", "max", "min", "rms"),
-    "drive_power": ("peak", "max", "min"),
-    "motor_speed": ("peak", "max", "min"),
-    "motor_torque": ("peak", "max", "min", "rms", "mean"),
-    "motor_power": ("peak", "max", "min", "mean"),
-    "crank_speed": ("min", "max"),
-    "transmission_angle": (),
-}
-SAID = {
-    "peak": "Largest magnitude",
-    "max": "Largest value",
-    "min": "Smallest value",
-    "rms": "Root mean square over time",
-    "mean": "Mean over time",
-}
-
-
-class Asked(NamedTuple):
-    """A name taken apart: the family, its element ("" for none), and a crank angle, or a window of it (rad)."""
-
-    family: str
-    element: str
-    angle: float | None = None
-    window: tuple[float, float] | None = None
-
-    def text(self) -> str:
-        """The name."""
-        found = f"{self.family}.{self.element}" if self.element else self.family
-        if self.angle is not None:
-            return f"{found}@{_degrees(self.angle)}"
-        return found if self.window is None else f"{found} where {' to '.join(map(_degrees, self.window))}"
-
-
-@dataclasses.dataclass(frozen=True)
-class Family:
-    """Measures of one kind, of different elements: the name before the dot, the SI unit, the meaning, what the element
-    is ("point", "link", "group", "joint", "" for none), and its names in a scene. `motion` says whether the actual
-    motion is needed; `quantity` and `statistic` what it is an extreme of. `at` gives the value for a crank angle (rad),
-    `lacks` what a scene lacks for it."""
-
-    name: str
-    unit: str
-    meaning: str
-    of: str
-    names: Callable[[Scene], Elements]
-    motion: bool
-    quantity: Quantity | None = None
-    statistic: str = ""
-    value: Callable[[Parts, str], Array] | None = None
-    rows: Callable[[Parts, str], Rows | Wanted] | None = None
-    at: Callable[[Parts, float], Array] | None = None
-    lacks: Callable[[Scene], tuple[str, str] | None] | None = None
-
-    def lacking(self, scene: Scene) -> tuple[str, str] | None:
-        """What a scene lacks for it, and a remedy; None if it has it."""
-        if self.quantity is not None:
-            return self.quantity.lacking(scene)
-        return None if self.lacks is None else self.lacks(scene)
-
-    @property
-    def smallest(self) -> bool:
-        """Whether it is the smallest of its rows."""
-        return self.statistic == "min"
-
-
-FAMILIES: dict[str, Family] = {}
-
-
-def _families(quantity: Quantity) -> None:
-    """Register the families of a quantity."""
-    for constant in (False, True) if quantity.moves and quantity.name != "crank_speed" else (False,):
-        motion = quantity.moves and not constant
-        how = "" if not quantity.moves else " in the actual motion" if motion else " at constant nominal speed"
-        for statistic in ("", *STATISTICS[quantity.name]):
-            name = f"{statistic}_{quantity.name}".lstrip("_") + CONSTANT * constant
-            what = quantity.meaning.rstrip(".")
-            meaning = f"{SAID[statistic]} of the {what[0].lower()}{what[1:]}{how}." if statistic else f"{what}{how}."
-            FAMILIES[name] = Family(
-                name, quantity.unit, meaning, quantity.of, quantity.names, motion, quantity, statistic
-            )
-
-
-for _name in STATISTICS:
-    _families(QUANTITIES[_name])
-
-
-def _own(name: str, unit: str, of: str, names: Callable[[Scene], Elements], meaning: str, **given: Any) -> None:
-    FAMILIES[name] = Family(name, unit, meaning, of, names, **{"motion": False, **given})
-
-
-_own(
-    "stroke", "m", "point", QUANTITIES["travel"].names,
-    "Distance between the outermost positions of a point of a slider along its guide.", rows=stroke_rows,
-)  # fmt: skip
-_own(
-    "swing", "rad", "link", QUANTITIES["angle"].names,
-    "Angle between the outermost positions of a link; of a link that turns fully, its whole turns.", rows=swing_rows,
-)  # fmt: skip
-_own(
-    "time_ratio", "1", "point or link", stopping,
-    "Time of the slower way of a slider or link to that of the faster one, back, at constant crank speed; infinite "
-    "where it never turns back; none where a motion law has dwells.", value=time_ratio, lacks=resting,
-)  # fmt: skip
-_own("path_length", "m", "point", QUANTITIES["velocity"].names, "Length of the path of a point over the cycle.")
-_own(
-    "min_margin", "1", "group", limited_groups,
-    "Smallest signed assembly margin of a group over the continuous cycle; negative: cannot be assembled.",
-    value=lambda of, group: smallest(margins(of, group).size()), rows=margins, statistic="min",
-)  # fmt: skip
-_own(
-    "min_transmission_angle", "rad", "group", turning_groups,
-    "Smallest transmission angle of a group over the cycle, where an obtuse angle counts as its supplement.",
-    rows=transmission_angles, statistic="min",
-)  # fmt: skip
-_own(
-    RATIO, "1", "", QUANTITIES["crank_speed"].names,
-    "Largest joint force by inertia alone, divided by the largest by weight and loads alone, at constant nominal "
-    "speed; above 0.1 statics alone is not sufficient; infinite where weight and loads give no force.",
-)  # fmt: skip
-_own(
-    "run_up_time", "s", "", lambda scene: (),
-    "Time from rest, at crank angle zero or at the one given (`run_up_time@60deg`), to 99 % of the speed of the "
-    "steady-state motion; infinite if the machine does not get there.", motion=True,
-    value=lambda of, element: run_up(of), at=run_up, lacks=no_start,
-)  # fmt: skip
-_own(
-    "starting_torque_margin", "1", "", lambda scene: (),
-    "Torque of the motor at rest, on the crank, over the greatest static load torque over the cycle, less 1; negative: "
-    "does not start from there; infinite if no load resists.", value=torque_margin, lacks=no_start,
-)  # fmt: skip
 
 
 def taken_apart(text: str) -> Asked | None:
@@ -226,13 +71,6 @@ def _crank_angle(text: str, name: str) -> float:
     if unit != "rad" or not math.isfinite(value):
         raise StructureError(name, f"{text!r} is not a crank angle", remedy)
     return float(value)
-
-
-@functools.cache
-def _degrees(angle: float) -> str:
-    """A crank angle as it is written in names, so that it is read back exactly."""
-    text = f"{math.degrees(angle):.12g}deg"
-    return text if float(in_si(text)[0]) == angle else f"{angle!r}rad"
 
 
 def breaks_of(asked: Asked) -> tuple[float, ...]:
@@ -295,7 +133,24 @@ def values_of(of: Parts, asked: Sequence[Asked]) -> list[Array]:
     plans = [_plan(of, each) for each in asked if each not in means]
     found = iter(extremes_of(of, [one for extremes, _ in plans for one in extremes]))
     others = iter([finish(*(next(found) for _ in extremes)) for extremes, finish in plans])
-    return [means[each] if each in means else next(others) for each in asked]
+    values = [means[each] if each in means else next(others) for each in asked]
+    return [_unless_locked(of, each, value) for each, value in zip(asked, values, strict=True)]
+
+
+def _unless_locked(of: Parts, asked: Asked, value: Array) -> Array:
+    """The value of a measure of forces, infinite where friction locks the machine: then there are none."""
+    family = FAMILIES[asked.family]
+    forced = family.name == RATIO or (family.quantity is not None and family.quantity.forced)
+    if not (forced and of.scene.friction) or asked.angle is not None:
+        return value
+    regime = of.with_kinks(of.true_motion if family.motion else of.constant_speed)
+    moves = regime.forces(of.nodes_in(regime)).moves
+    return of.machine.run(_limited, regime.grid, moves, value, least=family.statistic == "min")
+
+
+@compiled_soon(static=("least",))
+def _limited(grid: Grid, moves: Array, value: Array, least: bool) -> Array:
+    return jnp.where(is_locked(grid, moves), -jnp.inf if least else jnp.inf, value)
 
 
 def _every_mean(of: Parts, asked: Sequence[Asked]) -> dict[Asked, Array]:
@@ -340,7 +195,9 @@ def _plan(of: Parts, asked: Asked) -> tuple[list[Extreme], Callable[..., Array]]
     if family.statistic == "peak" and found.window is None and len(found.elements) < 2 and found.numbers(of.scene):
         sides: tuple[Statistic, ...] = ("max", "min")  # better than two summits of the magnitude
         return [found._replace(statistic=way) for way in sides], lambda high, low: jnp.maximum(high, -low)
-    return [found], lambda most: most
+    return [found], (
+        lambda most: safe_divide(jnp.ones_like(most), most, jnp.inf)
+    ) if family.inverse else lambda most: most
 
 
 def has_rows(asked: Asked) -> bool:
@@ -356,7 +213,17 @@ def rows(of: Parts, asked: Asked) -> Rows | Wanted:
         return family.rows(of, asked.element)
     found = extreme(asked, of.scene)
     assert found is not None
-    return rows_of(of, found)
+    wanted = rows_of(of, found)
+    if not family.inverse:
+        return wanted
+    assert wanted.finish is not None
+    return wanted._replace(finish=lambda tops: of.machine.run(_inverse, wanted.finish(tops)))
+
+
+@compiled_soon
+def _inverse(rows: Rows) -> Rows:
+    """One over numbers that are not negative; infinite where they are zero."""
+    return dataclasses.replace(rows, vectors=safe_divide(jnp.ones_like(rows.vectors), rows.vectors, jnp.inf))
 
 
 def at_angle(of: Parts, family: Family, element: str, angle: float) -> Array:
@@ -365,8 +232,10 @@ def at_angle(of: Parts, family: Family, element: str, angle: float) -> Array:
     elements = (element,) if element else ()
     regime = of.true_motion if family.motion else of.constant_speed
     place = of.machine.run(_place, of.grid, jnp.asarray(angle))
-    found = family.quantity.at(of, elements)(regime, regime.at(place))
-    return of.machine.run(_first, found, signed=family.quantity.signed(of.scene, element))
+    at = regime.at(place)
+    found = family.quantity.at(of, elements)(regime, at)
+    moves = regime.forces(at).moves if family.quantity.forced and of.scene.friction else None
+    return of.machine.run(_first, found, moves, signed=family.quantity.signed(of.scene, element))
 
 
 @compiled_soon
@@ -376,9 +245,10 @@ def _place(grid: Grid, angle: Array) -> Place:
 
 
 @compiled_soon(static=("signed",))
-def _first(found: Array, signed: bool) -> Array:
+def _first(found: Array, moves: Array | None, signed: bool) -> Array:
     vector = found[0, :, 0]
-    return vector[0] if signed else safe_sqrt(vector @ vector)
+    value = vector[0] if signed else safe_sqrt(vector @ vector)
+    return value if moves is None else jnp.where(moves[0], value, jnp.inf)
 
 
 @compiled_soon

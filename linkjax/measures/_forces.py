@@ -14,10 +14,15 @@ from linkjax.machine import Scene
 def table(scene: Scene, forces: Forces) -> Float[Array, "quantities 2 places"]:
     """Shaking force, frame force, shaking moment, drive torque and all reactions: the rows of `signed_rows`."""
     zero = jnp.zeros_like(forces.drive_torque)
-    rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (forces.drive_torque, zero)]
+    rows = [forces.shaking[:2], forces.frame[:2], (forces.shaking.moment, zero), (known_torque(forces), zero)]
     rows += [forces.net_frame[:2]] if _net(scene) else []
     rows += [forces.reactions[joint][link][:2] for joint, link in reaction_names(scene)]
     return jnp.stack([jnp.stack(row) for row in rows])
+
+
+def known_torque(forces: Forces) -> Array:
+    """The drive torque (N m), zero where friction locks the machine."""
+    return forces.drive_torque if forces.moves is None else jnp.where(forces.moves, forces.drive_torque, 0.0)
 
 
 def peak_names(scene: Scene) -> list[str]:

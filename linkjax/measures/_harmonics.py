@@ -19,7 +19,8 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_sqrt
 from linkjax._units import nearest
 from linkjax.machine import Scene
-from linkjax.measures._families import FAMILIES, Asked, Family, taken_apart
+from linkjax.measures._families import taken_apart
+from linkjax.measures._family import FAMILIES, Asked, Family
 from linkjax.measures._parts import Parts
 from linkjax.mechanism import StructureError
 from linkjax.motion import Grid, by_node

@@ -64,7 +64,8 @@ def _at_rest(made: ReadyScene, place: Place, pose: Pose, active: Array, speed: A
 
 @compiled_soon
 def _without(forces: Forces, still: Forces) -> Forces:
-    return jax.tree.map(lambda every, part: every - part, forces, still)
+    found = jax.tree.map(lambda every, part: every - part, forces.reactions, still.reactions)
+    return forces._replace(reactions=found)
 
 
 def force_extremes(of: Parts) -> list[Extreme]:

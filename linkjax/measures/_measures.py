@@ -10,7 +10,8 @@ from jaxtyping import Array
 
 from linkjax._numerics import safe_divide
 from linkjax.machine import Scene
-from linkjax.measures._families import Asked, values_of
+from linkjax.measures._families import values_of
+from linkjax.measures._family import Asked
 from linkjax.measures._gaps import margins, transmission_angles
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES

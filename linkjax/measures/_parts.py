@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from linkjax.kinematics import Least, Reversals, find_dead_centres, find_margins
-from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion import (
     At,
     AtNodes,
@@ -42,7 +42,6 @@ class Parts:
         steady: Steady | None = None,
     ):
         self.machine = scene if isinstance(scene, Sampler) else Sampler(ready(scene))
-        check_frictionless(self.machine.scene)
         self.nodes, self._grid, self._at, self._breaks = nodes, grid, at, breaks
         self.steady_known = steady
         self._made: dict[Any, Any] = {}

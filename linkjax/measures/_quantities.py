@@ -21,6 +21,7 @@ from linkjax.groups import FRAME, Guide
 from linkjax.kinematics import Pose, named_groups
 from linkjax.machine import Scene
 from linkjax.measures._driver import asked_of_motor
+from linkjax.measures._forces import known_torque
 from linkjax.measures._parts import Parts
 from linkjax.measures._structure import Elements, by_structure, guided, guides, sliding_points
 from linkjax.motion import At, Grid, Place, Regime
@@ -38,7 +39,8 @@ class Quantity:
     `vector` says whether it is a vector, whose length counts, or a number with its sign. `moves` says whether it
     depends on the motion, so that there is one at constant speed. `asks` is what the machine must be asked for (see
     `Wanted`). `at(of, elements)` gives the function from regime and places to the vectors, `names(scene)` its elements.
-    `motor` says whether it is one of the motor's, `kinks` whether it has a kink where other flanks of gears are loaded.
+    `motor` says whether it is one of the motor's, `kinks` whether it has a kink where other flanks of gears are loaded,
+    `forced` whether there is none where friction locks the machine.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Quantity:
     names: Callable[[Scene], Elements]
     motor: bool = False
     kinks: bool = False
+    forced: bool = False
 
     def lacking(self, scene: Scene) -> tuple[str, str] | None:
         """What a scene lacks for this quantity, and a remedy; None if it has it."""
@@ -76,13 +79,13 @@ QUANTITIES: dict[str, Quantity] = {}
 
 def quantity(
     unit: str, of: Of, *, vector: bool = False, moves: bool = True, asks: str = "pose", names: Any = None,
-    motor: bool = False, kinks: bool = False,
+    motor: bool = False, kinks: bool = False, forced: bool = False,
 ):  # fmt: skip
     """Make a quantity of a function of `Parts` and elements, and register it under the function's name."""
 
     def made(function: Callable[[Parts, Elements], Callable[[Regime, At], Vectors]]) -> Quantity:
         meaning = (function.__doc__ or "").strip()
-        given = (unit, meaning, of, vector, moves, asks, function, names or NAMES[of], motor, kinks)
+        given = (unit, meaning, of, vector, moves, asks, function, names or NAMES[of], motor, kinks, forced)
         found = Quantity(function.__name__, *given)
         QUANTITIES[found.name] = found
         return found
@@ -251,7 +254,7 @@ def _travels(along: dict[str, Guide], pose: Pose, elements: Elements) -> Vectors
     return _stacked(jax.vmap(seen)(pose.links, pose.points))
 
 
-@quantity("N", "joint", vector=True, kinks=True)
+@quantity("N", "joint", vector=True, kinks=True, forced=True)
 def reaction(of: Parts, elements: Elements):
     """Force in a joint on a link (of a guide the component along the left normal of its direction)."""
     return lambda regime, at: by_forces(of, elements, at.pose, regime.forces(at))
@@ -297,9 +300,9 @@ def shaking_force(of: Parts, elements: Elements):
 @compiled_soon(static=("what",))
 def _of_forces(forces: Forces, speed: Array, what: str) -> Vectors:
     if what == "drive_torque":
-        return _stacked([forces.drive_torque])
+        return _stacked([known_torque(forces)])
     if what == "drive_power":
-        return _stacked([forces.drive_torque * speed])
+        return _stacked([known_torque(forces) * speed])
     if what == "shaking_moment":
         return _stacked([forces.shaking.moment])
     force = forces.frame if what == "frame_force" else forces.net_frame
@@ -316,25 +319,25 @@ def shaking_moment(of: Parts, elements: Elements):
     return _asked_of_forces("shaking_moment")
 
 
-@quantity("N", "", vector=True)
+@quantity("N", "", vector=True, forced=True)
 def frame_force(of: Parts, elements: Elements):
     """Force on the frame through its joints."""
     return _asked_of_forces("frame_force")
 
 
-@quantity("N", "", vector=True)
+@quantity("N", "", vector=True, forced=True)
 def net_frame_force(of: Parts, elements: Elements):
     """Force on the foundation (that on the frame and the reactions of loads on the frame)."""
     return _asked_of_forces("net_frame_force")
 
 
-@quantity("N m", "")
+@quantity("N m", "", forced=True)
 def drive_torque(of: Parts, elements: Elements):
     """Drive torque (by kinetostatics, positive along the rotation of the crank)."""
     return _asked_of_forces("drive_torque")
 
 
-@quantity("W", "")
+@quantity("W", "", forced=True)
 def drive_power(of: Parts, elements: Elements):
     """Power of the drive."""
     return _asked_of_forces("drive_power")
@@ -346,13 +349,13 @@ def motor_speed(of: Parts, elements: Elements):
     return asked_of_motor("speed")
 
 
-@quantity("N m", "", motor=True)
+@quantity("N m", "", motor=True, forced=True)
 def motor_torque(of: Parts, elements: Elements):
     """Torque of the motor at its own shaft (with what accelerates the rotor and what the transmission loses)."""
     return asked_of_motor("torque")
 
 
-@quantity("W", "", motor=True)
+@quantity("W", "", motor=True, forced=True)
 def motor_power(of: Parts, elements: Elements):
     """Power of the motor at its own shaft."""
     return asked_of_motor("power")

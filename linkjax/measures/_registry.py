@@ -16,8 +16,6 @@ from linkjax._numerics import largest, smallest
 from linkjax._units import nearest
 from linkjax.machine import Names, ReadyScene, Scene, nameless
 from linkjax.measures._families import (
-    FAMILIES,
-    Asked,
     breaks_of,
     checked,
     for_every_angle,
@@ -26,6 +24,7 @@ from linkjax.measures._families import (
     taken_apart,
     values_of,
 )
+from linkjax.measures._family import FAMILIES, Asked
 from linkjax.measures._gaps import no_transmission_angle
 from linkjax.measures._parts import NODES, Parts
 from linkjax.mechanism import StructureError

@@ -45,6 +45,7 @@ from linkjax.motion._regime import At as At
 from linkjax.motion._regime import Components as Components
 from linkjax.motion._regime import Regime as Regime
 from linkjax.motion._regime import crank_at as crank_at
+from linkjax.motion._regime import is_locked as is_locked
 from linkjax.motion._rows import Rows as Rows
 from linkjax.motion._rows import Summits as Summits
 from linkjax.motion._rows import Wanted as Wanted

@@ -13,13 +13,14 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import root, safe_divide, smallest
 from linkjax._types import Scalar, Tracer
-from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import Flywheel
 from linkjax.motion._by_speed import speed_dependent
 from linkjax.motion._flow import duty_of
 from linkjax.motion._grid import Grid
 from linkjax.motion._nodes import AtNodes, at_nodes
-from linkjax.motion._steady import Steady, begin, driven_on, fluctuation
+from linkjax.motion._speed_extremes import driven_on
+from linkjax.motion._steady import Steady, begin, fluctuation
 from linkjax.motion._switching import grid_with_kinks, kinked
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sampler
@@ -35,7 +36,6 @@ def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 
     number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
     motion law."""
     machine = Sampler(ready(scene))
-    check_frictionless(machine.scene)
     given = (machine, nodes)
     grid = grid_with_kinks(*given)
     delta = jnp.asarray(delta, dtype=machine.scene.speed.dtype)

@@ -134,6 +134,11 @@ def crank_at(
     return steady.crank(nominal, here, _around(steady.grid, place) if grid.divided else place, moving)
 
 
+def is_locked(grid: Grid, moves: Array | None) -> Array:
+    """Whether friction locks the machine at one of the nodes, which come first in `moves`."""
+    return jnp.asarray(False) if moves is None else ~jnp.all(moves[: grid.size])
+
+
 def _around(grid: Grid, place: Place) -> Place:
     """The place on a grid of a place on another one, which divides its panels."""
     panel = jnp.searchsorted(grid.edges, jax.lax.stop_gradient(place.side), side="right").astype(jnp.int32) - 1

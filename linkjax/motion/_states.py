@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion._driven import STARTS, begun_by_speed, periodic_starts
 from linkjax.motion._grid import grid_of
@@ -37,7 +37,6 @@ def steady_states(
     low, high = slowest or STARTS[0] * nominal, fastest or STARTS[-1] * nominal
     if not 0 < low < high:
         raise StructureError("slowest", f"{low:.6g} rad/s is not between zero and {high:.6g} rad/s", "exchange them")
-    check_frictionless(made.scene)
     machine = Sampler(made)
     grid = grid_of(machine, nodes)
     starts = periodic_starts(machine, grid, at_nodes(machine, grid, edges=False), np.geomspace(low, high, TRIED))

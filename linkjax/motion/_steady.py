@@ -8,7 +8,7 @@ Source: energy equation of a machine, Artobolevsky, Theory of Mechanisms and Mac
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,23 +16,21 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import safe_sqrt, taken, wrapped
+from linkjax._numerics import safe_sqrt, wrapped
 from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax.kinematics import Pose, pose
-from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._by_speed import Driven, moving_at, on_pose, speed_dependent, torques_of, whole
-from linkjax.motion._driven import begun_by_speed, moving_at_nodes
+from linkjax.motion._driven import moving_at_nodes
 from linkjax.motion._error import delta_error
-from linkjax.motion._extremum import newton
-from linkjax.motion._flow import LEAST, SIGNS, Begun, Duty, Ends, Flow, Primitive, Spots, duty_of, primitive, spotted
+from linkjax.motion._flow import LEAST, Begun, Duty, Ends, Flow, Primitive, Spots, duty_of, primitive, spotted
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._nodes import AtEdges, AtNodes, at_nodes, reduced_in
+from linkjax.motion._speed_extremes import driven_on, speed_extremes
 from linkjax.motion._switching import grid_with_kinks
 from linkjax.reduction import Moving, Reduced, of_crank
-from linkjax.sampling import Sample, Sampler
-
-REPEATS = 5  # of the motion, for a mean of the extremes
+from linkjax.sampling import Sampler
 
 
 @node
@@ -128,7 +126,6 @@ def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
     Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
     """
     machine = Sampler(ready(scene))
-    check_frictionless(machine.scene)
     grid = grid_with_kinks(machine, nodes)
     return steady_on(machine, grid, at_nodes(machine, grid))
 
@@ -162,36 +159,16 @@ def _all_loads(
     return of_crank(full, grid.prescribed)  # a motion law moves the crank whatever resists
 
 
-def driven_on(machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0) -> tuple[Begun, AtEdges | None]:
-    """The motion under torques that depend on the speed, before its extremes are refined, and the edges; with a
-    flywheel inertia `added` (kg m²). Where a constant torque gives the mean of the extremes, the time mean for it is
-    found by repetition, which converges like powers of the square of δ."""
-    begun, edges = begun_by_speed(machine, grid, at, added)
-    if machine.scene.mean == "time" or machine.scene.motor is not None:
-        return begun, edges
-    for _ in range(REPEATS):
-        ends, _ = _extremes(machine, begun.flow, begun.energy, begun.spots, begun.place)
-        ratio = machine.run(_ratio, begun.flow, begun.energy, ends)
-        begun, edges = begun_by_speed(machine, grid, at, added, ratio)
-    return begun, edges
-
-
-@compiled_soon
-def _ratio(flow: Flow, energy: Array, ends: Ends) -> Array:
-    """The time mean of the speed over the mean of its extremes."""
-    return flow.duty.cycle / flow.period(energy) / (0.5 * jnp.sum(flow.speeds(ends)))
-
-
 def conclude(machine: Sampler, begun: Begun, edges: AtEdges | None) -> Steady:
     """The motion that follows from the work over the cycle and the energy constant for the wanted time mean."""
     flow, energy, clock, spots, place = begun
-    ends, light = _extremes(machine, flow, energy, spots, place)
+    ends, light = speed_extremes(machine, flow, energy, spots, place)
     if machine.scene.mean == "time" or flow.driven is not None:
         return machine.run(_concluded, flow, energy, clock, ends, light, spots, None, edges, rounds=1)
     for _ in range(2):  # energy and extremes depend on each other: quadratic convergence
         energy, spots, place = machine.run(_midrange, flow, energy, ends)
-        ends, light = _extremes(machine, flow, energy, spots, place)
-    slow, _ = _extremes(machine, flow, *machine.run(_least, flow))
+        ends, light = speed_extremes(machine, flow, energy, spots, place)
+    slow, _ = speed_extremes(machine, flow, *machine.run(_least, flow))
     return machine.run(_concluded, flow, energy, clock, ends, light, spots, slow, edges, rounds=4)
 
 
@@ -200,19 +177,7 @@ def fluctuation(machine: Sampler, begun: Begun) -> Any:
     if machine.scene.mean != "time" and begun.flow.driven is None:
         return conclude(machine, begun, None).delta
     flow, energy, _, spots, place = begun
-    return machine.run(_fluctuation, flow, energy, _extremes(machine, flow, energy, spots, place)[0])
-
-
-def _extremes(machine: Sampler, flow: Flow, energy: Any, spots: Spots, place: Place) -> tuple[Ends, Any]:
-    """The extremes of the speed, and the least reduced inertia with its angle, in two rounds of evaluations."""
-    first = machine.sample(place.phi, place.side, fixed=True)
-    moved = machine.run(_moved, flow, energy, spots[:3], *_asked(flow, first))
-    return machine.run(_ended, flow, energy, moved, *_asked(flow, machine.sample(moved.place.phi, moved.place.side)))
-
-
-def _asked(flow: Flow, sample: Sample) -> tuple[tuple, Pose | None]:
-    """The reduced model of samples, and their pose if loads depend on the speed."""
-    return sample.dynamics, sample.pose if flow.driven is not None and flow.driven.torques.placed else None
+    return machine.run(_fluctuation, flow, energy, speed_extremes(machine, flow, energy, spots, place)[0])
 
 
 @compiled_soon
@@ -224,37 +189,6 @@ def begin(duty: Duty, grid: Grid, here: Reduced, added: Scalar) -> Begun:
     energy = flow.energy_for_time_mean()
     clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, here.inertia))
     return Begun(flow, energy, clock, *spotted(flow, energy))
-
-
-class Moved(NamedTuple):
-    """Bends at the guesses of the extremes, the steps of Newton's method from them, the slopes before, and the new
-    places."""
-
-    bend: Array
-    move: Array
-    tilt: Array
-    place: Place
-
-
-@compiled_soon
-def _moved(flow: Flow, energy: Array, spots: tuple[Array, Array, Array], dynamics: tuple, pose: Pose | None) -> Moved:
-    fixed, energy = jax.lax.stop_gradient((flow, energy))
-    panel, x, bend = spots
-    here, moving = fixed.reduced(dynamics, panel), fixed.moving(pose, fixed.grid.at(panel, x))
-    slope = fixed.tilt(panel, x, energy, here, moving)[1]
-    slope = jnp.concatenate([slope[:-1], (taken(fixed.grid.half, panel) * here.slope)[-1:]])
-    move = newton(x, jnp.asarray(SIGNS, x.dtype) * slope, bend)
-    move = jnp.concatenate([jax.lax.stop_gradient(move[:-1]), move[-1:]])
-    return Moved(bend, move, slope, flow.grid.at(panel, x + move))
-
-
-@compiled_soon
-def _ended(
-    flow: Flow, energy: Array, moved: Moved, dynamics: tuple, pose: Pose | None
-) -> tuple[Ends, tuple[Array, Array]]:
-    """The extremes, and the least reduced inertia with its angle."""
-    here, moving = flow.reduced(dynamics, moved.place.panel), flow.moving(pose, moved.place)
-    return flow.ends(*moved, energy, here, moving)
 
 
 @compiled_soon

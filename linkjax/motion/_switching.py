@@ -23,18 +23,21 @@ from linkjax.friction import pairs
 from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
-from linkjax.motion._driven import begun_by_speed, moving_at_nodes
+from linkjax.motion._driven import moving_at_nodes
 from linkjax.motion._edges import REACH, Candidates, nearest, together
 from linkjax.motion._flow import Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
 from linkjax.motion._nodes import AtNodes, at_nodes
 from linkjax.motion._panels import series_sum
+from linkjax.motion._speed_extremes import repeated
 from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
 SOFT = 2  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
 ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and with a lossy transmission
+IDLE = 1e-11  # of the largest force of a guide: a force that is less throughout is a rounding error
+AGAIN = 1  # repeats of the motion in every round, where the mean of the extremes is wanted
 NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
 HALVINGS = 30  # bisections of a step between nodes: 1e-9 of it, of which the square counts
 JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a jump, where panels end anyway
@@ -70,9 +73,10 @@ def grid_with_kinks(
     if scene.friction:
         speed, none = machine.run(_nominal, grid, scene.speed)
         still = machine.run(_joined, still, _rubbing(machine, grid, at, speed, none, most, soft))
+    ratio: Any = 1.0
     for again in range((LOSSY_ROUNDS if loses or rubs else ROUNDS) if kinks else 0):
         at = at_nodes(machine, grid) if again else at
-        begun, _ = begun_by_speed(machine, grid, at, added, start=start)
+        begun, _, ratio = repeated(machine, grid, at, added, start, ratio, AGAIN)
         found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
         if scene.friction:
             speed, rate = machine.run(_crank, begun.flow, begun.energy)
@@ -124,7 +128,7 @@ def _rubs_change(
 ) -> Float[Array, " kinks"]:  # fmt: skip
     """Where the friction of guides has a kink, and the nearest of the places where forces of pins almost vanish."""
     every = [one for sides in friction.values() for one in sides.values()]
-    found = [row for one in every for row in one.switches]
+    found = [row for one in every for row in _no_noise(one.switches)]
     squares = [one.square for one in every if one.square is not None]
     ends = [jnp.zeros(0)]
     if found:
@@ -136,6 +140,14 @@ def _rubs_change(
         places = jax.vmap(lambda row: _almost_zero(grid, row, most))(rows)
         least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), soft)
     return jnp.concatenate([*ends, jnp.where(least.distance < REACH, least.angle, jnp.inf)])
+
+
+def _no_noise(rows: tuple[Array, ...]) -> list[Array]:
+    """Numbers of one guide, all of them forces (N); those that are rounding errors beside the others are zero."""
+    largest = [jnp.max(jnp.abs(row)) for row in rows]
+    return [
+        jnp.where(own > IDLE * jnp.max(jnp.stack(largest)), row, 0.0) for own, row in zip(largest, rows, strict=True)
+    ]
 
 
 def _almost_zero(grid: Grid, square: Float[Array, "panels n"], most: int) -> Candidates:

@@ -1,0 +1,75 @@
+"""Self-locking: by which common factor all friction may grow until no finite drive torque moves the machine.
+
+Frictions c solve c = -λ σ s(R₀ + M c), see `linkjax.forces._friction`. The solution that continues the one without
+friction exists for factors λ below a limit, where the matrix A = I + λ σ s' M is singular: either c grows without
+bound, or two solutions meet. With the left null vector w of A there, a change of the equation F(c, λ) = 0 changes the
+limit by -w·dF / (w·∂F/∂λ). Source: efficiency zero as the condition of self-locking, formula (7-13) of the textbook;
+Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 5, for the derivative.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from linkjax._numerics import safe_divide
+from linkjax.forces._friction import rubbed
+from linkjax.forces._kinetostatics import acting_on, applied_to, friction_numbers, reactions_of
+from linkjax.friction import rubbing
+from linkjax.kinematics import Pose
+from linkjax.loads import Instant
+from linkjax.machine import Scene
+
+LEAST, MOST = 1e-6, 1e6  # the range of factors
+HALVINGS = 56  # of its logarithm
+
+
+class Locking(NamedTuple):
+    """The inverse of the factor at which the machine locks, zero where it never does; and the share of the power of
+    friction of each joint there, shape (joints,), in the order of the joints with friction."""
+
+    inverse: Array
+    shares: Array
+
+
+def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Locking:
+    """Self-locking of a scene with friction in a pose, quasi-static: with weights and loads but no inertia, as the
+    crank turns on (`at.speed` zero or more) or back."""
+    origins, none = scene.mechanism.origins(), jnp.zeros(())
+    joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
+    acting = acting_on(scene, here, origins, *applied_to(scene, here, at, active, none, none)[:3])
+    frictions, senses, paces = friction_numbers(joints)
+    senses = jnp.where(at.speed < 0, -senses, senses)
+    reactions = reactions_of(scene, here, origins, joints, lambda _: acting)
+
+    def solved(factor: Array):
+        return rubbed(frictions, senses, paces, reactions, lambda _: none, factor)
+
+    def halve(_, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        middle = 0.5 * (ends[0] + ends[1])
+        moves = solved(jnp.exp(middle)).found
+        return jnp.where(moves, middle, ends[0]), jnp.where(moves, ends[1], middle)
+
+    fixed = jax.lax.stop_gradient
+    ends = jnp.log(jnp.asarray(LEAST)), jnp.log(jnp.asarray(MOST))
+    low, high = fixed(jax.lax.fori_loop(0, HALVINGS, halve, ends))
+    limit = jnp.exp(low)
+    values = fixed(solved(limit).values)
+    power = jnp.abs(values * paces)
+
+    def left(c: Array, factor: Array) -> Array:
+        there = reactions(c, none)
+        sizes = [each.size(*(part[i] for part in there)) for i, each in enumerate(frictions)]
+        return c + factor * senses * jnp.stack(sizes)
+
+    a, size = fixed(jax.jacfwd(left)(values, limit)), jnp.max(jnp.abs(values))
+    w = jnp.linalg.svd(a)[0][:, -1]
+    by_factor = fixed(jax.jvp(lambda factor: left(values, factor), (limit,), (jnp.ones_like(limit),))[1])
+    unit = jnp.where(size > 0, size, 1.0)
+    moved = safe_divide(w @ (left(values, limit) / unit), w @ (by_factor / unit))
+    factor = limit - (moved - fixed(moved))
+    inverse = jnp.where(high >= ends[1], 0.0, 1 / factor)
+    return Locking(inverse, fixed(safe_divide(power, jnp.sum(power) * jnp.ones_like(power))))
