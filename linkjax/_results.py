@@ -17,6 +17,7 @@ class Result(enum.IntEnum):
     NO_PERIODIC_REGIME = 3
     NO_INERTIA = 4
     CANNOT_BE_ASSEMBLED = 5
+    LOCKED = 6
 
 
 LENGTHS = "Change lengths of its links until every margin is positive."
@@ -32,6 +33,7 @@ MESSAGES = {
     Result.NO_INERTIA: "The reduced inertia is zero within the cycle, so that the crank speed is unbounded there. "
     "Give the crank, the flywheel or another driven link an inertia.",
     Result.CANNOT_BE_ASSEMBLED: f"The linkage cannot be assembled over the whole cycle. {LENGTHS}",
+    Result.LOCKED: "Friction locks the machine: no finite drive torque keeps up the motion.",
 }
 
 

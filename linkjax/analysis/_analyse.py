@@ -14,6 +14,7 @@ from linkjax._compile import planned
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
 from linkjax.analysis._cycle import Cycle, explain, explain_start
+from linkjax.analysis._friction import friction_runs
 from linkjax.analysis._idle import warn_of_idle
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
@@ -116,7 +117,11 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
         _ahead(made, angles, nodes, method, moves)
     found = staged(Sampler(made), angles, nodes, method, moves)
     shown, motion, still = found.shown, found.motion, not constant_speed and found.motion is None
+    runs = friction_runs(made.scene, shown.friction, found.rubs)
+    locked = [run.locks for run in runs[:1] if run is not None and (constant_speed or made.scene.mechanism.prescribed)]
+    locked = [jnp.where(each & (found.code != Result.CANNOT_BE_ASSEMBLED), Result.LOCKED, 0) for each in locked]
     results = {
+        "friction": None if still else runs[-1 if constant_speed else 0], "friction_constant_speed": runs[-1],
         "pose": shown.pose, "transmission": shown.transmission, "transmission_ends": found.spans,
         "margins": found.limits, "dead_centres": found.dead, "strokes": found.covered, "reduced": shown.reduced[0],
         "steady": motion, "speed": shown.speed[0] if moves else None,
@@ -127,7 +132,7 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
         "flywheel": found.wheels, "motor": found.motor, "work": found.work, "checks": found.checks,
         "assembled": shown.assembled, "on_grid": found.on_grid,
         "windows": dict(zip(_passages(made.scene), found.grid.passages, strict=True)),
-        "result": merge(found.code, jnp.where(still, Result.NO_INERTIA, 0)), "nodes": found.grid.size,
+        "result": merge(found.code, jnp.where(still, Result.NO_INERTIA, 0), *locked), "nodes": found.grid.size,
     }  # fmt: skip
     results = results if names is None else names.back(results)
     return Cycle(scene=scene, angles=angles, constant_speed=constant_speed, method=method, **results)

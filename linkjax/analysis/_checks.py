@@ -13,10 +13,12 @@ from linkjax._numerics import safe_divide
 from linkjax._results import Result, merge
 from linkjax._vec import Vec
 from linkjax.analysis._cycle import Checks, Margins
+from linkjax.analysis._friction import RubbingAt
 from linkjax.forces import Forces, driven_by_joint
 from linkjax.groups import PointState, closed_to
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
+from linkjax.measures import known_torque
 from linkjax.motion import Grid, Steady, primitive
 from linkjax.reduction import Reduced
 
@@ -24,8 +26,8 @@ LIGHTEST = 1e-6  # least reduced inertia divided by its mean; below it the crank
 
 
 class Shown(NamedTuple):
-    """Results at the crank angles asked for; `forces`, `speed` and `acceleration` in the actual motion (if it exists)
-    and at constant speed, and so the reduced model if loads depend on the speed."""
+    """Results at the crank angles asked for; `forces`, `speed`, `acceleration` and `friction` in the actual motion (if
+    it exists) and at constant speed, and so the reduced model if loads depend on the speed."""
 
     pose: Pose
     transmission: dict[str, Array]
@@ -35,6 +37,7 @@ class Shown(NamedTuple):
     acceleration: tuple[Array, ...]
     time: Array | None
     assembled: Array
+    friction: tuple[RubbingAt, ...] = ()
 
 
 @compiled_soon
@@ -101,7 +104,8 @@ def _residuals(
     reduced = at.reduced[0] if reduced is None else reduced
     inertia, slope, torque = reduced[:3]
     parts = inertia * acceleration, 0.5 * slope * speed**2, -torque
-    power, point = jnp.abs(forces.drive_torque - sum(parts)), bodies.at
+    power, point = jnp.abs(known_torque(forces) - sum(parts)), bodies.at
+    power = power if forces.moves is None else jnp.where(forces.moves, power, 0.0)  # locked: there are no forces
     about = at.pose.points[scene.mechanism.groups[0].needs()[0]].r
     reach = jnp.max(_length(point.r - Vec(about.x[None], about.y[None])), axis=0, initial=0.0)
     square, slow = speed[None] ** 2, acceleration[None]
@@ -112,14 +116,16 @@ def _residuals(
     size = size + jnp.sum(pull * _length(point.dr) + spin, axis=0)
     joints = [side for sides in forces.reactions.values() for side in sides.values()]
     sides = jnp.stack([jnp.stack([side.fx for side in joints]), jnp.stack([side.fy for side in joints])])
-    sides = jnp.where(jnp.isnan(sides), 0.0, sides)  # joints at a change point
+    sides = jnp.where(jnp.isnan(sides), 0.0, sides)  # joints at a change point, or of a locked machine
     heavy = jnp.max(jnp.maximum(jnp.sum(pull, axis=0), jnp.max(_length(Vec(*sides)), axis=0)))
     sources = [jnp.stack(part) for part in zip(forces.shaking, forces.weight, forces.loads, strict=True)]
-    drive = jnp.zeros_like(power) if driven_by_joint(scene.mechanism) else crank * forces.drive_torque
+    drive = jnp.zeros_like(power) if driven_by_joint(scene.mechanism) else crank * known_torque(forces)
     moments = jnp.concatenate([drive[None], sources[2]])
     turning = jnp.max(jnp.sum(jnp.abs(moments), axis=0) + reach * heavy)
-    twist = jnp.max(jnp.abs(forces.frame.moment - jnp.sum(moments, axis=0)))
     rest = [forces.frame[k] - jnp.sum(sources[k], axis=0) for k in (0, 1)]
+    rest += [forces.frame.moment - jnp.sum(moments, axis=0)]
+    rest = [one if forces.moves is None else jnp.where(forces.moves, one, 0.0) for one in rest]
+    twist = jnp.max(jnp.abs(rest.pop()))
     balance = jnp.maximum(safe_divide(jnp.max(jnp.hypot(*rest)), heavy), safe_divide(twist, turning))
     return safe_divide(jnp.max(power), jnp.max(size)), balance
 

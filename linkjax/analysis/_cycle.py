@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
+from linkjax.analysis._friction import FrictionRun, useful_share
 from linkjax.analysis._loads import LoadRun, OnGrid, energies_of, loads_of
 from linkjax.analysis._motor import MotorRun
 from linkjax.analysis._table import table_of
@@ -83,10 +84,12 @@ class Cycle(eqx.Module):
     the transmission angles (rad) where the margins are least. `work` is the work of the drive, of weight and of each
     load per cycle (J). `windows` are the ranges of crank angle (rad) of loads whose window is given by what happens, by
     load: arrays `on` and `off`, equal where a range is not used. `motor` is what a motor does at its own shaft, and
-    `on_grid` the reduced model at the nodes of the cycle grid.
+    `on_grid` the reduced model at the nodes of the cycle grid. `friction` is what the friction of joints does in the
+    motion of `forces`, None without friction.
 
     If no actual motion exists, `missing` gives the reason, and `steady`, `speed`, `acceleration`, `time`, `forces`,
-    `peaks`, `work` and `checks.energy_closure` are None; so is `flywheel`, unless it holds the inertia for target δ.
+    `peaks`, `friction`, `work` and `checks.energy_closure` are None; so is `flywheel`, unless it holds the inertia for
+    target δ.
     With `constant_speed` they are None, too, except `forces`, which are those at constant speed; `missing` is None.
     `print(cycle)` shows a summary, `cycle.table()` has the columns over the crank angle.
     """
@@ -121,6 +124,8 @@ class Cycle(eqx.Module):
     windows: dict[str, Window] = eqx.field(default_factory=dict)
     motor: MotorRun | None = None
     on_grid: OnGrid | None = None
+    friction: FrictionRun | None = None
+    friction_constant_speed: FrictionRun | None = None
 
     def __str__(self) -> str:
         return cycle_text(self)
@@ -172,6 +177,12 @@ class Cycle(eqx.Module):
         cycle, `supplied`, `absorbed`, and the difference `energy`. In the motion of `energies`, and None as they are.
         They are computed on every call."""
         return loads_of(self, self.energies)
+
+    @property
+    def efficiency(self) -> float | None:
+        """Work on the useful loads over the net work of the drive (of the motor at its shaft), per cycle, in the motion
+        of `energies`; zero where friction locks the machine, None if the scene has no useful loads."""
+        return useful_share(self)
 
     @property
     def reactions(self):

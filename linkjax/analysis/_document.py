@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from linkjax._results import MESSAGES, Result
+from linkjax.analysis._friction import friction_document, locked_text
 from linkjax.analysis._harmonic_table import harmonics_document
 from linkjax.analysis._loads import load_document
 from linkjax.analysis._overload import overload_document
@@ -68,6 +69,9 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
         "windows": _windows(cycle),
         "work": None if cycle.work is None else {name: float(value) for name, value in cycle.work.items()},
         **load_document(given, code is not Result.CANNOT_BE_ASSEMBLED),
+        "efficiency": given.efficiency if code is not Result.CANNOT_BE_ASSEMBLED else None,
+        "friction": friction_document(cycle.friction),
+        "friction_constant_speed": friction_document(cycle.friction_constant_speed),
         "forces": None if cycle.forces is None else _forces(cycle, cycle.forces),
         "forces_constant_speed": _forces(cycle, cycle.forces_constant_speed),
         "peaks": {
@@ -79,11 +83,17 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
         },
         "result": {
             "code": int(code), "name": code.name.lower(),
-            "message": MESSAGES[code] if cycle.missing is None else cycle.missing.reason,
+            "message": _message(cycle, code),
             "per_angle": np.where(cycle.assembled, int(Result.SUCCESS), int(Result.CANNOT_BE_ASSEMBLED)),
         },
     }  # fmt: skip
     return _only_assembled(found) if code is Result.CANNOT_BE_ASSEMBLED else found
+
+
+def _message(cycle: Any, code: Result) -> str:
+    if cycle.missing is not None:
+        return cycle.missing.reason
+    return locked_text(cycle) if code is Result.LOCKED else MESSAGES[code]
 
 
 def _only_assembled(data: dict[str, Any]) -> dict[str, Any]:
@@ -92,7 +102,8 @@ def _only_assembled(data: dict[str, Any]) -> dict[str, Any]:
     none = dict.fromkeys(("for_target_delta", "textbook"))
     return data | {
         "model": data["model"] | {"method": "none", "why": WHY["none"], "evaluations": None},
-        "windows": None, "motion": dict.fromkeys(data["motion"]), "work": None, "forces": None,
+        "windows": None, "friction": None, "friction_constant_speed": None,
+        "motion": dict.fromkeys(data["motion"]), "work": None, "forces": None,
         "flywheel": data["flywheel"] | none, "peaks": {}, "checks": data["checks"] | {"energy_closure": None},
     }  # fmt: skip
 

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from linkjax._results import MESSAGES, Result
 from linkjax._types import Tracer, known
 from linkjax.analysis._cycle import Cycle, Flywheels, NoMotion
+from linkjax.analysis._friction import locked_text
 from linkjax.machine import Scene
 from linkjax.motion import speed_dependent, steady_motion, textbook_flywheel, with_flywheel
 
@@ -57,7 +58,7 @@ def only_what_exists(cycle: Cycle) -> Cycle:
     result = cycle.result if missing.fails else jnp.zeros_like(cycle.result)
     return dataclasses.replace(
         cycle, result=result, missing=missing, steady=None, speed=None, acceleration=None, time=None, forces=None,
-        peaks=None, motor=None, on_grid=on_grid, flywheel=None if needed is None else wheels, work=None,
+        peaks=None, motor=None, friction=None, on_grid=on_grid, flywheel=None if needed is None else wheels, work=None,
         checks=dataclasses.replace(cycle.checks, energy_closure=None),
     )  # fmt: skip
 
@@ -122,7 +123,8 @@ def _reason(cycle: Cycle, code: Result, flywheel: str) -> str:
     if code is Result.INTEGRATION_FAILED or steady is None:
         return f"no actual motion: {MESSAGES[Result.INTEGRATION_FAILED]}"
     if steady.driven is not None:
-        return _not_driven(cycle, shaft, flywheel)
+        locked = locked_text(dataclasses.replace(cycle, friction=None))
+        return f"no actual motion: {locked}" if locked else _not_driven(cycle, shaft, flywheel)
     nominal, lowest = (f"{float(speed):.6g} rad/s" for speed in (cycle.scene.speed, steady.min_mean_speed))
     degrees = float(jnp.degrees(steady.angle_of_min_work))
     add = "add a flywheel" if shaft else "add inertia to the driven links"

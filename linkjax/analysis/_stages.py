@@ -16,6 +16,7 @@ from linkjax._search import MOTION_SCAN, scan_angles
 from linkjax.analysis._blunt import continued, singular, without_joints
 from linkjax.analysis._checks import Shown, checks_of
 from linkjax.analysis._cycle import Checks, Flywheels, Margins
+from linkjax.analysis._friction import RubbedOver, rubbed_over, rubbing_at, without_locked
 from linkjax.analysis._loads import OnGrid
 from linkjax.analysis._motor import MotorRun, motor_run
 from linkjax.forces import Forces, forces_of_pose, meshes
@@ -74,6 +75,7 @@ class Stages(NamedTuple):
     code: Array
     motor: MotorRun | None
     on_grid: OnGrid
+    rubs: tuple[RubbedOver, ...]
 
 
 def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool) -> Stages:
@@ -98,7 +100,7 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
             wheels = flywheel_on(machine, target, grid, at, grid_with, motion.delta).inertia
     regime = Regime(machine, grid, motion)
     shown = _shown(regime, angles)
-    tops, rms = _peaks(regime, at)
+    tops, rms, rubs = _peaks(regime, at)
     limits = find_margins(machine, turns, scanned.margins, MOTION_SCAN)
     spans = _spans(machine, limits)
     dead = find_dead_centres(machine, turns, scanned.pose)
@@ -112,7 +114,7 @@ def staged(machine: Sampler, angles: Array, nodes: int, method: str, moves: bool
     motor = motor_run(machine, grid, at, motion, angles, shown.pose, moved)
     on_grid = OnGrid(grid, loaded, at.sample.dynamics[1])
     given = (grid, motion, work, wheels, limits, dead, covered, spans, shown, tops, rms, checks, code, motor)
-    return Stages(*given, on_grid)
+    return Stages(*given, on_grid, rubs)
 
 
 @compiled_soon(static=("nodes",))
@@ -178,7 +180,12 @@ def _shown(regime: Regime, angles: Array) -> Shown:
     )
     if continued(machine.mechanism):
         forces = tuple(machine.run(_without_joints, machine.scene, at.sample.pose, each) for each in forces)
-    pose, transmission = at.sample.pose, at.sample.transmission
+    pose, transmission, rubs = at.sample.pose, at.sample.transmission, ()
+    if machine.scene.friction:
+        given = machine.whole_design, grid
+        each = [(at.place, pose, *moved) for moved in zip(forces, speed, acceleration, strict=True)]
+        rubs = tuple(joined(machine.parts(rubbing_at, given, moved)) for moved in each)
+        forces = tuple(machine.run(without_locked, each) for each in forces)
     every = (reduced,)
     if on_pose(machine.scene):
         steady = regime.steady
@@ -187,7 +194,7 @@ def _shown(regime: Regime, angles: Array) -> Shown:
             constants = (steady.driven.constant, *constants[1:])
         given = (whole(machine), grid, at.place, pose, reduced)
         every = tuple(machine.run(_with_speed, *given, *each) for each in zip(speed, constants, strict=True))
-    return machine.cut(Shown(pose, transmission, every, forces, speed, acceleration, time, assembled), angles)
+    return machine.cut(Shown(pose, transmission, every, forces, speed, acceleration, time, assembled, rubs), angles)
 
 
 @compiled_soon
@@ -229,9 +236,9 @@ def within(late: Array, period: Array) -> Array:
     return jnp.where(jnp.abs(late) < rounding, 0.0, wrapped(late, period))
 
 
-def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
-    """Peaks of all forces in the actual motion (if it exists) and at constant speed, and the root mean square of the
-    shaking force at constant speed."""
+def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any, Any]:
+    """Peaks of all forces in the actual motion (if it exists) and at constant speed, the root mean square of the
+    shaking force at constant speed, and `rubbed_over`, of no motion without friction."""
     machine, motions = regime.machine, 1 if regime.steady is None else 2
     if meshes(machine.mechanism) or machine.scene.friction:
         each = [regime, Regime(machine, regime.grid)][:motions]
@@ -240,18 +247,17 @@ def _peaks(regime: Regime, at: AtNodes) -> tuple[tuple[Peak, ...], Any]:
     else:
         nodes = regime.at(at.place, at.sample)
 
-    def vectors(regime, at):
-        return _driven(regime, at).vectors
-
-    rows = signed_rows(machine.scene)
-    found = vectors(regime, nodes)
+    rows, driven = signed_rows(machine.scene), _driven(regime, nodes)
+    found = driven.vectors
+    rubs = machine.run(rubbed_over, regime.grid, driven.forces) if machine.scene.friction else ()
     at_nodes, raised, rms = machine.run(_by_quantity, regime.grid, found, motions=motions, rows=rows)
 
     def looked(regime, at):
-        return machine.run(_looked, vectors(regime, at), raised, motions=motions, rows=rows)
+        return machine.run(_looked, _driven(regime, at).vectors, raised, motions=motions, rows=rows)
 
     found = peaks(regime, looked, at_nodes)
-    return machine.run(_told, machine.ready, regime.steady, found, raised, motions=motions), rms
+    locked = tuple(each.locks for each in rubs)
+    return machine.run(_told, machine.ready, regime.steady, found, raised, locked, motions=motions), rms, rubs
 
 
 class Raised(NamedTuple):
@@ -289,16 +295,20 @@ def _looked(vectors: Array, raised: Raised, motions: int, rows: tuple[int, ...])
 
 
 @compiled_soon(static=("motions",))
-def _told(made: ReadyScene, motion: Steady | None, found: Peak, raised: Raised, motions: int) -> tuple[Peak, ...]:
-    """The peaks by motion, in the order of `peak_names`: infinite where a group passes through a singular position, in
-    the actual motion with the error of the motion."""
+def _told(
+    made: ReadyScene, motion: Steady | None, found: Peak, raised: Raised, locked: tuple[Array, ...], motions: int
+) -> tuple[Peak, ...]:
+    """The peaks by motion, in the order of `peak_names`: infinite where a group passes through a singular position, or
+    friction locks the machine, in the actual motion with the error of the motion."""
     names, rows, told = peak_names(made.scene), signed_rows(made.scene), []
     boundless = singular(made.mechanism, names)
+    forced = np.asarray(["_shaking_" not in name for name in names])
     size = found.value.size // motions
     for number in range(motions):
         own = Peak(*(part[number * size : (number + 1) * size] for part in found))
         every = _by_name(own, names, rows, raised.sign[number], raised.above[number])
-        every = every._replace(value=jnp.where(boundless, jnp.inf, every.value))
+        lost = boundless | (forced & locked[number]) if locked else boundless
+        every = every._replace(value=jnp.where(lost, jnp.inf, every.value))
         if motion is not None and number == 0:  # in it, forces depend on the square of the speed and its slope
             every = every._replace(error=every.error + MOTION * motion.delta_error * jnp.abs(every.value))
         told.append(every)

@@ -20,6 +20,7 @@ from linkjax.loads._loads import OpposingForce as OpposingForce
 from linkjax.loads._loads import OpposingTorque as OpposingTorque
 from linkjax.loads._loads import Torque as Torque
 from linkjax.loads._loads import Window as Window
+from linkjax.loads._loads import joined_ranges as joined_ranges
 from linkjax.loads._loads import power as power
 from linkjax.loads._passage import STILL as STILL
 from linkjax.loads._passage import Passage as Passage

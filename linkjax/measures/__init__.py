@@ -9,11 +9,13 @@ from linkjax.measures._family import FAMILIES as FAMILIES
 from linkjax.measures._family import Asked as Asked
 from linkjax.measures._family import Family as Family
 from linkjax.measures._forces import in_motion as in_motion
+from linkjax.measures._forces import known_torque as known_torque
 from linkjax.measures._forces import motion_of as motion_of
 from linkjax.measures._forces import peak_names as peak_names
 from linkjax.measures._forces import reaction_names as reaction_names
 from linkjax.measures._forces import signed_rows as signed_rows
 from linkjax.measures._forces import table as table
+from linkjax.measures._friction import lost_in as lost_in
 from linkjax.measures._gaps import no_transmission_angle as no_transmission_angle
 from linkjax.measures._harmonics import Harmonics as Harmonics
 from linkjax.measures._harmonics import harmonic_family as harmonic_family

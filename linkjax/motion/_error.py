@@ -49,6 +49,8 @@ def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots
     gain = 0.5 * jnp.sum(flow.weights * weight)
     across = jnp.sum(2 * grid.half * torque * torque_decay**n) + grid.doubt
     late = jnp.sum(2 * grid.half * slow * slow_decay**n)
+    if flow.driven is not None and flow.driven.torques.rough is not None:
+        across = across + _rounded(flow, torque_series, after, jnp.roll(before, -1))
     degree = jnp.arange(n, dtype=torque.dtype)[None]
     share = jnp.sum(jnp.abs(weight_series[:, ::-1]) * (2 * degree + 1) * torque_decay[:, None] ** degree, axis=1)
     uneven = jnp.sum(grid.half**2 * torque * share) / ((2 * n - 1) * (n + 1))
@@ -87,6 +89,25 @@ def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots
     heights = jnp.stack([found.high, -found.low])
     total = total + jnp.sum(jax.vmap(share_of)(jnp.asarray([1.0, -1.0], total.dtype), heights, extremes, speeds))
     return (total + ROUNDINGS * jnp.finfo(total.dtype).eps * speeds[0]) / unit + FLOOR
+
+
+def _rounded(flow: Flow, series: Float[Array, "panels terms"], low: Array, high: Array) -> Array:
+    """The integral of what rounds the kinks of a function at the edges of panels, too narrow for the nodes.
+
+    Near a place where the force of a pin with friction almost vanishes its size is s √(d² + x²), and the panels beside
+    see s |x|. At the edge the difference is s d, their slopes differ by 2 s, and the integral of the difference is
+    s d² (½ + ln(2 h / d)) up to the distance h. Functions that the nodes resolve have smaller slopes there.
+    """
+    half, n, count = flow.grid.half, flow.grid.n, np.arange(series.shape[1])
+    sign, rise = jnp.asarray((-1.0) ** count), jnp.asarray(0.5 * count * (count + 1.0))
+    left, right = low - series @ sign, high - jnp.sum(series, axis=1)
+    begins, ends = -(series * rise[None]) @ sign / half, series @ rise / half
+    left, begins, after = (jnp.roll(part, -1) for part in (left, begins, half))
+    missed = jnp.where(left * right > 0, jnp.minimum(jnp.abs(left), jnp.abs(right)), 0.0)
+    kink, width = jnp.abs(begins - ends), jnp.minimum(half, after)
+    far = safe_divide(kink * width, missed)
+    area = safe_divide(2 * missed**2, kink) * (0.5 + jnp.log(jnp.maximum(2 * far, 1.0)))
+    return jnp.sum(jnp.where(far > n * n, area, 0.0))
 
 
 def _missed(series: Float[Array, "panels terms"], low: Array, high: Array) -> Array:

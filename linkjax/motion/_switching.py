@@ -34,6 +34,7 @@ from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
+OFTEN = (1, 1, 2)  # times so many for the numbers of a guide: between two zeros of a force two sizes are equal twice
 SOFT = 2  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
 ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and with a lossy transmission
 IDLE = 1e-11  # of the largest force of a guide: a force that is less throughout is a rounding error
@@ -86,9 +87,9 @@ def grid_with_kinks(
 
 
 def guide_kinks(scene: Scene) -> int:
-    """How many numbers there are at whose zeros the friction of a joint has a kink."""
+    """How many numbers there are at whose zeros the friction of a joint has a kink, counted as often as by `OFTEN`."""
     by_joint = {each.joint: each for each in scene.friction}
-    return sum(by_joint[pair.joint.name].kinks for pair in pairs(scene.mechanism, scene.friction))
+    return sum(sum(OFTEN[: by_joint[pair.joint.name].kinks]) for pair in pairs(scene.mechanism, scene.friction))
 
 
 def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, speed: Any, acceleration: Any, most: int, soft: int) -> Any:
@@ -129,11 +130,14 @@ def _rubs_change(
     """Where the friction of guides has a kink, and the nearest of the places where forces of pins almost vanish."""
     every = [one for sides in friction.values() for one in sides.values()]
     found = [row for one in every for row in _no_noise(one.switches)]
+    counts = [often for one in every for often, _ in zip(OFTEN, one.switches, strict=False)]
     squares = [one.square for one in every if one.square is not None]
     ends = [jnp.zeros(0)]
-    if found:
-        rows = jax.lax.stop_gradient(jnp.stack(found)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
-        ends.append(jax.vmap(lambda row: sign_changes(grid, row, most).angles(grid))(rows).ravel())
+    for count in sorted(set(counts)):
+        own = jnp.stack([row for row, often in zip(found, counts, strict=True) if often == count])
+        rows = jax.lax.stop_gradient(own[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+        angles = jax.vmap(lambda row, count=count: sign_changes(grid, row, count * most).angles(grid))(rows)
+        ends.append(angles.ravel())
     least = Candidates(jnp.full(soft, jnp.inf), jnp.full(soft, jnp.inf))
     if squares:
         rows = jax.lax.stop_gradient(jnp.stack(squares)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
