@@ -266,9 +266,9 @@ def test_nothing_is_written_for_what_is_refused(call, tmp_path):
         (["analyse", "hay-press", "--angles", "72", "--set", "links.rocker.length=0.1 m"], 1, "link4-rocker"),
         (["analyse", "hay-press", "--angles", "72", "--set", "speed=20 rpm"], 1, "lowest mean speed"),
         (
-            ["analyse", "slider-crank", "--set", "friction.coefficient=0.1", "--set", 'friction.radius="10 mm"'],
+            ["run", "slider-crank", "--set", "friction.coefficient=0.1", "--set", 'friction.radius="10 mm"'],
             2,
-            "friction: with it only the forces at a given speed and acceleration are computed",
+            "friction: only the steady-state motion and its forces are computed with it",
         ),
     ],
 )

@@ -99,7 +99,7 @@ def test_every_measure_is_on_its_page():
     assert [m.name for m in MEASURES.values() if f"| `{m.name}` | {m.unit} | " not in text] == []
     for family in FAMILIES.values():
         of = {"": "machine", "joint": "joint and link"}.get(family.of, family.of)
-        if family.quantity is None:
+        if family.quantity is None or family.inverse:
             assert f"| `{family.name}` | {family.unit} | {of} | {family.meaning.rstrip('.')} |" in text
         else:
             row = re.search(rf"\| `{family.quantity.name}` \| {re.escape(family.unit)} \| {of} \| (.*?) \|", text)

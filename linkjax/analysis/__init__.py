@@ -15,6 +15,7 @@ from linkjax.analysis._document import moves as moves
 from linkjax.analysis._document import plain as plain
 from linkjax.analysis._energy_mass import EnergyMass as EnergyMass
 from linkjax.analysis._energy_mass import energy_mass as energy_mass
+from linkjax.analysis._friction import FrictionRun as FrictionRun
 from linkjax.analysis._given import at_acceleration as at_acceleration
 from linkjax.analysis._harmonic_table import harmonics_document as harmonics_document
 from linkjax.analysis._harmonics import asked_harmonics as asked_harmonics
@@ -29,6 +30,7 @@ from linkjax.analysis._overload import overload_rows as overload_rows
 from linkjax.analysis._pick import pick as pick
 from linkjax.analysis._precision import float32_digits as float32_digits
 from linkjax.analysis._table import columns as columns
+from linkjax.analysis._text import efficiency_rows as efficiency_rows
 from linkjax.analysis._text import energy_rows as energy_rows
 from linkjax.analysis._text import motor_rows as motor_rows
 from linkjax.analysis._tidy import CONSTANT as CONSTANT

@@ -14,7 +14,7 @@ from linkjax._compile import planned
 from linkjax._results import Result, merge
 from linkjax._types import Tracer, as_float
 from linkjax.analysis._cycle import Cycle, explain, explain_start
-from linkjax.analysis._friction import friction_runs
+from linkjax.analysis._friction import friction_runs, known_reduced
 from linkjax.analysis._idle import warn_of_idle
 from linkjax.analysis._missing import massless, only_what_exists
 from linkjax.analysis._precision import FEWEST, fewest_digits
@@ -123,8 +123,8 @@ def _analyse(scene: Scene, angles: Array, nodes: int, constant_speed: bool, meth
     results = {
         "friction": None if still else runs[-1 if constant_speed else 0], "friction_constant_speed": runs[-1],
         "pose": shown.pose, "transmission": shown.transmission, "transmission_ends": found.spans,
-        "margins": found.limits, "dead_centres": found.dead, "strokes": found.covered, "reduced": shown.reduced[0],
-        "steady": motion, "speed": shown.speed[0] if moves else None,
+        "margins": found.limits, "dead_centres": found.dead, "strokes": found.covered,
+        "reduced": known_reduced(shown, motion), "steady": motion, "speed": shown.speed[0] if moves else None,
         "acceleration": shown.acceleration[0] if moves else None, "time": shown.time,
         "forces": None if still else shown.forces[-1 if constant_speed else 0],
         "forces_constant_speed": shown.forces[-1], "peaks": found.peaks[0] if moves else None,

@@ -20,6 +20,7 @@ from linkjax.loads import joined_ranges
 from linkjax.machine import ReadyScene
 from linkjax.measures import lost_in
 from linkjax.motion import Grid, Place, is_locked
+from linkjax.reduction import Reduced
 
 SHOW = Numbers()
 
@@ -109,6 +110,21 @@ def rubbed_over(grid: Grid, forces: tuple[Forces, ...]) -> tuple[RubbedOver, ...
     return tuple(found)
 
 
+def known_reduced(shown: Any, motion: Any) -> Reduced:
+    """The reduced model at the crank angles in the actual motion, or at constant speed if there is none; with friction
+    NaN for the torque where the machine locks."""
+    found, moves = shown.reduced[0], shown.friction[0].moves if shown.friction else None
+    if motion is not None and len(shown.reduced) > 1:
+        exists = motion.steady_state_margin > 0
+        found = jax.tree.map(lambda a, b: jnp.where(exists, a, b), *shown.reduced)
+        moves = None if moves is None else jnp.where(exists, moves, shown.friction[-1].moves)
+    if moves is None:
+        return found
+    rub = jnp.where(moves, found.by_load["friction"], jnp.nan)
+    torque = jnp.where(moves, found.torque, jnp.nan)
+    return found._replace(torque=torque, by_load={**found.by_load, "friction": rub})
+
+
 @compiled_soon
 def without_locked(forces: Forces) -> Forces:
     """The forces at many angles, with NaN for reactions where the machine locks."""
@@ -154,7 +170,7 @@ def locked_text(cycle: Any) -> str:
         factor = np.where(moves, np.inf, np.asarray(run.locking_factor))
         worst = int(np.argmin(factor))
         if np.isfinite(factor[worst]):
-            joint = f"; most of its power is lost in {run.joints[int(run.locking_joint[worst])]}"
+            joint = f", and most power goes into the friction of {run.joints[int(run.locking_joint[worst])]}"
     return (
         f"friction locks the machine {where}: no finite drive torque keeps up the motion{joint}. Lower its "
         "coefficient or radius, improve the transmission angle, or drive another link."

@@ -55,7 +55,8 @@ class LoadRun(eqx.Module):
 
 def energies_of(cycle: Any) -> dict[str, Work] | None:
     """See `Cycle.energies`."""
-    if cycle.on_grid is None:
+    run = cycle.friction or cycle.friction_constant_speed
+    if cycle.on_grid is None or (run is not None and bool(run.locks)):
         return None
     scene, (grid, here, slope) = cycle.scene, cycle.on_grid
     speed = as_float(scene.speed)

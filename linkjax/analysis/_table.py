@@ -18,7 +18,8 @@ from linkjax.analysis._tidy import CONSTANT
 from linkjax.mechanism import StructureError
 
 ANGLE = "crank_angle"
-KINDS = ("points", "links", "groups", "reduced", "motion", "motor", "loads", "forces", "forces_constant_speed")
+KINDS = ("points", "links", "groups", "reduced", "motion", "motor", "loads", "friction", "forces",
+         "forces_constant_speed")  # fmt: skip
 TURNED = {"angle": "angle", "d": "dangle", "dd": "ddangle"}  # of links
 
 Columns = dict[str, np.ndarray]
@@ -62,6 +63,9 @@ def _name(kind: str, path: tuple[str, ...]) -> str:
         key = f"motor_{key}"
     elif kind == "loads" and key != "power":
         key = f"{key}_load"
+    elif kind == "friction":
+        key = f"friction_{key}" if owners or key == "efficiency" else key
+        owners = owners[1:]
     elif owners[:1] == ["torque_by_load"]:
         owners, key = [key], "torque"
     elif owners[:1] == ["reactions"]:

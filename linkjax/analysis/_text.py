@@ -49,6 +49,7 @@ def _head(data: Data, scene: Any) -> Rows:
     else:
         rows.append(("crank speed", f"{SHOW.speed(float(scene.speed))}, constant"))
         rows += [(DELTA, NONE), ("mean drive torque", f"{NONE} (constant torque of the actual motion)")]
+    rows += efficiency_rows(data, SHOW)
     acting = [load.name for load in scene.loads if isinstance(load.window, Passage)]
     rows += [(f"load {name} acts", acts_text(data, name, SHOW)) for name in acting]
     rows.append(("flywheel", SHOW.shown(flywheel["given"], "kg·m²")))
@@ -100,6 +101,25 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
     return [*rows, ("stability", kept)]
 
 
+def efficiency_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
+    """Efficiency over the cycle, and how far the machine is from locking; none without useful loads or friction."""
+    rows, run = [], _rubbing(data)
+    if data.get("efficiency") is not None:
+        rows.append(("efficiency", f"{100 * data['efficiency']:.4g} %"))
+    if run is not None:
+        factors = np.asarray(run["locking_factor"], float)
+        worst = int(np.argmin(factors))
+        if np.isfinite(factors[worst]):
+            place = f"at {show.turned(data['angles'][worst])}, most of the power in {run['locking_joint'][worst]}"
+            rows.append(("friction locks at", f"{factors[worst]:.4g} times its coefficients, {place}"))
+    return rows
+
+
+def _rubbing(data: Data) -> Any:
+    """Friction in the motion of the energies; None without friction."""
+    return data.get("friction") or data.get("friction_constant_speed")
+
+
 def energy_rows(data: Data, show: Numbers) -> Rows:
     """Energies per cycle by source and sink, with their sums; none where only gravity and inertia act."""
     found = data.get("energies") or {}
@@ -111,6 +131,9 @@ def energy_rows(data: Data, show: Numbers) -> Rows:
     for name, work in (found | {"sum": sums}).items():
         if max(work.values()) > ROUNDING * largest:
             rows.append((name, *(show.quantity(work[way], "J", 6, largest) for way in sums)))
+        if name == "friction":
+            lost = ((joint, each["loss"]) for joint, each in _rubbing(data)["joints"].items())
+            rows += [(f"  in {joint}", "", show.quantity(loss, "J", 6, largest)) for joint, loss in lost]
     return rows if len(rows) > 1 else []
 
 

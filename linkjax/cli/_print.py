@@ -12,6 +12,7 @@ from linkjax._display import NONE, Numbers, above, retold
 from linkjax.analysis import (
     acts_text,
     check_limit,
+    efficiency_rows,
     energy_rows,
     motor_rows,
     moves,
@@ -164,6 +165,7 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
         ("mean power", show.quantity(run["mean_power"], "W", 6, power_scale(data))),
         *motor_rows(data, show),
     ]  # fmt: skip
+    rows += efficiency_rows(data, show)
     rows.append(("flywheel given", show.shown(wheel["given"], "kg·m²")))
     if wheel["for_target_delta"] is not None:
         need, target = wheel["for_target_delta"], wheel["target_delta"]

@@ -22,6 +22,7 @@ from linkjax._units import DIMENSIONS, QuantityError, in_si, quantity
 from linkjax._vec import Vec
 from linkjax.design._load_names import table_parameters
 from linkjax.drives import drive_numbers
+from linkjax.friction import Thrust
 from linkjax.groups import AbstractGroup, AbstractLaw, Belt, Drive, Guide, Moves, Slot, Teeth
 from linkjax.loads import AbstractLoad, Passage
 from linkjax.machine import Scene
@@ -189,6 +190,8 @@ def _numbers(scene: Scene) -> Iterator[Number]:
                           group.drive_slides())  # fmt: skip
     for i, load in enumerate(scene.loads):
         yield from _load(f"loads.{load.name}", load, lambda s, i=i: s.loads[i])
+    for i, friction in enumerate(scene.friction):
+        yield from _rubbing(f"joints.{friction.joint}", friction, lambda s, i=i: s.friction[i])
     for each in () if scene.motor is None else drive_numbers(scene.motor):
         yield Number(f"motor.{each.key}", lambda s, where=each.where: where(s.motor), each.unit,
                      -math.inf if each.signed else 0.0)  # fmt: skip
@@ -218,6 +221,23 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
             if getattr(piece, part) is not None:
                 yield Number(f"{own}.{part}", lambda s, k=key, q=part: getattr(where(s).counterweights[k], q),
                              UNITS[part], LEAST[part])  # fmt: skip
+
+
+OF_FRICTION = {  # units and smallest values of the numbers of friction
+    "coefficient": ("1", 0.0), "radius": ("m", 0.0), "groove": ("rad", 1e-3), "length": ("m", 1e-6),
+    "seat": ("1", 1.0), "force": ("N", 0.0), "outer": ("m", 1e-6), "inner": ("m", 0.0),
+}  # fmt: skip
+
+
+def _rubbing(name: str, friction: Any, where: Where) -> Iterator[Number]:
+    """The parameters of the friction of a joint, and of its thrust face."""
+    for field in dataclasses.fields(friction):
+        key, value = field.name, getattr(friction, field.name)
+        if isinstance(value, Thrust):
+            yield from _rubbing(f"{name}.{key}", value, lambda s: where(s).thrust)
+        elif value is not None and key in OF_FRICTION:
+            unit, least = OF_FRICTION[key]
+            yield Number(f"{name}.{key}", lambda s, k=key: getattr(where(s), k), unit, least)
 
 
 def _group(

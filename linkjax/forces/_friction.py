@@ -91,7 +91,7 @@ def rubbed(
         return jnp.append(c + factor * senses * jnp.stack(sizes), rate - advance(paces @ c))
 
     def step(state: Array) -> tuple[Array, Array]:
-        return _eliminated(jax.jacfwd(left)(state), -left(state))
+        return eliminated(jax.jacfwd(left)(state), -left(state))
 
     def again(loop: tuple) -> tuple:
         count, state, _ = loop
@@ -114,7 +114,7 @@ def rubbed(
     return Rubbed(state[:-1], state[-1], fixed((last < NEAR) & (sign > 0)), reactions(state[:-1], state[-1]))
 
 
-def _eliminated(a: Array, b: Array) -> tuple[Array, Array]:
+def eliminated(a: Array, b: Array) -> tuple[Array, Array]:
     """x of a x = b for one small matrix, and the sign of its determinant, by Gauss and Jordan without pivoting: the
     matrix is close to the unit matrix, unless the machine is close to locking."""
     rows, sign = jnp.concatenate([a, b[:, None]], axis=1), jnp.ones_like(b[0])

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from linkjax._numerics import safe_divide
-from linkjax.forces._friction import rubbed
+from linkjax.forces._friction import eliminated, rubbed
 from linkjax.forces._kinetostatics import acting_on, applied_to, friction_numbers, reactions_of
 from linkjax.friction import rubbing
 from linkjax.kinematics import Pose
@@ -25,6 +25,8 @@ from linkjax.machine import Scene
 
 LEAST, MOST = 1e-6, 1e6  # the range of factors
 HALVINGS = 56  # of its logarithm
+INSIDE = 1e-11  # relative: so far below the limit the equations are not singular
+ROUNDS = 3  # of inverse iteration
 
 
 class Locking(NamedTuple):
@@ -56,7 +58,7 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
     fixed = jax.lax.stop_gradient
     ends = jnp.log(jnp.asarray(LEAST)), jnp.log(jnp.asarray(MOST))
     low, high = fixed(jax.lax.fori_loop(0, HALVINGS, halve, ends))
-    limit = jnp.exp(low)
+    limit = jnp.exp(low) * (1 - INSIDE)
     values = fixed(solved(limit).values)
     power = jnp.abs(values * paces)
 
@@ -66,10 +68,19 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
         return c + factor * senses * jnp.stack(sizes)
 
     a, size = fixed(jax.jacfwd(left)(values, limit)), jnp.max(jnp.abs(values))
-    w = jnp.linalg.svd(a)[0][:, -1]
+    w = _null(a.T)
     by_factor = fixed(jax.jvp(lambda factor: left(values, factor), (limit,), (jnp.ones_like(limit),))[1])
     unit = jnp.where(size > 0, size, 1.0)
     moved = safe_divide(w @ (left(values, limit) / unit), w @ (by_factor / unit))
     factor = limit - (moved - fixed(moved))
     inverse = jnp.where(high >= ends[1], 0.0, 1 / factor)
     return Locking(inverse, fixed(safe_divide(power, jnp.sum(power) * jnp.ones_like(power))))
+
+
+def _null(a: Array) -> Array:
+    """The null vector of a matrix that is nearly singular, by inverse iteration."""
+    found = jnp.ones_like(a[0])
+    for _ in range(ROUNDS):
+        found, _ = eliminated(a, found)
+        found = safe_divide(found, jnp.max(jnp.abs(found)) * jnp.ones_like(found))
+    return jax.lax.stop_gradient(found)

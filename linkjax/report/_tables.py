@@ -11,6 +11,7 @@ from linkjax._display import NONE, turning
 from linkjax.analysis import (
     acts_text,
     check_limit,
+    efficiency_rows,
     motor_rows,
     moves,
     peak_label,
@@ -93,6 +94,7 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
         found["flywheel inertia for target δ"] = show.quantity(need, "kg·m²") if need > 0 else "none"
     if wheel.get("textbook") is not None:
         found["flywheel inertia by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
+    found |= dict(efficiency_rows(data, show))
     if motion.get("steady_state_margin") is not None:
         found["steady-state margin"] = show.quantity(float(motion["steady_state_margin"]), digits=4)
     if motion.get("speed") is None and motion.get("min_mean_speed") is not None:

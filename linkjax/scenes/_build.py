@@ -106,6 +106,7 @@ def build(document: Document) -> Scene:
             constant_speed=model.constant_speed,
             motor=None if model.motor is None else model.motor.build(),
             friction=frictions(model.friction, model.joints, mechanism),
+            useful=tuple(load.name for load in model.loads if load.useful),
         )
 
 

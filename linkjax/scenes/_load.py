@@ -6,7 +6,7 @@ import abc
 from collections.abc import Iterator
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, StrictBool
 
 from linkjax import loads
 from linkjax.scenes._fields import Name, Table
@@ -26,6 +26,9 @@ class LoadTable(Table, abc.ABC):
         description="crank angles [on, off) between which it acts, or a table with the part of a way on which it acts",
         examples=[["90 deg", "335 deg"]],
     )
+    useful: StrictBool = Field(
+        False, description="its work is what the machine is for, and counts in its efficiency", examples=[True]
+    )
 
     @abc.abstractmethod
     def build(self, cycle_turns: int) -> loads.AbstractLoad:
@@ -34,7 +37,7 @@ class LoadTable(Table, abc.ABC):
     @staticmethod
     @abc.abstractmethod
     def keys_of(load: Any) -> dict[str, Any]:
-        """The keys, except name, link and window, that build this load."""
+        """The keys, except name, link, window and useful, that build this load."""
 
     def faults(self) -> Iterator[Fault]:
         """Contradictions between its keys."""

@@ -66,7 +66,8 @@ def table_of(scene: Scene) -> Table:
     else:
         table["groups"] = [_group(group) for group in mechanism.groups]
     if scene.loads:
-        table["loads"] = [load_keys(load) for load in scene.loads]
+        useful = {name: {"useful": True} for name in scene.useful}
+        table["loads"] = [{**load_keys(load), **useful.get(load.name, {})} for load in scene.loads]
     return table
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import gc
 import itertools
 
 import diffrax
@@ -63,7 +64,12 @@ CHANGED = {  # the larger of two equal values has no slope
     "two-slider-press": {"groups[1].guide.offset": "3 mm", "links.crank.centre": "20 mm"},
 }
 H = 3e-4  # step of the differences
-FINER = {"scissor-lift": 3e-5, "hay-press": 5e-5, "two-slider-press": 5e-5}  # forces are steep, or almost vanish
+FINER = {
+    "scissor-lift": 3e-5,
+    "geared-press": 1.5e-4,
+    "hay-press": 5e-5,
+    "two-slider-press": 5e-5,
+}  # forces are steep, or almost vanish
 LOST = 2e-14  # rounding of a least force, for every square of its depth
 AWAY = 1e-8  # of a half panel: how far three points beside a summit leave it
 ROUNDED = 1e-10  # of a half panel: what rounding of values 1.25e-5 apart leaves of its place
@@ -82,7 +88,7 @@ FLAT = {  # measures of `MEASURES` without slope
     ),
 }  # fmt: skip
 KINK = 1e-4  # of the slope: a smooth function bends four times as much over twice the step, by far less
-MOST = 40  # measures of one program: a large one takes several times as long to compile as its parts
+MOST = 16  # measures of one program: a large one takes several times as long to compile as its parts, and its memory
 FLOOR = 1e-9  # of the largest measure of the same unit: a slope below it is that of a measure that is constant
 
 
@@ -169,6 +175,12 @@ def of_parts(program: CompiledSoon, name: str, *args, **fixed) -> list:
     return [program(*args, names=names, **fixed) for names in parts(name)]
 
 
+def dropped(program: CompiledSoon) -> None:
+    """Drop the programs of a function: all derivatives of a large machine together would fill the memory."""
+    program.programs.clear()
+    gc.collect()
+
+
 @functools.cache
 def gradients(name: str) -> np.ndarray:
     """Gradients of measures with respect to relative changes of every number, `ZERO` where it is zero:
@@ -176,13 +188,10 @@ def gradients(name: str) -> np.ndarray:
     scene = swept(name)
     leaves = np.asarray(jax.tree.leaves(scene))
     size = np.where(leaves == 0, ZERO.get(scene.title, 0.03), leaves)
+    rows = []
     for names in parts(name):
-        backward.ahead(scene, jnp.zeros(len(names)), names=names)
-    rows = [
-        jax.tree.leaves(backward(scene, weights, names=names))
-        for names in parts(name)
-        for weights in jnp.eye(len(names))
-    ]
+        rows += [jax.tree.leaves(backward(scene, weights, names=names)) for weights in jnp.eye(len(names))]
+        dropped(backward)
     return np.asarray(rows) * size
 
 
@@ -210,12 +219,12 @@ def neighbours(name: str) -> tuple[np.ndarray, np.ndarray]:
     def tree_of(numbers: np.ndarray) -> lj.Scene:
         return jax.tree.unflatten(tree, list(map(np.asarray, numbers)))
 
+    found = []
     for names in parts(name):
-        forward.ahead(scene, scene, names=names)
-    found = [
-        [forward(tree_of(leaves + size * step), tree_of(size * along), names=names) for step, along in pairs]
-        for names in parts(name)
-    ]
+        found.append(
+            [forward(tree_of(leaves + size * step), tree_of(size * along), names=names) for step, along in pairs]
+        )
+        dropped(forward)
     values, slopes = (np.concatenate([[each[i] for each in part] for part in found], axis=1) for i in range(2))
     return values[: len(steps)], slopes[len(steps) :]
 

@@ -1,0 +1,230 @@
+"""Self-locking, back-driving and losses: closed forms of a slider-crank, published work, both sides of locking."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax._compile import compiled_soon
+from linkjax._results import Result
+from linkjax.analysis import document, plain
+from linkjax.design import changed, numbers
+from linkjax.forces import kinetostatics, locking_of_pose
+from linkjax.friction import GuideFriction, everywhere
+from linkjax.kinematics import pose
+from linkjax.machine import ready
+from tests.physics.test_friction import crank_slider
+
+R, L, F = 0.1, 0.3, 200.0  # crank and rod of `crank_slider` (m), and a force that resists (N)
+ANGLES = np.radians([10.0, 40.0, 75.0, 100.0, 150.0, 200.0, 260.0, 330.0])
+
+
+@compiled_soon
+def lockings(scene: lj.Scene, phi: jax.Array):
+    made = ready(scene)
+
+    def one(phi):
+        here, at = pose(made.mechanism, phi), made.instant(phi, phi, jnp.zeros(()))
+        return locking_of_pose(made.scene, here, at, made.scene.active(phi))
+
+    return jax.vmap(one)(phi)
+
+
+@compiled_soon
+def torques(scene: lj.Scene, phi: jax.Array, speed: jax.Array):
+    found = jax.vmap(lambda phi: kinetostatics(scene, phi, speed, jnp.zeros(())))(phi)
+    return found.drive_torque, found.moves
+
+
+def resisted(friction=(), masses=(0.0, 0.0, 0.0)) -> lj.Scene:
+    """The slider-crank against a force on its slider, which always resists."""
+    scene = crank_slider(masses=masses)
+    load = lj.OpposingForce("push", "slider", "D", magnitude=F)
+    return dataclasses.replace(scene, loads=(load,), friction=friction, useful=("push",))
+
+
+def factor(scene: lj.Scene, angles=ANGLES) -> np.ndarray:
+    return 1 / np.asarray(lockings(scene, jnp.asarray(angles)).inverse)
+
+
+def test_locking_of_a_guide():
+    """A rod without mass pushes the slider at the angle β: it locks for f tan β = 1, whatever the load."""
+    beta = np.arcsin(R / L * np.sin(ANGLES))
+    found = factor(resisted((GuideFriction("slider", 0.3),)))
+    np.testing.assert_allclose(found, 1 / np.abs(np.tan(beta)) / 0.3, rtol=1e-8)
+
+
+def test_torque_of_both_directions():
+    """The rod carries F / (cos β ∓ f |sin β|), forwards and backwards."""
+    f, scene = 0.9, resisted((GuideFriction("slider", 0.9),))
+    beta = np.arcsin(R / L * np.sin(ANGLES))
+    arm = R * np.sin(ANGLES + beta) / np.cos(beta)
+    for way in (1.0, -1.0):
+        expected = F * np.abs(arm) * np.cos(beta) / (np.cos(beta) - way * f * np.abs(np.sin(beta)))
+        found, moves = torques(scene, jnp.asarray(ANGLES), jnp.asarray(way))
+        assert bool(jnp.all(moves))
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_both_sides_of_the_limit():
+    """With friction in all joints the machine moves just below the factor, and locks just above it."""
+    scene = resisted()
+
+    def times(factor: float) -> lj.Scene:
+        return dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1 * factor, 0.01, 0.3 * factor))
+
+    limits = factor(times(1.0))
+    guide = factor(resisted((GuideFriction("slider", 0.3),)))
+    assert np.all(limits <= guide * (1 + 1e-8)) and np.min(limits / guide) < 0.9  # two solutions meet before
+    for angle, limit in zip(ANGLES, limits, strict=True):
+        for side in (1 - 1e-6, 1 + 1e-6):
+            torque, moves = torques(times(limit * side), jnp.asarray([angle]), jnp.asarray(1.0))
+            assert bool(moves[0]) is (side < 1)
+            assert np.isfinite(torque[0]) == (side < 1)
+
+
+def test_a_factor_has_exact_derivatives():
+    """By coefficient, radius and lengths: forward as reverse, and as differences."""
+    scene = resisted()
+    scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1, 0.01, 0.3))
+    names = ("joints.B.coefficient", "joints.D.radius", "joints.slider.guide.coefficient", "links.rod.length")
+    known = numbers(scene)
+    first = jnp.stack([known[name].read(scene) for name in names])
+
+    def value(given):
+        return jnp.log(lockings.function(changed(scene, dict(zip(names, given, strict=True))), jnp.asarray([0.3]))[0])[
+            0
+        ]
+
+    slopes = compiled_soon(lambda x: (jax.jacfwd(value)(x), jax.grad(value)(x)))
+    ahead, back = (np.asarray(each) for each in slopes(first))
+    np.testing.assert_allclose(ahead, back, rtol=1e-9)
+    single = compiled_soon(value)
+    for i, size in enumerate(np.asarray(first)):
+        h = 1e-4 * size
+        low, high = (float(single(first.at[i].add(step))) for step in (-h, h))
+        assert (high - low) / (2 * h) == pytest.approx(ahead[i], rel=1e-5, abs=1e-7 / size)
+
+
+def test_friction_without_load_never_locks():
+    free = dataclasses.replace(resisted((GuideFriction("slider", 0.3),)), loads=(), useful=())
+    assert not np.any(lockings(free, jnp.asarray(ANGLES)).inverse)
+
+
+@functools.cache
+def published() -> lj.Cycle:
+    """The slider-crank of the published digits, with 200 N, at constant speed."""
+    scene = crank_slider(force=-F)
+    scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1, 0.01), useful=("push",))
+    return lj.analyse(scene, angles=72, constant_speed=True)
+
+
+def test_work_lost_in_a_turn():
+    """By the sum of many torques and as published, 4.957994 J, where the last digit
+    is that of a coarser sum. The drive gives what friction takes, since a constant force does no work in a turn."""
+    cycle = published()
+    run, works = cycle.friction, cycle.energies
+    assert run is not None and works is not None
+    lost = sum(float(each) for each in run.loss.values())
+    count = 20000
+    phi = jnp.asarray((np.arange(count) + 0.5) * 2 * math.pi / count)
+    torque, _ = torques(cycle.scene, phi, cycle.scene.speed)
+    assert lost == pytest.approx(2 * math.pi * float(jnp.mean(torque)), rel=2e-6)
+    assert lost == pytest.approx(4.957994, abs=1e-6)
+    assert works["friction"].net == pytest.approx(-lost, rel=1e-11)
+    assert works["drive"].net == pytest.approx(lost, rel=1e-11)
+    assert cycle.efficiency == pytest.approx(0.0, abs=1e-11)  # the force gives back what it takes
+
+
+def test_power_at_every_angle():
+    """The drive gives the frictionless power and that of every joint."""
+    cycle = published()
+    run, forces = cycle.friction, cycle.forces
+    assert run is not None and forces is not None
+    power = sum(np.asarray(each) for each in run.power.values())
+    assert np.min(power) > 0
+    free = np.asarray(forces.drive_torque) - power / float(cycle.scene.speed)
+    np.testing.assert_allclose(run.frictionless_torque, free, rtol=0, atol=1e-12 * np.max(np.abs(free)))
+    without = dataclasses.replace(cycle.scene, friction=())
+    bare, _ = torques(without, cycle.angles, cycle.scene.speed)
+    np.testing.assert_allclose(run.frictionless_torque, bare, rtol=0, atol=1e-12 * np.max(np.abs(free)))
+    ratio = np.asarray(run.efficiency) * np.asarray(forces.drive_torque)
+    np.testing.assert_allclose(ratio, bare, rtol=0, atol=1e-12 * np.max(np.abs(free)))
+    back, _ = torques(cycle.scene, cycle.angles, -cycle.scene.speed)
+    np.testing.assert_allclose(run.backward_torque, back, rtol=0, atol=1e-12 * np.max(np.abs(free)))
+
+
+@functools.cache
+def locked() -> lj.Cycle:
+    """A guide so rough that the machine locks for f tan β > 1."""
+    return lj.analyse(resisted((GuideFriction("slider", 4.0),), (0.2, 0.0, 0.4)), angles=360, constant_speed=True)
+
+
+def test_a_locked_machine_is_a_result():
+    cycle = locked()
+    data = plain(document(cycle))
+    limit = math.degrees(math.asin(L / R * math.sin(math.atan(1 / 4.0))))
+    beyond = np.abs(np.abs(np.degrees(np.asarray(cycle.angles)) % 180 - 90)) < 90 - limit
+    run = cycle.friction
+    assert run is not None and bool(run.locks)
+    assert np.array_equal(~np.asarray(run.moves), beyond) and 0 < np.sum(beyond) < 360
+    assert data["result"]["code"] == Result.LOCKED
+    first = math.degrees(float(cycle.angles[int(np.argmax(beyond))]))
+    assert f"locks the machine at {first:.3f}°" in data["result"]["message"]
+    assert "slider.guide" in data["result"]["message"] and str(cycle).startswith("Scene: friction locks")
+    assert cycle.energies is None and data["efficiency"] is None
+    lost = data["forces_constant_speed"]["reactions"]["B"]["rod"]["fx"]
+    assert np.array_equal([each is None for each in lost], beyond)
+    peaks = data["peaks"]
+    assert peaks["peak_drive_torque_constant_speed"]["value"] is None
+    assert peaks["peak_shaking_force_constant_speed"]["value"] > 0
+    assert float(np.min(run.locking_factor)) == pytest.approx(1 / math.tan(math.asin(R / L)) / 4.0, rel=1e-8)
+    assert max(data["checks"][key] for key in ("virtual_power", "force_balance")) < 1e-12
+
+
+@pytest.mark.slow
+def test_measures_of_friction():
+    """Efficiency, losses, locking factor and δ: those of the analysis; forward as reverse, and as differences."""
+    scene = resisted(masses=(0.2, 0.2, 0.4))
+    mechanism = dataclasses.replace(scene.mechanism, flywheel=lj.Flywheel(0.05))
+    scene = dataclasses.replace(
+        scene.with_mechanism(mechanism), friction=everywhere(mechanism, 0.1, 0.01, 0.3), target_delta=0.05
+    )
+    asked = ("efficiency", "efficiency_constant_speed", "loss.B", "loss.slider.guide", "loss_constant_speed.D",
+             "efficiency@60deg", "locking_factor where 20deg to 60deg", "delta",
+             "flywheel_for_target_delta")  # fmt: skip
+    names = ("joints.B.coefficient", "joints.D.radius", "joints.slider.guide.coefficient", "links.rod.length",
+             "links.slider.mass")  # fmt: skip
+    known = numbers(scene)
+    first = jnp.stack([known[name].read(scene) for name in names])
+
+    def values(given):
+        found = lj.measures.evaluate(changed(scene, dict(zip(names, given, strict=True))), asked)
+        return jnp.stack([found[name] for name in asked])
+
+    forward = compiled_soon(lambda x, t: jax.jvp(values, (x,), (t,)))
+    backward = compiled_soon(lambda x, w: jax.vjp(values, x)[1](w)[0])
+    middle = np.asarray(forward(first, jnp.zeros_like(first))[0])
+    ahead = np.stack([np.asarray(forward(first, unit)[1]) for unit in jnp.eye(len(names))], axis=1)
+    back = np.stack([np.asarray(backward(first, unit)) for unit in jnp.eye(len(asked))])
+    size = np.asarray(first)
+    scale = np.linalg.norm(back * size, axis=1, keepdims=True)
+    assert np.max(np.abs(ahead - back) * size / scale) < 1e-9
+    for i in range(len(names)):
+        h = 1e-4 * size[i]
+        low, high = (np.asarray(forward(first.at[i].add(step), first)[0]) for step in (-h, h))
+        assert np.max(np.abs((high - low) / (2 * h) - ahead[:, i]) * size[i] / scale[:, 0]) < 1e-5, names[i]
+    cycle = lj.analyse(scene, angles=24)
+    assert cycle.friction is not None and cycle.friction_constant_speed is not None
+    assert middle[0] == pytest.approx(cycle.efficiency, rel=1e-9)
+    assert middle[2] == pytest.approx(float(cycle.friction.loss["B"]), rel=1e-9)
+    assert middle[4] == pytest.approx(float(cycle.friction_constant_speed.loss["D"]), rel=1e-9)
+    assert middle[5] == pytest.approx(float(cycle.friction.efficiency[4]), rel=1e-9)
+    assert middle[7] == pytest.approx(float(cycle.delta), rel=1e-9)
