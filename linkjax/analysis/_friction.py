@@ -128,8 +128,9 @@ def known_reduced(shown: Any, motion: Any) -> Reduced:
 @compiled_soon
 def without_locked(forces: Forces) -> Forces:
     """The forces at many angles, with NaN for reactions where the machine locks."""
-    lost = (forces.reactions, forces.frame, forces.net_frame)
-    reactions, frame, net = jax.tree.map(lambda part: jnp.where(forces.moves, part, jnp.nan), lost)
+    lost, moves = (forces.reactions, forces.frame, forces.net_frame), forces.moves
+    assert moves is not None
+    reactions, frame, net = jax.tree.map(lambda part: jnp.where(moves, part, jnp.nan), lost)
     return forces._replace(reactions=reactions, frame=frame, net_frame=net)
 
 

@@ -216,8 +216,9 @@ def rows(of: Parts, asked: Asked) -> Rows | Wanted:
     wanted = rows_of(of, found)
     if not family.inverse:
         return wanted
-    assert wanted.finish is not None
-    return wanted._replace(finish=lambda tops: of.machine.run(_inverse, wanted.finish(tops)))
+    finish = wanted.finish
+    assert finish is not None
+    return wanted._replace(finish=lambda tops: of.machine.run(_inverse, finish(tops)))
 
 
 @compiled_soon

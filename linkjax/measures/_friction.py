@@ -90,7 +90,7 @@ def _lost(grid: Grid, sides: dict[str, JointFriction], moves: Array | None) -> A
 
 def lost_in(grid: Grid, sides: dict[str, JointFriction]) -> Array:
     """The work (J) that the friction of a joint takes in a cycle, from values at the nodes."""
-    power = -sum(one.value * one.speed for one in sides.values())
+    power = -jnp.sum(jnp.stack([one.value * one.speed for one in sides.values()]), axis=0)
     return jnp.sum(grid.half[:, None] * grid.rule.w[None] * power[: grid.size].reshape(grid.nodes.shape))
 
 
@@ -99,7 +99,7 @@ def _efficiency(
     grid: Grid, here: Reduced, divided: Grid, power: Array, speed: Array, moves: Array | None, useful: Sequence[str]
 ) -> Array:
     """`power` is that of the drive at the nodes of the `divided` grid."""
-    work = -sum(here.by_load[name] for name in useful)
+    work = -jnp.sum(jnp.stack([here.by_load[name] for name in useful]), axis=0)
     torque = safe_divide(power[0, 0], speed)[: divided.size].reshape(divided.nodes.shape)
     given = jnp.sum(divided.half[:, None] * divided.rule.w[None] * torque)
     done = jnp.sum(grid.half[:, None] * grid.rule.w[None] * work)

@@ -32,9 +32,9 @@ def together(one: Candidates, two: Candidates) -> Candidates:
 
 
 def nearest(found: Candidates, most: int) -> tuple[Candidates, Array]:
-    """The breakpoints nearest to the real axis, and whether others are not taken."""
+    """The breakpoints nearest to the real axis, and whether others, on it, are not taken."""
     order = jnp.argsort(jax.lax.stop_gradient(found.distance))[:most]
-    return Candidates(*(taken(part, order) for part in found)), jnp.sum(jnp.isfinite(found.distance)) > most
+    return Candidates(*(taken(part, order) for part in found)), jnp.sum(found.distance <= KINK) > most
 
 
 def pick(mask: Array, values: Array) -> Array:

@@ -44,7 +44,7 @@ from linkjax.reduction import Reduced, loaded, of_crank
 from linkjax.sampling import Sample, Sampler
 
 REVERSALS = 4  # the most reversals per opposing load and crank turn
-RUBS = 2  # reversals per joint with friction and crank turn, in the mean; each has at most as many as a load
+RUBS = 3  # reversals per joint with friction and crank turn, in the mean; each has at most as many as a load
 ROUGH = 6  # the least nodes per panel with friction, whose many reversals make panels narrow
 POLISH = 2  # evaluations that refine each of them
 

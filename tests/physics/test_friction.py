@@ -301,14 +301,9 @@ def test_redundant_links_are_refused():
         dataclasses.replace(scene, friction=(PinFriction("A", 0.1, 0.01),))
 
 
-def test_the_motion_is_refused():
+def test_runs_are_refused():
     scene = crank_slider(friction=(PinFriction("B", 0.1, 0.01),), force=-100.0)
     driven = dataclasses.replace(scene, motor=lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=20.0)))
-
-    def one(scene: lj.Scene):
-        return lj.measures.evaluate(scene, ["delta"])
-
-    of_motor = (lj.steady_states, lj.starting_torque, lj.run_up_time)
-    for ask in (lj.analyse, lj.run, lj.steady_motion, lj.to_mjcf, one, *of_motor):
-        with pytest.raises(lj.mechanism.StructureError, match="only the forces at a given speed"):
-            ask(driven if ask in of_motor else scene)
+    for ask in (lj.run, lj.to_mjcf, lj.starting_torque, lj.run_up_time, lj.motion.steady_by_diffrax):
+        with pytest.raises(lj.mechanism.StructureError, match="friction: only the steady|start from rest with friction"):
+            ask(driven if ask in (lj.starting_torque, lj.run_up_time) else scene)
