@@ -305,5 +305,7 @@ def test_runs_are_refused():
     scene = crank_slider(friction=(PinFriction("B", 0.1, 0.01),), force=-100.0)
     driven = dataclasses.replace(scene, motor=lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=20.0)))
     for ask in (lj.run, lj.to_mjcf, lj.starting_torque, lj.run_up_time, lj.motion.steady_by_diffrax):
-        with pytest.raises(lj.mechanism.StructureError, match="friction: only the steady|start from rest with friction"):
+        with pytest.raises(
+            lj.mechanism.StructureError, match="friction: only the steady|start from rest with friction"
+        ):
             ask(driven if ask in (lj.starting_torque, lj.run_up_time) else scene)

@@ -228,3 +228,20 @@ def test_measures_of_friction():
     assert middle[4] == pytest.approx(float(cycle.friction_constant_speed.loss["D"]), rel=1e-9)
     assert middle[5] == pytest.approx(float(cycle.friction.efficiency[4]), rel=1e-9)
     assert middle[7] == pytest.approx(float(cycle.delta), rel=1e-9)
+
+
+def test_a_toggle_clamp_holds_near_its_dead_centre():
+    """Where the workpiece cannot push the lever back: friction takes more than the workpiece gives, so that the lever is
+    pulled open against friction, within the angle where the line of force passes through the friction circles."""
+    cycle = lj.analyse(lj.load("toggle-clamp"), angles=720)
+    run, angle = cycle.friction, np.degrees(np.arcsin(np.asarray(cycle.pose.links["lever"].u.y)))
+    assert run is not None and not bool(run.locks)
+    free, back = np.asarray(run.frictionless_torque), np.asarray(run.backward_torque)
+    pushed = free > 1e-3 * np.max(free)
+    holds = pushed & (back < 0)
+    assert 1.5 < np.max(angle[holds]) < np.min(angle[pushed & ~holds]) < 2.3
+    # the rod's force F is a tangent of the circles f r of its pins, crossed, and works at the bearing, too: to first order
+    # F (R sin φ (1 + R / L) - f r (2 + 2 R / L)) = 0, less what the guide takes
+    f, r, crank, link = 0.15, 5e-3, 0.04, 0.06
+    limit = math.degrees(f * r * (2 + 2 * crank / link) / (crank * (1 + crank / link)))
+    assert np.max(angle[holds]) == pytest.approx(limit, abs=0.1)
