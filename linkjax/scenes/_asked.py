@@ -14,6 +14,7 @@ from linkjax.scenes._explain import fault
 from linkjax.scenes._keys import Path, lookup
 from linkjax.scenes._optimise import Optimise
 
+INFINITE = " is not a finite number"
 GOAL = "speed"  # a scene parameter that every scene has
 Check = tuple[Path, Callable[[], Any]]
 
@@ -70,6 +71,8 @@ def _fault(source: str, table: Any, path: Path, error: DesignError) -> SceneErro
         path = (*path, element)
     if problem[:1].islower() and element not in (*path, value, repr(value)):
         problem = f"{element!r} {problem}"
+    if isinstance(value, list) and problem.endswith(INFINITE):  # the list itself is in the message
+        problem = "contains a number that is not finite"
     return fault(source, table, path, problem, remedy)
 
 

@@ -306,6 +306,6 @@ def test_runs_are_refused():
     driven = dataclasses.replace(scene, motor=lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=20.0)))
     for ask in (lj.run, lj.to_mjcf, lj.starting_torque, lj.run_up_time, lj.motion.steady_by_diffrax):
         with pytest.raises(
-            lj.mechanism.StructureError, match="friction: only the steady|start from rest with friction"
+            lj.mechanism.StructureError, match=r"friction: only the steady|start from rest with friction"
         ):
             ask(driven if ask in (lj.starting_torque, lj.run_up_time) else scene)

@@ -231,8 +231,8 @@ def test_measures_of_friction():
 
 
 def test_a_toggle_clamp_holds_near_its_dead_centre():
-    """Where the workpiece cannot push the lever back: friction takes more than the workpiece gives, so that the lever is
-    pulled open against friction, within the angle where the line of force passes through the friction circles."""
+    """Where the workpiece cannot push the lever back: friction takes more than the workpiece gives. It is the angle in
+    which the line of force passes through the friction circles."""
     cycle = lj.analyse(lj.load("toggle-clamp"), angles=720)
     run, angle = cycle.friction, np.degrees(np.arcsin(np.asarray(cycle.pose.links["lever"].u.y)))
     assert run is not None and not bool(run.locks)
@@ -240,8 +240,8 @@ def test_a_toggle_clamp_holds_near_its_dead_centre():
     pushed = free > 1e-3 * np.max(free)
     holds = pushed & (back < 0)
     assert 1.5 < np.max(angle[holds]) < np.min(angle[pushed & ~holds]) < 2.3
-    # the rod's force F is a tangent of the circles f r of its pins, crossed, and works at the bearing, too: to first order
-    # F (R sin φ (1 + R / L) - f r (2 + 2 R / L)) = 0, less what the guide takes
+    # the force is a tangent of the circles f r of its pins, crossed, and misses that of the bearing: to first order
+    # R φ (1 + R / L) = f r (2 + 2 R / L), less what the guide takes
     f, r, crank, link = 0.15, 5e-3, 0.04, 0.06
     limit = math.degrees(f * r * (2 + 2 * crank / link) / (crank * (1 + crank / link)))
     assert np.max(angle[holds]) == pytest.approx(limit, abs=0.1)
