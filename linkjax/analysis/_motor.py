@@ -64,6 +64,8 @@ def motor_run(
     found = dict(zip((name.replace("_motor", "") for name in NAMES), values_of(of, asked), strict=True))
     moved = (scene.mechanism, angles, pose) if scene.mechanism.prescribed else (None, angles, None)
     shown = machine.run(at_motor, scene.motor, *moved, *motion)
+    if scene.friction:
+        shown = machine.run(_known, shown, motion[0].moves)
     period = scene.cycle / scene.speed if steady is None else steady.period
     told = machine.run(_told, shown, found, period, steady, _drive_work(of))
     return MotorRun(**told, overload=overload(of, told["rms_torque"]), harmonics=_harmonics(of))
@@ -82,6 +84,12 @@ def _drive_work(of: Parts) -> Any:
     motion = of.true_motion if of.steady_known is not None else of.constant_speed
     at = of.nodes_in(motion)
     return of.machine.run(_work, of.grid, motion.forces(at).drive_torque)
+
+
+@compiled_soon
+def _known(shown: AtMotor, moves: Array) -> AtMotor:
+    """NaN for torque and power where friction locks the machine."""
+    return shown._replace(**{name: jnp.where(moves, getattr(shown, name), jnp.nan) for name in ("torque", "power")})
 
 
 @compiled_soon

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -23,7 +24,7 @@ from linkjax.measures._families import taken_apart
 from linkjax.measures._family import FAMILIES, Asked, Family
 from linkjax.measures._parts import Parts
 from linkjax.mechanism import StructureError
-from linkjax.motion import Grid, by_node
+from linkjax.motion import Grid, by_node, is_locked
 
 MORE = 16  # nodes in a panel beyond those of the interpolant and two for each order
 
@@ -63,15 +64,24 @@ def harmonic_family(what: str, scene: Scene) -> tuple[Family, Asked]:
 
 def harmonics_of(of: Parts, what: Sequence[tuple[Family, Asked]], orders: int) -> list[Harmonics]:
     """The harmonics of several quantities up to the order `orders` of the crank's revolution; in a cycle of several
-    turns also those between, by the reciprocal of the turns."""
+    turns also those between, by the reciprocal of the turns. Those of forces are NaN where friction locks the
+    machine."""
     found = []
     for family, asked in what:
         assert family.quantity is not None
         regime = family.quantity.regime(of, family.motion)
         vectors = family.quantity.at(of, (asked.element,) if asked.element else ())(regime, of.nodes_in(regime))
         nodes = of.machine.run(by_node, regime.grid, vectors)
-        found.append(of.machine.run(_series, regime.grid, nodes, orders=orders, turns=of.scene.cycle_turns))
+        series = of.machine.run(_series, regime.grid, nodes, orders=orders, turns=of.scene.cycle_turns)
+        if family.quantity.forced and of.scene.friction:
+            series = of.machine.run(_known, regime.grid, regime.forces(of.nodes_in(regime)).moves, series)
+        found.append(series)
     return found
+
+
+@compiled_soon
+def _known(grid: Grid, moves: Array, series: Harmonics) -> Harmonics:
+    return jax.tree.map(lambda part: jnp.where(is_locked(grid, moves), jnp.nan, part), series)
 
 
 @compiled_soon(static=("orders", "turns"))
