@@ -147,11 +147,12 @@ def friction_runs(scene: Any, shown: tuple[RubbingAt, ...], over: tuple[RubbedOv
 def useful_share(cycle: Any) -> float | None:
     """Work on the useful loads over the net work of the drive, per cycle; zero where friction locks the machine, None
     without useful loads or works."""
+    run = cycle.friction or cycle.friction_constant_speed
+    if cycle.scene.useful and run is not None and bool(run.locks):
+        return 0.0
     works = cycle.energies
     if not cycle.scene.useful or works is None:
         return None
-    if cycle.friction is not None and bool(cycle.friction.locks):
-        return 0.0
     given = works["drive" if cycle.scene.motor is None else "motor"].net
     done = -sum(works[name].net for name in cycle.scene.useful)
     return float(done / given) if float(given) else None
