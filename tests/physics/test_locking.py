@@ -233,11 +233,16 @@ def test_measures_of_friction():
 def test_a_toggle_clamp_holds_near_its_dead_centre():
     """Where the workpiece cannot push the lever back: friction takes more than the workpiece gives. It is the angle in
     which the line of force passes through the friction circles."""
-    cycle = lj.analyse(lj.load("toggle-clamp"), angles=720)
-    run, angle = cycle.friction, np.degrees(np.arcsin(np.asarray(cycle.pose.links["lever"].u.y)))
-    assert run is not None and not bool(run.locks)
-    free, back = np.asarray(run.frictionless_torque), np.asarray(run.backward_torque)
-    pushed = free > 1e-3 * np.max(free)
+    scene = lj.load("toggle-clamp")
+    phi = jnp.linspace(0.8 * math.pi, math.pi - 1e-3, 400)  # the law closes the clamp until 180 degrees
+    law = scene.mechanism.driver.follows()
+    assert law is not None
+    angle = np.degrees(np.asarray(jax.vmap(law.at)(phi)[0]))
+    free, _ = torques(dataclasses.replace(scene, friction=()), phi, scene.speed)
+    back, moves = torques(scene, phi, -scene.speed)
+    free, back = np.asarray(free), np.asarray(back)
+    assert bool(jnp.all(moves))
+    pushed = free > 1e-6 * np.max(free)
     holds = pushed & (back < 0)
     assert 1.5 < np.max(angle[holds]) < np.min(angle[pushed & ~holds]) < 2.3
     # the force is a tangent of the circles f r of its pins, crossed, and misses that of the bearing: to first order
@@ -245,3 +250,18 @@ def test_a_toggle_clamp_holds_near_its_dead_centre():
     f, r, crank, link = 0.15, 5e-3, 0.04, 0.06
     limit = math.degrees(f * r * (2 + 2 * crank / link) / (crank * (1 + crank / link)))
     assert np.max(angle[holds]) == pytest.approx(limit, abs=0.1)
+
+
+@pytest.mark.slow
+def test_an_efficiency_is_improved():
+    """A longer rod and a smaller journal: both at their bounds, with the locking factor and a loss limited."""
+    scene = lj.load("friction-slider-crank")
+    best = lj.optimise(
+        scene, free={"links.rod.length": ("250 mm", "500 mm"), "joints.B.radius": ("8 mm", "20 mm")},
+        maximise="efficiency", limits=["locking_factor >= 20", "loss.B <= 1.5 J"], starts=1,
+    )  # fmt: skip
+    before, after = lj.analyse(scene, angles=24), lj.analyse(best.scene, angles=24)
+    assert before.efficiency is not None and after.efficiency is not None
+    assert after.efficiency > before.efficiency + 0.01
+    assert best.objective == pytest.approx(after.efficiency, rel=1e-9)
+    assert best.kkt_residual < 1e-6
