@@ -260,7 +260,7 @@ def test_an_efficiency_is_improved():
         scene, free={"links.rod.length": ("250 mm", "500 mm"), "joints.B.radius": ("8 mm", "20 mm")},
         maximise="efficiency", limits=["locking_factor >= 20", "loss.B <= 1.5 J"], starts=1,
     )  # fmt: skip
-    before, after = lj.analyse(scene, angles=24), lj.analyse(best.scene, angles=24)
+    before, after = lj.analyse(scene, angles=24), lj.analyse(best.after, angles=24)
     assert before.efficiency is not None and after.efficiency is not None
     assert after.efficiency > before.efficiency + 0.01
     assert best.objective == pytest.approx(after.efficiency, rel=1e-9)
