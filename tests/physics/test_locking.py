@@ -250,7 +250,7 @@ def test_a_toggle_clamp_holds_near_its_dead_centre():
     # R φ (1 + R / L) = f r (2 + 2 R / L), less what the guide takes
     f, r, crank, link = 0.15, 5e-3, 0.04, 0.06
     limit = math.degrees(f * r * (2 + 2 * crank / link) / (crank * (1 + crank / link)))
-    assert np.max(angle[holds]) == pytest.approx(limit, abs=0.1)
+    assert np.max(angle[holds]) == pytest.approx(limit, abs=0.03)
 
 
 @pytest.mark.slow
