@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from linkjax.exchange import to_mjcf as to_mjcf
     from linkjax.exchange import to_pylinkage as to_pylinkage
     from linkjax.friction import GuideFriction as GuideFriction
+    from linkjax.friction import MeshFriction as MeshFriction
     from linkjax.friction import PinFriction as PinFriction
     from linkjax.groups import PRP as PRP
     from linkjax.groups import RPP as RPP
@@ -186,7 +187,7 @@ _SUBPACKAGES: dict[str, tuple[str, ...]] = {
         "Transmission",
         "recommended_delta",
     ),
-    "friction": ("GuideFriction", "PinFriction"),
+    "friction": ("GuideFriction", "MeshFriction", "PinFriction"),
     "loads": (
         "Coordinate",
         "Damper",

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide
 from linkjax.friction import AbstractFriction
 
 STEPS = 40  # the most steps of Newton's method
-EXACT = 2  # steps with derivatives after it, for the first and second ones
-SMALL = 1e-13  # relative: the last step of Newton's method
+SMALL = 1e-13  # relative: a step of Newton's method as small as this is that of a solution
+MORE = 2  # steps of which the size is small
 NEAR = 1e-6  # relative: a last step that found a solution; close to locking rounding errors are as large
 
 
@@ -90,37 +91,36 @@ def rubbed(
         sizes = [each.size(*(part[i] for part in there)) for i, each in enumerate(frictions)]
         return jnp.append(c + factor * senses * jnp.stack(sizes), rate - advance(paces @ c))
 
-    def step(state: Array) -> tuple[Array, Array]:
-        return eliminated(jax.jacfwd(left)(state), -left(state))
+    def solve(left: Callable[[Array], Array], begin: Array) -> tuple[Array, Array]:
+        def again(loop: tuple) -> tuple:
+            count, state, *_ = loop
+            move, sign = eliminated(jax.jacfwd(left)(state), -left(state))
+            new, part = state + move, jnp.arange(state.size) < senses.size
+            sizes = jnp.where(part, jnp.max(jnp.abs(new[:-1])), jnp.abs(new[-1]))
+            last = jnp.max(safe_divide(jnp.abs(move), sizes))
+            return count + 1, new, last, sign, loop[4] - jnp.where(last > SMALL, 0, 1)
 
-    def again(loop: tuple) -> tuple:
-        count, state, _ = loop
-        move, _ = step(state)
-        new, part = state + move, jnp.arange(state.size) < senses.size
-        sizes = jnp.where(part, jnp.max(jnp.abs(new[:-1])), jnp.abs(new[-1]))
-        last = jnp.max(safe_divide(jnp.abs(move), sizes))
-        return count + 1, new, last
+        loop = jnp.zeros((), jnp.int32), begin, *(jnp.ones_like(begin[0]),) * 2, jnp.asarray(MORE, jnp.int32)
+        _, state, last, sign, _ = jax.lax.while_loop(lambda s: (s[4] > 0) & (s[0] < STEPS), again, loop)
+        return state, jnp.where((last < NEAR) & (sign > 0), 1.0, 0.0)  # a number: `custom_root` has no others
 
-    fixed = jax.lax.stop_gradient
-    begin = fixed(jnp.append(jnp.zeros_like(senses), advance(jnp.zeros_like(senses[0]))))
-    loop = jnp.zeros((), jnp.int32), begin, jnp.ones_like(begin[0])
-    _, state, last = jax.lax.while_loop(
-        lambda s: (s[2] > SMALL) & (s[0] < STEPS), lambda s: fixed(again(fixed(s))), loop
-    )
-    sign = jnp.ones_like(state[0])
-    for _ in range(EXACT):
-        move, sign = step(state)
-        state = state + move
-    return Rubbed(state[:-1], state[-1], fixed((last < NEAR) & (sign > 0)), reactions(state[:-1], state[-1]))
+    def tangent(linear: Callable[[Array], Array], right: Array) -> Array:
+        return eliminated(jax.jacfwd(linear)(jnp.zeros_like(right)), right)[0]
+
+    begin = jax.lax.stop_gradient(jnp.append(jnp.zeros_like(senses), advance(jnp.zeros_like(senses[0]))))
+    state, found = jax.lax.custom_root(left, begin, solve, tangent, has_aux=True)
+    return Rubbed(state[:-1], state[-1], found > 0, reactions(state[:-1], state[-1]))
 
 
 def eliminated(a: Array, b: Array) -> tuple[Array, Array]:
     """x of a x = b for one small matrix, and the sign of its determinant, by Gauss and Jordan without pivoting: the
     matrix is close to the unit matrix, unless the machine is close to locking."""
-    rows, sign = jnp.concatenate([a, b[:, None]], axis=1), jnp.ones_like(b[0])
+    sign = jnp.ones_like(a[0, 0])
     for k in range(b.size):
-        pivot = rows[k, k]
-        row = rows[k] / jnp.where(pivot == 0, jnp.finfo(b.dtype).tiny, pivot)
-        rows = (rows - rows[:, k : k + 1] * row[None]).at[k].set(row)
+        pivot, factor, own = a[k, k], a[:, k], np.arange(b.size) == k
+        pivot = jnp.where(pivot == 0, jnp.finfo(a.dtype).tiny ** 0.25, pivot)
+        row, right = a[k] / pivot, b[k] / pivot  # apart: b may be a tangent, and a is not
+        a = jnp.where(own[:, None], row[None], a - factor[:, None] * row[None])
+        b = jnp.where(own, right, b - factor * right)
         sign = sign * jnp.sign(pivot)
-    return rows[:, -1], sign
+    return b, sign

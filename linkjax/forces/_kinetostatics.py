@@ -126,7 +126,7 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
     if rub is not None:
         for i, each in enumerate(joints):
             fx, fy, moment = (part[i] for part in rub.loads)
-            square = fx * fx + fy * fy if each.axis is None else None
+            square = fx * fx + fy * fy if each.joint.pins else None
             own = JointFriction(rub.values[i] * each.sense, each.speed, each.switches(fx, fy, moment), square)
             friction.setdefault(each.joint.name, {})[each.joint.link] = own
     moves = None if rub is None else rub.found
@@ -298,8 +298,15 @@ def _solve_groups(
     owners, acting = scene.mechanism.owners(), dict(loads)
     found: list[Reaction] = []
     rubs: dict[Joint, tuple[Vec, Array]] = {}
+    in_meshes: list[Reaction] = []  # losses of meshes, which act between gear or rack and its carrier
     for i, each in enumerate(joints):
-        rubs[each.joint] = each.add(acting, here, origins, friction[i])
+        joint, (rub, couple) = each.joint, each.add(acting, here, origins, friction[i])
+        if joint.meshes:
+            in_meshes.append(Reaction(joint, joint.link, each.by, rub, couple))
+            if each.by != "frame":
+                in_meshes.append(Reaction(joint, each.by, joint.link, -rub, -couple))
+        else:
+            rubs[joint] = rub, couple
     drive = jnp.zeros(())
     for group in reversed(scene.mechanism.groups):
         wrenches, torque = group.react(acting, here.links, here.points)
@@ -315,19 +322,28 @@ def _solve_groups(
             found.append(Reaction(joint, joint.link, by, force, moment))
             if by != "frame":
                 found.append(Reaction(joint, by, joint.link, -force, -moment))
-    return found, drive
+    return found + in_meshes, drive
 
 
 def _rubbed_by(
     scene: Scene, here: Pose, loads: dict[str, Wrench], origins: dict[str, str], joints: list[Rubbing], friction: Array
 ) -> tuple[Array, Array, Array]:
-    """What joints with this friction transmit beside it: forces fx and fy (N), and moments (N m)."""
+    """What joints with this friction transmit beside it: forces fx and fy (N), and moments (N m); of meshes what drives
+    the gear or rack."""
     found, _ = _solve_groups(scene, here, loads, origins, joints, friction)
-    on = {reaction.joint: reaction for reaction in found if reaction.link == reaction.joint.link}
-    each = [on[rub.joint] for rub in joints]
-    rubs = [rub.wrench(friction[i]) for i, rub in enumerate(joints)]
-    fx, fy = (jnp.stack([getattr(r.force - f, axis) for r, (f, _) in zip(each, rubs, strict=True)]) for axis in "xy")
-    return fx, fy, jnp.stack([r.moment - c for r, (_, c) in zip(each, rubs, strict=True)])
+    on: dict[Joint, Reaction] = {}
+    for reaction in found:  # the loss of a mesh comes after the force of its teeth
+        if reaction.link == reaction.joint.link:
+            on.setdefault(reaction.joint, reaction)
+    rows = []
+    for i, rub in enumerate(joints):
+        whole, (force, couple) = on[rub.joint], rub.wrench(friction[i])
+        if rub.joint.meshes:
+            rows.append(rub.driven(whole.force, whole.moment))
+        else:
+            rows.append(rub.driven(whole.force - force, whole.moment - couple))
+    fx, fy, moment = (jnp.stack(part) for part in zip(*rows, strict=True))
+    return fx, fy, moment
 
 
 def _by_joint(found: list[Reaction]) -> dict[str, dict[str, JointForce]]:
@@ -343,6 +359,7 @@ def _by_joint(found: list[Reaction]) -> dict[str, dict[str, JointForce]]:
 def other_sides(scene: Scene) -> dict[str, dict[str, str]]:
     """Which link (or "frame") exerts each reaction: {joint: {link: by}}; several at one pin are joined with "+"."""
     owners, by = scene.mechanism.owners(), {}
+    carriers = {pair.joint: pair.by for pair in pairs(scene.mechanism, scene.friction) if pair.joint.meshes}
     for group in scene.mechanism.groups:
         for joint in group.joints():
             other = joint.by or owners[joint.point]
@@ -350,6 +367,10 @@ def other_sides(scene: Scene) -> dict[str, dict[str, str]]:
             at[joint.link] = other
             if other != "frame":
                 at[other] = f"{at[other]}+{joint.link}" if other in at else joint.link
+            if joint in carriers:  # losses act between gear or rack and its carrier
+                at[joint.link] = f"{other}+{carriers[joint]}"
+                if carriers[joint] != "frame":
+                    at[carriers[joint]] = joint.link
     return by
 
 

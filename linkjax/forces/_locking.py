@@ -23,7 +23,7 @@ from linkjax.kinematics import Pose
 from linkjax.loads import Instant
 from linkjax.machine import Scene
 
-LEAST, MOST = 1e-6, 1e6  # the range of factors
+LEAST, MOST = 1e-6, 1e3  # the range of factors; close to a dead centre larger ones have few digits
 HALVINGS = 56  # of its logarithm
 INSIDE = 1e-11  # relative: so far below the limit the equations are not singular
 ROUNDS = 3  # of inverse iteration
@@ -50,16 +50,19 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
     def solved(factor: Array):
         return rubbed(frictions, senses, paces, reactions, lambda _: none, factor)
 
-    def halve(_, ends: tuple[Array, Array]) -> tuple[Array, Array]:
-        middle = 0.5 * (ends[0] + ends[1])
-        moves = solved(jnp.exp(middle)).found
-        return jnp.where(moves, middle, ends[0]), jnp.where(moves, ends[1], middle)
+    def halve(_, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        low, high, values = state
+        middle = 0.5 * (low + high)
+        found = solved(jnp.exp(middle))
+        low, high = jnp.where(found.found, middle, low), jnp.where(found.found, high, middle)
+        return low, high, jnp.where(found.found, found.values, values)
 
     fixed = jax.lax.stop_gradient
-    ends = jnp.log(jnp.asarray(LEAST)), jnp.log(jnp.asarray(MOST))
-    low, high = fixed(jax.lax.fori_loop(0, HALVINGS, halve, ends))
+    begin = jnp.log(jnp.asarray(LEAST)), jnp.log(jnp.asarray(MOST)), jnp.zeros_like(senses)
+    low, high, nearest = fixed(jax.lax.fori_loop(0, HALVINGS, halve, begin))
     limit = jnp.exp(low) * (1 - INSIDE)
-    values = fixed(solved(limit).values)
+    inside = fixed(solved(limit))  # where rounding prevents it, the last solution found
+    values = jnp.where(inside.found, inside.values, nearest)
     power = jnp.abs(values * paces)
 
     def left(c: Array, factor: Array) -> Array:
@@ -73,7 +76,7 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
     unit = jnp.where(size > 0, size, 1.0)
     moved = safe_divide(w @ (left(values, limit) / unit), w @ (by_factor / unit))
     factor = limit - (moved - fixed(moved))
-    inverse = jnp.where(high >= ends[1], 0.0, 1 / factor)
+    inverse = jnp.where(high >= begin[1], 0.0, 1 / factor)
     return Locking(inverse, fixed(safe_divide(power, jnp.sum(power) * jnp.ones_like(power))))
 
 

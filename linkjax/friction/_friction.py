@@ -1,4 +1,4 @@
-"""Friction of pins and guides: its size, from the force that the joint transmits.
+"""Friction of pins, guides and meshes: its size, from the force that the joint transmits.
 
 Source: the textbook's chapter on friction, formulas (7-2) to (7-8); Artobolevsky, Theory of Mechanisms and Machines,
 1988, ch. 11. Friction is that of motion: it acts against the relative motion of the two links, with a size that follows
@@ -24,7 +24,8 @@ from linkjax.mechanism import Mechanism, StructureError
 
 
 class AbstractFriction(eqx.Module):
-    """Friction of one joint, whose `size` is a couple (N m) in a pin, and a force (N) in a guide."""
+    """Friction of one joint, whose `size` is a couple (N m) in a pin or on a gear, and a force (N) in a guide or on a
+    rack."""
 
     @property
     @abc.abstractmethod
@@ -33,11 +34,12 @@ class AbstractFriction(eqx.Module):
 
     @abc.abstractmethod
     def size(self, fx: Array, fy: Array, moment: Array) -> Array:
-        """Size of the friction for a force (N) and moment (N m) that the joint transmits without it."""
+        """Size of the friction for a force (N) and moment (N m) that the joint transmits without it; in a mesh, `fx` is
+        what drives the gear (N m) or the rack (N) along its motion, negative where it drives the other one."""
 
     def switches(self, normal: Array, moment: Array) -> tuple[Array, ...]:
         """Numbers at whose zeros the size has a kink, from the force (N) and moment (N m) that a guide transmits across
-        its direction; as many as `kinks`."""
+        its direction, or from what drives a gear or rack; as many as `kinks`."""
         return ()
 
     @property
@@ -147,14 +149,57 @@ class GuideFriction(AbstractFriction):
         return 1 if self.length is None else 3
 
 
+class MeshFriction(AbstractFriction):
+    """Losses of two gears in mesh, of a gear and a rack, or of a belt: of the power that goes through the `mesh`,
+    relative to the link that carries both, the share 1 - η is lost, with the `efficiency` η in either direction.
+
+    `mesh` is the name of the joint, as "gear.mesh". The loss is a couple between the gear and its carrier, or a force
+    between the rack and its guide, against the relative motion: (1 - η) of what drives it, and (1/η - 1) of what it
+    drives. Tooth forces are those without friction. Source: the textbook's efficiency of gears in series and on a
+    moving carrier; Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 14. Raises `ValueError` for an efficiency
+    that is not above zero and up to one.
+    """
+
+    mesh: str = eqx.field(static=True)
+    efficiency: Array = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        value = known(self.efficiency)
+        if value is not None and not np.all((value > 0) & (value <= 1)):
+            raise ValueError(f"efficiency of the mesh {self.mesh!r} is {value}; write a number above 0 and up to 1, e.g. 0.98")
+
+    @property
+    def joint(self):
+        return self.mesh
+
+    def size(self, fx, fy, moment):
+        lost = 1 - self.efficiency
+        return jnp.maximum(lost * fx, -lost / self.efficiency * fx)
+
+    def switches(self, normal, moment):
+        return (normal,)
+
+    @property
+    def kinks(self):
+        return 1
+
+
 def everywhere(
-    mechanism: Mechanism, coefficient: Any, radius: Any, guide: Any = None, bearing: Any = "given"
+    mechanism: Mechanism,
+    coefficient: Any,
+    radius: Any,
+    guide: Any = None,
+    bearing: Any = "given",
+    mesh: Any = None,
 ) -> tuple[AbstractFriction, ...]:
-    """The same friction in all joints: pins with this `coefficient`, `radius` (m) and `bearing`, and guides with the
-    coefficient `guide`, by default that of the pins."""
+    """The same friction in all joints: pins with this `coefficient`, `radius` (m) and `bearing`, guides with the
+    coefficient `guide`, by default that of the pins, and meshes with the efficiency `mesh`, by default without loss."""
     found: dict[str, AbstractFriction] = {}
     for joint in friction_joints(mechanism):
-        if joint.slides:
+        if joint.meshes:
+            if mesh is not None:
+                found[joint.name] = MeshFriction(joint.name, mesh)
+        elif joint.slides:
             found[joint.name] = GuideFriction(joint.link, coefficient if guide is None else guide)
         else:
             found[joint.name] = PinFriction(joint.point, coefficient, radius, bearing)
@@ -162,26 +207,32 @@ def everywhere(
 
 
 def friction_joints(mechanism: Mechanism) -> list[Joint]:
-    """The joints that may have friction: pins and guides."""
-    return [joint for group in mechanism.groups for joint in group.joints() if joint.pins or joint.slides]
+    """The joints that may have friction: all but the joint that drives."""
+    return [joint for group in mechanism.groups for joint in group.joints() if not joint.drives]
+
+
+def kind_of(joint: Joint) -> str:
+    """The kind of a joint that may have friction: "pin", "guide" or "mesh"."""
+    return "mesh" if joint.meshes else "guide" if joint.slides else "pin"
 
 
 def check_friction(mechanism: Mechanism, friction: Any) -> None:
     """Raise `StructureError` for anything but a tuple of frictions, for a joint that the mechanism does not have, for
     two frictions of one joint, and for a mechanism with redundant links, whose reactions are not unique."""
     if not isinstance(friction, tuple) or not all(isinstance(each, AbstractFriction) for each in friction):
-        problem, remedy = f"is {type(friction).__name__}", "write a tuple of PinFriction and GuideFriction"
+        problem, remedy = f"is {type(friction).__name__}", "write a tuple of PinFriction, GuideFriction and MeshFriction"
         raise StructureError("friction", problem, remedy)
     if friction and any(group.passive() for group in mechanism.groups):
         problem = "reactions of a mechanism with redundant links are not unique, nor is their friction"
         raise StructureError("friction", problem, "omit the friction, or the redundant links")
     there = friction_joints(mechanism)
-    pins, guides = ({joint.name for joint in there if joint.slides is slides} for slides in (False, True))
+    kinds = {GuideFriction: "guide", MeshFriction: "mesh"}
+    names = {kind: {joint.name for joint in there if kind_of(joint) == kind} for kind in ("pin", "guide", "mesh")}
     seen: set[str] = set()
     for number, each in enumerate(friction):
-        element, own = f"friction[{number}] ({each.joint})", guides if each.joint.endswith(".guide") else pins
+        element, kind = f"friction[{number}] ({each.joint})", kinds.get(type(each), "pin")
+        own = names[kind]
         if each.joint not in own:
-            kind = "guide" if own is guides else "pin"
             raise StructureError(element, f"there is no {kind} {each.joint!r}", nearest(each.joint, sorted(own)))
         if each.joint in seen:
             raise StructureError(element, "the joint has a friction already", "give every joint one friction")

@@ -8,7 +8,7 @@ import numpy as np
 
 from linkjax._display import NONE, Numbers, aligned
 from linkjax.drives import MotorDrive, Servo
-from linkjax.friction import AbstractFriction, GuideFriction, PinFriction
+from linkjax.friction import AbstractFriction, GuideFriction, MeshFriction, PinFriction
 from linkjax.groups import FRAME, Harmonic, Moves, Spline
 from linkjax.loads import (
     AbstractLoad,
@@ -64,7 +64,7 @@ def _lines(scene: Any) -> list[str]:
         own = "ideal" if piece.ideal else SHOW.shown(piece.own_inertia(), "kg·m²")
         weights.append((name, link, SHOW.shown(piece.mass, "kg"), SHOW.place((piece.at.x, piece.at.y)), own))
     loads = [("load", "size", "on", "crank angle"), *map(_load, scene.loads)] if scene.loads else [("load", NONE)]
-    rubs = [("friction in", "coefficient", "pin or guide"), *map(_friction, scene.friction)] if scene.friction else []
+    rubs = [("friction in", "coefficient", "pin, guide or mesh"), *map(_friction, scene.friction)] if scene.friction else []
     tables = [aligned(rows) for rows in (_links(mechanism), weights, rubs, loads) if rows]
     return [scene.title or "Scene", *aligned(head), *(line for table in tables for line in ("", *table))]
 
@@ -92,6 +92,8 @@ def _friction(friction: AbstractFriction) -> tuple[str, str, str]:
         given = (("groove of", friction.groove, "rad"), ("length", friction.length, "m"))
         more = [f"{name} {SHOW.shown(value, unit)}" for name, value, unit in given if value is not None]
         more += [] if friction.seat is None else [f"curved seat, factor {float(friction.seat):g}"]
+    elif isinstance(friction, MeshFriction):
+        return friction.joint, NONE, f"efficiency {100 * float(friction.efficiency):g} %"
     else:
         return friction.joint, NONE, type(friction).__name__
     return friction.joint, f"{float(friction.coefficient):g}", ", ".join(more) or "flat"

@@ -20,7 +20,7 @@ def by_structure(function: Callable[[Scene], Any]) -> Callable[[Scene], Any]:
     known: dict[Any, Any] = {}
 
     def remembered(scene: Scene) -> Any:
-        key = jax.tree.structure(scene.mechanism)
+        key = jax.tree.structure((scene.mechanism, scene.friction))
         if key not in known:
             if len(known) >= MOST:
                 known.clear()

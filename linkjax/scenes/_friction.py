@@ -8,7 +8,15 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, StrictBool
 
 from linkjax.elements import MATERIALS, material_friction
-from linkjax.friction import AbstractFriction, GuideFriction, PinFriction, Thrust, friction_joints
+from linkjax.friction import (
+    AbstractFriction,
+    GuideFriction,
+    MeshFriction,
+    PinFriction,
+    Thrust,
+    friction_joints,
+    kind_of,
+)
 from linkjax.mechanism import Mechanism, StructureError
 from linkjax.scenes._fields import Quantity, Radius, Table, amount, checked_name, number_of
 from linkjax.scenes._guides import Fault
@@ -16,13 +24,20 @@ from linkjax.scenes._guides import Fault
 Coefficient = Annotated[float, Quantity("number", "zero")]
 Axial = Annotated[float, Quantity("force", "zero")]
 Reach = Annotated[float, Quantity("length", "zero")]
+Efficiency = Annotated[float, Quantity("number", "positive")]
 Bearing = Literal["given", "unworn", "run-in"]
-GUIDE = ".guide"
+GUIDE, MESH = ".guide", ".mesh"
+
+
+def _kind(name: str) -> str:
+    """The kind of joint that a name is for."""
+    return "guide" if name.endswith(GUIDE) else "mesh" if name.endswith(MESH) else "pin"
 
 
 def _joint(value: str) -> str:
-    checked_name(value.removesuffix(GUIDE))
+    checked_name(value.removesuffix(GUIDE).removesuffix(MESH))
     return value
+
 
 
 JointName = Annotated[str, AfterValidator(_joint)]
@@ -97,6 +112,9 @@ class FrictionTable(Rubs):
     guide: Coefficient | None = Field(
         None, description="coefficient of the guides; default: that of the pins", examples=[0.12]
     )
+    mesh_efficiency: Efficiency | None = Field(
+        None, description="efficiency of every mesh; default: without loss", examples=[0.98]
+    )
 
 
 class JointTable(Rubs):
@@ -114,24 +132,36 @@ class JointTable(Rubs):
     length: Radius | None = Field(
         None, description="of a guide: its length, whose edges carry a tilting moment", examples=["120 mm"]
     )
+    efficiency: Efficiency | None = Field(
+        None, description="of a mesh: the share of the power that is not lost", examples=[0.97]
+    )
 
 
-PINS, GUIDES = ("radius", "mean_diameter", "bearing", "thrust"), ("groove", "seat", "length")
+COEFFICIENTS = ("coefficient", "material", "lubricated")
+KEYS = {  # of every kind of joint
+    "pin": (*COEFFICIENTS, "radius", "mean_diameter", "bearing", "thrust"),
+    "guide": (*COEFFICIENTS, "groove", "seat", "length"),
+    "mesh": ("efficiency",),
+}
 
 
 def friction_faults(friction: FrictionTable | None, joints: dict[str, JointTable]) -> Iterator[Fault]:
     """The contradictions between the keys of the tables."""
     if friction is not None:
         yield from friction.faults(("friction",))
-        if friction.size() is None and friction.guide is None:
+        if friction.size() is None and friction.guide is None and friction.mesh_efficiency is None:
             yield ("friction", "coefficient"), "missing", "add coefficient = 0.1, or a material"
+        yield from _share(friction.mesh_efficiency, ("friction", "mesh_efficiency"))
     for name, joint in joints.items():
         path = ("joints", name)
         yield from joint.faults(path)
-        for key in PINS if name.endswith(GUIDE) else GUIDES:
-            if getattr(joint, key) is not None:
-                kind, other = ("guide", "pin") if name.endswith(GUIDE) else ("pin", "guide")
-                yield (*path, key), f"has no effect: {name} is a {kind}", f"delete it; it is a key of a {other}"
+        kind = _kind(name)
+        for key in dict.fromkeys(key for keys in KEYS.values() for key in keys):
+            others = [other for other, keys in KEYS.items() if key in keys]
+            if kind not in others and getattr(joint, key) is not None:
+                remedy = f"delete it; it is a key of a {' or a '.join(others)}"
+                yield (*path, key), f"has no effect: {name} is a {kind}", remedy
+        yield from _share(joint.efficiency, (*path, "efficiency"))
         if joint.groove is not None and joint.seat is not None:
             yield (*path, "seat"), "given, and groove too", "delete seat, or groove"
         try:
@@ -142,6 +172,12 @@ def friction_faults(friction: FrictionTable | None, joints: dict[str, JointTable
             PinFriction("", 0.0, 0.0, "given", None if joint.thrust is None else joint.thrust.build(0.0))
         except ValueError as error:
             yield (*path, "thrust"), *_said(error)
+
+
+def _share(value: float | None, path: tuple[str, ...]) -> Iterator[Fault]:
+    """The fault of an efficiency above one."""
+    if value is not None and value > 1:
+        yield path, "is above one", "write a number up to 1, e.g. 0.98"
 
 
 def _said(error: ValueError) -> tuple[str, str]:
@@ -158,14 +194,18 @@ def frictions(
     there = {joint.name: joint for joint in friction_joints(mechanism)}
     for name in joints:
         if name not in there:
-            kind = "guide" if name.endswith(GUIDE) else "pin"
-            known = ", ".join(each for each in there if each.endswith(GUIDE) == name.endswith(GUIDE))
+            kind = _kind(name)
+            known = ", ".join(each for each, joint in there.items() if kind_of(joint) == kind)
             raise StructureError(f"joints.{name}", f"there is no such {kind}", f"write one of {known or 'none'}")
     common, found = friction or FrictionTable.model_validate({}), []
     for name, joint in there.items():
         if friction is None and name not in joints:
             continue
         own, place = joints.get(name) or JointTable.model_validate({}), f"joints.{name}"
+        if joint.meshes:
+            share = _first(own.efficiency, common.mesh_efficiency, 1.0)
+            found += [] if share == 1 else [MeshFriction(name, share)]
+            continue
         given = _first(own.size(common.lubricated), common.guide if joint.slides else None, common.size())
         if given is None and name in joints:
             raise StructureError(place, "has no coefficient of friction", "add coefficient = 0.1, or a material")
@@ -196,6 +236,8 @@ def friction_keys(friction: tuple[AbstractFriction, ...]) -> dict[str, Any]:
 
 
 def _keys(each: AbstractFriction) -> dict[str, Any]:
+    if isinstance(each, MeshFriction):
+        return {"efficiency": number_of(each.efficiency)}
     if isinstance(each, GuideFriction):
         table: dict[str, Any] = {"coefficient": number_of(each.coefficient)}
         table |= {} if each.groove is None else {"groove": amount(each.groove, "rad")}
@@ -203,7 +245,7 @@ def _keys(each: AbstractFriction) -> dict[str, Any]:
         return table | ({} if each.seat is None else {"seat": number_of(each.seat)})
     if not isinstance(each, PinFriction):
         problem = f"scene files do not support friction of the kind {type(each).__name__}"
-        raise StructureError(f"joints.{each.joint}", problem, "write PinFriction or GuideFriction")
+        raise StructureError(f"joints.{each.joint}", problem, "write PinFriction, GuideFriction or MeshFriction")
     table = {"coefficient": number_of(each.coefficient), "radius": amount(each.radius, "m")}
     table |= {} if each.bearing == "given" else {"bearing": each.bearing}
     if each.thrust is None:

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkjax.friction import GuideFriction, PinFriction
+from linkjax.friction import GuideFriction, MeshFriction, PinFriction
+from linkjax.groups import Rack
 from tests.physics import newton_euler, oracle
 
 ROUNDS = 400
@@ -28,24 +29,36 @@ class Rubbed(NamedTuple):
 
 
 def _motions(scene, here: oracle.Rates):
-    """For every joint with friction: (joint, friction, direction of a guide or None, relative speed)."""
+    """For every joint with friction: (joint, friction, direction of a guide or rack or None, relative speed, the link
+    that friction acts on, too)."""
     by_joint = {each.joint: each for each in scene.friction}
     origins = scene.mechanism.origins()
+    wheels = {f"{wheel.link}.mesh": wheel for group in scene.mechanism.groups for wheel in group.wheels()}
     for joint in newton_euler.joints(scene.mechanism):
         friction = by_joint.get(joint.name)
-        if friction is None or joint.drive or joint.mesh:
+        if friction is None or joint.drive:
             continue
-        if not joint.guide:
-            under = 0.0 if joint.by == "frame" else here.links[joint.by].v
-            yield joint, friction, None, here.links[joint.link].v - under
+        by, wheel = joint.by, wheels.get(joint.name)
+        if wheel is not None:
+            by = wheel.guide.on if isinstance(wheel, Rack) else wheel.carrier
+        if not (joint.guide or isinstance(wheel, Rack)):
+            under = 0.0 if by == "frame" else here.links[by].v
+            yield joint, friction, None, here.links[joint.link].v - under, by
             continue
         p = here.points[joint.point]
         v = p.v
-        if joint.by != "frame":
-            base = here.points[origins[joint.by]]
-            v = v - base.v - 1j * here.links[joint.by].v * (p.r - base.r)
+        if by != "frame":
+            base = here.points[origins[by]]
+            v = v - base.v - 1j * here.links[by].v * (p.r - base.r)
         along = here.links[joint.link].r
-        yield joint, friction, along, (v / along).real
+        yield joint, friction, along, (v / along).real, by
+
+
+def _lost(friction: MeshFriction, along: Any, pace: np.ndarray, force: np.ndarray, couple: np.ndarray) -> np.ndarray:
+    """What a mesh loses on its gear or rack: of the power that goes in, the share 1 - η."""
+    to_it = np.sign(pace) * (couple if along is None else (force / along).real)
+    share = float(friction.efficiency)
+    return np.where(to_it > 0, to_it - share * to_it, -to_it / share + to_it)
 
 
 def _size(friction: Any, force: np.ndarray, couple: np.ndarray) -> np.ndarray:
@@ -79,19 +92,22 @@ def solve(scene, phi, speed, acceleration, drag=None) -> Rubbed:
     while count < ROUNDS and change > 0:
         count += 1
         more = list(drag or ())
-        for (joint, _, along, pace), size in zip(moves, sizes, strict=True):
+        for (joint, _, along, pace, by), size in zip(moves, sizes, strict=True):
             against = -np.sign(pace) * size
-            for link, sign in ((joint.link, 1), (joint.by, -1)):
+            for link, sign in ((joint.link, 1), (by, -1)):
                 if link == "frame":
                     continue
                 force = 0j * phi if along is None else sign * against * along
                 more.append((link, joint.point, force, sign * against if along is None else 0 * phi))
         found = newton_euler.solve(scene, phi, speed, acceleration, more=more)
-        new = [_size(each[1], *found.reactions[each[0].name, each[0].link]) for each in moves]
+        new = []
+        for joint, rubs, along, pace, _ in moves:
+            load = found.reactions[joint.name, joint.link]
+            new.append(_lost(rubs, along, pace, *load) if joint.mesh else _size(rubs, *load))
         change = max(float(np.max(np.abs(a - b))) for a, b in zip(new, sizes, strict=True))
         change = 0.0 if change <= 1e-14 * max(float(np.max(size)) for size in new) else change
         sizes = new
     assert found is not None
     pairs = [(joint.name, frozenset((joint.link, joint.by))) for joint, *_ in moves]
-    friction = {pair: -size * (pace != 0) for pair, size, (*_, pace) in zip(pairs, sizes, moves, strict=True)}
+    friction = {pair: -size * (pace != 0) for pair, size, (*_, pace, _) in zip(pairs, sizes, moves, strict=True)}
     return Rubbed(found, friction, {pair: np.abs(move[3]) for pair, move in zip(pairs, moves, strict=True)}, count)

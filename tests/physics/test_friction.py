@@ -14,13 +14,14 @@ import pytest
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.forces import Forces, kinetostatics
-from linkjax.friction import GuideFriction, PinFriction, Thrust, everywhere
+from linkjax.friction import GuideFriction, MeshFriction, PinFriction, Thrust, everywhere
 from linkjax.machine import ready
 from tests.physics import rubbed
 from tests.physics.machines import machine
 
 MACHINES = ("four-bar", "hay-press", "hay-press-slider", "quick-return", "scotch-yoke", "two-on-one-crank",
-            "moving-guides", "slotted-levers", "triad", "clockwise")  # fmt: skip
+            "moving-guides", "slotted-levers", "triad", "clockwise", "geared",
+            pytest.param("rolling", marks=pytest.mark.slow))  # fmt: skip
 ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
 STATES = ((1.0, 0.0), (0.8, 0.6), (1.1, -0.9))  # speeds times ω, accelerations times ω²
 
@@ -131,14 +132,51 @@ def test_friction_circles(degrees):
         assert free / found.drive_torque == pytest.approx(0.8848022477899531, rel=1e-9)
 
 
+@pytest.mark.parametrize("drives", [True, False])
+def test_planet_around_a_fixed_gear(drives):
+    """The arm turns a planet of z₂ teeth around a fixed gear of z₁ against the torque L: it needs L (1 + z₁ / (z₂ η)),
+    and where the planet drives the arm, this takes L (1 + η z₁ / z₂)."""
+    torque, share, (z2, z1) = (-3.0 if drives else 3.0), 0.9, (20, 40)
+    links = {"arm": lj.Link(length=0.1), "planet": lj.Link(length=0.0)}
+    groups = (lj.Crank("arm", "A", "B"), lj.Gear("planet", "B", lj.Teeth((z2, z1)), "frame", "A", carrier="arm"))
+    mechanism = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups)
+    rubs = (MeshFriction("planet.mesh", share),)
+    scene = lj.Scene(mechanism, (lj.Torque("load", "planet", torque=torque),), speed=10.0, friction=rubs)
+    found = forces(scene, 0.4, 10.0, 0.0)
+    inside = z1 / (z2 * share) if drives else share * z1 / z2
+    assert found.drive_torque == pytest.approx(-torque * (1 + inside), rel=1e-14)
+    rub = found.friction["planet.mesh"]["planet"]
+    assert rub.speed == pytest.approx(z1 / z2, rel=1e-14)
+    free = abs(torque) * (1 + z1 / z2)
+    assert -rub.value * rub.speed == pytest.approx(abs(float(found.drive_torque) - math.copysign(free, -torque)), rel=1e-12)
+    # the couple of the losses acts between planet and arm
+    on_planet, on_arm = (found.reactions["planet.mesh"][link].moment for link in ("planet", "arm"))
+    assert on_planet == pytest.approx(-torque, rel=1e-14) and float(on_arm) == pytest.approx(-float(rub.value), rel=1e-14)
+
+
+def test_a_joint_at_rest_has_no_friction():
+    """The rods of the geared press keep the pitman parallel to the ram: what moves in their pin is rounding alone."""
+    scene = lj.load("geared-press")
+    rubs = everywhere(scene.mechanism, 0.1, 0.01)
+    every = dataclasses.replace(scene, friction=rubs)
+    others = dataclasses.replace(scene, friction=tuple(each for each in rubs if each.joint != "Q"))
+    angles = np.radians(np.arange(0.5, 360.0, 3.0))
+    at = [jnp.asarray(part) for part in (angles, np.full_like(angles, float(scene.speed)), np.zeros_like(angles))]
+    found, without = forces_at(every, *at), forces_at(others, *at)
+    assert not np.any(found.friction["Q"]["pitman"].value)
+    np.testing.assert_allclose(found.drive_torque, without.drive_torque, rtol=1e-12)
+
+
 @functools.cache
 def with_friction(name: str) -> lj.Scene:
     """A machine with a different friction in every joint."""
     scene = machine(name)
     size = max(float(link.length) for link in scene.mechanism.links.values() if link.length is not None)
     found = []
-    for i, each in enumerate(everywhere(scene.mechanism, 0.06, 0.02 * size)):
-        if isinstance(each, GuideFriction):
+    for i, each in enumerate(everywhere(scene.mechanism, 0.06, 0.02 * size, mesh=0.9)):
+        if isinstance(each, MeshFriction):
+            kinds = (MeshFriction(each.joint, 0.99 - 0.03 * (i % 5)),) * 3
+        elif isinstance(each, GuideFriction):
             kinds = (GuideFriction(each.link, 0.06 + 0.01 * i), GuideFriction(each.link, 0.04, groove=0.6),
                      GuideFriction(each.link, 0.05, length=0.3 * size))  # fmt: skip
         else:

@@ -61,6 +61,21 @@ def test_locking_of_a_guide():
     np.testing.assert_allclose(found, 1 / np.abs(np.tan(beta)) / 0.3, rtol=1e-8)
 
 
+def test_close_to_a_dead_centre():
+    """Where coefficients 1000 times as large do not lock the machine, the factor counts as infinite; its derivatives are
+    finite on both sides."""
+    off = np.concatenate([np.geomspace(1e-9, 1e-2, 22), -np.geomspace(1e-9, 1e-2, 22)])
+    angles = np.concatenate([off, np.pi + off])
+    beta = np.abs(np.arcsin(R / L * np.sin(angles)))
+    scene, every = resisted((GuideFriction("slider", 0.3),)), resisted(masses=(0.2, 0.2, 0.4))
+    inverse = np.asarray(lockings(scene, jnp.asarray(angles)).inverse)
+    expected = 0.3 * np.tan(beta)
+    np.testing.assert_allclose(inverse, np.where(expected > 1e-3, expected, 0.0), rtol=1e-7)
+    every = dataclasses.replace(every, friction=everywhere(every.mechanism, 0.1, 0.01, 0.3))
+    found = compiled_soon(lambda s: jax.jvp(lambda s: lockings.function(s, jnp.asarray(angles)).inverse, (s,), (s,)))(every)
+    assert all(np.all(np.isfinite(part)) for part in found)
+
+
 def test_torque_of_both_directions():
     """The rod carries F / (cos β ∓ f |sin β|), forwards and backwards."""
     f, scene = 0.9, resisted((GuideFriction("slider", 0.9),))

@@ -8,7 +8,7 @@ import pytest
 
 import linkjax as lj
 from linkjax.elements import material_friction, seat_friction
-from linkjax.friction import GuideFriction, PinFriction, Thrust, everywhere
+from linkjax.friction import GuideFriction, MeshFriction, PinFriction, Thrust, everywhere
 from linkjax.scenes import SceneError, loads_text, text_of
 
 ALL = {"friction": {"coefficient": 0.1, "radius": "10 mm"}}
@@ -59,6 +59,36 @@ def test_what_a_joint_takes_from_all_joints():
 def test_guides_alone():
     found = lj.load("slider-crank", {"friction": {"guide": 0.2}}).friction
     assert [each.joint for each in found] == ["piston.guide"]
+
+
+def test_meshes():
+    """All of them, and one; an efficiency of one is without loss."""
+    scene = lj.load("geared-press", {"friction": {"mesh_efficiency": 0.98}})
+    assert same(scene, lj.Scene(scene.mechanism, speed=1.0, friction=(MeshFriction("wheel.mesh", 0.98),)))
+    other = lj.load("geared-press", {"joints": {"wheel.mesh": {"efficiency": 0.97}}})
+    (mesh,) = other.friction
+    assert isinstance(mesh, MeshFriction) and float(mesh.efficiency) == 0.97
+    assert same(loads_text(text_of(other)), other)
+    none = {**ALL["friction"], "mesh_efficiency": 0.9}
+    kept = lj.load("geared-press", {"friction": none, "joints": {"wheel.mesh": {"efficiency": 1}}})
+    assert "wheel.mesh" not in [each.joint for each in kept.friction]
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"friction": {"mesh_efficiency": 1.1}}, "friction.mesh_efficiency = 1.1: is above one; write a number"),
+        ({"joints": {"wheel.mesh": {"efficiency": 98}}}, "is above one; write a number up to 1"),
+        ({"joints": {"wheel.mesh": {"efficiency": 0}}}, "must be greater than zero"),
+        ({"joints": {"gear.mesh": {"efficiency": 0.9}}}, "there is no such mesh; write one of wheel.mesh"),
+        ({"joints": {"wheel.mesh": {"coefficient": 0.1}}}, "it is a key of a pin or a guide"),
+        ({"joints": {"B": {"efficiency": 0.9}}}, "has no effect: B is a pin; delete it; it is a key of a mesh"),
+    ],
+)
+def test_contradictions_of_meshes(changes, says):
+    with pytest.raises(SceneError) as caught:
+        lj.load("geared-press", changes)
+    assert says in str(caught.value)
 
 
 @pytest.mark.parametrize(
