@@ -166,7 +166,9 @@ class MeshFriction(AbstractFriction):
     def __check_init__(self):
         value = known(self.efficiency)
         if value is not None and not np.all((value > 0) & (value <= 1)):
-            raise ValueError(f"efficiency of the mesh {self.mesh!r} is {value}; write a number above 0 and up to 1, e.g. 0.98")
+            raise ValueError(
+                f"efficiency of the mesh {self.mesh!r} is {value}; write a number above 0 and up to 1, e.g. 0.98"
+            )
 
     @property
     def joint(self):
@@ -220,7 +222,10 @@ def check_friction(mechanism: Mechanism, friction: Any) -> None:
     """Raise `StructureError` for anything but a tuple of frictions, for a joint that the mechanism does not have, for
     two frictions of one joint, and for a mechanism with redundant links, whose reactions are not unique."""
     if not isinstance(friction, tuple) or not all(isinstance(each, AbstractFriction) for each in friction):
-        problem, remedy = f"is {type(friction).__name__}", "write a tuple of PinFriction, GuideFriction and MeshFriction"
+        problem, remedy = (
+            f"is {type(friction).__name__}",
+            "write a tuple of PinFriction, GuideFriction and MeshFriction",
+        )
         raise StructureError("friction", problem, remedy)
     if friction and any(group.passive() for group in mechanism.groups):
         problem = "reactions of a mechanism with redundant links are not unique, nor is their friction"

@@ -64,7 +64,11 @@ def _lines(scene: Any) -> list[str]:
         own = "ideal" if piece.ideal else SHOW.shown(piece.own_inertia(), "kg·m²")
         weights.append((name, link, SHOW.shown(piece.mass, "kg"), SHOW.place((piece.at.x, piece.at.y)), own))
     loads = [("load", "size", "on", "crank angle"), *map(_load, scene.loads)] if scene.loads else [("load", NONE)]
-    rubs = [("friction in", "coefficient", "pin, guide or mesh"), *map(_friction, scene.friction)] if scene.friction else []
+    rubs = (
+        [("friction in", "coefficient", "pin, guide or mesh"), *map(_friction, scene.friction)]
+        if scene.friction
+        else []
+    )
     tables = [aligned(rows) for rows in (_links(mechanism), weights, rubs, loads) if rows]
     return [scene.title or "Scene", *aligned(head), *(line for table in tables for line in ("", *table))]
 

@@ -39,7 +39,6 @@ def _joint(value: str) -> str:
     return value
 
 
-
 JointName = Annotated[str, AfterValidator(_joint)]
 
 

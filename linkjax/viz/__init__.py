@@ -8,6 +8,7 @@ from linkjax.viz._forces import drive_figure as drive_figure
 from linkjax.viz._forces import reaction_hodographs_figure as reaction_hodographs_figure
 from linkjax.viz._forces import reactions_figure as reactions_figure
 from linkjax.viz._forces import shaking_figure as shaking_figure
+from linkjax.viz._friction import friction_figure as friction_figure
 from linkjax.viz._kinematics import acceleration_hodographs_figure as acceleration_hodographs_figure
 from linkjax.viz._kinematics import centres_figure as centres_figure
 from linkjax.viz._kinematics import inertia_figure as inertia_figure

@@ -16,6 +16,7 @@ from linkjax.analysis import moves
 from linkjax.machine import Scene
 from linkjax.viz._dynamics import speed_figure, torque_figure
 from linkjax.viz._forces import drive_figure, reaction_hodographs_figure, reactions_figure, shaking_figure
+from linkjax.viz._friction import friction_figure, rubs
 from linkjax.viz._kinematics import (
     acceleration_hodographs_figure,
     centres_figure,
@@ -52,6 +53,7 @@ PICTURES = (
     Picture("inertia", "Reduced inertia and its derivative", inertia_figure, "reduced"),
     Picture("torque", "Reduced torque of each load, drive torque, and work", torque_figure, "reduced"),
     Picture("loads", "Force of each load, power of loads and drive", loads_figure, "loads"),
+    Picture("friction", "Work and power that the friction of every joint takes", friction_figure, "friction"),
     Picture("speed", "Speed and angular acceleration of the crank", speed_figure, "motion"),
     Picture("reactions", "Magnitudes of the joint forces", reactions_figure, "forces"),
     Picture("reaction-hodographs", "Hodographs of the joint forces", reaction_hodographs_figure, "forces"),
@@ -104,6 +106,8 @@ def _has(data: Data, part: str, scene: Scene) -> bool:
         return moves(data)
     if part == "loads":
         return acts(data)
+    if part == "friction":
+        return rubs(data)
     if part == "free motion":
         return moves(data) and not scene.mechanism.prescribed
     if part == "loop":

@@ -148,10 +148,14 @@ def test_planet_around_a_fixed_gear(drives):
     rub = found.friction["planet.mesh"]["planet"]
     assert rub.speed == pytest.approx(z1 / z2, rel=1e-14)
     free = abs(torque) * (1 + z1 / z2)
-    assert -rub.value * rub.speed == pytest.approx(abs(float(found.drive_torque) - math.copysign(free, -torque)), rel=1e-12)
+    assert -rub.value * rub.speed == pytest.approx(
+        abs(float(found.drive_torque) - math.copysign(free, -torque)), rel=1e-12
+    )
     # the couple of the losses acts between planet and arm
     on_planet, on_arm = (found.reactions["planet.mesh"][link].moment for link in ("planet", "arm"))
-    assert on_planet == pytest.approx(-torque, rel=1e-14) and float(on_arm) == pytest.approx(-float(rub.value), rel=1e-14)
+    assert on_planet == pytest.approx(-torque, rel=1e-14) and float(on_arm) == pytest.approx(
+        -float(rub.value), rel=1e-14
+    )
 
 
 def test_a_joint_at_rest_has_no_friction():
