@@ -224,8 +224,8 @@ def _link(name: str, link: Link, where: Where, bar: bool) -> Iterator[Number]:
 
 
 OF_FRICTION = {  # units and smallest values of the numbers of friction
-    "coefficient": ("1", 0.0), "radius": ("m", 0.0), "groove": ("rad", 1e-3), "length": ("m", 1e-6),
-    "seat": ("1", 1.0), "force": ("N", 0.0), "outer": ("m", 1e-6), "inner": ("m", 0.0),
+    "coefficient": ("1", 0.0), "static": ("1", 0.0), "radius": ("m", 0.0), "groove": ("rad", 1e-3),
+    "length": ("m", 1e-6), "seat": ("1", 1.0), "force": ("N", 0.0), "outer": ("m", 1e-6), "inner": ("m", 0.0),
     "efficiency": ("1", 1e-3),
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from linkjax.exchange._tree import Placed, Stand, Tree, ahead, assembled, plane, stand, tree_of
 from linkjax.kinematics import Pose, prepared
-from linkjax.machine import Scene, check_frictionless, ready
+from linkjax.machine import Scene, ready
 from linkjax.mechanism import Mechanism, StructureError
 
 STEP = 1e-4  # s, time step: half the time constant of the constraints, the largest that MuJoCo allows
@@ -40,7 +40,9 @@ def to_mjcf(machine: Mechanism | Scene, phi: float = 0.0, massless: float = 1e-9
     ideal counterweight leaves it without positive inertia, and for machines that are traced or batched.
     """
     if isinstance(machine, Scene):
-        check_frictionless(machine)
+        if machine.friction:
+            problem = "MuJoCo has no friction that follows the reactions of joints"
+            raise StructureError("friction", problem, "omit it: dataclasses.replace(scene, friction=())")
         made, gravity, title = ready(machine).mechanism, plane(machine.gravity), machine.title
     else:
         made, gravity, title = prepared(machine), 0j, ""

@@ -79,17 +79,19 @@ def rubbed(
     reactions: Reactions,
     advance: Callable[[Array], Array],
     factor: Any = 1.0,
+    way: Any = 1.0,
 ) -> Rubbed:
     """The frictions, all of them times a `factor`, and the acceleration with which the `reactions` are those that cause
     the frictions, and the acceleration is that which the torque of friction, reduced to the crank, leaves: `advance`.
-    `senses` are those of the relative motions, and `paces` their speeds at unit crank speed, shape (joints,)."""
+    `senses` are those of the relative motions, and `paces` their speeds at unit crank speed, shape (joints,); with the
+    `way` -1 the crank turns back."""
     paces = senses * paces
 
     def left(state: Array) -> Array:
         c, rate = state[:-1], state[-1]
         there = reactions(c, rate)
         sizes = [each.size(*(part[i] for part in there)) for i, each in enumerate(frictions)]
-        return jnp.append(c + factor * senses * jnp.stack(sizes), rate - advance(paces @ c))
+        return jnp.append(c + factor * way * senses * jnp.stack(sizes), rate - advance(paces @ c))
 
     def solve(left: Callable[[Array], Array], begin: Array) -> tuple[Array, Array]:
         def again(loop: tuple) -> tuple:
@@ -102,7 +104,8 @@ def rubbed(
 
         loop = jnp.zeros((), jnp.int32), begin, *(jnp.ones_like(begin[0]),) * 2, jnp.asarray(MORE, jnp.int32)
         _, state, last, sign, _ = jax.lax.while_loop(lambda s: (s[4] > 0) & (s[0] < STEPS), again, loop)
-        return state, jnp.where((last < NEAR) & (sign > 0), 1.0, 0.0)  # a number: `custom_root` has no others
+        found = (last < NEAR) & (sign > 0)
+        return jnp.where(found, state, begin), jnp.where(found, 1.0, 0.0)  # numbers: `custom_root` has no others
 
     def tangent(linear: Callable[[Array], Array], right: Array) -> Array:
         return eliminated(jax.jacfwd(linear)(jnp.zeros_like(right)), right)[0]

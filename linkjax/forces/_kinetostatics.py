@@ -205,9 +205,10 @@ def friction_of_basis(
 
 
 def friction_of_pose(
-    scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, advance: Callable[[Array], Array]
-) -> tuple[Array, Array]:
-    """The same without a basis."""
+    scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, advance: Callable[[Array], Array],
+    way: Scalar | float = 1.0, at_rest: bool = False,
+) -> tuple[Array, Array]:  # fmt: skip
+    """The same without a basis; with the `way` -1 of a crank that turns back, and the friction of a machine `at_rest`."""
     origins = scene.mechanism.origins()
     joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
 
@@ -216,7 +217,8 @@ def friction_of_pose(
 
     frictions, senses, paces = friction_numbers(joints)
     reactions = reactions_of(scene, here, origins, joints, acting)
-    found = rubbed(frictions, senses, paces, reactions, advance)
+    frictions = [each.at_rest() for each in frictions] if at_rest else frictions
+    found = rubbed(frictions, senses, paces, reactions, advance, way=way)
     return found.values @ (senses * paces), found.found
 
 

@@ -8,6 +8,7 @@ from the actual reaction.
 from __future__ import annotations
 
 import abc
+import dataclasses
 from typing import Any, Literal
 
 import equinox as eqx
@@ -47,6 +48,10 @@ class AbstractFriction(eqx.Module):
         """How many these numbers are."""
         return 0
 
+    def at_rest(self) -> AbstractFriction:
+        """The friction of a machine at rest: the greatest before it starts to move."""
+        return self
+
 
 class Thrust(eqx.Module):
     """A thrust face between the radii `inner` and `outer` (m) under a given axial `force` (N); see
@@ -71,8 +76,9 @@ class PinFriction(AbstractFriction):
     R.
 
     f₀ follows from the `coefficient` and the `bearing`, see `elements.journal_friction`. A rolling bearing has its
-    coefficient and half of its mean diameter as radius. A `thrust` face adds a constant couple. Raises `ValueError` for
-    a negative coefficient or radius, and for an unknown bearing.
+    coefficient and half of its mean diameter as radius. A `thrust` face adds a constant couple. The coefficient of
+    `static` friction, for starting, is by default the same. Raises `ValueError` for a negative coefficient or radius,
+    and for an unknown bearing.
     """
 
     point: str = eqx.field(static=True)
@@ -80,8 +86,10 @@ class PinFriction(AbstractFriction):
     radius: Array = eqx.field(converter=as_float)
     bearing: Literal["given", "unworn", "run-in"] = eqx.field(static=True, default="given")
     thrust: Thrust | None = None
+    static: Array | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self):
+        _not_negative(f"the pin {self.point!r}", "static", self.static)
         journal_friction(self.coefficient, self.bearing)
         _not_negative(f"the pin {self.point!r}", "coefficient", self.coefficient)
         _not_negative(f"the pin {self.point!r}", "radius", self.radius)
@@ -94,6 +102,9 @@ class PinFriction(AbstractFriction):
         couple = journal_friction(self.coefficient, self.bearing) * self.radius * safe_sqrt(fx * fx + fy * fy)
         return couple if self.thrust is None else couple + self.thrust.couple()
 
+    def at_rest(self):
+        return self if self.static is None else dataclasses.replace(self, coefficient=self.static, static=None)
+
 
 class GuideFriction(AbstractFriction):
     """Friction of the block or link `link` in its guide: f₀ times the normal force N.
@@ -102,7 +113,8 @@ class GuideFriction(AbstractFriction):
     of the factor `seat` k it is k f. With the `length` L (m) of a guide that encloses the block, the couple M of the
     guide is carried by its edges, and the force that rubs is max(|N|, 2 |M| / L): where the couple tilts the block,
     both sides are loaded. Without a length the couple is assumed to be carried by one face, whose friction depends on N
-    alone. Raises `ValueError` for a negative coefficient, an angle that is not above 0 and below 90°, a length that is
+    alone. The coefficient of `static` friction, for starting, is by default the same. Raises `ValueError` for a
+    negative coefficient, an angle that is not above 0 and below 90°, a length that is
     not above zero, a factor outside of 1 to π/2, and for both a groove and a seat.
     """
 
@@ -111,8 +123,10 @@ class GuideFriction(AbstractFriction):
     groove: Array | None = eqx.field(converter=as_float, default=None)
     length: Array | None = eqx.field(converter=as_float, default=None)
     seat: Array | None = eqx.field(converter=as_float, default=None)
+    static: Array | None = eqx.field(converter=as_float, default=None)
 
     def __check_init__(self):
+        _not_negative(f"the guide of {self.link!r}", "static", self.static)
         _not_negative(f"the guide of {self.link!r}", "coefficient", self.coefficient)
         if self.groove is not None and self.seat is not None:
             raise ValueError(f"the guide of {self.link!r} has a groove and a curved seat; omit one of them")
@@ -147,6 +161,9 @@ class GuideFriction(AbstractFriction):
     @property
     def kinks(self):
         return 1 if self.length is None else 3
+
+    def at_rest(self):
+        return self if self.static is None else dataclasses.replace(self, coefficient=self.static, static=None)
 
 
 class MeshFriction(AbstractFriction):
@@ -245,6 +262,6 @@ def check_friction(mechanism: Mechanism, friction: Any) -> None:
 
 
 def _not_negative(owner: str, name: str, value: Any) -> None:
-    number = known(value)
+    number = None if value is None else known(value)
     if number is not None and not np.all((number >= 0) & np.isfinite(number)):
         raise ValueError(f"{name} of {owner} is {number}; write a finite number of zero or more")

@@ -5,7 +5,6 @@ from linkjax.machine._names import Names as Names
 from linkjax.machine._names import nameless as nameless
 from linkjax.machine._scene import ReadyScene as ReadyScene
 from linkjax.machine._scene import Scene as Scene
-from linkjax.machine._scene import check_frictionless as check_frictionless
 from linkjax.machine._scene import check_scene as check_scene
 from linkjax.machine._scene import ready as ready
 from linkjax.machine._scene import untitled as untitled

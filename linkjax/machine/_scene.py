@@ -154,13 +154,6 @@ def untitled(scene: Scene) -> Scene:
     return plain
 
 
-def check_frictionless(scene: Scene) -> None:
-    """Raise `StructureError` for a scene with friction, where only its steady-state motion is computed."""
-    if scene.friction:
-        problem = "only the steady-state motion and its forces are computed with it"
-        raise StructureError("friction", problem, "use linkjax.analyse, or omit the friction")
-
-
 def check_scene(scene: object) -> None:
     """Raise `TypeError` if `scene` is not a `Scene`."""
     if not isinstance(scene, Scene):

@@ -100,7 +100,9 @@ def _friction(friction: AbstractFriction) -> tuple[str, str, str]:
         return friction.joint, NONE, f"efficiency {100 * float(friction.efficiency):g} %"
     else:
         return friction.joint, NONE, type(friction).__name__
-    return friction.joint, f"{float(friction.coefficient):g}", ", ".join(more) or "flat"
+    more = more or ["flat"]
+    more += [] if friction.static is None else [f"static coefficient {float(friction.static):g}"]
+    return friction.joint, f"{float(friction.coefficient):g}", ", ".join(more)
 
 
 def _load(load: AbstractLoad) -> tuple[str, ...]:

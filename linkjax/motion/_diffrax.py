@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._numerics import safe_divide, safe_sqrt
 from linkjax._types import Scalar
-from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion._by_speed import speed_dependent
 from linkjax.motion._flow import LEAST, Begun, Flow, Primitive, duty_of, spotted
@@ -58,7 +58,6 @@ def free(scene: Scene | ReadyScene) -> ReadyScene:
     """The scene, made ready. Raises `StructureError` if its driver has a motion law: there is no equation of motion to
     solve."""
     made = ready(scene)
-    check_frictionless(made.scene)
     if made.scene.mechanism.prescribed:
         problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
         raise StructureError(made.scene.mechanism.driving_link, problem, "use the quadrature, or delete the law")
@@ -136,9 +135,13 @@ def _in_angle(
     def rate(s, state, _):
         width, phi, panel = at(s)
         speed = safe_sqrt(jnp.maximum(state[0], least), 1e-100)
-        here = reduced_in(made, grid, phi, panel, speed=speed * unit)
-        phi = jnp.floor(s / panels) * made.scene.cycle + phi
-        gain = 2 * acceleration_at(made.scene.motor, here, drive_torque, phi, speed * unit) / unit**2
+        turned = jnp.floor(s / panels) * made.scene.cycle + phi
+
+        def advance(model):
+            return acceleration_at(made.scene.motor, model, drive_torque, turned, speed * unit)
+
+        here = reduced_in(made, grid, phi, panel, speed=speed * unit, advance=advance)
+        gain = 2 * advance(here) / unit**2
         more = (-first / (here.inertia * speed**3), here.torque / (first * unit**2)) if shooting else ()
         return width * jnp.stack([gain, 1 / speed, *more])
 
@@ -200,7 +203,8 @@ def steady_by_diffrax(
     if speed_dependent(scene):
         problem = "this method finds the steady-state motion of a constant drive torque and loads without speed"
         remedy = "use motion.steady_motion, or run_in_angle"
-        raise StructureError("motor" if scene.motor is not None else "loads", problem, remedy)
+        what = "friction" if scene.friction else "motor" if scene.motor is not None else "loads"
+        raise StructureError(what, problem, remedy)
     tolerance = jnp.maximum(tolerance, 30 * jnp.finfo(scene.speed.dtype).eps)
     grid = grid_of(machine, nodes)
     nodes_at = at_nodes(machine, grid)

@@ -153,8 +153,10 @@ def _stop(made: ReadyScene, found: Run, angle, speed, drive_torque, tolerance, s
     turns = jax.lax.stop_gradient(middle - grid.place(middle).phi)
 
     def gain(phi, speed):
-        here = reduced_in(made, grid, phi - turns, place.panel, speed=speed)
-        return acceleration_at(made.scene.motor, here, drive_torque, phi, speed, jnp.ones_like(speed))
+        def advance(model):
+            return acceleration_at(made.scene.motor, model, drive_torque, phi, speed, jnp.ones_like(speed))
+
+        return advance(reduced_in(made, grid, phi - turns, place.panel, speed=speed, advance=advance))
 
     def rate(t, state, _):
         return jnp.stack([state[1], gain(state[0], state[1] * unit) / unit**2])

@@ -1,7 +1,8 @@
 """Integration of the equation of motion over time, in parts between standstills.
 
-A machine without dry friction passes a standstill smoothly. Opposing loads, and losses of a transmission, change their
-sense there: the crank then starts forward, starts backward, or stays at rest, as the accelerations from rest say.
+A machine without dry friction passes a standstill smoothly. Friction of joints, opposing loads, and losses of a
+transmission change their sense there: the crank then starts forward, starts backward, or stays at rest, as the
+accelerations from rest say.
 Source: breakaway as in `linkjax.drives.MotorDrive.breakaway`, with all loads.
 """
 
@@ -18,6 +19,7 @@ from linkjax._types import Scalar
 from linkjax.drives import AbstractMotor, MotorDrive
 from linkjax.kinematics import pose
 from linkjax.machine import ReadyScene, Scene
+from linkjax.motion._rubbed import JAM, with_friction
 from linkjax.motion._stiff import control_for
 from linkjax.motion._torque import Torque, acceleration_at
 from linkjax.reduction import Reduced, reduce_pose
@@ -56,22 +58,31 @@ class Way(NamedTuple):
         return MotorDrive(Switched(motor.motor, self.acting(time)[-1]), motor.transmission, motor.inertia)
 
     def gain(self, time: Scalar, here: Reduced, phi: Scalar, speed: Scalar, sense: Scalar) -> Array:
-        """Acceleration of the crank (rad/s²) with the reduced model of all loads."""
+        """Acceleration of the crank (rad/s²) with the reduced model of all loads and of friction."""
         return acceleration_at(self.motor(time), here, self.drive, phi, speed, sense)
 
-    def reduced(self, time: Scalar, phi: Scalar, speed: Scalar, sense: Scalar) -> Reduced:
-        """The reduced model of all loads that act at a time (s), at a crank angle (rad) and speed (rad/s)."""
+    def reduced(self, time: Scalar, phi: Scalar, speed: Scalar, sense: Scalar, at_rest: bool = False) -> Reduced:
+        """The reduced model of friction, and of all loads that act at a time (s), at a crank angle (rad) and speed
+        (rad/s)."""
         active = self.made.scene.active(phi)
         active = active if self.acting is None else active * self.acting(time)[:-1]
-        at = self.made.instant(phi, phi, speed)
-        return reduce_pose(self.made.scene, at, pose(self.made.mechanism, phi), active, sense)
+        at, here = self.made.instant(phi, phi, speed), pose(self.made.mechanism, phi)
+        bare = reduce_pose(self.made.scene, at, here, active, sense)
 
-    def acceleration(self, time: Scalar, phi: Scalar, speed: Scalar, sense: Scalar) -> Array:
+        def advance(model: Reduced) -> Array:
+            return self.gain(time, model, phi, speed, sense)
+
+        return with_friction(self.made.scene, at, here, active, bare, advance, sense, at_rest)
+
+    def acceleration(
+        self, time: Scalar, phi: Scalar, speed: Scalar, sense: Scalar, at_rest: bool = False
+    ) -> Array:  # fmt: skip
         """Acceleration of the crank (rad/s²)."""
-        return self.gain(time, self.reduced(time, phi, speed, sense), phi, speed, sense)
+        return self.gain(time, self.reduced(time, phi, speed, sense, at_rest), phi, speed, sense)
 
     def rate(self, time: Scalar, state: Array, sense: Scalar, works: bool) -> Array:
-        """Rates of crank angle and speed, and of the works of motor, losses, weight and loads, in time times unit."""
+        """Rates of crank angle and speed, and of the works of motor, losses, weight, loads and friction, in time times
+        unit."""
         phi, speed = state[0], state[1] * self.unit
         here = self.reduced(time / self.unit, phi, speed, sense)
         gain = self.gain(time / self.unit, here, phi, speed, sense)
@@ -79,7 +90,7 @@ class Way(NamedTuple):
         return jnp.stack([state[1], gain / self.unit**2, *(p / (self.energy * self.unit) for p in powers)])
 
     def powers(self, time: Scalar, here: Reduced, speed: Scalar, gain: Scalar, sense: Scalar) -> list[Array]:
-        """Powers (W) of the motor, of the losses of its transmission, of weight and of every load."""
+        """Powers (W) of the motor, of the losses of its transmission, of weight, of every load, and of friction."""
         motor = self.motor(time)
         if self.drive is not None or motor is None:
             torque = 0.0 if self.drive is None else here.inertia * gain - here.torque + 0.5 * here.slope * speed**2
@@ -91,7 +102,7 @@ class Way(NamedTuple):
     def breakaway(self, time: Scalar, phi: Scalar) -> Array:
         """The sense in which a crank at rest starts: 1, -1, or 0 if it stays at rest."""
         rest, one = jnp.zeros_like(phi), jnp.ones_like(phi)
-        ahead, back = (self.acceleration(time, phi, rest, sense) for sense in (one, -one))
+        ahead, back = (self.acceleration(time, phi, rest, sense, at_rest=True) for sense in (one, -one))
         return jnp.where(ahead > 0, 1.0, jnp.where(back < 0, -1.0, 0.0))
 
 
@@ -110,8 +121,8 @@ class Course(NamedTuple):
 
 
 def is_dry(scene: Scene, drive: Scalar | Torque | None) -> bool:
-    """Whether torques jump where the sense of rotation changes: opposing loads, or losses of the transmission."""
-    if any(load.opposing for load in scene.loads):
+    """Whether torques jump where the sense of rotation changes: friction, opposing loads, a lossy transmission."""
+    if scene.friction or any(load.opposing for load in scene.loads):
         return True
     return drive is None and scene.motor is not None and scene.motor.transmission.loses
 
@@ -205,7 +216,8 @@ def _part(
     if jumps is not None:
         control = diffrax.ClipStepSizeController(control, jump_ts=jumps * way.unit)
     finder = optimistix.Bisection(rtol=1e-14, atol=1e-14)
-    falls = diffrax.Event(lambda t, y, args, **_: sense * y[1], finder, direction=False)
+    scale = 1 / JAM if way.made.scene.friction else 1.0  # the speed may fall so steeply that its zero has few digits
+    falls = diffrax.Event(lambda t, y, args, **_: scale * sense * y[1], finder, direction=False)
     term = diffrax.ODETerm(lambda t, state, _: way.rate(jnp.asarray(t), state, sense, works))
     solution = diffrax.diffeqsolve(
         term, solver, begin, clock[-1], None, start,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -13,6 +14,7 @@ from linkjax._numerics import once
 from linkjax.kinematics import Pose, pose
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._grid import Grid, Place
+from linkjax.motion._rubbed import with_friction
 from linkjax.reduction import Reduced, loaded, of_crank, reduce_pose
 from linkjax.sampling import Sample, Sampler
 
@@ -70,13 +72,17 @@ def _node_values(grid: Grid, dynamics: tuple, edges: bool) -> tuple[Reduced, AtE
 
 
 def reduced_in(
-    made: ReadyScene, grid: Grid, phi: Array, panel: Array, here: Pose | None = None, speed: Array | None = None
-) -> Reduced:
+    made: ReadyScene, grid: Grid, phi: Array, panel: Array, here: Pose | None = None, speed: Array | None = None,
+    advance: Callable[[Reduced], Array] | None = None, at_rest: bool = False,
+) -> Reduced:  # fmt: skip
     """The reduced model that determines the motion of the crank, at a crank angle (rad) in a panel of the grid; `here`
     is the pose, if known. Loads that depend on the speed are those at the crank speed `speed` (rad/s), and omitted
-    without one."""
+    without one. With `advance`, which gives the acceleration for a model, it contains the friction of joints."""
     at, here = made.instant(phi, grid.middle[panel], speed), pose(made.mechanism, phi) if here is None else here
-    return of_crank(reduce_pose(made.scene, at, here, grid.order[panel]), grid.prescribed)
+    bare = of_crank(reduce_pose(made.scene, at, here, grid.order[panel]), grid.prescribed)
+    if advance is None:
+        return bare
+    return with_friction(made.scene, at, here, grid.order[panel], bare, advance, at_rest=at_rest)
 
 
 def node_values(scene: Scene | ReadyScene, grid: Grid) -> Reduced:

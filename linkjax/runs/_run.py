@@ -17,7 +17,7 @@ from linkjax._types import Scalar, Tracer, as_float
 from linkjax._units import nearest
 from linkjax.drives import Servo
 from linkjax.loads import Passage
-from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion import Steady, at_crank_angles, is_stiff, run_in_time, solver_for, steady_motion
 from linkjax.reduction import reduced_model
@@ -85,7 +85,6 @@ def run(
 
 
 def _check(scene: Scene, speed, time, cycles, motor, acting, through_rest, points) -> None:
-    check_frictionless(scene)
     if scene.mechanism.prescribed:
         problem = "has a motion law: its motion is known, so there is no equation of motion to solve"
         raise StructureError(scene.mechanism.driving_link, problem, "delete the law")
@@ -186,7 +185,7 @@ def _end(setup: Setup, start: Array, gap: Gap | None, cycles: float | None, off:
 
 def _whole(setup: Setup, gap: Gap | None, start: Array, end: float, points: int, off: bool) -> Transient:
     times = jnp.linspace(0.0, end, points)
-    size = 2 + 3 + len(setup.made.scene.loads)
+    size = 2 + 3 + len(setup.made.scene.loads) + bool(setup.made.scene.friction)
     found = course(setup, times, jnp.concatenate([start, jnp.zeros(size - 2)]), works=True)
     # a passage is looked for at least so often in a cycle
     laps = float(jnp.max(jnp.abs(jnp.diff(found.states[:, 0])))) / setup.made.scene.cycle * (LOOKS - 1)
@@ -268,7 +267,8 @@ def _result(
 
 def _energies(setup: Setup, works: Array, more: Any) -> Energies:
     motor, losses, *loads = (setup.energy * works[:, i] for i in range(works.shape[1]))
-    names = ["gravity", *(load.name for load in setup.made.scene.loads)]
+    scene = setup.made.scene
+    names = ["gravity", *(load.name for load in scene.loads), *(["friction"] if scene.friction else [])]
     gained = more.kinetic - more.kinetic[0]
     sizes = jnp.stack([jnp.max(jnp.abs(part)) for part in (more.kinetic, motor, losses, *loads)])
     left = jnp.max(jnp.abs(motor - losses + sum(loads) - gained))

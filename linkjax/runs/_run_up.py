@@ -58,8 +58,6 @@ def run_up_time(
 
 def no_start(scene: Scene) -> tuple[str, str] | None:
     """What a scene lacks for a start from rest, and the remedy; None if it has a motor with a torque at rest."""
-    if scene.friction:
-        return "a start from rest with friction in joints is not computed", "omit the friction, or the measure"
     if scene.mechanism.prescribed:
         return "the driver has a motion law, so it cannot be started", "delete the law, or the measure"
     if scene.motor is None or isinstance(scene.motor.motor, NoMotor):

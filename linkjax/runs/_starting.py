@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide
-from linkjax.machine import ReadyScene, Scene, check_frictionless, ready
+from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import StructureError
 from linkjax.motion import Grid, make_grid, reduced_in
 
@@ -31,16 +31,16 @@ class Starting(NamedTuple):
 
 
 def starting_torque(scene: Scene | ReadyScene) -> Starting:
-    """The starting torque of the motor against the static torque of weight and loads over the cycle.
+    """The starting torque of the motor against the static torque of weight, loads and friction over the cycle.
 
     The margin is the motor's torque at rest, on the crank with the losses of the transmission, over the greatest static
     load torque, less one: below zero the machine does not start from there. It is infinite where no load resists. All
-    opposing loads resist with their full magnitude, and loads that depend on the speed are those at rest. Its
+    opposing loads resist with their full magnitude, friction is static, and where it locks the machine the torque is
+    infinite; loads that depend on the speed are those at rest. Its
     derivatives with respect to the design are exact. Raises `StructureError` for a scene without a motor, and if the
     driver follows a motion law.
     """
     made = ready(scene)
-    check_frictionless(made.scene)
     if made.scene.mechanism.prescribed:
         raise StructureError(
             made.scene.mechanism.driving_link, "has a motion law, so it cannot be started", "delete it"
@@ -58,7 +58,7 @@ def _starting(made: ReadyScene, grid: Grid) -> Starting:
 
     def resisting(panel: Array, x: Array) -> Array:
         phi = grid.middle[panel] + grid.half[panel] * x
-        return -reduced_in(made, grid, phi, panel, speed=zero).torque
+        return -reduced_in(made, grid, phi, panel, speed=zero, advance=lambda _: zero, at_rest=True).torque
 
     x = jnp.asarray(np.cos(np.pi * (np.arange(PLACES) + 0.5) / PLACES)[::-1] / np.cos(np.pi * 0.5 / PLACES))
     panels = jnp.arange(grid.panels, dtype=jnp.int32)

@@ -61,6 +61,9 @@ class Rubs(Table):
     """What `[friction]` and the tables of `[joints]` have in common."""
 
     coefficient: Coefficient | None = Field(None, description="coefficient of friction", examples=[0.1])
+    static: Coefficient | None = Field(
+        None, description="coefficient of static friction, for starting; default: coefficient", examples=[0.15]
+    )
     material: str | None = Field(
         None, description=f"instead of it, two materials: {', '.join(MATERIALS)}", examples=["steel-bronze"]
     )
@@ -82,6 +85,16 @@ class Rubs(Table):
             return self.coefficient
         wet = lubricated if self.lubricated is None else self.lubricated
         return material_friction(self.material, lubricated=bool(wet))
+
+    def at_rest(self, lubricated: bool | None = None) -> float | None:
+        """The coefficient of static friction; None if it is not given here, or is not known for the materials."""
+        if self.static is not None or self.material is None:
+            return self.static
+        wet = lubricated if self.lubricated is None else self.lubricated
+        try:
+            return material_friction(self.material, lubricated=bool(wet), static=True)
+        except ValueError:
+            return None
 
     def arm(self) -> float | None:
         """The radius at which a pin rubs (m); None if it is not given here."""
@@ -136,7 +149,7 @@ class JointTable(Rubs):
     )
 
 
-COEFFICIENTS = ("coefficient", "material", "lubricated")
+COEFFICIENTS = ("coefficient", "static", "material", "lubricated")
 KEYS = {  # of every kind of joint
     "pin": (*COEFFICIENTS, "radius", "mean_diameter", "bearing", "thrust"),
     "guide": (*COEFFICIENTS, "groove", "seat", "length"),
@@ -210,8 +223,10 @@ def frictions(
             raise StructureError(place, "has no coefficient of friction", "add coefficient = 0.1, or a material")
         if given is None or (not given and own.thrust is None):
             continue
+        other = own.coefficient is not None or own.material is not None or (joint.slides and common.guide is not None)
+        static = _first(own.at_rest(common.lubricated), None if other else common.at_rest())
         if joint.slides:
-            found.append(GuideFriction(joint.link, given, own.groove, own.length, own.seat))
+            found.append(GuideFriction(joint.link, given, own.groove, own.length, own.seat, static))
             continue
         radius = _first(own.arm(), common.arm())
         if radius is None:
@@ -220,7 +235,7 @@ def frictions(
         rolls = own.mean_diameter is not None or (own.radius is None and common.mean_diameter is not None)
         bearing: Bearing = own.bearing or ("given" if rolls else common.bearing) or "given"
         thrust = None if own.thrust is None else own.thrust.build(given)
-        found.append(PinFriction(joint.point, given, radius, bearing, thrust))
+        found.append(PinFriction(joint.point, given, radius, bearing, thrust, static))
     return tuple(found)
 
 
@@ -237,15 +252,17 @@ def friction_keys(friction: tuple[AbstractFriction, ...]) -> dict[str, Any]:
 def _keys(each: AbstractFriction) -> dict[str, Any]:
     if isinstance(each, MeshFriction):
         return {"efficiency": number_of(each.efficiency)}
+    static = getattr(each, "static", None)
+    rest = {} if static is None else {"static": number_of(static)}
     if isinstance(each, GuideFriction):
-        table: dict[str, Any] = {"coefficient": number_of(each.coefficient)}
+        table: dict[str, Any] = {"coefficient": number_of(each.coefficient), **rest}
         table |= {} if each.groove is None else {"groove": amount(each.groove, "rad")}
         table |= {} if each.length is None else {"length": amount(each.length, "m")}
         return table | ({} if each.seat is None else {"seat": number_of(each.seat)})
     if not isinstance(each, PinFriction):
         problem = f"scene files do not support friction of the kind {type(each).__name__}"
         raise StructureError(f"joints.{each.joint}", problem, "write PinFriction, GuideFriction or MeshFriction")
-    table = {"coefficient": number_of(each.coefficient), "radius": amount(each.radius, "m")}
+    table = {"coefficient": number_of(each.coefficient), **rest, "radius": amount(each.radius, "m")}
     table |= {} if each.bearing == "given" else {"bearing": each.bearing}
     if each.thrust is None:
         return table

@@ -343,11 +343,9 @@ def test_redundant_links_are_refused():
         dataclasses.replace(scene, friction=(PinFriction("A", 0.1, 0.01),))
 
 
-def test_runs_are_refused():
+def test_what_is_refused():
     scene = crank_slider(friction=(PinFriction("B", 0.1, 0.01),), force=-100.0)
-    driven = dataclasses.replace(scene, motor=lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=20.0)))
-    for ask in (lj.run, lj.to_mjcf, lj.starting_torque, lj.run_up_time, lj.motion.steady_by_diffrax):
-        with pytest.raises(
-            lj.mechanism.StructureError, match=r"friction: only the steady|start from rest with friction"
-        ):
-            ask(driven if ask in (lj.starting_torque, lj.run_up_time) else scene)
+    with pytest.raises(lj.mechanism.StructureError, match="MuJoCo has no friction that follows"):
+        lj.to_mjcf(scene)
+    with pytest.raises(lj.mechanism.StructureError, match="constant drive torque and loads without speed"):
+        lj.motion.steady_by_diffrax(scene)

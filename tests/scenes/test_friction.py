@@ -61,6 +61,20 @@ def test_guides_alone():
     assert [each.joint for each in found] == ["piston.guide"]
 
 
+def test_static_friction():
+    """Of one joint, of all, and of the materials where the table has it."""
+    joints = {"C": {"coefficient": 0.1, "static": 0.2}, "P": {"material": "steel-steel"}}
+    common = {"coefficient": 0.1, "static": 0.15, "radius": "10 mm", "guide": 0.12}
+    scene = lj.load("slider-crank", {"friction": common, "joints": joints})
+    found = {each.joint: each.static for each in scene.friction if isinstance(each, PinFriction | GuideFriction)}
+    assert {name: None if value is None else float(value) for name, value in found.items()} == {
+        "O": 0.15, "C": 0.2, "P": 0.15, "piston.guide": None
+    }  # fmt: skip
+    assert same(loads_text(text_of(scene)), scene)
+    table = lj.load("slider-crank", {"friction": {"material": "bronze-bronze", "lubricated": True, "radius": "9 mm"}})
+    assert all(getattr(each, "static", 0) is None for each in table.friction)
+
+
 def test_meshes():
     """All of them, and one; an efficiency of one is without loss."""
     scene = lj.load("geared-press", {"friction": {"mesh_efficiency": 0.98}})
