@@ -13,7 +13,8 @@ from linkjax.analysis._friction import friction_document, locked_text
 from linkjax.analysis._harmonic_table import harmonics_document
 from linkjax.analysis._loads import load_document
 from linkjax.analysis._overload import overload_document
-from linkjax.forces import Forces, JointForce, indeterminate, other_sides
+from linkjax.forces import Forces, JointForce, other_sides
+from linkjax.friction import indeterminate
 from linkjax.kinematics import Reversals, named_groups
 from linkjax.measures import in_motion, peak_names
 from linkjax.motion import Peak

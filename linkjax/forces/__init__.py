@@ -1,7 +1,6 @@
 """Joint reactions, drive torque, shaking and frame forces."""
 
 from linkjax.forces._friction import JointFriction as JointFriction
-from linkjax.forces._indeterminate import indeterminate as indeterminate
 from linkjax.forces._kinetostatics import Basis as Basis
 from linkjax.forces._kinetostatics import Forces as Forces
 from linkjax.forces._kinetostatics import JointForce as JointForce

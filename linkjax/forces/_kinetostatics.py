@@ -208,7 +208,8 @@ def friction_of_pose(
     scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, advance: Callable[[Array], Array],
     way: Scalar | float = 1.0, at_rest: bool = False,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """The same without a basis; with the `way` -1 of a crank that turns back, and the friction of a machine `at_rest`."""
+    """The same without a basis; with the `way` -1 of a crank that turns back, and with friction of a machine
+    `at_rest`."""
     origins = scene.mechanism.origins()
     joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
 

@@ -12,14 +12,16 @@ import dataclasses
 from typing import Any, Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from linkjax._numerics import safe_sqrt
-from linkjax._types import as_float, known
+from linkjax._types import Tracer, as_float, known
 from linkjax._units import nearest
 from linkjax.elements import groove_friction, journal_friction, seat_friction, thrust_ring
+from linkjax.friction._indeterminate import indeterminate
 from linkjax.groups import Joint
 from linkjax.mechanism import Mechanism, StructureError
 
@@ -168,7 +170,7 @@ class GuideFriction(AbstractFriction):
 
 class MeshFriction(AbstractFriction):
     """Losses of two gears in mesh, of a gear and a rack, or of a belt: of the power that goes through the `mesh`,
-    relative to the link that carries both, the share 1 - η is lost, with the `efficiency` η in either direction.
+    relative to the link that carries both, it loses the share 1 - η, with the `efficiency` η in either direction.
 
     `mesh` is the name of the joint, as "gear.mesh". The loss is a couple between the gear and its carrier, or a force
     between the rack and its guide, against the relative motion: (1 - η) of what drives it, and (1/η - 1) of what it
@@ -237,16 +239,13 @@ def kind_of(joint: Joint) -> str:
 
 def check_friction(mechanism: Mechanism, friction: Any) -> None:
     """Raise `StructureError` for anything but a tuple of frictions, for a joint that the mechanism does not have, for
-    two frictions of one joint, and for a mechanism with redundant links, whose reactions are not unique."""
+    two frictions of one joint, and for a joint whose reactions are not unique in a mechanism with redundant links."""
     if not isinstance(friction, tuple) or not all(isinstance(each, AbstractFriction) for each in friction):
         problem, remedy = (
             f"is {type(friction).__name__}",
             "write a tuple of PinFriction, GuideFriction and MeshFriction",
         )
         raise StructureError("friction", problem, remedy)
-    if friction and any(group.passive() for group in mechanism.groups):
-        problem = "reactions of a mechanism with redundant links are not unique, nor is their friction"
-        raise StructureError("friction", problem, "omit the friction, or the redundant links")
     there = friction_joints(mechanism)
     kinds = {GuideFriction: "guide", MeshFriction: "mesh"}
     names = {kind: {joint.name for joint in there if kind_of(joint) == kind} for kind in ("pin", "guide", "mesh")}
@@ -259,6 +258,12 @@ def check_friction(mechanism: Mechanism, friction: Any) -> None:
         if each.joint in seen:
             raise StructureError(element, "the joint has a friction already", "give every joint one friction")
         seen.add(each.joint)
+    numbers = jax.tree.leaves(mechanism)
+    if not seen or any(isinstance(leaf, Tracer) or leaf.ndim for leaf in numbers):
+        return  # derivatives and batches of a scene that was checked
+    if shared := [name for name in indeterminate(mechanism) if name in seen]:
+        problem = f"redundant links share the reactions of {', '.join(shared)}, which are not unique"
+        raise StructureError("friction", problem, "give these joints no friction (coefficient 0), or omit the links")
 
 
 def _not_negative(owner: str, name: str, value: Any) -> None:

@@ -145,7 +145,7 @@ class JointTable(Rubs):
         None, description="of a guide: its length, whose edges carry a tilting moment", examples=["120 mm"]
     )
     efficiency: Efficiency | None = Field(
-        None, description="of a mesh: the share of the power that is not lost", examples=[0.97]
+        None, description="of a mesh: power that leaves it over power that goes in", examples=[0.97]
     )
 
 

@@ -338,9 +338,13 @@ def test_redundant_links_are_refused():
     links = {name: lj.Link(length=long) for name, long in (("crank", 0.1), ("rod", 0.3), ("arm", 0.25), ("tie", 0.25))}
     links["rod"] = lj.Link(length=0.3, points={"F": lj.Vec(0.3, 0.0)})
     groups = [lj.Crank("crank", "A", "B"), lj.RRR(("rod", "arm"), "B", "D", "C"), lj.RedundantLink("tie", "D", "F")]
+    links["bar"], links["slider"] = lj.Link(length=0.4), lj.Link(mass=1.0)
+    groups.append(lj.RRP("bar", "slider", "C", "E", lj.Guide("A", 0.0, -0.1)))
     scene = lj.Scene(lj.Mechanism({"A": lj.Vec(0.0, 0.0), "D": lj.Vec(0.32, 0.0)}, links, groups))
-    with pytest.raises(lj.mechanism.StructureError, match="redundant links are not unique"):
-        dataclasses.replace(scene, friction=(PinFriction("A", 0.1, 0.01),))
+    with pytest.raises(lj.mechanism.StructureError, match="share the reactions of D, which are not unique"):
+        dataclasses.replace(scene, friction=(PinFriction("D", 0.1, 0.01), PinFriction("E", 0.1, 0.01)))
+    allowed = dataclasses.replace(scene, friction=(PinFriction("A", 0.1, 0.01), GuideFriction("slider", 0.1)))
+    assert bool(forces(allowed, 1.0, 1.0, 0.0).moves)
 
 
 def test_what_is_refused():

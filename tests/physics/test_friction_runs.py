@@ -65,8 +65,8 @@ def slider(torque: float, guide: float, static: float | None = None) -> lj.Scene
 
 @pytest.mark.parametrize("way", [1.0, 0.999])
 def test_static_friction_decides_the_start(way):
-    """At 60° the crank without mass needs F r sin(θ + β) / (cos β - f sin β): with the static coefficient, although less
-    keeps it in motion."""
+    """At 60° the crank needs F r sin(θ + β) / (cos β - f sin β): with the static coefficient, although less keeps it in
+    motion."""
     theta, f = math.radians(60.0), 0.8
     beta = math.asin(math.sin(theta) / 3)
     needed = 10.0 * math.sin(theta + beta) / (math.cos(beta) - f * math.sin(beta))

@@ -25,7 +25,8 @@ from linkjax import (
 )
 from linkjax._compile import compiled_soon
 from linkjax.analysis import document
-from linkjax.forces import indeterminate, kinetostatics
+from linkjax.forces import kinetostatics
+from linkjax.friction import indeterminate
 from linkjax.kinematics import margins, pose, prepared
 from linkjax.mechanism import structure
 from linkjax.scenes import loads_text, text_of
