@@ -1,5 +1,7 @@
 """Joint reactions, drive torque, shaking and frame forces."""
 
+from linkjax.forces._approximation import Approximation as Approximation
+from linkjax.forces._approximation import successive_approximation as successive_approximation
 from linkjax.forces._friction import JointFriction as JointFriction
 from linkjax.forces._kinetostatics import Basis as Basis
 from linkjax.forces._kinetostatics import Forces as Forces

@@ -17,7 +17,7 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
-from linkjax.forces._friction import JointFriction, Reactions, Transmitted, combined, linear, rubbed
+from linkjax.forces._friction import JointFriction, Reactions, Rubbed, Transmitted, combined, linear, rubbed
 from linkjax.friction import AbstractFriction, Rubbing, pairs, rubbing
 from linkjax.groups import Joint, Wrench
 from linkjax.kinematics import Pose, pose
@@ -94,8 +94,12 @@ def _kinetostatics(made: ReadyScene, phi: Scalar, speed: Scalar, acceleration: S
     )
 
 
-def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, acceleration: Scalar) -> Forces:
-    """The forces for a given pose; see `kinetostatics`. `active` is one for every load that acts, zero otherwise."""
+def forces_of_pose(
+    scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, acceleration: Scalar,
+    solve: Callable[..., Rubbed] = rubbed,
+) -> Forces:  # fmt: skip
+    """The forces for a given pose; see `kinetostatics`. `active` is one for every load that acts, zero otherwise, and
+    `solve` finds the frictions."""
     phi, origins = at.phi, scene.mechanism.origins()
     inertia, weight, working, own = applied_to(scene, here, at, active, speed, acceleration)
     acting = acting_on(scene, here, origins, inertia, weight, working)
@@ -105,7 +109,7 @@ def forces_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, speed: 
     rub = None
     if joints:
         reactions = reactions_of(scene, here, origins, joints, lambda _: acting)
-        rub = rubbed(*friction_numbers(joints), reactions, lambda _: acceleration)
+        rub = solve(*friction_numbers(joints), reactions, lambda _: acceleration)
     found, drive = _solve_groups(scene, here, acting, origins, joints, None if rub is None else rub.values)
     about = here.points[scene.mechanism.groups[0].needs()[0]].r
     shaking, weights, loads = (_resultant(here, applied, about) for applied in (inertia, weight, working))

@@ -13,7 +13,7 @@ import pytest
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
-from linkjax.forces import Forces, kinetostatics
+from linkjax.forces import Forces, kinetostatics, successive_approximation
 from linkjax.friction import GuideFriction, MeshFriction, PinFriction, Thrust, everywhere
 from linkjax.machine import ready
 from tests.physics import rubbed
@@ -156,6 +156,27 @@ def test_planet_around_a_fixed_gear(drives):
     assert on_planet == pytest.approx(-torque, rel=1e-14) and float(on_arm) == pytest.approx(
         -float(rub.value), rel=1e-14
     )
+
+
+def test_successive_approximation():
+    """The same forces as by Newton's method; for a guide alone the change of a step is q = f tan β of the one before,
+    so that it takes ln(tolerance) / ln(q) steps, and for q > 1 none are enough."""
+    scene = crank_slider(force=-200.0)
+    scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1, 0.01, 0.3))
+    at = 4.0, 10 * math.pi, 5.0
+    found = successive_approximation(scene, *map(jnp.asarray, at))
+    assert bool(found.converged)
+    assert found.forces.drive_torque == pytest.approx(float(forces(scene, *at).drive_torque), rel=1e-11)
+    steps = jax.jit(successive_approximation, static_argnames=("tolerance", "most"))
+    for f in (0.3, 1.5, 2.9, 4.0):
+        guide = crank_slider(force=-200.0, friction=(GuideFriction("slider", f),), masses=(0.0,) * 3)
+        q = f * math.tan(math.asin(math.sin(1.2) / 3))
+        count = steps(guide, jnp.asarray(1.2), jnp.asarray(1.0), jnp.asarray(0.0))
+        assert bool(count.converged) is (q < 0.87)
+        if q < 0.87:
+            assert abs(int(count.iterations) - math.log(1e-12) / math.log(q)) <= 3
+    with pytest.raises(lj.mechanism.StructureError, match="has none to be approximated"):
+        successive_approximation(dataclasses.replace(scene, friction=()), *map(jnp.asarray, at))
 
 
 def test_a_joint_at_rest_has_no_friction():

@@ -25,9 +25,10 @@ from tests.helpers import PACKAGE, ROOT
 
 NAMES = (
     "andrews-squeezer", "combine-cutter", "combine-shoe", "elliptic-trammel", "four-bar", "friction-slider-crank",
-    "geared-press", "hay-press", "hay-press-slider", "kozhevnikov-press", "oscillating-cylinder", "press-with-motor",
-    "pump-with-motor", "punch-press", "quick-return", "scissor-lift", "scotch-yoke", "slider-crank", "spring-door",
-    "stephenson-3", "toggle-clamp", "toggle-press", "two-cylinder", "two-slider-press",
+    "geared-press", "hay-press", "hay-press-slider", "kozhevnikov-press", "oscillating-cylinder",
+    "press-with-friction", "press-with-motor", "pump-with-motor", "punch-press", "quick-return", "scissor-lift",
+    "scotch-yoke", "slider-crank", "spring-door", "stephenson-3", "toggle-clamp", "toggle-press", "two-cylinder",
+    "two-slider-press",
 )  # fmt: skip
 PAGE = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)

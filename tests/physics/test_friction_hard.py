@@ -1,0 +1,85 @@
+"""Hard cases of friction: tiny and huge coefficients, journals larger than the crank, dead centres, change points."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import linkjax as lj
+from linkjax.friction import GuideFriction, PinFriction, everywhere
+from tests.physics import rubbed
+from tests.physics.test_friction import crank_slider, forces, forces_at, friction_circles
+
+ANGLES = np.radians(np.arange(3.0, 360.0, 15.0))
+
+
+def found_at(scene: lj.Scene, angles=ANGLES, gain: float = 0.0):
+    return forces_at(scene, *map(jnp.asarray, (angles, np.full_like(angles, 10.0), np.full_like(angles, gain))))
+
+
+def test_a_coefficient_of_a_billionth():
+    """The loss is in proportion, to the digits that are left beside the torque."""
+    scene = crank_slider(force=-200.0)
+
+    def loss(f: float) -> np.ndarray:
+        rough = dataclasses.replace(scene, friction=everywhere(scene.mechanism, f, 0.01))
+        sides = found_at(rough).friction.values()
+        return -np.sum([one.value * one.speed for joint in sides for one in joint.values()], axis=0)
+
+    np.testing.assert_allclose(loss(1e-9) / 1e-9, loss(1e-6) / 1e-6, rtol=1e-5)
+
+
+def test_a_coefficient_of_three():
+    """Pins of light rubber: as found by repeating the equations of all links, where these agree in the end."""
+    scene = crank_slider(force=-200.0)
+    scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 3.0, 0.002, 0.1))
+    known, got = rubbed.solve(scene, ANGLES, 10 + 0 * ANGLES, 0 * ANGLES), found_at(scene)
+    assert known.rounds < rubbed.ROUNDS and np.all(got.moves)
+    largest = np.abs(known.solution.drive).max()
+    np.testing.assert_allclose(got.drive_torque, known.solution.drive, rtol=0, atol=1e-10 * largest)
+
+
+@pytest.mark.parametrize("radius", [0.15, 1.0])
+def test_a_journal_larger_than_the_crank(radius):
+    """Its friction circle f₀ r is what counts: by the geometry of the circles."""
+    rod, guide = 0.35, 0.12
+    for theta in np.radians([20.0, 100.0, 220.0, 300.0]):
+        scene = crank_slider(0.1, rod, (), -math.copysign(1000.0, -math.sin(theta)), (0.0,) * 3)
+        radii = (radius, radius, 0.02)
+        rubs = tuple(PinFriction(pin, 0.02, r) for pin, r in zip("ABD", radii, strict=True))
+        found = forces(dataclasses.replace(scene, friction=(*rubs, GuideFriction("slider", guide))), theta, 1.0, 0.0)
+        known = friction_circles(theta, 0.1, rod, 1000.0, 0.02, radii, guide)
+        assert bool(found.moves) and found.drive_torque == pytest.approx(known, rel=1e-11)
+
+
+@pytest.mark.parametrize("side", [-1e-9, 1e-9])
+@pytest.mark.parametrize("dead", [0.0, math.pi])
+def test_a_dead_centre_under_load(dead, side):
+    """Beside a dead centre the load has no arm: the drive overcomes the friction circles of the pins alone."""
+    f, r, load = 0.1, 0.01, 500.0
+    scene = crank_slider(masses=(0.0,) * 3)
+    push = lj.OpposingForce("push", "slider", "D", magnitude=load)
+    rubs = tuple(PinFriction(pin, f, r) for pin in "ABD")
+    found = forces(dataclasses.replace(scene, loads=(push,), friction=rubs), dead + side, 1.0, 0.0)
+    # rod and crank are on a line, the rod turns by 1/3 of the crank
+    ratio = math.copysign(0.1 / 0.3, math.cos(dead))
+    lost = f * r * load * (1 + (1 + ratio) + abs(ratio))
+    assert found.drive_torque == pytest.approx(lost, rel=2e-2)  # to first order in the radius over the lengths
+    losses = [-float(one.value * one.speed) for joint in found.friction.values() for one in joint.values()]
+    assert found.drive_torque == pytest.approx(sum(losses), rel=1e-6)
+
+
+def test_a_change_point_is_a_clear_result():
+    """Where a parallelogram is flat, forces at its joints and thus friction are not known; beside it they are."""
+    links = {name: lj.Link(length=long, mass=1.0, inertia=0.01) for name, long in
+             (("crank", 0.1), ("coupler", 0.3), ("rocker", 0.1))}  # fmt: skip
+    groups = [lj.Crank("crank", "A", "B"), lj.RRR(("coupler", "rocker"), "B", "D", "C", 1, "continue")]
+    mechanism = lj.Mechanism({"A": lj.Vec(0.0, 0.0), "D": lj.Vec(0.3, 0.0)}, links, groups)
+    scene = lj.Scene(mechanism, gravity=lj.Vec(0.0, -9.81), speed=10.0, friction=everywhere(mechanism, 0.1, 0.01))
+    flat, beside = forces(scene, 0.0, 10.0, 0.0), forces(scene, 0.3, 10.0, 0.0)
+    assert not bool(flat.moves) and flat.drive_torque == math.inf
+    assert bool(beside.moves) and np.isfinite(beside.drive_torque)
