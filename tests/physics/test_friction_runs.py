@@ -133,7 +133,7 @@ def test_derivatives_of_a_run_up():
 
     slopes = compiled_soon(lambda x: (jax.jacfwd(value)(x), jax.grad(value)(x)))
     ahead, back = (np.asarray(each) for each in slopes(first))
-    np.testing.assert_allclose(ahead, back, rtol=1e-8)
+    np.testing.assert_allclose(ahead, back, rtol=1e-6)  # both are those of steps of an integrator
     single = compiled_soon(value)
     for i, size in enumerate(np.asarray(first)):
         h = 1e-4 * size

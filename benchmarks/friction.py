@@ -1,0 +1,88 @@
+"""Wall time of a steady-state motion with friction, by design in a batch, over that without friction; and its error.
+
+Run: python -m benchmarks.friction [SCENE ...] [--designs COUNT]
+
+Both give δ, the mean speed and all joint reactions at the nodes, for designs with scaled rods, by `map_designs`; without
+friction the motion is found by collocation, too, because the machine has a motor. Errors are those of δ against four
+times as many nodes, the largest of eight designs. Ratios are those of paired rounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import linkjax as lj
+from benchmarks._timing import by_turns, line, ratio
+from benchmarks.driven import hay_press, pump_line
+from linkjax._config import use_compilation_cache
+from linkjax.friction import everywhere
+from linkjax.machine import ready
+from linkjax.motion import steady_motion
+from linkjax.sampling import Sampler
+
+SCENES = {"pump-line": pump_line, "hay-press": hay_press}
+NODES, BLOCK, ROUNDS, FEW = 96, 10, 7, 8
+
+
+def rough(scene: lj.Scene) -> lj.Scene:
+    """The scene with friction in all joints."""
+    return dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.08, 0.02, 0.1))
+
+
+def forces_of(scene: lj.Scene, nodes: int = NODES) -> tuple[Any, ...]:
+    """δ, mean speed and joint reactions at the nodes."""
+    found = steady_motion(scene, nodes)
+    machine, grid = Sampler(ready(scene)), found.grid
+    places = jax.tree.map(jnp.ravel, grid.node_places())
+    poses = machine.sample(places.phi, places.side, dynamics=False).pose
+    speed, gain = jax.vmap(lambda place: found.at(scene, place))(places)
+    active = grid.active[places.panel]
+    forces = machine.forces(places.phi, places.side, poses, active, speed, gain)
+    return found.delta, found.mean_speed, forces.reactions
+
+
+def designs(scene: lj.Scene, count: int) -> lj.Scene:
+    """As many designs of a scene, with rods of 97 to 103 % of its length."""
+    leaves, tree = jax.tree.flatten(scene)
+    many = jax.tree.unflatten(tree, [jnp.broadcast_to(leaf, (count, *jnp.shape(leaf))) for leaf in leaves])
+    factors = jnp.linspace(0.97, 1.03, count)
+    where = eqx.tree_at(lambda s: s.mechanism.links["rod"].length, many, many.mechanism.links["rod"].length * factors)
+    return where
+
+
+def compare(name: str, scene: lj.Scene, count: int) -> None:
+    """Print times, their ratio and errors."""
+    cases = {"frictionless": scene, "friction": rough(scene)}
+    mapped = lj.map_designs(forces_of, block=BLOCK)
+    runs = [lambda many=designs(each, count): mapped(many) for each in cases.values()]
+    for key, each in cases.items():
+        few = designs(each, FEW)
+        known, found = (jax.lax.map(lambda s, n=n: steady_motion(s, n).delta, few) for n in (4 * NODES, NODES))
+        line(f"{name}.{key}.delta_error", float(jnp.max(jnp.abs(found - known))), "")
+    times = by_turns(*runs, rounds=ROUNDS)
+    for key, each in zip(cases, times, strict=True):
+        line(f"{name}.{key}", 1e6 * float(np.median(each)) / count, "us_per_design")
+    ratio(f"{name}.friction_over_frictionless", times[1] / times[0])
+
+
+def main() -> None:
+    """Run the benchmark."""
+    words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    words.add_argument("scenes", nargs="*", default=list(SCENES), metavar="SCENE")
+    words.add_argument("--designs", type=int, default=200)
+    asked = words.parse_args()
+    lj.enable_x64()
+    use_compilation_cache()
+    for name in asked.scenes:
+        compare(name, SCENES[name](), asked.designs)
+
+
+if __name__ == "__main__":
+    main()
