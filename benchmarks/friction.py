@@ -2,15 +2,16 @@
 
 Run: python -m benchmarks.friction [SCENE ...] [--designs COUNT]
 
-Both give δ, the mean speed and all joint reactions at the nodes, for designs with scaled rods, by `map_designs`; without
-friction the motion is found by collocation, too, because the machine has a motor. Errors are those of δ against four
-times as many nodes, the largest of eight designs. Ratios are those of paired rounds.
+Both give δ, the mean speed and all joint reactions at the nodes, for designs with scaled rods, by `map_designs`;
+without friction the motion is found by collocation, too, because the machine has a motor. Errors are those of δ against
+four times as many nodes, the largest of eight designs. Ratios are those of paired rounds.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 from typing import Any
 
 import equinox as eqx
@@ -61,7 +62,7 @@ def compare(name: str, scene: lj.Scene, count: int) -> None:
     """Print times, their ratio and errors."""
     cases = {"frictionless": scene, "friction": rough(scene)}
     mapped = lj.map_designs(forces_of, block=BLOCK)
-    runs = [lambda many=designs(each, count): mapped(many) for each in cases.values()]
+    runs = [functools.partial(mapped, designs(each, count)) for each in cases.values()]
     for key, each in cases.items():
         few = designs(each, FEW)
         known, found = (jax.lax.map(lambda s, n=n: steady_motion(s, n).delta, few) for n in (4 * NODES, NODES))
