@@ -30,6 +30,7 @@ from linkjax.viz._style import (
 )
 
 BAR = 0.24  # inches: the height of a row
+MARK: dict[str, Any] = {**BEFORE, "linewidth": 1.6}
 
 
 @styled
@@ -56,7 +57,7 @@ def friction_figure(data: Data, scene: Scene, before: Data | None = None, units:
         top.annotate(f"{name}  {share}", (0, row), (3, 0), textcoords="offset points", va="center", fontsize=TEXT)
     if before:
         for number, (row, loss) in enumerate(zip(rows, earlier, strict=True)):
-            (mark,) = top.plot([factor * loss] * 2, [row - 0.36, row + 0.36], **BEFORE | {"linewidth": 1.6})
+            (mark,) = top.plot([factor * loss] * 2, [row - 0.36, row + 0.36], **MARK)
             mark.set_gid(f"before-0-{number}")
     top.set(yticks=[], ylim=(len(names) - 0.4, -0.6), title=label("work per cycle", shown))
     top.set_xlim(left=0)

@@ -164,7 +164,8 @@ def test_successive_approximation():
     scene = crank_slider(force=-200.0)
     scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1, 0.01, 0.3))
     at = 4.0, 10 * math.pi, 5.0
-    found = successive_approximation(scene, *map(jnp.asarray, at))
+    given = jnp.asarray(at[0]), jnp.asarray(at[1]), jnp.asarray(at[2])
+    found = successive_approximation(scene, *given)
     assert bool(found.converged)
     assert found.forces.drive_torque == pytest.approx(float(forces(scene, *at).drive_torque), rel=1e-11)
     steps = jax.jit(successive_approximation, static_argnames=("tolerance", "most"))
@@ -176,7 +177,7 @@ def test_successive_approximation():
         if q < 0.87:
             assert abs(int(count.iterations) - math.log(1e-12) / math.log(q)) <= 3
     with pytest.raises(lj.mechanism.StructureError, match="has none to be approximated"):
-        successive_approximation(dataclasses.replace(scene, friction=()), *map(jnp.asarray, at))
+        successive_approximation(dataclasses.replace(scene, friction=()), *given)
 
 
 def test_a_joint_at_rest_has_no_friction():

@@ -110,7 +110,7 @@ def test_an_independent_integration():
             needed = rubbed.solve(scene, phi, speed, np.asarray([gain])).solution.drive[0]
             return float(needed) - 30.0 * (1 - state[1] / 40.0)
 
-        return [state[1], brentq(missing, -3e4, 3e4, xtol=1e-9, rtol=1e-13)]
+        return [state[1], brentq(missing, -3e4, 3e4, xtol=1e-9)]
 
     known = solve_ivp(rate, (0.0, end), [0.2, 20.0], "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
     found = lj.run(scene, start_angle=0.2, start_speed=20.0, time=end, points=3)
