@@ -20,7 +20,9 @@ from linkjax.forces import kinetostatics, locking_of_pose
 from linkjax.friction import GuideFriction, everywhere
 from linkjax.kinematics import pose
 from linkjax.machine import ready
+from linkjax.viz import friction_figure
 from tests.physics.test_friction import crank_slider
+from tests.viz.test_figures import assert_tidy
 
 R, L, F = 0.1, 0.3, 200.0  # crank and rod of `crank_slider` (m), and a force that resists (N)
 ANGLES = np.radians([10.0, 40.0, 75.0, 100.0, 150.0, 200.0, 260.0, 330.0])
@@ -158,6 +160,22 @@ def test_work_lost_in_a_turn():
     assert works["friction"].net == pytest.approx(-lost, rel=1e-11)
     assert works["drive"].net == pytest.approx(lost, rel=1e-11)
     assert cycle.efficiency == pytest.approx(0.0, abs=1e-11)  # the force gives back what it takes
+
+
+def test_the_figure_of_losses():
+    """Bars as long as the losses, and curves of power that have them as integrals."""
+    cycle = published()
+    run = cycle.friction
+    assert run is not None
+    figure = friction_figure(plain(document(cycle)), cycle.scene)
+    assert_tidy(figure)
+    top, bottom = figure.axes
+    lengths = [bar.get_width() for bar in top.patches]
+    np.testing.assert_allclose(lengths, [float(each) for each in run.loss.values()], rtol=1e-12)
+    for loss, curve in zip(lengths, bottom.lines, strict=False):
+        phi, power = (np.asarray(part, float) for part in curve.get_data())
+        work = np.trapezoid(power, np.radians(phi)) / float(cycle.scene.speed)
+        assert work == pytest.approx(loss, rel=0.03)  # the trapezoidal rule over jumps
 
 
 def test_power_at_every_angle():
