@@ -265,11 +265,6 @@ def test_nothing_is_written_for_what_is_refused(call, tmp_path):
         (["analyse", "hay-press", "--out", "pyproject.toml/here"], 2, "choose another place"),
         (["analyse", "hay-press", "--angles", "72", "--set", "links.rocker.length=0.1 m"], 1, "link4-rocker"),
         (["analyse", "hay-press", "--angles", "72", "--set", "speed=20 rpm"], 1, "lowest mean speed"),
-        (
-            ["run", "slider-crank", "--set", "friction.coefficient=0.1", "--set", 'friction.radius="10 mm"'],
-            2,
-            "friction: only the steady-state motion and its forces are computed with it",
-        ),
     ],
 )
 def test_exit_codes_and_messages(call, words, code, says):

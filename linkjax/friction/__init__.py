@@ -9,6 +9,7 @@ from linkjax.friction._friction import check_friction as check_friction
 from linkjax.friction._friction import everywhere as everywhere
 from linkjax.friction._friction import friction_joints as friction_joints
 from linkjax.friction._friction import kind_of as kind_of
+from linkjax.friction._friction import mesh_friction as mesh_friction
 from linkjax.friction._indeterminate import indeterminate as indeterminate
 from linkjax.friction._rubbing import Rubbing as Rubbing
 from linkjax.friction._rubbing import motions as motions

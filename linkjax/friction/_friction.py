@@ -169,29 +169,31 @@ class GuideFriction(AbstractFriction):
 
 
 class MeshFriction(AbstractFriction):
-    """Losses of two gears in mesh, of a gear and a rack, or of a belt: of the power that goes through the `mesh`,
+    """Losses of two gears in mesh, of a gear and a rack, or of a belt: of the power that goes through the mesh,
     relative to the link that carries both, it loses the share 1 - η, with the `efficiency` η in either direction.
 
-    `mesh` is the name of the joint, as "gear.mesh". The loss is a couple between the gear and its carrier, or a force
+    It is the mesh of the gear or rack `link`; where that is in several meshes of one group, that with the link `to`.
+    The loss is a couple between the gear and its carrier, or a force
     between the rack and its guide, against the relative motion: (1 - η) of what drives it, and (1/η - 1) of what it
     drives. Tooth forces are those without friction. Source: the textbook's efficiency of gears in series and on a
     moving carrier; Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 14. Raises `ValueError` for an efficiency
     that is not above zero and up to one.
     """
 
-    mesh: str = eqx.field(static=True)
+    link: str = eqx.field(static=True)
     efficiency: Array = eqx.field(converter=as_float)
+    to: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
         value = known(self.efficiency)
         if value is not None and not np.all((value > 0) & (value <= 1)):
             raise ValueError(
-                f"efficiency of the mesh {self.mesh!r} is {value}; write a number above 0 and up to 1, e.g. 0.98"
+                f"efficiency of the mesh {self.joint!r} is {value}; write a number above 0 and up to 1, e.g. 0.98"
             )
 
     @property
     def joint(self):
-        return self.mesh
+        return f"{self.link}.{self.to}.mesh" if self.to else f"{self.link}.mesh"
 
     def size(self, fx, fy, moment):
         lost = 1 - self.efficiency
@@ -203,6 +205,12 @@ class MeshFriction(AbstractFriction):
     @property
     def kinks(self):
         return 1
+
+
+def mesh_friction(joint: Joint, efficiency: Any) -> MeshFriction:
+    """The losses of a mesh, by its joint."""
+    single = joint.name == f"{joint.link}.mesh"
+    return MeshFriction(joint.link, efficiency, "" if single else joint.by or "")
 
 
 def everywhere(
@@ -219,7 +227,7 @@ def everywhere(
     for joint in friction_joints(mechanism):
         if joint.meshes:
             if mesh is not None:
-                found[joint.name] = MeshFriction(joint.name, mesh)
+                found[joint.name] = mesh_friction(joint, mesh)
         elif joint.slides:
             found[joint.name] = GuideFriction(joint.link, coefficient if guide is None else guide)
         else:

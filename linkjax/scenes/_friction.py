@@ -16,6 +16,7 @@ from linkjax.friction import (
     Thrust,
     friction_joints,
     kind_of,
+    mesh_friction,
 )
 from linkjax.mechanism import Mechanism, StructureError
 from linkjax.scenes._fields import Quantity, Radius, Table, amount, checked_name, number_of
@@ -35,7 +36,8 @@ def _kind(name: str) -> str:
 
 
 def _joint(value: str) -> str:
-    checked_name(value.removesuffix(GUIDE).removesuffix(MESH))
+    for part in value.removesuffix(MESH).split(".") if value.endswith(MESH) else (value.removesuffix(GUIDE),):
+        checked_name(part)
     return value
 
 
@@ -216,7 +218,7 @@ def frictions(
         own, place = joints.get(name) or JointTable.model_validate({}), f"joints.{name}"
         if joint.meshes:
             share = _first(own.efficiency, common.mesh_efficiency, 1.0)
-            found += [] if share == 1 else [MeshFriction(name, share)]
+            found += [] if share == 1 else [mesh_friction(joint, share)]
             continue
         given = _first(own.size(common.lubricated), common.guide if joint.slides else None, common.size())
         if given is None and name in joints:

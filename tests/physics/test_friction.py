@@ -140,7 +140,7 @@ def test_planet_around_a_fixed_gear(drives):
     links = {"arm": lj.Link(length=0.1), "planet": lj.Link(length=0.0)}
     groups = (lj.Crank("arm", "A", "B"), lj.Gear("planet", "B", lj.Teeth((z2, z1)), "frame", "A", carrier="arm"))
     mechanism = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups)
-    rubs = (MeshFriction("planet.mesh", share),)
+    rubs = (MeshFriction("planet", share),)
     scene = lj.Scene(mechanism, (lj.Torque("load", "planet", torque=torque),), speed=10.0, friction=rubs)
     found = forces(scene, 0.4, 10.0, 0.0)
     inside = z1 / (z2 * share) if drives else share * z1 / z2
@@ -201,7 +201,7 @@ def with_friction(name: str) -> lj.Scene:
     found = []
     for i, each in enumerate(everywhere(scene.mechanism, 0.06, 0.02 * size, mesh=0.9)):
         if isinstance(each, MeshFriction):
-            kinds = (MeshFriction(each.joint, 0.99 - 0.03 * (i % 5)),) * 3
+            kinds = (dataclasses.replace(each, efficiency=0.99 - 0.03 * (i % 5)),) * 3
         elif isinstance(each, GuideFriction):
             kinds = (GuideFriction(each.link, 0.06 + 0.01 * i), GuideFriction(each.link, 0.04, groove=0.6),
                      GuideFriction(each.link, 0.05, length=0.3 * size))  # fmt: skip

@@ -78,7 +78,7 @@ def test_static_friction():
 def test_meshes():
     """All of them, and one; an efficiency of one is without loss."""
     scene = lj.load("geared-press", {"friction": {"mesh_efficiency": 0.98}})
-    assert same(scene, lj.Scene(scene.mechanism, speed=1.0, friction=(MeshFriction("wheel.mesh", 0.98),)))
+    assert same(scene, lj.Scene(scene.mechanism, speed=1.0, friction=(MeshFriction("wheel", 0.98),)))
     other = lj.load("geared-press", {"joints": {"wheel.mesh": {"efficiency": 0.97}}})
     (mesh,) = other.friction
     assert isinstance(mesh, MeshFriction) and float(mesh.efficiency) == 0.97
