@@ -30,8 +30,8 @@ ROUNDS = 3  # of inverse iteration
 
 
 class Locking(NamedTuple):
-    """The inverse of the factor at which the machine locks, zero where it never does; and the share of the power of
-    friction of each joint there, shape (joints,), in the order of the joints with friction."""
+    """The inverse of the factor at which the machine locks, zero where it does not up to 1000; and the share of the
+    power of friction of each joint there, shape (joints,), in the order of the joints with friction."""
 
     inverse: Array
     shares: Array

@@ -192,7 +192,7 @@ for _motion in (True, False):
 _own(
     "locking_factor", "1", "", lambda scene: (),
     "Least common factor of all friction at which the machine locks at a crank angle, quasi-static: no finite drive "
-    "torque moves it; infinite if it never locks.",
+    "torque moves it; infinite if it is above 1000.",
     quantity=QUANTITIES["locking"], statistic="max", inverse=True, lacks=no_friction,
 )  # fmt: skip
 

@@ -86,7 +86,8 @@ def solve(scene, phi, speed, acceleration, drag=None) -> Rubbed:
     if drag is not None:
         link, point, resistance = drag
         drag = [(link, point, -resistance * here.points[point].v * speed, 0 * phi)]
-    moves = list(_motions(scene, here))
+    way = np.where(np.asarray(speed) < 0, -1.0, 1.0)  # backwards everything moves the other way
+    moves = [(joint, rubs, along, way * pace, by) for joint, rubs, along, pace, by in _motions(scene, here)]
     sizes = [np.zeros_like(phi) for _ in moves]
     count, found, change = 0, None, np.inf
     while count < ROUNDS and change > 0:

@@ -151,6 +151,8 @@ def test_planet_around_a_fixed_gear(drives):
     assert -rub.value * rub.speed == pytest.approx(
         abs(float(found.drive_torque) - math.copysign(free, -torque)), rel=1e-12
     )
+    measured = lj.measures.evaluate(scene, ["loss_constant_speed.planet.mesh"])["loss_constant_speed.planet.mesh"]
+    assert measured == pytest.approx(-2 * math.pi * float(rub.value * rub.speed), rel=1e-12)  # of a whole turn
     # the couple of the losses acts between planet and arm
     on_planet, on_arm = (found.reactions["planet.mesh"][link].moment for link in ("planet", "arm"))
     assert on_planet == pytest.approx(-torque, rel=1e-14) and float(on_arm) == pytest.approx(

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
@@ -21,6 +22,7 @@ from linkjax.friction import GuideFriction, everywhere
 from linkjax.kinematics import pose
 from linkjax.machine import ready
 from linkjax.viz import friction_figure
+from tests.physics import rubbed
 from tests.physics.test_friction import crank_slider
 from tests.viz.test_figures import assert_tidy
 
@@ -163,7 +165,7 @@ def test_work_lost_in_a_turn():
 
 
 def test_the_figure_of_losses():
-    """Bars as long as the losses, and curves of power that have them as integrals."""
+    """Bars as long as the losses, and curves that are the power."""
     cycle = published()
     run = cycle.friction
     assert run is not None
@@ -172,10 +174,10 @@ def test_the_figure_of_losses():
     top, bottom = figure.axes
     lengths = [bar.get_width() for bar in top.patches]
     np.testing.assert_allclose(lengths, [float(each) for each in run.loss.values()], rtol=1e-12)
-    for loss, curve in zip(lengths, bottom.lines, strict=False):
-        phi, power = (np.asarray(part, float) for part in curve.get_data())
-        work = np.trapezoid(power, np.radians(phi)) / float(cycle.scene.speed)
-        assert work == pytest.approx(loss, rel=0.03)  # the trapezoidal rule over jumps
+    for power, curve in zip(run.power.values(), bottom.lines, strict=False):
+        phi, drawn = (np.asarray(part, float) for part in curve.get_data())
+        np.testing.assert_allclose(phi[:-1], np.degrees(np.asarray(cycle.angles)), rtol=1e-12)
+        np.testing.assert_allclose(drawn[:-1], power, rtol=1e-12)
 
 
 def test_power_at_every_angle():
@@ -266,8 +268,8 @@ def test_measures_of_friction():
 
 
 def test_a_toggle_clamp_holds_near_its_dead_centre():
-    """Where the workpiece cannot push the lever back: friction takes more than the workpiece gives. It is the angle in
-    which the line of force passes through the friction circles."""
+    """Where the workpiece cannot push the lever back: friction takes more than the workpiece gives. The angle is
+    that of the equations of all links, and to first order that of the friction circles."""
     scene = lj.load("toggle-clamp")
     phi = jnp.linspace(0.8 * math.pi, math.pi - 1e-3, 400)  # the law closes the clamp until 180 degrees
     law = scene.mechanism.driver.follows()
@@ -285,6 +287,18 @@ def test_a_toggle_clamp_holds_near_its_dead_centre():
     f, r, crank, link = 0.15, 5e-3, 0.04, 0.06
     limit = math.degrees(f * r * (2 + 2 * crank / link) / (crank * (1 + crank / link)))
     assert np.max(angle[holds]) == pytest.approx(limit, abs=0.03)
+    # with a constant force, exactly: where the equations of all links need no torque
+    pushed_on = dataclasses.replace(scene, loads=(lj.Force("workpiece", "plunger", "B", force=lj.Vec(-1e3, 0.0)),))
+    held, slow = int(np.flatnonzero(holds)[0]), 1e-9  # so slow that inertia does nothing
+
+    def needed(at: float) -> float:
+        there = np.asarray([at])
+        return float(rubbed.solve(pushed_on, there, -slow + 0 * there, 0 * there).solution.drive[0])
+
+    known = brentq(needed, float(phi[held - 8]), float(phi[held + 8]))
+    found, _ = torques(pushed_on, jnp.asarray([known]), jnp.asarray(-slow))
+    size, _ = torques(pushed_on, phi[:1], jnp.asarray(slow))
+    assert abs(float(found[0])) < 1e-9 * abs(float(size[0]))
 
 
 @pytest.mark.slow
