@@ -114,10 +114,11 @@ def test_the_mean_speed_is_the_wanted_one():
 @pytest.mark.slow
 @machines
 def test_independent_of_the_number_of_nodes(name):
-    many, few = motion(name), motion(name, nodes=96)
+    many, few, fewer = motion(name), motion(name, nodes=128), motion(name, nodes=96)
     for part in ("delta", "mean_speed", "mean_drive_torque", "max_speed", "min_speed"):
         assert getattr(few, part) == pytest.approx(float(getattr(many, part)), rel=1e-11)
-    assert abs(few.delta - many.delta) <= few.delta_error
+    for found in (few, fewer):  # many panels end at kinks, so that 96 nodes leave few for each
+        assert abs(found.delta - many.delta) <= found.delta_error < 1e-8
 
 
 @machines
