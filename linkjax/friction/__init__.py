@@ -8,7 +8,7 @@ from linkjax.friction._friction import Thrust as Thrust
 from linkjax.friction._friction import check_friction as check_friction
 from linkjax.friction._friction import everywhere as everywhere
 from linkjax.friction._friction import friction_joints as friction_joints
-from linkjax.friction._friction import kind_of as kind_of
+from linkjax.friction._friction import joint_kind as joint_kind
 from linkjax.friction._friction import mesh_friction as mesh_friction
 from linkjax.friction._indeterminate import indeterminate as indeterminate
 from linkjax.friction._rubbing import Rubbing as Rubbing

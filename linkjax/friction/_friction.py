@@ -240,9 +240,9 @@ def friction_joints(mechanism: Mechanism) -> list[Joint]:
     return [joint for group in mechanism.groups for joint in group.joints() if not joint.drives]
 
 
-def kind_of(joint: Joint) -> str:
-    """The kind of a joint that may have friction: "pin", "guide" or "mesh"."""
-    return "mesh" if joint.meshes else "guide" if joint.slides else "pin"
+def joint_kind(joint: str) -> str:
+    """The kind of joint that a name is for: "pin", "guide" or "mesh"."""
+    return "guide" if joint.endswith(".guide") else "mesh" if joint.endswith(".mesh") else "pin"
 
 
 def check_friction(mechanism: Mechanism, friction: Any) -> None:
@@ -255,12 +255,11 @@ def check_friction(mechanism: Mechanism, friction: Any) -> None:
         )
         raise StructureError("friction", problem, remedy)
     there = friction_joints(mechanism)
-    kinds = {GuideFriction: "guide", MeshFriction: "mesh"}
-    names = {kind: {joint.name for joint in there if kind_of(joint) == kind} for kind in ("pin", "guide", "mesh")}
+    names = [joint.name for joint in there]
     seen: set[str] = set()
     for number, each in enumerate(friction):
-        element, kind = f"friction[{number}] ({each.joint})", kinds.get(type(each), "pin")
-        own = names[kind]
+        element, kind = f"friction[{number}] ({each.joint})", joint_kind(each.joint)
+        own = {name for name in names if joint_kind(name) == kind}
         if each.joint not in own:
             raise StructureError(element, f"there is no {kind} {each.joint!r}", nearest(each.joint, sorted(own)))
         if each.joint in seen:

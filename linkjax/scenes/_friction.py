@@ -15,7 +15,7 @@ from linkjax.friction import (
     PinFriction,
     Thrust,
     friction_joints,
-    kind_of,
+    joint_kind,
     mesh_friction,
 )
 from linkjax.mechanism import Mechanism, StructureError
@@ -28,11 +28,6 @@ Reach = Annotated[float, Quantity("length", "zero")]
 Efficiency = Annotated[float, Quantity("number", "positive")]
 Bearing = Literal["given", "unworn", "run-in"]
 GUIDE, MESH = ".guide", ".mesh"
-
-
-def _kind(name: str) -> str:
-    """The kind of joint that a name is for."""
-    return "guide" if name.endswith(GUIDE) else "mesh" if name.endswith(MESH) else "pin"
 
 
 def _joint(value: str) -> str:
@@ -169,7 +164,7 @@ def friction_faults(friction: FrictionTable | None, joints: dict[str, JointTable
     for name, joint in joints.items():
         path = ("joints", name)
         yield from joint.faults(path)
-        kind = _kind(name)
+        kind = joint_kind(name)
         for key in dict.fromkeys(key for keys in KEYS.values() for key in keys):
             others = [other for other, keys in KEYS.items() if key in keys]
             if kind not in others and getattr(joint, key) is not None:
@@ -208,8 +203,8 @@ def frictions(
     there = {joint.name: joint for joint in friction_joints(mechanism)}
     for name in joints:
         if name not in there:
-            kind = _kind(name)
-            known = ", ".join(each for each, joint in there.items() if kind_of(joint) == kind)
+            kind = joint_kind(name)
+            known = ", ".join(each for each in there if joint_kind(each) == kind)
             raise StructureError(f"joints.{name}", f"there is no such {kind}", f"write one of {known or 'none'}")
     common, found = friction or FrictionTable.model_validate({}), []
     for name, joint in there.items():
