@@ -43,6 +43,7 @@ def test_run_down():
     assert found.energies.loads["friction"][-1] == pytest.approx(-0.5 * J * 100.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_run_up():
     """With the line T₀ (1 - ω / n) it approaches n (1 - M / T₀), with 99 % after the time J n / T₀ ln 100."""
     scene = spinner(8.0)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 from scipy.optimize import brentq
 
 import linkjax as lj
@@ -172,7 +173,7 @@ def test_the_figure_of_losses():
     figure = friction_figure(plain(document(cycle)), cycle.scene)
     assert_tidy(figure)
     top, bottom = figure.axes
-    lengths = [bar.get_width() for bar in top.patches]
+    lengths = [bar.get_width() for bar in top.patches if isinstance(bar, Rectangle)]
     np.testing.assert_allclose(lengths, [float(each) for each in run.loss.values()], rtol=1e-12)
     for power, curve in zip(run.power.values(), bottom.lines, strict=False):
         phi, drawn = (np.asarray(part, float) for part in curve.get_data())
