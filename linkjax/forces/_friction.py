@@ -28,6 +28,7 @@ NEAR = 1e-6  # relative: a last step that found a solution; close to locking rou
 
 Transmitted = tuple[Array, Array, Array]  # forces fx and fy (N) and moments (N m), each of shape (joints,)
 Reactions = Callable[[Array, Array], Transmitted]  # of the frictions, shape (joints,), and the acceleration
+Advance = Callable[[Array], Array]  # of the torque of friction reduced to the crank (N m): the acceleration (rad/s²)
 
 
 class JointFriction(NamedTuple):
@@ -53,23 +54,123 @@ class Rubbed(NamedTuple):
     loads: Transmitted
 
 
-def linear(reactions: Reactions, joints: int) -> Reactions:
+class Linear(NamedTuple):
+    """Linear reactions (fx, fy, moment) of joints with friction at places, whose axes come last: without friction and
+    acceleration, shape (joints, *places); of unit frictions, shape (joints with the friction, joints, *places); and of
+    a unit acceleration."""
+
+    first: Transmitted
+    own: Transmitted
+    rate: Transmitted
+
+    def __call__(self, c: Array, rate: Array) -> Transmitted:
+        """What the joints transmit beside their frictions `c`, at an acceleration (rad/s²)."""
+        fx, fy, moment = (
+            a + jnp.sum(c[:, None] * b, axis=0) + rate[None] * d
+            for a, b, d in zip(self.first, self.own, self.rate, strict=True)
+        )
+        return fx, fy, moment
+
+
+def linear(reactions: Reactions, joints: int) -> Linear:
     """Linear reactions, from their values for unit frictions and a unit acceleration."""
     none, still = jnp.zeros(joints), jnp.zeros(())
     first, push = jax.linearize(reactions, none, still)
     by_each = jax.vmap(lambda c: push(c, still))(jnp.eye(joints))
-    return combined(first, by_each, push(none, jnp.ones_like(still)))
+    return Linear(first, by_each, push(none, jnp.ones_like(still)))
 
 
-def combined(first: Transmitted, by_each: Transmitted, by_rate: Transmitted) -> Reactions:
-    """Linear reactions: without friction and acceleration, of unit frictions (joints, joints), and of a unit
-    acceleration."""
+class Contacts(NamedTuple):
+    """Joints with friction at places, whose axes come last: frictions; senses of the relative motions, and their speeds
+    at unit crank speed (rad or m per rad; with these signs), shape (joints, *places); and their reactions."""
 
-    def given(c: Array, rate: Array) -> Transmitted:
-        fx, fy, moment = (a + c @ b + rate * d for a, b, d in zip(first, by_each, by_rate, strict=True))
-        return fx, fy, moment
+    frictions: tuple[AbstractFriction, ...]
+    senses: Array
+    paces: Array
+    reactions: Linear
 
-    return given
+    def sizes(self, loads: Transmitted) -> Array:
+        """Sizes of the frictions."""
+        return jnp.stack([each.size(*(part[i] for part in loads)) for i, each in enumerate(self.frictions)])
+
+    def torque(self, c: Array) -> Array:
+        """The torque of friction reduced to the crank (N m)."""
+        return jnp.sum(self.paces * c, axis=0)
+
+    def left(self, advance: Advance, c: Array, rate: Array) -> tuple[Array, Array]:
+        """What is left of the equations."""
+        return c + self.senses * self.sizes(self.reactions(c, rate)), rate - advance(self.torque(c))
+
+    def moved(self, advance: Advance, c: Array, rate: Array, left: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+        """The change of c and of the acceleration that makes up for what is `left` of the linear equations, and the
+        sign of their determinant."""
+        sizes, back = jax.vjp(self.sizes, self.reactions(c, rate))
+        (slopes,) = back(jnp.ones_like(sizes))
+        matrix = self.senses[None] * sum(s[None] * b for s, b in zip(slopes, self.reactions.own, strict=True))
+        by_rate = self.senses * sum(s * b for s, b in zip(slopes, self.reactions.rate, strict=True))
+        turned, gain = jax.jvp(advance, (self.torque(c),), (jnp.ones_like(rate),))
+        del turned
+        matrix = jnp.moveaxis(matrix, 0, 1)  # of the sizes of joints, by the frictions
+        unit = np.eye(c.shape[0]).reshape((*matrix.shape[:2], *(1,) * rate.ndim))
+        matrix = unit + matrix + by_rate[:, None] * (gain[None] * self.paces)[None]
+        move, sign = eliminated(matrix, by_rate * left[1][None] - left[0])
+        return move, gain * self.torque(move) - left[1], sign
+
+
+class Frictions(NamedTuple):
+    """Frictions (N m or N), shape (joints, *places); the acceleration of the crank (rad/s²); and whether they are a
+    solution that continues that without friction."""
+
+    values: Array
+    rate: Array
+    found: Array
+
+
+def frictions_of(contacts: Contacts, advance: Advance, near: tuple[Array, Array] | None = None) -> Frictions:
+    """The frictions that follow from the reactions that they change, with the acceleration that the torque of friction
+    leaves: `advance`, a pytree. With frictions and an acceleration `near` it takes one step of Newton's method from
+    there, otherwise as many as it needs."""
+    at, ahead = jax.lax.stop_gradient((contacts, advance))
+
+    def step(c: Array, rate: Array) -> tuple[Array, Array, Array, Array]:
+        move, more, sign = at.moved(ahead, c, rate, at.left(ahead, c, rate))
+        c, rate = c + move, rate + more
+        last = jnp.max(safe_divide(jnp.abs(move), jnp.max(jnp.abs(c), axis=0)[None] * jnp.ones_like(c)), axis=0)
+        return c, rate, jnp.maximum(last, safe_divide(jnp.abs(more), jnp.abs(rate))), sign
+
+    none = jnp.zeros_like(at.senses)
+    if near is None:
+        begin = none, ahead(at.torque(none))
+
+        def again(loop: tuple) -> tuple:
+            count, c, rate, _, _, spare = loop
+            c, rate, last, sign = step(c, rate)
+            return count + 1, c, rate, last, sign, spare - jnp.where(last > SMALL, 0, 1).astype(spare.dtype)
+
+        one = jnp.ones_like(begin[1])
+        loop = (jnp.zeros((), jnp.int32), *begin, one, one, jnp.full(one.shape, MORE, jnp.int32))
+        loop = jax.lax.while_loop(lambda s: jnp.any(s[5] > 0) & (s[0] < STEPS), again, loop)
+        _, c, rate, last, sign, _ = loop
+        found = (last < NEAR) & (sign > 0)
+        c, rate = jnp.where(found[None], c, begin[0]), jnp.where(found, rate, begin[1])
+    else:
+        c, rate, last, sign = step(*near)
+        found = (last < NEAR) & (sign > 0)
+    return Frictions(*_implicit(contacts, advance, (c, rate)), found)
+
+
+@jax.custom_jvp
+def _implicit(contacts: Contacts, advance: Advance, state: tuple[Array, Array]) -> tuple[Array, Array]:
+    """A solution with its derivatives, of any order."""
+    return state
+
+
+@_implicit.defjvp
+def _rule(given: tuple, moving: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    contacts, advance, _ = given
+    state = _implicit(*given)
+    push = jax.jvp(lambda at, ahead: at.left(ahead, *state), (contacts, advance), moving[:2])[1]
+    return state, contacts.moved(advance, *state, push)[:2]
 
 
 def rubbed(
@@ -86,6 +187,12 @@ def rubbed(
     `senses` are those of the relative motions, and `paces` their speeds at unit crank speed, shape (joints,); with the
     `way` -1 the crank turns back."""
     paces = senses * paces
+    if isinstance(reactions, Linear):
+        contacts = Contacts(tuple(frictions), factor * way * senses, paces, reactions)
+        given, contained = jax.closure_convert(advance, paces[0])
+        tree = jax.tree_util.Partial(lambda contained, torque: given(torque, *contained), contained)
+        found = frictions_of(contacts, tree)
+        return Rubbed(found.values, found.rate, found.found, reactions(found.values, found.rate))
 
     def left(state: Array) -> Array:
         c, rate = state[:-1], state[-1]
@@ -116,14 +223,15 @@ def rubbed(
 
 
 def eliminated(a: Array, b: Array) -> tuple[Array, Array]:
-    """x of a x = b for one small matrix, and the sign of its determinant, by Gauss and Jordan without pivoting: the
-    matrix is close to the unit matrix, unless the machine is close to locking."""
+    """x of a x = b for small matrices, whose axes come first, and the signs of their determinants, by Gauss and Jordan
+    without pivoting: the matrix is close to the unit matrix, unless the machine is close to locking."""
     sign = jnp.ones_like(a[0, 0])
-    for k in range(b.size):
-        pivot, factor, own = a[k, k], a[:, k], np.arange(b.size) == k
+    for k in range(b.shape[0]):
+        pivot, factor = a[k, k], a[:, k]
+        own = (np.arange(b.shape[0]) == k).reshape((-1, *(1,) * sign.ndim))
         pivot = jnp.where(pivot == 0, jnp.finfo(a.dtype).tiny ** 0.25, pivot)
-        row, right = a[k] / pivot, b[k] / pivot  # apart: b may be a tangent, and a is not
+        row, right = a[k] / pivot[None], b[k] / pivot  # apart: b may be a tangent, and a is not
         a = jnp.where(own[:, None], row[None], a - factor[:, None] * row[None])
-        b = jnp.where(own, right, b - factor * right)
+        b = jnp.where(own, right[None], b - factor * right[None])
         sign = sign * jnp.sign(pivot)
     return b, sign

@@ -17,7 +17,7 @@ from jaxtyping import Array
 from linkjax._numerics import safe_sqrt
 from linkjax._types import Scalar
 from linkjax._vec import Vec, zero
-from linkjax.forces._friction import JointFriction, Reactions, Rubbed, Transmitted, combined, linear, rubbed
+from linkjax.forces._friction import JointFriction, Reactions, Rubbed, Transmitted, linear, rubbed
 from linkjax.friction import AbstractFriction, Rubbing, pairs, rubbing
 from linkjax.groups import Joint, Wrench
 from linkjax.kinematics import Pose, pose
@@ -140,80 +140,13 @@ def forces_of_pose(
     return Forces(_by_joint(found), drive, shaking, frame, net, weights, loads, friction, moves)
 
 
-class Basis(NamedTuple):
-    """Reactions of joints with friction at a place, for any crank speed and acceleration: senses and speeds of their
-    relative motions, shape (joints,); what they transmit (fx, fy, moment; each of shape (joints,)) from weight and
-    loads that depend on position alone, at unit square of the crank speed, and at unit acceleration; from unit
-    frictions (joints, joints), and from unit forces and couples (3, joints) of every load that depends on the speed."""
-
-    senses: Array
-    paces: Array
-    fixed: Transmitted
-    square: Transmitted
-    rate: Transmitted
-    own: Transmitted
-    by_load: dict[int, tuple[Transmitted, ...]]
-
-
-def basis_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, by_speed: Sequence[int]) -> Basis | None:
-    """The basis of the reactions of joints with friction; `by_speed` are the numbers of the loads that depend on the
-    speed. None with meshes, whose reactions are not linear."""
-    if not _linear(scene.mechanism):
-        return None
-    origins, one, none = scene.mechanism.origins(), jnp.ones(()), jnp.zeros(())
-    joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
-    _, weight, working, _ = applied_to(scene, here, at, active, none, none, by_speed)
-    still = acting_on(scene, here, origins)
-
-    def transmitted(acting: dict[str, Wrench], c: Array) -> Transmitted:
-        return _rubbed_by(scene, here, acting, origins, joints, c)
-
-    push = jax.linearize(transmitted, still, jnp.zeros(len(joints)))[1]
-    inertia = [applied_to(scene, here, at, active, *state, by_speed)[0] for state in ((one, none), (none, one))]
-    units: dict[int, list[Applied]] = {}
-    for number in by_speed:
-        for link, point, *_ in scene.loads[number].wrenches(here, at._replace(speed=one)):
-            sides = ((Vec(one, none), none), (Vec(none, one), none), (zero(), one))
-            units.setdefault(number, []).extend(Applied(link, point, force, couple) for force, couple in sides)
-    every = [weight + working, *inertia, *([unit] for parts in units.values() for unit in parts)]
-    loaded = [acting_on(scene, here, origins, each) for each in every]
-    free = jnp.zeros(len(joints))
-    rows = jax.vmap(lambda acting: push(acting, free))(jax.tree.map(lambda *leaves: jnp.stack(leaves), *loaded))
-    fixed, square, rate = (tuple(part[i] for part in rows) for i in range(3))
-    own = jax.vmap(lambda c: push(still, c))(jnp.eye(len(joints)))
-    first, by_load = 3, {}
-    for number, parts in units.items():
-        cuts = range(first, first + len(parts), 3)
-        by_load[number] = tuple(tuple(part[i : i + 3] for part in rows) for i in cuts)
-        first += len(parts)
-    _, senses, paces = friction_numbers(joints)
-    return Basis(senses, paces, fixed, square, rate, own, by_load)
-
-
-def friction_of_basis(
-    scene: Scene, basis: Basis, here: Pose, at: Instant, active: Array, speed: Scalar,
-    advance: Callable[[Array], Array],
-) -> tuple[Array, Array]:  # fmt: skip
-    """The torque of friction reduced to the crank (N m), negative, at the crank speed (rad/s) and the acceleration
-    (rad/s²) that follows from this torque by `advance`; and whether the machine moves with it, and does not lock."""
-    first = [a + speed**2 * b for a, b in zip(basis.fixed, basis.square, strict=True)]
-    for number, parts in basis.by_load.items():
-        for (_, _, force, couple), part in zip(scene.loads[number].wrenches(here, at), parts, strict=True):
-            size = jnp.stack([force.x, force.y, jnp.asarray(couple)]) * active[..., number]
-            first = [a + size @ b for a, b in zip(first, part, strict=True)]
-    fx, fy, moment = first
-    reactions = combined((fx, fy, moment), basis.own, basis.rate)
-    frictions = [pair.friction for pair in pairs(scene.mechanism, scene.friction)]
-    found = rubbed(frictions, basis.senses, basis.paces, reactions, advance)
-    return found.values @ (basis.senses * basis.paces), found.found
-
-
 def friction_of_pose(
     scene: Scene, here: Pose, at: Instant, active: Array, speed: Scalar, advance: Callable[[Array], Array],
     way: Scalar | float = 1.0, at_rest: bool = False,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """The same without a basis; with the `way` -1 of a crank that turns back, and with friction of a machine
-    `at_rest`."""
+    """The torque of friction reduced to the crank (N m), negative, at the crank speed (rad/s) and the acceleration
+    (rad/s²) that follows from this torque by `advance`; and whether the machine moves with it, and does not lock. With
+    the `way` -1 of a crank that turns back, and with friction of a machine `at_rest`."""
     origins = scene.mechanism.origins()
     joints = rubbing(scene.mechanism, scene.friction, here, jnp.where(at.side >= at.phi, 1.0, -1.0))
 
@@ -239,12 +172,12 @@ def reactions_of(
     """What joints transmit, as a function of frictions and acceleration, with the loads `acting` at an acceleration."""
 
     def given(c: Array, rate: Array) -> Transmitted:
-        return _rubbed_by(scene, here, acting(rate), origins, joints, c)
+        return rubbed_by(scene, here, acting(rate), origins, joints, c)
 
-    return linear(given, len(joints)) if _linear(scene.mechanism) else given
+    return linear(given, len(joints)) if has_linear_reactions(scene.mechanism) else given
 
 
-def _linear(mechanism: Mechanism) -> bool:
+def has_linear_reactions(mechanism: Mechanism) -> bool:
     """Whether reactions are linear in loads: not those of meshes, whose flanks or strands change."""
     return not any(joint.meshes for group in mechanism.groups for joint in group.joints())
 
@@ -332,7 +265,7 @@ def _solve_groups(
     return found + in_meshes, drive
 
 
-def _rubbed_by(
+def rubbed_by(
     scene: Scene, here: Pose, loads: dict[str, Wrench], origins: dict[str, str], joints: list[Rubbing], friction: Array
 ) -> tuple[Array, Array, Array]:
     """What joints with this friction transmit beside it: forces fx and fy (N), and moments (N m); of meshes what drives

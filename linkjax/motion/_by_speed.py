@@ -8,7 +8,7 @@ Source: equation of motion as in `linkjax.reduction`, in the form of the work-en
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,13 +18,45 @@ from jaxtyping import Array
 from linkjax._numerics import safe_divide, taken
 from linkjax._tree import node
 from linkjax.drives import MotorDrive
-from linkjax.forces import Basis, basis_of_pose, friction_of_basis, friction_of_pose
+from linkjax.forces import Basis, Contacts, basis_of_pose, contacts_of, friction_of_pose, frictions_of
 from linkjax.kinematics import Pose
 from linkjax.loads import AbstractLoad
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._grid import Grid, Place
 from linkjax.reduction import Moving, Reduced, by_speed, shares_at
 from linkjax.sampling import Sampler
+
+FRICTION = "friction"
+
+
+class Left(NamedTuple):
+    """What accelerates the crank beside friction: the motor, the torque of all loads less ½ J' ω² (N m), the reduced
+    inertia (kg m²), the crank speed (rad/s), and a constant torque (N m) where there is no motor; None at constant
+    speed."""
+
+    motor: MotorDrive | None
+    torque: Array
+    inertia: Array
+    speed: Array
+    constant: Array | None
+
+    def __call__(self, torque: Array) -> Array:
+        """The acceleration (rad/s²) that the torque of friction leaves."""
+        if self.constant is None:
+            return jnp.zeros_like(torque)
+        if self.motor is None:
+            return safe_divide(self.torque + torque + self.constant, self.inertia)
+        return self.motor.crank_acceleration(self.torque + torque, self.inertia, self.speed)
+
+
+class Rubbed(NamedTuple):
+    """The torque of friction, reduced to the crank (N m), at places, whether the machine moves with it, and the
+    frictions of the joints with the acceleration, with the axes of the places last (see `Frictions`); None with
+    meshes."""
+
+    torque: Array
+    moves: Array
+    near: Any
 
 
 @node
@@ -43,54 +75,75 @@ class BySpeed:
         """Whether they need the pose: see `Moving`."""
         return bool(self.numbers) or self.rough is not None
 
-    def loaded(self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None) -> Reduced:
+    def loaded(
+        self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None, near: Any = None
+    ) -> Reduced:  # fmt: skip
         """The reduced model with the shares of these loads at the crank speed (rad/s), and with that of friction: at
         the acceleration that follows from the motor and a `constant` torque (N m) of the drive, or at constant speed
-        where that is None."""
+        where that is None. For `near` see `with_friction`."""
+        return self.with_friction(here, moving, speed, constant, near)[0]
+
+    def with_friction(
+        self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None, near: Any = None
+    ) -> tuple[Reduced, Rubbed | None]:
+        """The same, and the frictions, None without any. From frictions and acceleration that are `near`, if known, it
+        takes one step of Newton's method."""
         if moving is None:
-            return here
+            return here, None
         here = self._against(here, moving, speed)
         if self.rough is None:
-            return here
-        rub, _ = self._friction(here, moving, speed, constant)
-        return here._replace(torque=here.torque + rub, by_load={**here.by_load, "friction": rub})
+            return here, None
+        rubbed = self._friction
+        if jnp.ndim(speed) == 2:
+            rubbed = jax.vmap(rubbed, (0, 0, 0, None, 0))
+        found = rubbed(here, moving, speed, constant, near)
+        return here._replace(torque=here.torque + found.torque, by_load={**here.by_load, FRICTION: found.torque}), found
 
-    def locks(self, here: Reduced, moving: Moving | None, speed: Array, constant: Array) -> Array:
-        """Whether friction locks the machine at one of the places; arguments as for `loaded`."""
-        if moving is None or self.rough is None:
-            return jnp.asarray(False)
-        return ~jnp.all(self._friction(self._against(here, moving, speed), moving, speed, constant)[1])
+    def estimate(self, here: Reduced, moving: Moving, speed: Array) -> Array:
+        """The torque of friction at constant speed (N m), from the reactions without friction."""
+        here = self._against(here, moving, speed)
+        contacts = self.contacts(moving, speed)
+        none = jnp.zeros_like(contacts.senses)
+        c = -contacts.senses * contacts.sizes(contacts.reactions(none, jnp.zeros_like(speed)))
+        return contacts.torque(c)
 
     def _against(self, here: Reduced, moving: Moving, speed: Array) -> Reduced:
         """The reduced model with the loads that depend on the speed."""
-        shares = shares_at(dict(zip(self.numbers, self.loads, strict=True)), moving, speed)
+        loads = dict(zip(self.numbers, self.loads, strict=True))
+        shares = shares_at(loads, moving._replace(basis=None), speed)
         return here._replace(torque=sum(shares.values(), here.torque), by_load={**here.by_load, **shares})
 
-    def _friction(
-        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """The torque of friction, reduced to the crank (N m), at places, and whether the machine moves with it."""
+    def contacts(self, moving: Moving, speed: Array) -> Contacts:
+        """The joints with friction at places with one axis or none."""
+        assert self.rough is not None
+        return contacts_of(
+            self.rough.scene,
+            self.rough.instant,
+            moving.basis,
+            moving.pose,
+            moving.phi,
+            moving.side,
+            moving.active,
+            speed,
+        )
 
-        def one(here: Reduced, moving: Moving, speed: Array) -> tuple[Array, Array]:
-            half = 0.5 * here.slope * speed**2
+    def _friction(self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any) -> Rubbed:
+        """The frictions at places with one axis or none."""
+        made, half = self.rough, 0.5 * here.slope * speed**2
+        assert made is not None
+        left = Left(self.motor, here.torque - half, here.inertia, speed, constant)
+        if moving.basis is not None:
+            contacts = self.contacts(moving, speed)
+            found = frictions_of(contacts, left, near)
+            return Rubbed(contacts.torque(found.values), found.found, (found.values, found.rate))
 
-            def advance(torque: Array) -> Array:
-                if constant is None:
-                    return jnp.zeros_like(torque)
-                if self.motor is None:
-                    return safe_divide(here.torque + torque + constant - half, here.inertia)
-                return self.motor.crank_acceleration(here.torque + torque - half, here.inertia, speed)
+        def one(moving: Moving, torque: Array, inertia: Array, speed: Array) -> tuple[Array, Array]:
+            at = made.instant(moving.phi, moving.side, speed)
+            own = left._replace(torque=torque, inertia=inertia, speed=speed)
+            return friction_of_pose(made.scene, moving.pose, at, moving.active, speed, own)
 
-            assert self.rough is not None
-            at = self.rough.instant(moving.phi, moving.side, speed)
-            scene, given = self.rough.scene, (moving.pose, at, moving.active, speed, advance)
-            if moving.basis is None:
-                return friction_of_pose(scene, *given)
-            return friction_of_basis(scene, moving.basis, *given)
-
-        for _ in range(jnp.ndim(speed)):
-            one = jax.vmap(one)
-        return one(here, moving, speed)
+        one = jax.vmap(one) if jnp.ndim(speed) else one
+        return Rubbed(*one(moving, left.torque, left.inertia, speed), None)
 
     def rise(self, here: Reduced, speed: Array, constant: Array) -> Array:
         """dE/dφ (N m): the reduced torque with all loads, and that of the drive. `here` has all loads, and its inertia
@@ -164,9 +217,19 @@ def moving_at(
         at = rough.instant(moving.phi, moving.side)
         return basis_of_pose(rough.scene, moving.pose, at, moving.active, torques.numbers)
 
-    for _ in range(jnp.ndim(phi)):
+    if jnp.ndim(phi):
+        basis = jax.vmap(basis, out_axes=-1)
+    if jnp.ndim(phi) == 2:
         basis = jax.vmap(basis)
     return found._replace(basis=basis(found))
+
+
+def first_of(moving: Moving | None, count: int) -> Moving | None:
+    """The same at the first so many of several places."""
+    if moving is None:
+        return None
+    first = jax.tree.map(lambda leaf: leaf[:count], moving._replace(basis=None))
+    return first._replace(basis=jax.tree.map(lambda leaf: leaf[..., :count], moving.basis))
 
 
 def at_speed(

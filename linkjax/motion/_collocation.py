@@ -12,6 +12,7 @@ Russell, Numerical Solution of Boundary Value Problems, 1995, ch. 5.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -36,20 +37,23 @@ KEPT = 0.1  # the least part of an energy that a step of Newton's method leaves
 CLOSED = 1e-8  # relative: a step as small as this is that of a solution
 REST = 1e-10  # of the unit of energy: less than this is a standstill
 
-# (what is given, data of the nodes of a panel, energies, additional constant slope) -> other slopes there
-Rate = Callable[[Any, Any, Array, Array], Array]
+# (what is given, data of the nodes of a panel, energies, additional constant slope, values near unknowns of its own, or
+# None) -> other slopes there, and values nearer to those unknowns
+Rate = Callable[[Any, Any, Array, Array, Any], tuple[Array, Any]]
 
 
 @node
 class Panels:
     """Panels with `n` nodes each: half widths (rad), what is `given` for all nodes, `data` of the nodes (leaves with
-    the axes of panels and nodes), and the unit of energy (J); and whether slopes depend on the additional constant
-    one."""
+    the axes of panels and nodes), the unit of energy (J), and values near the unknowns that the slopes have of their
+    own (leaves with the axis of panels; None without such unknowns, or where they are to be found afresh); and whether
+    slopes depend on the additional constant one."""
 
     half: Float[Array, " panels"]
     given: Any
     data: Any
     unit: Array
+    near: Any
     n: int = eqx.field(static=True)
     coupled: bool = eqx.field(static=True)
 
@@ -70,8 +74,17 @@ class Panels:
 
     def slopes(self, rate: Rate, nodes: Array, constant: Array | None = None) -> Array:
         """The slopes at all nodes, without the additional constant one."""
+        return self.rates(rate, nodes, constant)[0]
+
+    def rates(self, rate: Rate, nodes: Array, constant: Array | None = None) -> tuple[Array, Any]:
+        """The same, and values nearer to the slopes' own unknowns."""
         more = jnp.zeros_like(self.unit) if constant is None else constant
-        return jax.vmap(lambda data, energy: rate(self.given, data, energy, more))(self.data, nodes)
+        rates = jax.vmap(lambda data, energy, near: rate(self.given, data, energy, more, near))
+        return rates(self.data, nodes, self.near)
+
+    def closer(self, near: Any) -> Panels:
+        """The panels with values nearer to these unknowns."""
+        return dataclasses.replace(self, near=jax.lax.stop_gradient(near))
 
     def by_constant(self, rate: Rate, nodes: Array, constant: Array) -> Array | None:
         """Derivatives of all slopes with respect to the additional constant one; None if they are one."""
@@ -86,14 +99,15 @@ State = tuple[Array, Array, Array]  # energies at the nodes and at the first edg
 
 class Orbit(NamedTuple):
     """Energies (J) at the nodes, shape (panels, n), and at the first edge of every panel; an additional constant slope
-    (N m) where one was wanted, otherwise zero; the Floquet multiplier of the cycle, dE(end) / dE(start); and whether
-    these are a solution."""
+    (N m) where one was wanted, otherwise zero; the Floquet multiplier of the cycle, dE(end) / dE(start); whether
+    these are a solution; and the values of the slopes' own unknowns."""
 
     nodes: Array
     edges: Array
     constant: Array
     multiplier: Array
     solved: Bool[Array, ""]
+    near: Any
 
     @property
     def state(self) -> State:
@@ -103,13 +117,14 @@ class Orbit(NamedTuple):
 
 class Passed(NamedTuple):
     """A cycle from a starting energy: energies (J) at its end, at the nodes and at the first edges; the multiplier
-    dE(end) / dE(start); and whether the motion came to rest."""
+    dE(end) / dE(start); whether the motion came to rest; and the values of the slopes' own unknowns."""
 
     end: Array
     slope: Array
     stopped: Bool[Array, ""]
     nodes: Array
     edges: Array
+    near: Any
 
 
 def follow(rate: Rate, panels: Panels, start: Array) -> Passed:
@@ -123,29 +138,30 @@ def follow(rate: Rate, panels: Panels, start: Array) -> Passed:
 
         def left(nodes):
             none = jnp.zeros_like(panels.unit)
-            f, d = jax.jvp(lambda e: rate(panels.given, data, e, none), (nodes,), (jnp.ones_like(nodes),))
-            return energy + half * inside @ f - nodes, f, d
+            once, slopes = jnp.ones_like(nodes), lambda e: rate(panels.given, data, e, none, None)
+            f, d, near = jax.jvp(slopes, (nodes,), (once,), has_aux=True)
+            return energy + half * inside @ f - nodes, f, d, near
 
         def step(state):
             count, nodes, _ = state
-            missing, _, d = left(nodes)
+            missing, _, d, _ = left(nodes)
             move = _lapack.solve(eye - half * inside * d[None], missing)
             new = jnp.maximum(nodes + move, KEPT * nodes)
             return count + 1, new, jnp.max(jnp.abs(new - nodes)) > 1e-10 * (panels.unit + jnp.max(jnp.abs(new)))
 
         first = (jnp.zeros((), jnp.int32), jnp.full(panels.n, energy), jnp.asarray(True))
         _, nodes, _ = jax.lax.while_loop(lambda s: s[2] & (s[0] < INNER), step, first)
-        missing, f, d = left(nodes)
+        missing, f, d, near = left(nodes)
         gain = 1 + half * w @ (d * _lapack.solve(eye - half * inside * d[None], jnp.ones(panels.n)))
         end = energy + half * w @ f
         failed = jnp.max(jnp.abs(missing)) > 1e-6 * (panels.unit + energy)
         stopped = stopped | failed | ~(end > least) | ~(jnp.min(nodes) > least)
         safe = jnp.where(stopped, least, end)
-        return (safe, jnp.where(stopped, 0.0, slope * gain), stopped), (nodes, energy)
+        return (safe, jnp.where(stopped, 0.0, slope * gain), stopped), (nodes, energy, near)
 
     begin = (start, jnp.ones_like(start), start <= least)
-    (end, slope, stopped), (nodes, edges) = jax.lax.scan(one, begin, (panels.half, panels.data))
-    return Passed(jnp.where(stopped, 0.0, end), slope, stopped, nodes, edges)
+    (end, slope, stopped), (nodes, edges, near) = jax.lax.scan(one, begin, (panels.half, panels.data))
+    return Passed(jnp.where(stopped, 0.0, end), slope, stopped, nodes, edges, near)
 
 
 class Sought(NamedTuple):
@@ -180,7 +196,10 @@ def seek(rate: Rate, panels: Panels, starts: Array, wanted: Array) -> Sought:
         return count + 1, low, high, new, passed, found & (jnp.abs(new - at) > 1e-9 * at)
 
     none, edges = jnp.zeros_like(low), jnp.zeros_like(panels.half)
-    begin = Passed(none, none, jnp.asarray(True), edges[:, None] + jnp.zeros(panels.n, none.dtype)[None], edges)
+    begin = Passed(
+        none, none, jnp.asarray(True), edges[:, None] + jnp.zeros(panels.n, none.dtype)[None], edges,
+        jax.tree.map(jnp.zeros_like, panels.near),
+    )  # fmt: skip
     state = (jnp.zeros((), jnp.int32), low, high, jnp.sqrt(low * high), begin, jnp.asarray(True))
     passed = jax.lax.while_loop(lambda s: s[5] & (s[0] < HALVES), step, state)[4]
     return Sought(passed, found, passed.end - passed.edges[0], jnp.sum(falls))
@@ -197,21 +216,22 @@ def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None) -> Orbi
     slope (N m) is added to `rate`, such that `lack` of the panels and the energies is zero."""
     one, small = jnp.ones_like(panels.unit), max(CLOSED, 50 * float(jnp.finfo(panels.unit.dtype).eps))
 
-    def repeated(state: State, multiplier: Array, spare: Array, most: int, quick: bool) -> tuple[State, Array, Array]:
+    def repeated(state: State, near: Any, multiplier: Array, spare: Array, most: int, quick: bool) -> tuple:
         def again(loop):
-            state, size, multiplier = _newton(rate, panels, loop[1], lack, quick)
-            return loop[0] + 1, state, multiplier, loop[3] - jnp.where(size <= small, 1, 0)
+            count, state, near, _, spare = loop
+            state, size, multiplier, near = _newton(rate, panels.closer(near), state, lack, quick)
+            return count + 1, state, near, multiplier, spare - jnp.where(size <= small, 1, 0)
 
-        begin = (jnp.zeros((), jnp.int32), state, multiplier, spare)
-        return jax.lax.while_loop(lambda loop: (loop[3] > 0) & (loop[0] < most), again, begin)[1:]
+        begin = (jnp.zeros((), jnp.int32), state, near, multiplier, spare)
+        return jax.lax.while_loop(lambda loop: (loop[4] > 0) & (loop[0] < most), again, begin)[1:]
 
-    found, multiplier, spare = repeated(start, one, jnp.asarray(MORE, jnp.int32), QUICK, True)
+    *found, multiplier, spare = repeated(start, panels.near, one, jnp.asarray(MORE, jnp.int32), QUICK, True)
     there = spare <= 0
-    begin = jax.tree.map(lambda a, b: jnp.where(there, a, b), found, start)
-    (nodes, edges, constant), multiplier, spare = repeated(
-        begin, multiplier, jnp.where(there, spare, MORE), OUTER, False
+    begin = jax.tree.map(lambda a, b: jnp.where(there, a, b), found, [start, panels.near])
+    (nodes, edges, constant), near, multiplier, spare = repeated(
+        *begin, multiplier, jnp.where(there, spare, MORE), OUTER, False
     )
-    return Orbit(nodes, edges, constant, multiplier, spare <= 0)
+    return Orbit(nodes, edges, constant, multiplier, spare <= 0, near)
 
 
 def lasting(panels: Panels, orbit: Orbit) -> Bool[Array, ""]:
@@ -290,16 +310,17 @@ def _chained(a: Array, rest: list[Array]) -> tuple[list[Array], list[Array]]:
 
 def _newton(
     rate: Rate, panels: Panels, state: State, lack: Lack | None, quick: bool
-) -> tuple[State, Array, Array]:  # fmt: skip
-    """One step of Newton's method for all panels: the new state, the relative size of the step, and the multiplier."""
+) -> tuple[State, Array, Array, Any]:  # fmt: skip
+    """One step of Newton's method for all panels: the new state, the relative size of the step, the multiplier, and
+    values nearer to the slopes' own unknowns."""
     nodes, edges, constant = state
-    f, d = jax.jvp(lambda e: panels.slopes(rate, e, constant), (nodes,), (jnp.ones_like(nodes),))
+    f, d, near = jax.jvp(lambda e: panels.rates(rate, e, constant), (nodes,), (jnp.ones_like(nodes),), has_aux=True)
     left, by_more = _left(rate, panels, state, lack, f), panels.by_constant(rate, nodes, constant)
     (inner, outer, more), p = _solved(panels, nodes, d, by_more, left, lack, quick)
     new_nodes = jnp.maximum(nodes + inner, KEPT * nodes)
     new_edges = jnp.maximum(edges + outer, KEPT * edges)
     size = jnp.max(jnp.abs(inner)) / (panels.unit + jnp.max(jnp.abs(nodes)))
-    return (new_nodes, new_edges, constant + more), size, p
+    return (new_nodes, new_edges, constant + more), size, p, near
 
 
 def _solved(

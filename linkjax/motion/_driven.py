@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax
@@ -33,6 +34,7 @@ from linkjax.reduction import Moving, Reduced
 from linkjax.sampling import Sampler
 
 STARTS = np.geomspace(0.02, 4.0, 33)  # speeds, relative to the nominal one, from which a motor's cycle is followed
+FEWER = 4  # the work of friction is estimated at every fourth of these
 HALVINGS = 40  # of an interval of speeds with a periodic motion
 NEAR = 1e-6  # relative: the gain over a cycle that is nearly periodic
 
@@ -55,10 +57,15 @@ class Nodes(NamedTuple):
     inertia: Array
 
 
-def _rate(given: Given, at: Nodes, energy: Array, constant: Array) -> Array:
-    speed = _speed(given, at, energy)
-    torques = given.torques
-    return torques.rise(torques.loaded(at.here, at.moving, speed, constant), speed, jnp.zeros_like(energy))
+def _rate(given: Given, at: Nodes, energy: Array, constant: Array, near: Any) -> tuple[Array, Any]:
+    speed, torques = _speed(given, at, energy), given.torques
+    loaded, rubbed = torques.with_friction(at.here, at.moving, speed, constant, near)
+    return torques.rise(loaded, speed, jnp.zeros_like(energy)), None if rubbed is None else rubbed.near
+
+
+def _smooth_rate(given: Given, at: Nodes, energy: Array, constant: Array, near: Any) -> tuple[Array, Any]:
+    """The same without friction."""
+    return _rate(given._replace(torques=dataclasses.replace(given.torques, rough=None)), at, energy, constant, near)
 
 
 def _speed(given: Given, at: Nodes, energy: Array) -> Array:
@@ -108,7 +115,7 @@ def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
     if panels.given.torques.motor is None:
         constant = -jnp.sum(fixed.weights * fixed.slopes(_rate, nominal)) / jnp.sum(fixed.weights)
         orbit = settled(_rate, fixed, (nominal, nominal[:, 0], constant), _lack)
-        nodes, edges, constant = implicit(_rate, panels, orbit.state, _lack)
+        nodes, edges, constant = implicit(_rate, panels.closer(orbit.near), orbit.state, _lack)
         return Solved(
             orbit._replace(nodes=nodes, edges=edges, constant=constant), orbit.solved, jnp.ones((), int), none
         )
@@ -118,6 +125,7 @@ def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
         kept = _kept(fixed, near(_rate, fixed, nominal[0, 0] * (start / speed) ** 2))
     orbit, stopped, good = kept.orbit, kept.stopped, kept.orbit.solved
     still, lack = _at_constant_speed(panels, nominal)
+    panels = panels.closer(orbit.near)
     nodes, edges, _ = implicit(_rate, panels, orbit.state, None)
     nodes = jnp.where(good, nodes, jnp.where(stopped, still, orbit.nodes))
     edges = jnp.where(good, edges, jnp.where(stopped, still[:, 0], orbit.edges))
@@ -129,7 +137,8 @@ def _kept(panels: Panels, found: Sought) -> Kept:
     """The periodic solution near a cycle that was followed."""
     nodes, edges = (jnp.maximum(part, panels.given.least) for part in (found.passed.nodes, found.passed.edges))
     state = (nodes, edges, jnp.zeros_like(panels.unit))
-    orbit, nearest = settled(_rate, panels, state, None), Orbit(*state, found.passed.slope, jnp.asarray(False))
+    orbit = settled(_rate, panels.closer(found.passed.near), state, None)
+    nearest = Orbit(*state, found.passed.slope, jnp.asarray(False), found.passed.near)
     good = found.found & orbit.solved
     return Kept(jax.tree.map(lambda a, b: jnp.where(good, a, b), orbit, nearest), found.number, found.passed.stopped)
 
@@ -140,7 +149,7 @@ def _at_constant_speed(panels: Panels, nominal: Array) -> tuple[Array, Array]:
     that is short within the cycle."""
     fixed = jax.lax.stop_gradient(panels)
     squares = jnp.asarray(STARTS) ** 2
-    gains = jax.vmap(lambda square: jnp.sum(fixed.weights * fixed.slopes(_rate, square * nominal)))(squares)
+    gains = _gains_at(fixed, squares, nominal)
     nodes = taken(squares, jnp.argmax(gains)) * nominal
     gain = panels.weights * panels.slopes(_rate, nodes)
     short = jnp.min(nodes.ravel() + jnp.cumsum(gain.ravel()))
@@ -155,10 +164,7 @@ def _sought(panels: Panels, nominal: Array) -> Kept:
     """
     squares = jnp.asarray(STARTS) ** 2
 
-    def gain(square):
-        return jnp.sum(panels.weights * panels.slopes(_rate, square * nominal))
-
-    gains = jax.vmap(gain)(squares)
+    gains = _gains_at(panels, squares, nominal)
     falls = (gains[:-1] > 0) & (gains[1:] <= 0)
     first = jnp.argmax(falls)
     low, high = squares[first], squares[first + 1]
@@ -176,6 +182,26 @@ def _sought(panels: Panels, nominal: Array) -> Kept:
     return jax.lax.while_loop(lambda state: ~state[0], search, (good, begin))[1]
 
 
+def _gains_at(panels: Panels, squares: Array, nominal: Array) -> Array:
+    """The gain of energy (J) over the cycle at constant speeds, by their `squares` relative to the nominal speed; with
+    an estimate of the work of friction, as it is only a guess of the motion."""
+
+    def gain(square):
+        return jnp.sum(panels.weights * panels.slopes(_smooth_rate, square * nominal))
+
+    def lost(square):
+        def one(data: Nodes, energy: Array) -> Array:
+            return panels.given.torques.estimate(data.here, data.moving, _speed(panels.given, data, energy))
+
+        return jnp.sum(panels.weights * jax.vmap(one)(panels.data, square * nominal))
+
+    gains = jax.vmap(gain)(squares)
+    if panels.near is None:
+        return gains
+    few = squares[::FEWER]
+    return gains + jnp.interp(jnp.log(squares), jnp.log(few), jax.vmap(lost)(few))
+
+
 def _panels(
     duty: Duty, scene: Scene | ReadyScene, grid: Grid, here: Reduced, pose: Pose | None, added: Any, ratio: Any
 ) -> Panels:
@@ -186,8 +212,14 @@ def _panels(
     inertia = jnp.maximum(total, inertia_floor(jnp.sum(weights * total) / duty.cycle))
     unit = 0.5 * duty.speed**2 * jnp.sum(weights * inertia) / duty.cycle
     given = Given(torques, LEAST * LEAST * unit, 1 / (duty.speed * ratio))
-    return Panels(grid.half, given, Nodes(here, moving_at_nodes(grid, torques, pose), inertia), unit, grid.n,
-                  torques.rough is not None)  # fmt: skip
+    data = Nodes(here, moving_at_nodes(grid, torques, pose), inertia)
+    return Panels(grid.half, given, data, unit, _apart(data), grid.n, torques.rough is not None)
+
+
+def _apart(data: Nodes) -> Any:
+    """Frictions and accelerations from which those at the nodes are found; None without friction, or with meshes."""
+    basis = None if data.moving is None else data.moving.basis
+    return None if basis is None else (jnp.zeros_like(basis.senses), jnp.zeros_like(data.inertia))
 
 
 def periodic_starts(machine: Sampler, grid: Grid, at: AtNodes, speeds: np.ndarray) -> np.ndarray:
@@ -242,13 +274,14 @@ def _begun(
     panels = _panels(duty, scene, grid, here, pose, added, ratio)
     torques, data = panels.given.torques, panels.data
     orbit, found, number, gain = _solved(panels, duty.speed, start)
+    panels = panels.closer(orbit.near)
     once = jnp.ones_like(orbit.nodes)
     rise, change = jax.jvp(lambda e: panels.slopes(_rate, e, orbit.constant), (orbit.nodes,), (once,))
     rise, multiplier = rise + orbit.constant, jnp.exp(jnp.sum(panels.weights * change))
-    full = torques.loaded(data.here, data.moving, _speed(panels.given, data, orbit.nodes), orbit.constant)
-    if torques.rough is not None:
-        speeds = _speed(panels.given, data, orbit.nodes)
-        found &= ~torques.locks(*jax.lax.stop_gradient((data.here, data.moving, speeds, orbit.constant)))
+    speeds = _speed(panels.given, data, orbit.nodes)
+    full, rubbed = torques.with_friction(data.here, data.moving, speeds, orbit.constant, panels.near)
+    if rubbed is not None:
+        found &= jnp.all(rubbed.moves)
     mean = -jnp.sum(panels.weights * full.torque) / duty.cycle
     driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain)
     inside = full._replace(inertia=data.here.inertia + torques.rotor, torque=rise)

@@ -21,7 +21,7 @@ from linkjax._numerics import highest, largest, once, root, safe_divide, safe_sq
 from linkjax._tree import node
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion._by_speed import Driven, moving_at
+from linkjax.motion._by_speed import Driven, first_of, moving_at
 from linkjax.motion._extremum import Pieces, best_piece, doubt, newton, pieces
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import series_sum
@@ -295,7 +295,8 @@ class Flow:
         the step, since an extreme value does not depend on its position to first order (envelope theorem); the second
         derivative is correct.
         """
-        at, own, moving = (jax.tree.map(lambda leaf: leaf[:4], part) for part in (place, here, moving))
+        at, own = (jax.tree.map(lambda leaf: leaf[:4], part) for part in (place, here))
+        moving = first_of(moving, 4)
         sign, bend, move = jnp.asarray(SIGNS[:4], tilt.dtype), bend[:4], move[:4]
         height, slope, inertia = self.tilt(at.panel, at.x, energy, own, moving)
         secant = sign * safe_divide(tilt[:4] - jax.lax.stop_gradient(slope), move)
