@@ -14,6 +14,7 @@ from linkjax.forces._kinetostatics import at_change_point as at_change_point
 from linkjax.forces._kinetostatics import driven_by_joint as driven_by_joint
 from linkjax.forces._kinetostatics import forces_of_pose as forces_of_pose
 from linkjax.forces._kinetostatics import friction_of_pose as friction_of_pose
+from linkjax.forces._kinetostatics import has_linear_reactions as has_linear_reactions
 from linkjax.forces._kinetostatics import kinetostatics as kinetostatics
 from linkjax.forces._kinetostatics import other_sides as other_sides
 from linkjax.forces._locking import Locking as Locking

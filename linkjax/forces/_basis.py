@@ -28,10 +28,9 @@ At = Callable[[Array, Array, Array], Instant]  # of crank angle, side (rad) and 
 class Basis(NamedTuple):
     """Reactions of joints with friction at a place, for any crank speed and acceleration: senses and speeds of their
     relative motions, shape (joints,); the directions in which they slide, None for pins; what they transmit (fx, fy,
-    moment; each of shape (joints,)) from weight and
-    loads that depend on position alone, at unit square of the crank speed, and at unit acceleration; from unit
-    frictions (joints, joints), and from unit forces and couples (3, joints) of every load that depends on the speed.
-    Of many places the axis is the last one."""
+    moment; each of shape (joints,)) from weight and loads that depend on position alone, at unit square of the crank
+    speed, and at unit acceleration; from unit frictions (joints, joints with the friction), and from unit forces and
+    couples (3, joints) of every load that depends on the speed. Of many places the axis is the last one."""
 
     senses: Array
     paces: Array
@@ -68,7 +67,7 @@ def basis_of_pose(scene: Scene, here: Pose, at: Instant, active: Array, by_speed
     free = jnp.zeros(len(joints))
     rows = jax.vmap(lambda acting: push(acting, free))(jax.tree.map(lambda *leaves: jnp.stack(leaves), *loaded))
     fixed, square, rate = (tuple(part[i] for part in rows) for i in range(3))
-    own = jax.vmap(lambda c: push(still, c))(jnp.eye(len(joints)))
+    own = jax.vmap(lambda c: push(still, c), out_axes=1)(jnp.eye(len(joints)))
     first, by_load = 3, {}
     for number, parts in units.items():
         cuts = range(first, first + len(parts), 3)

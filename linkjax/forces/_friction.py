@@ -56,7 +56,7 @@ class Rubbed(NamedTuple):
 
 class Linear(NamedTuple):
     """Linear reactions (fx, fy, moment) of joints with friction at places, whose axes come last: without friction and
-    acceleration, shape (joints, *places); of unit frictions, shape (joints with the friction, joints, *places); and of
+    acceleration, shape (joints, *places); of unit frictions, shape (joints, joints with the friction, *places); and of
     a unit acceleration."""
 
     first: Transmitted
@@ -66,7 +66,7 @@ class Linear(NamedTuple):
     def __call__(self, c: Array, rate: Array) -> Transmitted:
         """What the joints transmit beside their frictions `c`, at an acceleration (rad/s²)."""
         fx, fy, moment = (
-            a + jnp.sum(c[:, None] * b, axis=0) + rate[None] * d
+            sum((c[j][None] * b[:, j] for j in range(c.shape[0])), a + rate[None] * d)
             for a, b, d in zip(self.first, self.own, self.rate, strict=True)
         )
         return fx, fy, moment
@@ -76,7 +76,7 @@ def linear(reactions: Reactions, joints: int) -> Linear:
     """Linear reactions, from their values for unit frictions and a unit acceleration."""
     none, still = jnp.zeros(joints), jnp.zeros(())
     first, push = jax.linearize(reactions, none, still)
-    by_each = jax.vmap(lambda c: push(c, still))(jnp.eye(joints))
+    by_each = jax.vmap(lambda c: push(c, still), out_axes=1)(jnp.eye(joints))
     return Linear(first, by_each, push(none, jnp.ones_like(still)))
 
 
@@ -93,9 +93,18 @@ class Contacts(NamedTuple):
         """Sizes of the frictions."""
         return jnp.stack([each.size(*(part[i] for part in loads)) for i, each in enumerate(self.frictions)])
 
+    def slopes(self, loads: Transmitted) -> Transmitted:
+        """Derivatives of the sizes with respect to the forces and moments of the own joint."""
+        found = []
+        for i, each in enumerate(self.frictions):
+            size, back = jax.vjp(each.size, *(part[i] for part in loads))
+            found.append(back(jnp.ones_like(size)))
+        fx, fy, moment = (jnp.stack(part) for part in zip(*found, strict=True))
+        return fx, fy, moment
+
     def torque(self, c: Array) -> Array:
         """The torque of friction reduced to the crank (N m)."""
-        return jnp.sum(self.paces * c, axis=0)
+        return sum(p * each for p, each in zip(self.paces, c, strict=True))
 
     def left(self, advance: Advance, c: Array, rate: Array) -> tuple[Array, Array]:
         """What is left of the equations."""
@@ -104,13 +113,11 @@ class Contacts(NamedTuple):
     def moved(self, advance: Advance, c: Array, rate: Array, left: tuple[Array, Array]) -> tuple[Array, Array, Array]:
         """The change of c and of the acceleration that makes up for what is `left` of the linear equations, and the
         sign of their determinant."""
-        sizes, back = jax.vjp(self.sizes, self.reactions(c, rate))
-        (slopes,) = back(jnp.ones_like(sizes))
-        matrix = self.senses[None] * sum(s[None] * b for s, b in zip(slopes, self.reactions.own, strict=True))
+        slopes = self.slopes(self.reactions(c, rate))
+        matrix = self.senses[:, None] * sum(s[:, None] * b for s, b in zip(slopes, self.reactions.own, strict=True))
         by_rate = self.senses * sum(s * b for s, b in zip(slopes, self.reactions.rate, strict=True))
         turned, gain = jax.jvp(advance, (self.torque(c),), (jnp.ones_like(rate),))
         del turned
-        matrix = jnp.moveaxis(matrix, 0, 1)  # of the sizes of joints, by the frictions
         unit = np.eye(c.shape[0]).reshape((*matrix.shape[:2], *(1,) * rate.ndim))
         matrix = unit + matrix + by_rate[:, None] * (gain[None] * self.paces)[None]
         move, sign = eliminated(matrix, by_rate * left[1][None] - left[0])

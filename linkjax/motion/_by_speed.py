@@ -161,7 +161,8 @@ class Driven:
     (N m) in addition; its mean torque on the crank (N m); the Floquet multiplier of the cycle (one is neutral, below
     one is stable), and what the collocation keeps of an error in energy, which is more where a motor is too stiff for
     its nodes; whether a steady-state motion was found, the number of stable ones in the range of speeds, and, where
-    there is none, the gain of energy (J) over the nearest cycle."""
+    there is none, the gain of energy (J) over the nearest cycle; and frictions and accelerations at the nodes (see
+    `Rubbed`)."""
 
     torques: BySpeed
     constant: Array
@@ -171,6 +172,7 @@ class Driven:
     found: Array
     number: Array
     gain: Array
+    near: Any
 
     def rise(self, here: Reduced, moving: Moving | None, speed: Array) -> Array:
         """dE/dφ (N m) at places, at this crank speed (rad/s); `here` is without the loads that depend on it."""

@@ -29,7 +29,7 @@ from linkjax.motion._panels import Rule, rule
 
 INNER = 30  # the most steps of Newton's method in one panel
 OUTER = 40  # the most steps of Newton's method for all panels together
-HALVES = 60  # the most steps of the search for a starting energy
+SEARCHES = 4  # of an interval with a periodic solution, every time in as many parts as there are starting energies
 QUICK = 12  # the most steps of it with an integrating factor
 MORE = 2  # steps of which the size is small, as the convergence may be linear
 STEEP = 30.0  # the greatest exponent of an integrating factor
@@ -165,50 +165,68 @@ def follow(rate: Rate, panels: Panels, start: Array) -> Passed:
 
 
 class Sought(NamedTuple):
-    """What was found in a range of starting energies: the cycle from the energy nearest to a periodic solution, whether
-    there is one, the gain of energy (J) over this cycle, and the number of stable periodic solutions in the range."""
+    """A periodic solution, or where none was found the motion nearest to one; the number of stable ones in the range
+    that was searched, and whether this motion came to rest."""
 
-    passed: Passed
-    found: Bool[Array, ""]
-    gain: Array
+    orbit: Orbit
     number: Array
+    stopped: Array
 
 
 def seek(rate: Rate, panels: Panels, starts: Array, wanted: Array) -> Sought:
     """The stable periodic solution with the starting energy nearest to `wanted` (J), on a relative scale, among those
-    between increasing `starts` (J); without derivatives. Where there is none, the cycle with the greatest gain."""
-    gain = jax.vmap(lambda start: follow(rate, panels, start).end - start)(starts)
-    falls = (gain[:-1] > 0) & (gain[1:] <= 0)
-    between = jnp.sqrt(starts[:-1] * starts[1:])
-    first = jnp.argmin(jnp.where(falls, jnp.abs(jnp.log(between / wanted)), jnp.inf))
-    found, low, high = jnp.any(falls), starts[first], starts[first + 1]
-    best = starts[jnp.argmax(jnp.where(starts == starts[-1], -jnp.abs(gain), gain))]
-    low, high = jnp.where(found, low, best), jnp.where(found, high, best)
+    between increasing `starts` (J); without derivatives. Where there is none, the cycle with the greatest gain.
 
-    def step(state):
-        count, low, high, at, _, _ = state
-        passed = follow(rate, panels, at)
-        rise = passed.end - at
-        low, high = jnp.where(rise > 0, at, low), jnp.where(rise > 0, high, at)
-        new = at + safe_divide(rise, 1 - passed.slope, jnp.inf)
-        inside = (new > low) & (new < high) & ~passed.stopped
-        new = jnp.where(inside, new, 0.5 * (low + high))
-        return count + 1, low, high, new, passed, found & (jnp.abs(new - at) > 1e-9 * at)
+    Newton's method begins between the two cycles of which one gains and the other loses; where it fails, or leaves the
+    interval, cycles are followed from more energies inside of it.
+    """
+    least = REST * panels.unit
 
-    none, edges = jnp.zeros_like(low), jnp.zeros_like(panels.half)
-    begin = Passed(
-        none, none, jnp.asarray(True), edges[:, None] + jnp.zeros(panels.n, none.dtype)[None], edges,
-        jax.tree.map(jnp.zeros_like, panels.near),
-    )  # fmt: skip
-    state = (jnp.zeros((), jnp.int32), low, high, jnp.sqrt(low * high), begin, jnp.asarray(True))
-    passed = jax.lax.while_loop(lambda s: s[5] & (s[0] < HALVES), step, state)[4]
-    return Sought(passed, found, passed.end - passed.edges[0], jnp.sum(falls))
+    def again(loop: tuple) -> tuple:
+        count, points, old, _ = loop
+        passed = jax.vmap(lambda start: follow(rate, panels, start))(points)
+        gain = passed.end - points
+        falls = (gain[:-1] > 0) & (gain[1:] <= 0)
+        far = jnp.abs(jnp.log(jnp.sqrt(points[:-1] * points[1:]) / wanted))
+        first, found = jnp.argmin(jnp.where(falls, far, jnp.inf)), jnp.any(falls)
+        best = jnp.argmax(jnp.where(points == points[-1], -jnp.abs(gain), gain))
+        low, high = jnp.where(found, first, best), jnp.where(found, first + 1, best)
+        below, above = (jax.tree.map(lambda leaf, at=at: leaf[at], passed) for at in (low, high))
+        share = jnp.where(found, safe_divide(gain[low], gain[low] - gain[high]), 0.0)
+        nodes, edges = (
+            jnp.maximum(a + share * (b - a), least) for a, b in ((below.nodes, above.nodes), (below.edges, above.edges))
+        )
+        orbit = _closed(rate, panels, (nodes, edges, jnp.zeros_like(panels.unit)), below)
+        inside = (orbit.edges[0] >= points[low]) & (orbit.edges[0] <= points[high])
+        orbit = orbit._replace(solved=found & orbit.solved & inside)
+        number = jnp.where(count == 0, jnp.sum(falls), old.number)
+        more = jnp.exp(jnp.linspace(jnp.log(points[low]), jnp.log(points[high]), points.size))
+        return count + 1, more, Sought(orbit, number, below.stopped), found & ~orbit.solved
+
+    none = jnp.zeros_like(panels.unit)
+    nodes = panels.half[:, None] * jnp.zeros(panels.n)[None]
+    orbit = Orbit(nodes, nodes[:, 0], none, none, jnp.asarray(False), jax.tree.map(jnp.zeros_like, panels.near))
+    begin = jnp.zeros((), jnp.int32), starts, Sought(orbit, jnp.zeros((), int), jnp.asarray(True)), jnp.asarray(True)
+    found = jax.lax.while_loop(lambda loop: loop[3] & (loop[0] < SEARCHES), again, begin)[2]
+    return found
 
 
 def near(rate: Rate, panels: Panels, start: Array) -> Sought:
-    """The cycle from one starting energy (J), of which a periodic solution is near; without derivatives."""
+    """The periodic solution near the cycle from one starting energy (J), stable or not; without derivatives."""
     passed = follow(rate, panels, start)
-    return Sought(passed, ~passed.stopped, passed.end - start, jnp.ones((), int))
+    state = (passed.nodes, passed.edges, jnp.zeros_like(panels.unit))
+    orbit = _closed(rate, panels, state, passed)
+    return Sought(orbit._replace(solved=orbit.solved & ~passed.stopped), jnp.ones((), int), passed.stopped)
+
+
+def _closed(rate: Rate, panels: Panels, state: State, passed: Passed) -> Orbit:
+    """The periodic solution from energies (J) near it; where it is not found, these, which are near a cycle that was
+    followed."""
+    least = REST * panels.unit
+    state = (jnp.maximum(state[0], least), jnp.maximum(state[1], least), state[2])
+    orbit = settled(rate, panels.closer(passed.near), state, None)
+    nearest = Orbit(*state, passed.slope, jnp.asarray(False), passed.near)
+    return jax.tree.map(lambda a, b: jnp.where(orbit.solved, a, b), orbit, nearest)
 
 
 def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None) -> Orbit:

@@ -100,15 +100,6 @@ class Solved(NamedTuple):
     gain: Array
 
 
-class Kept(NamedTuple):
-    """A periodic solution, or where none was found the nearest motion; the number of stable ones, and whether this
-    motion came to rest; without derivatives."""
-
-    orbit: Orbit
-    number: Array
-    stopped: Array
-
-
 def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
     fixed, none = jax.lax.stop_gradient(panels), jnp.zeros_like(speed)
     nominal = 0.5 * fixed.data.inertia * jax.lax.stop_gradient(speed) ** 2
@@ -119,10 +110,7 @@ def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
         return Solved(
             orbit._replace(nodes=nodes, edges=edges, constant=constant), orbit.solved, jnp.ones((), int), none
         )
-    if start is None:
-        kept = _sought(fixed, nominal)
-    else:
-        kept = _kept(fixed, near(_rate, fixed, nominal[0, 0] * (start / speed) ** 2))
+    kept = _sought(fixed, nominal) if start is None else near(_rate, fixed, nominal[0, 0] * (start / speed) ** 2)
     orbit, stopped, good = kept.orbit, kept.stopped, kept.orbit.solved
     still, lack = _at_constant_speed(panels, nominal)
     panels = panels.closer(orbit.near)
@@ -131,16 +119,6 @@ def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
     edges = jnp.where(good, edges, jnp.where(stopped, still[:, 0], orbit.edges))
     gain = jnp.where(stopped, lack, gained(_rate, panels, orbit.state))
     return Solved(orbit._replace(nodes=nodes, edges=edges), good, kept.number, gain)
-
-
-def _kept(panels: Panels, found: Sought) -> Kept:
-    """The periodic solution near a cycle that was followed."""
-    nodes, edges = (jnp.maximum(part, panels.given.least) for part in (found.passed.nodes, found.passed.edges))
-    state = (nodes, edges, jnp.zeros_like(panels.unit))
-    orbit = settled(_rate, panels.closer(found.passed.near), state, None)
-    nearest = Orbit(*state, found.passed.slope, jnp.asarray(False), found.passed.near)
-    good = found.found & orbit.solved
-    return Kept(jax.tree.map(lambda a, b: jnp.where(good, a, b), orbit, nearest), found.number, found.passed.stopped)
 
 
 def _at_constant_speed(panels: Panels, nominal: Array) -> tuple[Array, Array]:
@@ -156,7 +134,7 @@ def _at_constant_speed(panels: Panels, nominal: Array) -> tuple[Array, Array]:
     return nodes, jnp.minimum(jnp.where(jnp.sum(gain) < 0, jnp.sum(gain), short), -LEAST * panels.unit)
 
 
-def _sought(panels: Panels, nominal: Array) -> Kept:
+def _sought(panels: Panels, nominal: Array) -> Sought:
     """The stable motion nearest to the nominal one, with the energies `nominal` (J) at the nodes; without derivatives.
 
     The gain over a cycle at constant speed shows where a periodic motion is. Where it shows one that is stable, and
@@ -173,11 +151,11 @@ def _sought(panels: Panels, nominal: Array) -> Kept:
     guess = square * nominal
     orbit = settled(_rate, panels, (guess, guess[:, 0], jnp.zeros_like(panels.unit)), None)
     good = lasting(panels, orbit) & (jnp.sum(falls) == 1)
-    begin = Kept(orbit._replace(solved=good), jnp.ones((), int), jnp.asarray(False))
+    begin = Sought(orbit._replace(solved=good), jnp.ones((), int), jnp.asarray(False))
 
     def search(state):  # it depends on the state, otherwise XLA moves it out of the loop, and it always runs
         starts = nominal[0, 0] * jnp.where(state[0], 1.0, squares)
-        return jnp.asarray(True), _kept(panels, seek(_rate, panels, starts, nominal[0, 0]))
+        return jnp.asarray(True), seek(_rate, panels, starts, nominal[0, 0])
 
     return jax.lax.while_loop(lambda state: ~state[0], search, (good, begin))[1]
 
@@ -283,7 +261,7 @@ def _begun(
     if rubbed is not None:
         found &= jnp.all(rubbed.moves)
     mean = -jnp.sum(panels.weights * full.torque) / duty.cycle
-    driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain)
+    driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain, panels.near)
     inside = full._replace(inertia=data.here.inertia + torques.rotor, torque=rise)
     flow = Flow.of(duty, grid, inside, primitive(grid, rise), jnp.zeros_like(mean), added + torques.rotor, driven)
     energy = orbit.edges[0]

@@ -45,7 +45,7 @@ from linkjax.sampling import Sample, Sampler
 
 REVERSALS = 4  # the most reversals per opposing load and crank turn
 RUBS = 3  # reversals per joint with friction and crank turn, in the mean; each has at most as many as a load
-ROUGH = 6  # the least nodes per panel with friction, whose many reversals make panels narrow
+ROUGH = 8  # the least nodes per panel with friction, whose many reversals make panels narrow
 POLISH = 2  # evaluations that refine each of them
 
 
@@ -213,7 +213,7 @@ def grid_of(
         scene.cycle,
         slots,
         count + more,
-        max(ROUGH if rough else 4, -(-nodes * turns // count)),
+        max(ROUGH, -(-nodes * turns // (count + more))) if rough else max(4, -(-nodes * turns // count)),
         points,
         names,
         scene.mechanism.prescribed,

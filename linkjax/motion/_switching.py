@@ -9,6 +9,7 @@ d³ at a knot, where only its curvature does. No derivative passes through them,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -18,14 +19,15 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, safe_sqrt, taken
-from linkjax.forces import JointFriction
+from linkjax._vec import Vec
+from linkjax.forces import JointFriction, has_linear_reactions
 from linkjax.friction import pairs
 from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import moving_at_nodes
 from linkjax.motion._edges import REACH, Candidates, nearest, together
-from linkjax.motion._flow import Flow
+from linkjax.motion._flow import Begun, Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
 from linkjax.motion._nodes import AtNodes, at_nodes
 from linkjax.motion._panels import series_sum
@@ -35,8 +37,9 @@ from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
 OFTEN = (1, 1, 2)  # times so many for the numbers of a guide: between two zeros of a force two sizes are equal twice
-SOFT = 2  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
-ROUNDS, LOSSY_ROUNDS = 1, 3  # of finding the motion and its kinks, at knots alone and with a lossy transmission
+SOFT = 1  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
+# rounds of finding the motion and its kinks: at knots alone, with guides that rub, and with a lossy transmission
+ROUNDS, RUBBED_ROUNDS, LOSSY_ROUNDS = 1, 2, 3
 IDLE = 1e-11  # of the largest force of a guide: a force that is less throughout is a rounding error
 AGAIN = 1  # repeats of the motion in every round, where the mean of the extremes is wanted
 NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
@@ -72,18 +75,33 @@ def grid_with_kinks(
         poses = at.sample.pose if on_pose(scene) else None
         still = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
     if scene.friction:
-        speed, none = machine.run(_nominal, grid, scene.speed)
-        still = machine.run(_joined, still, _rubbing(machine, grid, at, speed, none, most, soft))
-    ratio: Any = 1.0
-    for again in range((LOSSY_ROUNDS if loses or rubs else ROUNDS) if kinks else 0):
-        at = at_nodes(machine, grid) if again else at
+        still = machine.run(_joined, still, _rubbing(machine, grid, at, None, most, soft))
+    if not kinks:
+        return grid_of(*given, still)
+    rounds = LOSSY_ROUNDS if loses else RUBBED_ROUNDS if rubs else ROUNDS
+
+    def moved(machine: Sampler, grid: Grid, at: AtNodes, ratio: Any) -> tuple[Any, Any]:
         begun, _, ratio = repeated(machine, grid, at, added, start, ratio, AGAIN)
         found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
         if scene.friction:
-            speed, rate = machine.run(_crank, begun.flow, begun.energy)
-            found = machine.run(_joined, found, _rubbing(machine, grid, at, speed, rate, most, soft))
+            found = machine.run(_joined, found, _rubbing(machine, grid, at, begun, most, soft))
+        return found, ratio
+
+    if machine.traced and rounds > 1:  # one program for all rounds, without derivatives
+        fixed = Sampler(machine.still)
+        rest, still = jax.lax.stop_gradient((given[2:], still))
+
+        def again(_: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
+            grid = grid_of(fixed, nodes, *rest, state[0])
+            return moved(fixed, grid, at_nodes(fixed, grid), state[1])
+
+        return grid_of(*given, jax.lax.fori_loop(0, rounds, again, (found, jnp.ones(())))[0])
+    ratio: Any = 1.0
+    for number in range(rounds):
+        at = at_nodes(machine, grid) if number else at
+        found, ratio = moved(machine, grid, at, ratio)
         grid = grid_of(*given, found)
-    return grid if kinks else grid_of(*given, still)
+    return grid
 
 
 def guide_kinks(scene: Scene) -> int:
@@ -92,11 +110,52 @@ def guide_kinks(scene: Scene) -> int:
     return sum(sum(OFTEN[: by_joint[pair.joint.name].kinks]) for pair in pairs(scene.mechanism, scene.friction))
 
 
-def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, speed: Any, acceleration: Any, most: int, soft: int) -> Any:
-    """Crank angles (rad) of the kinks of friction, with crank speed (rad/s) and acceleration (rad/s²) at the nodes."""
+def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, begun: Begun | None, most: int, soft: int) -> Any:
+    """Crank angles (rad) of the kinks of friction, in a motion, or at constant speed without one."""
+    if has_linear_reactions(machine.mechanism):
+        given = whole(machine), grid, at.here, at.sample.pose
+        return machine.run(_changes_at_nodes, *given, begun, most=most, soft=soft)
+    if begun is None:
+        speed, rate = machine.run(_nominal, grid, machine.scene.speed)
+    else:
+        speed, rate = machine.run(_crank, begun.flow, begun.energy)
     place, pose, active = machine.run(_nodes_alone, grid, at.place, at.sample.pose)
-    forces = machine.forces(place.phi, place.side, pose, active, speed, acceleration, fixed=True)
-    return machine.run(_rubs_change, grid, forces.friction, most=most, soft=soft)
+    forces = machine.forces(place.phi, place.side, pose, active, speed, rate, fixed=True)
+    return machine.run(_changes_of_forces, grid, forces.friction, most=most, soft=soft)
+
+
+@compiled_soon(static=("most", "soft"))
+def _changes_at_nodes(
+    made: ReadyScene, grid: Grid, here: Reduced, pose: Pose, begun: Begun | None, most: int, soft: int
+) -> Float[Array, " kinks"]:  # fmt: skip
+    torques = torques_of(made)
+    moving = moving_at_nodes(grid, torques, pose)
+    assert moving is not None
+    if begun is None:
+        speed = made.scene.speed * jnp.ones_like(grid.nodes)
+        rubbed = torques.with_friction(here, moving, speed)[1]
+        assert rubbed is not None
+        near = rubbed.near
+    else:
+        flow = begun.flow
+        assert flow.driven is not None
+        speed, near = flow.speed(begun.energy + flow.at_nodes, flow.inertia), flow.driven.near
+    contacts = jax.vmap(torques.contacts)(moving, speed)  # frictions are the same in all panels
+    loads = jax.vmap(lambda reactions, near: reactions(*near))(contacts.reactions, near)
+    rows, squares = [], []
+    for i, pair in enumerate(pairs(made.scene.mechanism, made.scene.friction)):
+        (fx, fy, moment), axis = (part[:, i] for part in loads), moving.basis.axes[i]
+        rows.append(() if axis is None else pair.friction.switches(axis.cross(Vec(fx, fy)), moment))
+        squares.append(fx * fx + fy * fy if axis is None else None)
+    return _rubs_change(grid, rows, squares, most, soft)
+
+
+@compiled_soon(static=("most", "soft"))
+def _changes_of_forces(
+    grid: Grid, friction: dict[str, dict[str, JointFriction]], most: int, soft: int
+) -> Float[Array, " kinks"]:  # fmt: skip
+    every = [one for sides in friction.values() for one in sides.values()]
+    return _rubs_change(grid, [one.switches for one in every], [one.square for one in every], most, soft)
 
 
 @compiled_soon
@@ -123,24 +182,22 @@ def _crank(flow: Flow, energy: Array) -> tuple[Array, Array]:
     return speed.ravel(), ((flow.here.torque - 0.5 * flow.here.slope * speed**2) / flow.inertia).ravel()
 
 
-@compiled_soon(static=("most", "soft"))
 def _rubs_change(
-    grid: Grid, friction: dict[str, dict[str, JointFriction]], most: int, soft: int
+    grid: Grid, switches: Sequence[tuple[Array, ...]], squares: Sequence[Array | None], most: int, soft: int
 ) -> Float[Array, " kinks"]:  # fmt: skip
     """Where the friction of guides has a kink, and the nearest of the places where forces of pins almost vanish."""
-    every = [one for sides in friction.values() for one in sides.values()]
-    found = [row for one in every for row in _no_noise(one.switches)]
-    counts = [often for one in every for often, _ in zip(OFTEN, one.switches, strict=False)]
-    squares = [one.square for one in every if one.square is not None]
+    found = [row for one in switches for row in _no_noise(one)]
+    counts = [often for one in switches for often, _ in zip(OFTEN, one, strict=False)]
+    squares = [square for square in squares if square is not None]
     ends = [jnp.zeros(0)]
     for count in sorted(set(counts)):
         own = jnp.stack([row for row, often in zip(found, counts, strict=True) if often == count])
-        rows = jax.lax.stop_gradient(own[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+        rows = jax.lax.stop_gradient(own).reshape((-1, *grid.nodes.shape))
         angles = jax.vmap(lambda row, count=count: sign_changes(grid, row, count * most).angles(grid))(rows)
         ends.append(angles.ravel())
     least = Candidates(jnp.full(soft, jnp.inf), jnp.full(soft, jnp.inf))
     if squares:
-        rows = jax.lax.stop_gradient(jnp.stack(squares)[:, : grid.size]).reshape((-1, *grid.nodes.shape))
+        rows = jax.lax.stop_gradient(jnp.stack(squares)).reshape((-1, *grid.nodes.shape))
         places = jax.vmap(lambda row: _almost_zero(grid, row, most))(rows)
         least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), soft)
     return jnp.concatenate([*ends, jnp.where(least.distance < REACH, least.angle, jnp.inf)])
