@@ -2,7 +2,8 @@
 
 Run: python -m benchmarks.error_bound [MODEL ...] [--designs COUNT]      default: 50 designs of each model
 
-True errors come from `TRUTH` nodes and count as 1e-11 where they are smaller. A design counts if a steady-state motion
+True errors come from `TRUTH` nodes, with friction from `FINE`, and count as 1e-11 where they are smaller. A design
+counts if a steady-state motion
 exists and the truth is better known than both errors. One line per model and number of nodes: designs, designs whose
 stated error is below the true one, the share within a thousand times, and the decades of stated over true error at the
 0, 50, 95 and 100 % quantiles. One compiled program per model and number of nodes; about ten seconds each.
@@ -24,19 +25,20 @@ import linkjax as lj
 from benchmarks._timing import line
 from linkjax._compile import compiled_soon, keep_in
 from linkjax.friction import GuideFriction, everywhere
-from linkjax.machine import ready
-from linkjax.motion import at_nodes, grid_with_kinks, steady_on
-from linkjax.sampling import Sampler
+from linkjax.motion import steady_motion
 
 NODES, TRUTH, LEAST, FAR = (32, 64), 192, 1e-11, 1e3
+RUBBED, FINE = (96, 400), 1500  # with friction, whose panels have at least eight nodes, whatever is asked for
 TORQUE = 2.0  # N m, the unit of random motors
 
 
 class Model(NamedTuple):
-    """A machine from random numbers in [0, 1): its scene, and how many numbers it takes."""
+    """A machine from random numbers in [0, 1): its scene, how many numbers it takes, and the numbers of nodes."""
 
     scene: Callable[[Any], lj.Scene]
     numbers: int
+    nodes: tuple[int, ...] = NODES
+    truth: int = TRUTH
 
 
 def between(low: float, high: float, u: Any) -> Any:
@@ -157,16 +159,20 @@ MODELS = {
     "four-bar, damper, line motor": Model(
         lambda u: four_bar(u, lj.MotorDrive(lj.LineMotor(no_load=12.0, stall=between(150.0, 3e3, u[2])))), 3
     ),
-    "friction, cut": Model(lambda u: rubbed(crank_slider(u, (thrown(u[5]),)), u[6:]), 9),
-    "friction, cut, midrange": Model(lambda u: rubbed(crank_slider(u, (thrown(u[5]),), mean="midrange"), u[6:]), 9),
-    "friction, line motor, pump": Model(
-        lambda u: rubbed(crank_slider(u, (drag(u[5]),), lj.MotorDrive(line_motor(u[6]))), u[7:]), 10
+    "friction, cut": Model(lambda u: rubbed(crank_slider(u, (thrown(u[5]),)), u[6:]), 9, RUBBED, FINE),
+    "friction, cut, midrange": Model(
+        lambda u: rubbed(crank_slider(u, (thrown(u[5]),), mean="midrange"), u[6:]), 9, RUBBED, FINE
     ),
-    "friction, guide with edges, pump": Model(lambda u: rubbed(crank_slider(u, (drag(u[5]),)), u[6:], 0.05), 9),
+    "friction, line motor, pump": Model(
+        lambda u: rubbed(crank_slider(u, (drag(u[5]),), lj.MotorDrive(line_motor(u[6]))), u[7:]), 10, RUBBED, FINE
+    ),
+    "friction, guide with edges, pump": Model(
+        lambda u: rubbed(crank_slider(u, (drag(u[5]),)), u[6:], 0.05), 9, RUBBED, FINE
+    ),
     "friction, four-bar, line motor": Model(
         lambda u: rubbed(
             four_bar(u, lj.MotorDrive(lj.LineMotor(no_load=12.0, stall=between(150.0, 3e3, u[2])))), u[3:]
-        ), 6
+        ), 6, RUBBED, FINE,
     ),
 }  # fmt: skip
 
@@ -175,9 +181,7 @@ def found_by(model: Model, nodes: int) -> Callable[[jax.Array], tuple[jax.Array,
     """δ, its stated error, and whether a steady-state motion exists, of many designs."""
 
     def one(numbers):
-        machine = Sampler(ready(model.scene(numbers)))  # `steady_motion` refuses friction
-        grid = grid_with_kinks(machine, nodes)
-        motion = steady_on(machine, grid, at_nodes(machine, grid))
+        motion = steady_motion(model.scene(numbers), nodes)
         runs = (motion.steady_state_margin > 0) & ~motion.grid.overflow
         return motion.delta, motion.delta_error, runs
 
@@ -188,9 +192,9 @@ def measured(name: str, count: int) -> list[np.ndarray]:
     """Stated over true errors of the designs of a model, for every number of nodes."""
     model, rng = MODELS[name], np.random.default_rng(zlib.crc32(name.encode()))
     numbers = jnp.asarray(rng.random((count, model.numbers)))
-    truth, surely, runs = (np.asarray(part) for part in found_by(model, TRUTH)(numbers))
+    truth, surely, runs = (np.asarray(part) for part in found_by(model, model.truth)(numbers))
     ratios = []
-    for nodes in NODES:
+    for nodes in model.nodes:
         value, stated, there = (np.asarray(part) for part in found_by(model, nodes)(numbers))
         wrong = np.maximum(np.abs(value - truth), LEAST)
         known = runs & there & (surely < np.maximum(3 * LEAST, 0.1 * np.maximum(wrong, stated)))

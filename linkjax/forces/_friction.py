@@ -21,7 +21,7 @@ from linkjax._numerics import safe_divide
 from linkjax.friction import AbstractFriction
 
 STEPS = 40  # the most steps of Newton's method
-SMALL = 1e-13  # relative: a step of Newton's method as small as this is that of a solution
+SMALL = 1e-10  # relative: after a step of Newton's method as small as this the next one has all digits
 MORE = 2  # steps of which the size is small
 NEAR = 1e-6  # relative: a last step that found a solution; close to locking rounding errors are as large
 

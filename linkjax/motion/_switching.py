@@ -37,7 +37,7 @@ from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
 OFTEN = (1, 1, 2)  # times so many for the numbers of a guide: between two zeros of a force two sizes are equal twice
-SOFT = 1  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
+SOFT = 2  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
 # rounds of finding the motion and its kinks: at knots alone, with guides that rub, and with a lossy transmission
 ROUNDS, RUBBED_ROUNDS, LOSSY_ROUNDS = 1, 2, 3
 IDLE = 1e-11  # of the largest force of a guide: a force that is less throughout is a rounding error
