@@ -104,7 +104,7 @@ class Contacts(NamedTuple):
 
     def torque(self, c: Array) -> Array:
         """The torque of friction reduced to the crank (N m)."""
-        return sum(p * each for p, each in zip(self.paces, c, strict=True))
+        return sum((p * each for p, each in zip(self.paces, c, strict=True)), jnp.zeros_like(c[0]))
 
     def left(self, advance: Advance, c: Array, rate: Array) -> tuple[Array, Array]:
         """What is left of the equations."""

@@ -3,9 +3,8 @@
 The unknown is the kinetic energy E. In every panel E is the polynomial with the slope f at the Gauss nodes, which is
 the implicit Runge-Kutta method of Gauss. Newton's method takes all panels together. Its linear equations are solved by
 an integrating factor, without matrices, as the solution of E' = d E + g is known; where this does not converge, as with
-a stiff motor, by elimination. Derivatives follow from the equations themselves. Following the cycle panel by panel
-from many starting energies shows every periodic solution in a range, whether it is stable, and where a motion comes to
-rest.
+a stiff motor, by elimination. Derivatives follow from the equations themselves. The slopes may have unknowns of their
+own, as the frictions of joints: every step of Newton's method takes one step for them, too.
 Source: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 1993, ch. II.7; Ascher, Mattheij and
 Russell, Numerical Solution of Boundary Value Problems, 1995, ch. 5.
 """
@@ -27,9 +26,7 @@ from linkjax._numerics import safe_divide
 from linkjax._tree import node
 from linkjax.motion._panels import Rule, rule
 
-INNER = 30  # the most steps of Newton's method in one panel
 OUTER = 40  # the most steps of Newton's method for all panels together
-SEARCHES = 4  # of an interval with a periodic solution, every time in as many parts as there are starting energies
 QUICK = 12  # the most steps of it with an integrating factor
 MORE = 2  # steps of which the size is small, as the convergence may be linear
 STEEP = 30.0  # the greatest exponent of an integrating factor
@@ -115,118 +112,13 @@ class Orbit(NamedTuple):
         return self.nodes, self.edges, self.constant
 
 
-class Passed(NamedTuple):
-    """A cycle from a starting energy: energies (J) at its end, at the nodes and at the first edges; the multiplier
-    dE(end) / dE(start); whether the motion came to rest; and the values of the slopes' own unknowns."""
+class Progress(NamedTuple):
+    """A state, the slopes' own unknowns, the multiplier, and how many small steps are still wanted."""
 
-    end: Array
-    slope: Array
-    stopped: Bool[Array, ""]
-    nodes: Array
-    edges: Array
+    state: State
     near: Any
-
-
-def follow(rate: Rate, panels: Panels, start: Array) -> Passed:
-    """The cycle from a starting energy (J), panel by panel; without derivatives."""
-    inside, w, eye = jnp.asarray(panels.inside), jnp.asarray(panels.rule.w), jnp.eye(panels.n)
-    least = REST * panels.unit
-
-    def one(carry, each):
-        energy, slope, stopped = carry
-        half, data = each
-
-        def left(nodes):
-            none = jnp.zeros_like(panels.unit)
-            once, slopes = jnp.ones_like(nodes), lambda e: rate(panels.given, data, e, none, None)
-            f, d, near = jax.jvp(slopes, (nodes,), (once,), has_aux=True)
-            return energy + half * inside @ f - nodes, f, d, near
-
-        def step(state):
-            count, nodes, _ = state
-            missing, _, d, _ = left(nodes)
-            move = _lapack.solve(eye - half * inside * d[None], missing)
-            new = jnp.maximum(nodes + move, KEPT * nodes)
-            return count + 1, new, jnp.max(jnp.abs(new - nodes)) > 1e-10 * (panels.unit + jnp.max(jnp.abs(new)))
-
-        first = (jnp.zeros((), jnp.int32), jnp.full(panels.n, energy), jnp.asarray(True))
-        _, nodes, _ = jax.lax.while_loop(lambda s: s[2] & (s[0] < INNER), step, first)
-        missing, f, d, near = left(nodes)
-        gain = 1 + half * w @ (d * _lapack.solve(eye - half * inside * d[None], jnp.ones(panels.n)))
-        end = energy + half * w @ f
-        failed = jnp.max(jnp.abs(missing)) > 1e-6 * (panels.unit + energy)
-        stopped = stopped | failed | ~(end > least) | ~(jnp.min(nodes) > least)
-        safe = jnp.where(stopped, least, end)
-        return (safe, jnp.where(stopped, 0.0, slope * gain), stopped), (nodes, energy, near)
-
-    begin = (start, jnp.ones_like(start), start <= least)
-    (end, slope, stopped), (nodes, edges, near) = jax.lax.scan(one, begin, (panels.half, panels.data))
-    return Passed(jnp.where(stopped, 0.0, end), slope, stopped, nodes, edges, near)
-
-
-class Sought(NamedTuple):
-    """A periodic solution, or where none was found the motion nearest to one; the number of stable ones in the range
-    that was searched, and whether this motion came to rest."""
-
-    orbit: Orbit
-    number: Array
-    stopped: Array
-
-
-def seek(rate: Rate, panels: Panels, starts: Array, wanted: Array) -> Sought:
-    """The stable periodic solution with the starting energy nearest to `wanted` (J), on a relative scale, among those
-    between increasing `starts` (J); without derivatives. Where there is none, the cycle with the greatest gain.
-
-    Newton's method begins between the two cycles of which one gains and the other loses; where it fails, or leaves the
-    interval, cycles are followed from more energies inside of it.
-    """
-    least = REST * panels.unit
-
-    def again(loop: tuple) -> tuple:
-        count, points, old, _ = loop
-        passed = jax.vmap(lambda start: follow(rate, panels, start))(points)
-        gain = passed.end - points
-        falls = (gain[:-1] > 0) & (gain[1:] <= 0)
-        far = jnp.abs(jnp.log(jnp.sqrt(points[:-1] * points[1:]) / wanted))
-        first, found = jnp.argmin(jnp.where(falls, far, jnp.inf)), jnp.any(falls)
-        best = jnp.argmax(jnp.where(points == points[-1], -jnp.abs(gain), gain))
-        low, high = jnp.where(found, first, best), jnp.where(found, first + 1, best)
-        below, above = (jax.tree.map(lambda leaf, at=at: leaf[at], passed) for at in (low, high))
-        share = jnp.where(found, safe_divide(gain[low], gain[low] - gain[high]), 0.0)
-        nodes, edges = (
-            jnp.maximum(a + share * (b - a), least) for a, b in ((below.nodes, above.nodes), (below.edges, above.edges))
-        )
-        orbit = _closed(rate, panels, (nodes, edges, jnp.zeros_like(panels.unit)), below)
-        inside = (orbit.edges[0] >= points[low]) & (orbit.edges[0] <= points[high])
-        orbit = orbit._replace(solved=found & orbit.solved & inside)
-        number = jnp.where(count == 0, jnp.sum(falls), old.number)
-        more = jnp.exp(jnp.linspace(jnp.log(points[low]), jnp.log(points[high]), points.size))
-        return count + 1, more, Sought(orbit, number, below.stopped), found & ~orbit.solved
-
-    none = jnp.zeros_like(panels.unit)
-    nodes = panels.half[:, None] * jnp.zeros(panels.n)[None]
-    orbit = Orbit(nodes, nodes[:, 0], none, none, jnp.asarray(False), jax.tree.map(jnp.zeros_like, panels.near))
-    begin = jnp.zeros((), jnp.int32), starts, Sought(orbit, jnp.zeros((), int), jnp.asarray(True)), jnp.asarray(True)
-    found = jax.lax.while_loop(lambda loop: loop[3] & (loop[0] < SEARCHES), again, begin)[2]
-    return found
-
-
-def near(rate: Rate, panels: Panels, start: Array) -> Sought:
-    """The periodic solution near the cycle from one starting energy (J), stable or not; without derivatives."""
-    passed = follow(rate, panels, start)
-    state = (passed.nodes, passed.edges, jnp.zeros_like(panels.unit))
-    orbit = _closed(rate, panels, state, passed)
-    return Sought(orbit._replace(solved=orbit.solved & ~passed.stopped), jnp.ones((), int), passed.stopped)
-
-
-def _closed(rate: Rate, panels: Panels, state: State, passed: Passed) -> Orbit:
-    """The periodic solution from energies (J) near it; where it is not found, these, which are near a cycle that was
-    followed."""
-    least = REST * panels.unit
-    state = (jnp.maximum(state[0], least), jnp.maximum(state[1], least), state[2])
-    orbit = settled(rate, panels.closer(passed.near), state, None)
-    nearest = Orbit(*state, passed.slope, jnp.asarray(False), passed.near)
-    return jax.tree.map(lambda a, b: jnp.where(orbit.solved, a, b), orbit, nearest)
+    multiplier: Array
+    spare: Array
 
 
 def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None) -> Orbit:
@@ -234,21 +126,20 @@ def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None) -> Orbi
     slope (N m) is added to `rate`, such that `lack` of the panels and the energies is zero."""
     one, small = jnp.ones_like(panels.unit), max(CLOSED, 50 * float(jnp.finfo(panels.unit.dtype).eps))
 
-    def repeated(state: State, near: Any, multiplier: Array, spare: Array, most: int, quick: bool) -> tuple:
-        def again(loop):
-            count, state, near, _, spare = loop
+    def repeated(begin: Progress, most: int, quick: bool) -> Progress:
+        def again(loop: tuple[Array, Progress]) -> tuple[Array, Progress]:
+            count, (state, near, _, spare) = loop
             state, size, multiplier, near = _newton(rate, panels.closer(near), state, lack, quick)
-            return count + 1, state, near, multiplier, spare - jnp.where(size <= small, 1, 0)
+            return count + 1, Progress(state, near, multiplier, spare - jnp.where(size <= small, 1, 0))
 
-        begin = (jnp.zeros((), jnp.int32), state, near, multiplier, spare)
-        return jax.lax.while_loop(lambda loop: (loop[4] > 0) & (loop[0] < most), again, begin)[1:]
+        loop = (jnp.zeros((), jnp.int32), begin)
+        return jax.lax.while_loop(lambda loop: (loop[1].spare > 0) & (loop[0] < most), again, loop)[1]
 
-    *found, multiplier, spare = repeated(start, panels.near, one, jnp.asarray(MORE, jnp.int32), QUICK, True)
-    there = spare <= 0
-    begin = jax.tree.map(lambda a, b: jnp.where(there, a, b), found, [start, panels.near])
-    (nodes, edges, constant), near, multiplier, spare = repeated(
-        *begin, multiplier, jnp.where(there, spare, MORE), OUTER, False
-    )
+    begin = Progress(start, panels.near, one, jnp.asarray(MORE, jnp.int32))
+    found = repeated(begin, QUICK, True)
+    there = found.spare <= 0
+    begin = jax.tree.map(lambda a, b: jnp.where(there, a, b), found, begin)._replace(multiplier=found.multiplier)
+    (nodes, edges, constant), near, multiplier, spare = repeated(begin, OUTER, False)
     return Orbit(nodes, edges, constant, multiplier, spare <= 0, near)
 
 

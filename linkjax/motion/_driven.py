@@ -15,21 +15,11 @@ from linkjax._numerics import safe_divide, taken
 from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import BySpeed, Driven, moving_at, on_pose, torques_of, whole
-from linkjax.motion._collocation import (
-    Orbit,
-    Panels,
-    Sought,
-    follow,
-    gained,
-    implicit,
-    lasting,
-    near,
-    seek,
-    settled,
-)
+from linkjax.motion._collocation import Orbit, Panels, gained, implicit, lasting, settled
 from linkjax.motion._flow import LEAST, Begun, Duty, Flow, duty_of, inertia_floor, primitive, spotted
 from linkjax.motion._grid import Grid
 from linkjax.motion._nodes import AtEdges, AtNodes
+from linkjax.motion._seek import Sought, follow, near, seek
 from linkjax.reduction import Moving, Reduced
 from linkjax.sampling import Sampler
 
