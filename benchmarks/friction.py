@@ -4,7 +4,8 @@ Run: python -m benchmarks.friction [SCENE ...] [--designs COUNT]
 
 Both give δ, the mean speed and all joint reactions at the nodes, for designs with scaled rods, by `map_designs`;
 without friction the motion is found by collocation, too, because the machine has a motor. Errors are those of δ against
-four times as many nodes, the largest of eight designs. Ratios are those of paired rounds.
+that of `FINE` nodes, the largest of eight designs. Ratios are those of paired rounds. A value and a gradient of δ are
+compiled, too. Compiling takes about four minutes.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import functools
+import time
 from typing import Any
 
 import equinox as eqx
@@ -29,7 +31,7 @@ from linkjax.motion import steady_motion
 from linkjax.sampling import Sampler
 
 SCENES = {"pump-line": pump_line, "hay-press": hay_press}
-NODES, BLOCK, ROUNDS, FEW = 96, 10, 7, 8
+NODES, FINE, BLOCK, ROUNDS, FEW = 96, 1000, 10, 7, 8
 
 
 def rough(scene: lj.Scene) -> lj.Scene:
@@ -49,6 +51,11 @@ def forces_of(scene: lj.Scene, nodes: int = NODES) -> tuple[Any, ...]:
     return found.delta, found.mean_speed, forces.reactions
 
 
+def delta(scene: lj.Scene) -> jax.Array:
+    """The coefficient of speed fluctuation."""
+    return steady_motion(scene, NODES).delta
+
+
 def designs(scene: lj.Scene, count: int) -> lj.Scene:
     """As many designs of a scene, with rods of 97 to 103 % of its length."""
     leaves, tree = jax.tree.flatten(scene)
@@ -61,11 +68,16 @@ def designs(scene: lj.Scene, count: int) -> lj.Scene:
 def compare(name: str, scene: lj.Scene, count: int) -> None:
     """Print times, their ratio and errors."""
     cases = {"frictionless": scene, "friction": rough(scene)}
+    for key, each in cases.items():
+        for what, function in (("value", delta), ("gradient", jax.grad(delta))):
+            start = time.perf_counter()
+            jax.jit(function).lower(each).compile()
+            line(f"{name}.{key}.{what}.compile", time.perf_counter() - start, "s")
     mapped = lj.map_designs(forces_of, block=BLOCK)
     runs = [functools.partial(mapped, designs(each, count)) for each in cases.values()]
     for key, each in cases.items():
         few = designs(each, FEW)
-        known, found = (jax.lax.map(lambda s, n=n: steady_motion(s, n).delta, few) for n in (4 * NODES, NODES))
+        known, found = (jax.lax.map(lambda s, n=n: steady_motion(s, n).delta, few) for n in (FINE, NODES))
         line(f"{name}.{key}.delta_error", float(jnp.max(jnp.abs(found - known))), "")
     times = by_turns(*runs, rounds=ROUNDS)
     for key, each in zip(cases, times, strict=True):
