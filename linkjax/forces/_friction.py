@@ -116,8 +116,7 @@ class Contacts(NamedTuple):
         slopes = self.slopes(self.reactions(c, rate))
         matrix = self.senses[:, None] * sum(s[:, None] * b for s, b in zip(slopes, self.reactions.own, strict=True))
         by_rate = self.senses * sum(s * b for s, b in zip(slopes, self.reactions.rate, strict=True))
-        turned, gain = jax.jvp(advance, (self.torque(c),), (jnp.ones_like(rate),))
-        del turned
+        gain = jax.jvp(advance, (self.torque(c),), (jnp.ones_like(rate),))[1]
         unit = np.eye(c.shape[0]).reshape((*matrix.shape[:2], *(1,) * rate.ndim))
         matrix = unit + matrix + by_rate[:, None] * (gain[None] * self.paces)[None]
         move, sign = eliminated(matrix, by_rate * left[1][None] - left[0])
@@ -145,25 +144,24 @@ def frictions_of(contacts: Contacts, advance: Advance, near: tuple[Array, Array]
         last = jnp.max(safe_divide(jnp.abs(move), jnp.max(jnp.abs(c), axis=0)[None] * jnp.ones_like(c)), axis=0)
         return c, rate, jnp.maximum(last, safe_divide(jnp.abs(more), jnp.abs(rate))), sign
 
-    none = jnp.zeros_like(at.senses)
-    if near is None:
-        begin = none, ahead(at.torque(none))
-
-        def again(loop: tuple) -> tuple:
-            count, c, rate, _, _, spare = loop
-            c, rate, last, sign = step(c, rate)
-            return count + 1, c, rate, last, sign, spare - jnp.where(last > SMALL, 0, 1).astype(spare.dtype)
-
-        one = jnp.ones_like(begin[1])
-        loop = (jnp.zeros((), jnp.int32), *begin, one, one, jnp.full(one.shape, MORE, jnp.int32))
-        loop = jax.lax.while_loop(lambda s: jnp.any(s[5] > 0) & (s[0] < STEPS), again, loop)
-        _, c, rate, last, sign, _ = loop
-        found = (last < NEAR) & (sign > 0)
-        c, rate = jnp.where(found[None], c, begin[0]), jnp.where(found, rate, begin[1])
-    else:
+    if near is not None:
         c, rate, last, sign = step(*near)
-        found = (last < NEAR) & (sign > 0)
-    return Frictions(*_implicit(contacts, advance, (c, rate)), found)
+        return Frictions(*_implicit(contacts, advance, (c, rate)), (last < NEAR) & (sign > 0))
+
+    def again(loop: tuple) -> tuple:
+        count, c, rate, _, _, spare = loop
+        c, rate, last, sign = step(c, rate)
+        return count + 1, c, rate, last, sign, spare - jnp.where(last > SMALL, 0, 1).astype(spare.dtype)
+
+    none = jnp.zeros_like(at.senses)
+    free = ahead(at.torque(none))
+    one = jnp.ones_like(free)
+    loop = (jnp.zeros((), jnp.int32), none, free, one, one, jnp.full(one.shape, MORE, jnp.int32))
+    loop = jax.lax.while_loop(lambda s: jnp.any(s[5] > 0) & (s[0] < STEPS), again, loop)
+    _, c, rate, last, sign, _ = loop
+    found = (last < NEAR) & (sign > 0)
+    state = jnp.where(found[None], c, none), jnp.where(found, rate, free)
+    return Frictions(*_implicit(contacts, advance, state), found)
 
 
 @jax.custom_jvp

@@ -94,8 +94,9 @@ def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
     fixed, none = jax.lax.stop_gradient(panels), jnp.zeros_like(speed)
     nominal = 0.5 * fixed.data.inertia * jax.lax.stop_gradient(speed) ** 2
     if panels.given.torques.motor is None:
-        constant = -jnp.sum(fixed.weights * fixed.slopes(_rate, nominal)) / jnp.sum(fixed.weights)
-        orbit = settled(_rate, fixed, (nominal, nominal[:, 0], constant), _lack)
+        slopes, frictions = fixed.closer(None).rates(_rate, nominal)
+        constant = -jnp.sum(fixed.weights * slopes) / jnp.sum(fixed.weights)
+        orbit = settled(_rate, fixed.closer(frictions), (nominal, nominal[:, 0], constant), _lack)
         nodes, edges, constant = implicit(_rate, panels.closer(orbit.near), orbit.state, _lack)
         return Solved(
             orbit._replace(nodes=nodes, edges=edges, constant=constant), orbit.solved, jnp.ones((), int), none
@@ -151,11 +152,13 @@ def _sought(panels: Panels, nominal: Array) -> Sought:
 
 
 def _gains_at(panels: Panels, squares: Array, nominal: Array) -> Array:
-    """The gain of energy (J) over the cycle at constant speeds, by their `squares` relative to the nominal speed; with
-    an estimate of the work of friction, as it is only a guess of the motion."""
+    """The gain of energy (J) over the cycle at constant speeds, by their `squares` relative to the nominal speed. The
+    work of friction is an estimate from reactions without it: this is only a guess of the motion."""
+
+    estimated = panels.near is not None
 
     def gain(square):
-        return jnp.sum(panels.weights * panels.slopes(_smooth_rate, square * nominal))
+        return jnp.sum(panels.weights * panels.slopes(_smooth_rate if estimated else _rate, square * nominal))
 
     def lost(square):
         def one(data: Nodes, energy: Array) -> Array:
@@ -164,7 +167,7 @@ def _gains_at(panels: Panels, squares: Array, nominal: Array) -> Array:
         return jnp.sum(panels.weights * jax.vmap(one)(panels.data, square * nominal))
 
     gains = jax.vmap(gain)(squares)
-    if panels.near is None:
+    if not estimated:
         return gains
     few = squares[::FEWER]
     return gains + jnp.interp(jnp.log(squares), jnp.log(few), jax.vmap(lost)(few))

@@ -89,10 +89,10 @@ def grid_with_kinks(
 
     if machine.traced and rounds > 1:  # one program for all rounds, without derivatives
         fixed = Sampler(machine.still)
-        rest, still = jax.lax.stop_gradient((given[2:], still))
+        known, still = jax.lax.stop_gradient((scanned, still))
 
         def again(_: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
-            grid = grid_of(fixed, nodes, *rest, state[0])
+            grid = grid_of(fixed, nodes, known, points, breaks, state[0])
             return moved(fixed, grid, at_nodes(fixed, grid), state[1])
 
         return grid_of(*given, jax.lax.fori_loop(0, rounds, again, (found, jnp.ones(())))[0])

@@ -16,19 +16,11 @@ import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.friction import GuideFriction, everywhere
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion import Steady, at_nodes, grid_with_kinks, steady_on
-from linkjax.sampling import Sampler
+from linkjax.motion import Steady
 from tests.physics import rubbed
 
 PHI = np.linspace(0, 2 * np.pi, 48, endpoint=False) + 0.013
 STEP = 1e-4
-
-
-def steady_motion(made: Scene | ReadyScene, nodes: int) -> Steady:
-    """As `linkjax.steady_motion`, which refuses friction as long as its error of δ is not examined with it."""
-    machine = Sampler(ready(made))
-    grid = grid_with_kinks(machine, nodes)
-    return steady_on(machine, grid, at_nodes(machine, grid))
 
 
 def slider_crank(friction: float, **given) -> lj.Scene:
@@ -58,7 +50,7 @@ machines = pytest.mark.parametrize(
 
 @functools.cache
 def motion(name: str, friction: float = 0.1, nodes: int = 144) -> Steady:
-    return steady_motion(MACHINES[name](friction), nodes)
+    return lj.steady_motion(MACHINES[name](friction), nodes)
 
 
 @compiled_soon
@@ -148,6 +140,13 @@ def test_the_frictionless_limit_is_linear(name):
         assert (values[1] - values[0]) / (values[2] - values[0]) == pytest.approx(2, rel=2e-3)
 
 
+def test_a_gradient_can_be_traced():
+    """In a fast test: the gradients themselves are compared in the slow ones."""
+    scene = MACHINES["motor and pump"](0.1)
+    shapes = jax.eval_shape(jax.grad(lambda s: lj.steady_motion(s, 96).delta), scene)
+    assert jax.tree.structure(shapes) == jax.tree.structure(scene)
+
+
 @pytest.mark.slow
 @machines
 def test_gradients(name):
@@ -159,7 +158,7 @@ def test_gradients(name):
     def all_of(x: jax.Array) -> jax.Array:
         friction, links = jax.tree.unflatten(tree, list(x))
         mechanism = dataclasses.replace(scene.mechanism, links=links)
-        found = steady_motion(made.of(Scene(**{**vars(scene), "mechanism": mechanism, "friction": friction})), 96)
+        found = lj.steady_motion(made.of(Scene(**{**vars(scene), "mechanism": mechanism, "friction": friction})), 96)
         return jnp.stack([found.delta, found.mean_drive_torque, found.max_speed])
 
     along = jax.jit(lambda x, way: jax.jvp(all_of, (x,), (way,)))
@@ -178,8 +177,8 @@ def test_gradients(name):
 def test_a_machine_that_locks_has_no_motion():
     """A guide with a coefficient of 4: the rod, at most 19.5° from the guide, pushes it fast."""
     scene = MACHINES["motor and pump"](0.0)
-    free = steady_motion(dataclasses.replace(scene, friction=(GuideFriction("slider", 2.5),)), 96)
-    locked = steady_motion(dataclasses.replace(scene, friction=(GuideFriction("slider", 4.0),)), 96)
+    free = lj.steady_motion(dataclasses.replace(scene, friction=(GuideFriction("slider", 2.5),)), 96)
+    locked = lj.steady_motion(dataclasses.replace(scene, friction=(GuideFriction("slider", 4.0),)), 96)
     assert locked.driven is not None and free.driven is not None
     assert bool(free.driven.found) == (math.sqrt(8) > 2.5)  # cot of the largest angle of the rod
     assert not bool(locked.driven.found) and float(locked.steady_state_margin) < 0

@@ -117,15 +117,18 @@ def test_from_none_to_beyond_locking(name):
 
 
 @machines
-def test_the_frictionless_limit(name):
-    """At the machine's speed the torque grows in proportion to small coefficients, and by the losses of the joints."""
+def test_the_frictionless_limit_and_the_power_balance(name):
+    """At the machine's speed the torque grows in proportion to small coefficients; with any coefficients the drive
+    gives what it gives without friction, and the losses of the joints."""
     scene, phi = machine(name), jnp.asarray(angles(name))
     speed = jnp.asarray(float(scene.speed))
-    none, small, more = (
-        jax.device_get(forces(scene, phi, jnp.full(phi.shape, factor), speed)) for factor in (0.0, 1e-6, 2e-6)
+    none, small, more, whole = (
+        jax.device_get(forces(scene, phi, jnp.full(phi.shape, factor), speed)) for factor in (0.0, 1e-6, 2e-6, 1.0)
     )
     assert np.all(none.moves & small.moves & more.moves) and np.all(none.lost == 0)
-    size = float(np.max(np.abs(none.torque)))
-    np.testing.assert_allclose(small.torque - none.torque, small.lost.sum(1), rtol=0, atol=1e-12 * size)
+    assert np.mean(whole.moves) > 0.5
+    for found in (small, whole):
+        gained, size = (found.torque - none.torque)[found.moves], float(np.max(np.abs(found.torque[found.moves])))
+        np.testing.assert_allclose(gained, found.lost.sum(1)[found.moves], rtol=0, atol=1e-10 * size)
     np.testing.assert_allclose(2 * small.lost, more.lost, rtol=0, atol=1e-5 * float(np.max(more.lost)))
     np.testing.assert_allclose(none.slope, 1e6 * small.lost.sum(1), rtol=0, atol=1e-5 * float(np.max(none.slope)))

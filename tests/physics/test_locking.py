@@ -199,6 +199,23 @@ def test_power_at_every_angle():
     np.testing.assert_allclose(run.backward_torque, back, rtol=0, atol=1e-12 * np.max(np.abs(free)))
 
 
+@pytest.mark.slow
+def test_mechanical_advantage():
+    """Without masses it is the efficiency over the velocity at unit crank speed, and without friction its inverse."""
+    scene = resisted()
+    scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1, 0.01))
+    cycle = lj.analyse(scene, angles=10, constant_speed=True)
+    assert cycle.loads is not None and cycle.forces is not None and cycle.friction is not None
+    force = cycle.loads["push"].force
+    assert force is not None
+    phi = np.asarray(cycle.angles)
+    beta = np.arcsin(R / L * np.sin(phi))
+    velocity = R * np.abs(np.sin(phi + beta) / np.cos(beta))
+    away = velocity > 1e-3  # from the dead centres
+    found = np.asarray(force.magnitude)[away] / np.abs(np.asarray(cycle.forces.drive_torque))[away]
+    np.testing.assert_allclose(found, np.asarray(cycle.friction.efficiency)[away] / velocity[away], rtol=1e-10)
+
+
 @functools.cache
 def locked() -> lj.Cycle:
     """A guide so rough that the machine locks for f tan β > 1."""
