@@ -23,13 +23,12 @@ from linkjax.kinematics import Pose
 from linkjax.loads import AbstractLoad
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._grid import Grid, Place
+from linkjax.motion._rubbed import FRICTION
 from linkjax.reduction import Moving, Reduced, by_speed, shares_at
 from linkjax.sampling import Sampler
 
-FRICTION = "friction"
 
-
-class Left(NamedTuple):
+class CrankAcceleration(NamedTuple):
     """What accelerates the crank beside friction: the motor, the torque of all loads less ½ J' ω² (N m), the reduced
     inertia (kg m²), the crank speed (rad/s), and a constant torque (N m) where there is no motor; None at constant
     speed."""
@@ -49,7 +48,7 @@ class Left(NamedTuple):
         return self.motor.crank_acceleration(self.torque + torque, self.inertia, self.speed)
 
 
-class Rubbed(NamedTuple):
+class FrictionTorque(NamedTuple):
     """The torque of friction, reduced to the crank (N m), at places, whether the machine moves with it, and the
     frictions of the joints with the acceleration, with the axes of the places last (see `Frictions`); None with
     meshes."""
@@ -75,17 +74,15 @@ class BySpeed:
         """Whether they need the pose: see `Moving`."""
         return bool(self.numbers) or self.rough is not None
 
-    def loaded(
-        self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None, near: Any = None
-    ) -> Reduced:  # fmt: skip
+    def loaded(self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None) -> Reduced:
         """The reduced model with the shares of these loads at the crank speed (rad/s), and with that of friction: at
         the acceleration that follows from the motor and a `constant` torque (N m) of the drive, or at constant speed
-        where that is None. For `near` see `with_friction`."""
-        return self.with_friction(here, moving, speed, constant, near)[0]
+        where that is None."""
+        return self.with_friction(here, moving, speed, constant)[0]
 
     def with_friction(
         self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None, near: Any = None
-    ) -> tuple[Reduced, Rubbed | None]:
+    ) -> tuple[Reduced, FrictionTorque | None]:
         """The same, and the frictions, None without any. From frictions and acceleration that are `near`, if known, it
         takes one step of Newton's method."""
         if moving is None:
@@ -116,26 +113,20 @@ class BySpeed:
     def contacts(self, moving: Moving, speed: Array) -> Contacts:
         """The joints with friction at places with one axis or none."""
         assert self.rough is not None
-        return contacts_of(
-            self.rough.scene,
-            self.rough.instant,
-            moving.basis,
-            moving.pose,
-            moving.phi,
-            moving.side,
-            moving.active,
-            speed,
-        )
+        given = moving.basis, moving.pose, moving.phi, moving.side, moving.active, speed
+        return contacts_of(self.rough.scene, self.rough.instant, *given)
 
-    def _friction(self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any) -> Rubbed:
+    def _friction(
+        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any
+    ) -> FrictionTorque:
         """The frictions at places with one axis or none."""
         made, half = self.rough, 0.5 * here.slope * speed**2
         assert made is not None
-        left = Left(self.motor, here.torque - half, here.inertia, speed, constant)
+        left = CrankAcceleration(self.motor, here.torque - half, here.inertia, speed, constant)
         if moving.basis is not None:
             contacts = self.contacts(moving, speed)
             found = frictions_of(contacts, left, near)
-            return Rubbed(contacts.torque(found.values), found.found, (found.values, found.rate))
+            return FrictionTorque(contacts.torque(found.values), found.found, (found.values, found.rate))
 
         def one(moving: Moving, torque: Array, inertia: Array, speed: Array) -> tuple[Array, Array]:
             at = made.instant(moving.phi, moving.side, speed)
@@ -143,7 +134,7 @@ class BySpeed:
             return friction_of_pose(made.scene, moving.pose, at, moving.active, speed, own)
 
         one = jax.vmap(one) if jnp.ndim(speed) else one
-        return Rubbed(*one(moving, left.torque, left.inertia, speed), None)
+        return FrictionTorque(*one(moving, left.torque, left.inertia, speed), None)
 
     def rise(self, here: Reduced, speed: Array, constant: Array) -> Array:
         """dE/dφ (N m): the reduced torque with all loads, and that of the drive. `here` has all loads, and its inertia
@@ -162,7 +153,7 @@ class Driven:
     one is stable), and what the collocation keeps of an error in energy, which is more where a motor is too stiff for
     its nodes; whether a steady-state motion was found, the number of stable ones in the range of speeds, and, where
     there is none, the gain of energy (J) over the nearest cycle; and frictions and accelerations at the nodes (see
-    `Rubbed`)."""
+    `FrictionTorque`)."""
 
     torques: BySpeed
     constant: Array

@@ -184,10 +184,10 @@ def _panels(
     unit = 0.5 * duty.speed**2 * jnp.sum(weights * inertia) / duty.cycle
     given = Given(torques, LEAST * LEAST * unit, 1 / (duty.speed * ratio))
     data = Nodes(here, moving_at_nodes(grid, torques, pose), inertia)
-    return Panels(grid.half, given, data, unit, _apart(data), grid.n, torques.rough is not None)
+    return Panels(grid.half, given, data, unit, _first_frictions(data), grid.n, torques.rough is not None)
 
 
-def _apart(data: Nodes) -> Any:
+def _first_frictions(data: Nodes) -> Any:
     """Frictions and accelerations from which those at the nodes are found; None without friction, or with meshes."""
     basis = None if data.moving is None else data.moving.basis
     return None if basis is None else (jnp.zeros_like(basis.senses), jnp.zeros_like(data.inertia))

@@ -112,8 +112,7 @@ def seek(rate: Rate, panels: Panels, starts: Array, wanted: Array) -> Sought:
     nodes = panels.half[:, None] * jnp.zeros(panels.n)[None]
     orbit = Orbit(nodes, nodes[:, 0], none, none, jnp.asarray(False), jax.tree.map(jnp.zeros_like, panels.near))
     begin = jnp.zeros((), jnp.int32), starts, Sought(orbit, jnp.zeros((), int), jnp.asarray(True)), jnp.asarray(True)
-    found = jax.lax.while_loop(lambda loop: loop[3] & (loop[0] < SEARCHES), again, begin)[2]
-    return found
+    return jax.lax.while_loop(lambda loop: loop[3] & (loop[0] < SEARCHES), again, begin)[2]
 
 
 def near(rate: Rate, panels: Panels, start: Array) -> Sought:
