@@ -69,6 +69,7 @@ FINER = {
     "geared-press": 1.5e-4,
     "hay-press": 5e-5,
     "two-slider-press": 5e-5,
+    "press-with-motor": 1e-4,
 }  # forces are steep, or almost vanish
 LOST = 2e-14  # rounding of a least force, for every square of its depth
 AWAY = 1e-8  # of a half panel: how far three points beside a summit leave it
@@ -89,6 +90,7 @@ FLAT = {  # measures of `MEASURES` without slope
 }  # fmt: skip
 KINK = 1e-4  # of the slope: a smooth function bends four times as much over twice the step, by far less
 MOST = 16  # measures of one program: a large one takes several times as long to compile as its parts, and its memory
+SOME = 3  # elements of one kind, spread over a large machine
 FLOOR = 1e-9  # of the largest measure of the same unit: a slope below it is that of a measure that is constant
 
 
@@ -126,12 +128,27 @@ def names_of(name: str) -> tuple[str, ...]:
     )
 
 
+def of_some(names: tuple[str, ...]) -> list[str]:
+    """The measures of the whole machine, and those of some elements of each kind, spread over the machine. Elements are
+    of one kind if they have the same measures."""
+    of: dict[str, list[str]] = {}
+    for each in names:
+        of.setdefault(each.partition(".")[2], []).append(each)
+    kinds: dict[tuple[str, ...], list[str]] = {}
+    for element, own in of.items():
+        kinds.setdefault(tuple(each.partition(".")[0] for each in own), []).append(element)
+    picked = {
+        alike[i] for alike in kinds.values() for i in np.linspace(0, len(alike) - 1, min(SOME, len(alike))).astype(int)
+    }
+    return [each for each in names if each.partition(".")[2] in picked]
+
+
 @functools.cache
 def all_names(name: str) -> tuple[str, ...]:
-    """Every measure of a scene; of links that never turn back the time ratio is infinite, and without loads the ratio
-    of inertia forces to others."""
+    """Every measure of a scene, of some elements of each kind; of links that never turn back the time ratio is
+    infinite, and without loads the ratio of inertia forces to others."""
     none = ("min_transmission_angle",) if measures.no_transmission_angle(machine(name).mechanism) else ()
-    known = [each for each in measures.measure_names(swept(name)) if each not in none]
+    known = [each for each in of_some(measures.measure_names(swept(name))) if each not in none]
     found = measures.evaluate(swept(name), known)
     ratios = ("time_ratio", "inertia_force_ratio")
     exist = [each for each, value in found.items() if not (each.startswith(ratios) and np.isinf(value))]
@@ -252,10 +269,27 @@ def depths(name: str) -> np.ndarray:
     return np.asarray([found[peak] / found[each] if peak in found and found[each] else 1.0 for each, peak in pairs])
 
 
+EXTREMES = ("min_", "max_", "peak_")
+
+
+def ties(name: str) -> np.ndarray:
+    """Which measures are extremes, or the extent, of what is constant over the cycle: the height of a point on a level
+    guide, a force that only a constant load causes."""
+    found = dict(zip(names_of(name), zip(all_values(name), floors(name), strict=True), strict=True))
+    held = {
+        each.removeprefix("min_")
+        for each, (least, floor) in found.items()
+        if each.startswith("min_") and abs(found.get(each.replace("min", "max", 1), (np.inf,))[0] - least) <= floor
+    }
+    held |= {each.replace("angle.", "swing.", 1) for each in held if each.startswith("angle.")}
+    return np.asarray([each in held or each.startswith(EXTREMES) and each.split("_", 1)[1] in held for each in found])
+
+
 @pytest.mark.parametrize("name", [pytest.param(FEWER, marks=pytest.mark.slow), *SCENES])
 def test_gradients(name):
     """Every measure of a scene: finite, and the same forward, in reverse and by fourth-order differences, for every
-    number. One Jacobian each way. Where two values are equal the larger one has a kink."""
+    number. One Jacobian each way. Where two values are equal the larger one has a kink, as have extremes of what is
+    constant."""
     names, reverse, (f, ahead), h = names_of(name), gradients(name), neighbours(name), FINER.get(name, H)
     assert np.all(np.isfinite(reverse))
     rounding, deep = 1e-5 * floors(name), depths(name)
@@ -267,7 +301,8 @@ def test_gradients(name):
     near, far = f[1] + f[2] - 2 * middle[None], f[0] + f[3] - 2 * middle[None]
     flat = np.asarray([each in FLAT.get(name, ()) for each in names])
     kinks = ~flat & (np.max(np.abs(far - 4 * near), axis=0) / h > KINK * size)
-    assert np.mean(kinks) <= 0.02, [each for each, kink in zip(names, kinks, strict=True) if kink]
+    seldom = kinks & ~ties(name)
+    assert np.mean(seldom) <= 0.02, [each for each, kink in zip(names, seldom, strict=True) if kink]
     wrong = {}
     for i, each in enumerate(names):
         both, away = (np.max(np.abs(part - reverse[i])) for part in (ahead.T[i], differences[i]))
