@@ -132,10 +132,32 @@ class Frictions(NamedTuple):
     found: Array
 
 
-def frictions_of(contacts: Contacts, advance: Advance, near: tuple[Array, Array] | None = None) -> Frictions:
+@jax.custom_jvp
+def _step(contacts: Contacts, advance: Advance, near: tuple[Array, Array]) -> tuple[Array, Array]:
+    """One step of Newton's method, with the derivatives of its linear equations."""
+    move, more, _ = contacts.moved(advance, *near, contacts.left(advance, *near))
+    return near[0] + move, near[1] + more
+
+
+@_step.defjvp
+def _step_rule(given: tuple, moving: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    contacts, advance, near = given
+    left, push = jax.jvp(lambda at, ahead: at.left(ahead, *near), (contacts, advance), moving[:2])
+    move, more, _ = contacts.moved(advance, *near, left)
+    return (near[0] + move, near[1] + more), contacts.moved(advance, *near, push)[:2]
+
+
+def frictions_of(
+    contacts: Contacts, advance: Advance, near: tuple[Array, Array] | None = None, linearised: bool = False
+) -> Frictions:
     """The frictions that follow from the reactions that they change, with the acceleration that the torque of friction
     leaves: `advance`, a pytree. With frictions and an acceleration `near` it takes one step of Newton's method from
-    there, otherwise as many as it needs."""
+    there, and keeps these where that finds no solution; otherwise it takes as many steps as it needs. Where one is
+    `linearised`, derivatives are those of its linear equations: so a search that has other unknowns as well takes one
+    step for all."""
+    if near is not None and linearised:
+        c, rate = _step(contacts, advance, jax.lax.stop_gradient(near))
+        return Frictions(c, rate, jnp.ones_like(rate, bool))
     at, ahead = jax.lax.stop_gradient((contacts, advance))
 
     def step(c: Array, rate: Array) -> tuple[Array, Array, Array, Array]:
@@ -146,7 +168,9 @@ def frictions_of(contacts: Contacts, advance: Advance, near: tuple[Array, Array]
 
     if near is not None:
         c, rate, last, sign = step(*near)
-        return Frictions(*_implicit(contacts, advance, (c, rate)), (last < NEAR) & (sign > 0))
+        found = (last < NEAR) & (sign > 0)
+        state = jnp.where(found[None], c, near[0]), jnp.where(found, rate, near[1])
+        return Frictions(*_implicit(contacts, advance, jax.lax.stop_gradient(state)), found)
 
     def again(loop: tuple) -> tuple:
         count, c, rate, _, _, spare = loop

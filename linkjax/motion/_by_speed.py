@@ -8,6 +8,7 @@ Source: equation of motion as in `linkjax.reduction`, in the form of the work-en
 
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -23,6 +24,7 @@ from linkjax.kinematics import Pose
 from linkjax.loads import AbstractLoad
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._grid import Grid, Place
+from linkjax.motion._panels import polynomials
 from linkjax.motion._rubbed import FRICTION
 from linkjax.reduction import Moving, Reduced, by_speed, shares_at
 from linkjax.sampling import Sampler
@@ -81,16 +83,19 @@ class BySpeed:
         return self.with_friction(here, moving, speed, constant)[0]
 
     def with_friction(
-        self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None, near: Any = None
-    ) -> tuple[Reduced, FrictionTorque | None]:
+        self, here: Reduced, moving: Moving | None, speed: Array, constant: Array | None = None, near: Any = None,
+        linearised: bool = False,
+    ) -> tuple[Reduced, FrictionTorque | None]:  # fmt: skip
         """The same, and the frictions, None without any. From frictions and acceleration that are `near`, if known, it
-        takes one step of Newton's method."""
+        takes one step of Newton's method; see `frictions_of`. From those at places it takes two."""
         if moving is None:
             return here, None
         here = self._against(here, moving, speed)
         if self.rough is None:
             return here, None
-        rubbed = self._friction
+        if near is None and moving.near is not None:
+            near = jax.lax.stop_gradient(self._friction(here, moving, speed, constant, moving.near, True).near)
+        rubbed = functools.partial(self._friction, linearised=linearised)
         if jnp.ndim(speed) == 2:
             rubbed = jax.vmap(rubbed, (0, 0, 0, None, 0))
         found = rubbed(here, moving, speed, constant, near)
@@ -107,7 +112,7 @@ class BySpeed:
     def _against(self, here: Reduced, moving: Moving, speed: Array) -> Reduced:
         """The reduced model with the loads that depend on the speed."""
         loads = dict(zip(self.numbers, self.loads, strict=True))
-        shares = shares_at(loads, moving._replace(basis=None), speed)
+        shares = shares_at(loads, moving._replace(basis=None, near=None), speed)
         return here._replace(torque=sum(shares.values(), here.torque), by_load={**here.by_load, **shares})
 
     def contacts(self, moving: Moving, speed: Array) -> Contacts:
@@ -117,15 +122,16 @@ class BySpeed:
         return contacts_of(self.rough.scene, self.rough.instant, *given)
 
     def _friction(
-        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any
-    ) -> FrictionTorque:
+        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any,
+        linearised: bool,
+    ) -> FrictionTorque:  # fmt: skip
         """The frictions at places with one axis or none."""
         made, half = self.rough, 0.5 * here.slope * speed**2
         assert made is not None
         left = CrankAcceleration(self.motor, here.torque - half, here.inertia, speed, constant)
         if moving.basis is not None:
             contacts = self.contacts(moving, speed)
-            found = frictions_of(contacts, left, near)
+            found = frictions_of(contacts, left, near, linearised)
             return FrictionTorque(contacts.torque(found.values), found.found, (found.values, found.rate))
 
         def one(moving: Moving, torque: Array, inertia: Array, speed: Array) -> tuple[Array, Array]:
@@ -217,12 +223,31 @@ def moving_at(
     return found._replace(basis=basis(found))
 
 
+def near_by(moving: Moving | None, grid: Grid, near: Any, panel: Array, x: Array) -> Moving | None:
+    """The same at coordinates of panels, with frictions and accelerations from those at the nodes."""
+    if moving is None or near is None:
+        return moving
+    near, x = jax.lax.stop_gradient((near, x))
+    return moving._replace(near=tuple(between(grid, rows, panel, x) for rows in near))
+
+
+def between(grid: Grid, rows: Array, panel: Array, x: Array) -> Array:
+    """Values at coordinates of panels, axes of places last, from those at the nodes, whose axes are those of panels and
+    of nodes, with any between them."""
+    values = polynomials(grid.n, x)
+    series = taken(rows @ jnp.asarray(grid.rule.series.T), panel)
+    if rows.ndim == 3:
+        return jnp.moveaxis(jnp.sum(values[..., None, :] * series, axis=-1), -1, 0)
+    return jnp.sum(values * series, axis=-1)
+
+
 def first_of(moving: Moving | None, count: int) -> Moving | None:
     """The same at the first so many of several places."""
     if moving is None:
         return None
-    first = jax.tree.map(lambda leaf: leaf[:count], moving._replace(basis=None))
-    return first._replace(basis=jax.tree.map(lambda leaf: leaf[..., :count], moving.basis))
+    first = jax.tree.map(lambda leaf: leaf[:count], moving._replace(basis=None, near=None))
+    rest = jax.tree.map(lambda leaf: leaf[..., :count], (moving.basis, moving.near))
+    return first._replace(basis=rest[0], near=rest[1])
 
 
 def at_speed(

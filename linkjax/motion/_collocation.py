@@ -121,10 +121,13 @@ class Progress(NamedTuple):
     spare: Array
 
 
-def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None) -> Orbit:
+def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None, small: Any = CLOSED) -> Orbit:
     """The periodic solution from energies (J) near it, by Newton's method; without derivatives. With `lack` a constant
-    slope (N m) is added to `rate`, such that `lack` of the panels and the energies is zero."""
-    one, small = jnp.ones_like(panels.unit), max(CLOSED, 50 * float(jnp.finfo(panels.unit.dtype).eps))
+    slope (N m) is added to `rate`, such that `lack` of the panels and the energies is zero. A step as `small` as this,
+    relative, is that of a solution; where that is more than `CLOSED`, one is enough."""
+    one, enough = jnp.ones_like(panels.unit), 50 * float(jnp.finfo(panels.unit.dtype).eps)
+    spare = jnp.where(small > CLOSED, 1, MORE).astype(jnp.int32)
+    small = jnp.maximum(small, enough)
 
     def repeated(begin: Progress, most: int, quick: bool) -> Progress:
         def again(loop: tuple[Array, Progress]) -> tuple[Array, Progress]:
@@ -135,7 +138,7 @@ def settled(rate: Rate, panels: Panels, start: State, lack: Lack | None) -> Orbi
         loop = (jnp.zeros((), jnp.int32), begin)
         return jax.lax.while_loop(lambda loop: (loop[1].spare > 0) & (loop[0] < most), again, loop)[1]
 
-    begin = Progress(start, panels.near, one, jnp.asarray(MORE, jnp.int32))
+    begin = Progress(start, panels.near, one, spare)
     found = repeated(begin, QUICK, True)
     there = found.spare <= 0
     begin = jax.tree.map(lambda a, b: jnp.where(there, a, b), found, begin)._replace(multiplier=found.multiplier)

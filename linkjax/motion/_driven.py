@@ -14,10 +14,11 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, taken
 from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
-from linkjax.motion._by_speed import BySpeed, Driven, moving_at, on_pose, torques_of, whole
-from linkjax.motion._collocation import Orbit, Panels, gained, implicit, lasting, settled
+from linkjax.motion._by_speed import BySpeed, Driven, moving_at, near_by, on_pose, torques_of, whole
+from linkjax.motion._collocation import CLOSED, Orbit, Panels, gained, implicit, lasting, settled
 from linkjax.motion._flow import LEAST, Begun, Duty, Flow, duty_of, inertia_floor, primitive, spotted
 from linkjax.motion._grid import Grid
+from linkjax.motion._guess import Guess
 from linkjax.motion._nodes import AtEdges, AtNodes
 from linkjax.motion._seek import Sought, follow, near, seek
 from linkjax.reduction import Moving, Reduced
@@ -47,10 +48,17 @@ class Nodes(NamedTuple):
     inertia: Array
 
 
-def _rate(given: Given, at: Nodes, energy: Array, constant: Array, near: Any) -> tuple[Array, Any]:
+def _rate(
+    given: Given, at: Nodes, energy: Array, constant: Array, near: Any, linearised: bool = False
+) -> tuple[Array, Any]:  # fmt: skip
     speed, torques = _speed(given, at, energy), given.torques
-    loaded, rubbed = torques.with_friction(at.here, at.moving, speed, constant, near)
+    loaded, rubbed = torques.with_friction(at.here, at.moving, speed, constant, near, linearised)
     return torques.rise(loaded, speed, jnp.zeros_like(energy)), None if rubbed is None else rubbed.near
+
+
+def _linearised(given: Given, at: Nodes, energy: Array, constant: Array, near: Any) -> tuple[Array, Any]:
+    """The same, for Newton's method with energies and frictions as unknowns."""
+    return _rate(given, at, energy, constant, near, linearised=True)
 
 
 def _smooth_rate(given: Given, at: Nodes, energy: Array, constant: Array, near: Any) -> tuple[Array, Any]:
@@ -69,13 +77,15 @@ def _lack(panels: Panels, energy: Array) -> Array:
 
 
 def begun_by_speed(
-    machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0, ratio: Any = 1.0, start: Any = None
-) -> tuple[Begun, AtEdges | None]:
+    machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0, ratio: Any = 1.0, start: Any = None,
+    small: float = CLOSED,
+) -> tuple[Begun, AtEdges | None]:  # fmt: skip
     """The motion from the values at the nodes; and the edges, if known. `added` is a flywheel inertia (kg m²) that the
     machine does not have; without a motor the time mean of the speed is the wanted one times `ratio`. With the speed
-    `start` (rad/s) at the first edge, the motion of a motor is the one near it, stable or not."""
+    `start` (rad/s) at the first edge, the motion of a motor is the one near it, stable or not. It is found up to a step
+    of Newton's method as `small` as this, relative, and without `start` from the guess of the grid, if there is one."""
     pose = at.sample.pose if on_pose(machine.scene) else None
-    numbers = (jnp.asarray(each, float) if isinstance(each, int | float) else each for each in (added, ratio))
+    numbers = (jnp.asarray(each, float) if isinstance(each, int | float) else each for each in (added, ratio, small))
     given = (duty_of(machine.scene), whole(machine), grid, at.here, at.sample.dynamics, pose, *numbers, start)
     return machine.run(_begun, *given, edges=at.edges is not None)
 
@@ -90,18 +100,21 @@ class Solved(NamedTuple):
     gain: Array
 
 
-def _solved(panels: Panels, speed: Array, start: Array | None) -> Solved:
+def _solved(panels: Panels, speed: Array, start: Array | None, guess: Guess | None, small: Array) -> Solved:
     fixed, none = jax.lax.stop_gradient(panels), jnp.zeros_like(speed)
     nominal = 0.5 * fixed.data.inertia * jax.lax.stop_gradient(speed) ** 2
     if panels.given.torques.motor is None:
         slopes, frictions = fixed.closer(None).rates(_rate, nominal)
         constant = -jnp.sum(fixed.weights * slopes) / jnp.sum(fixed.weights)
-        orbit = settled(_rate, fixed.closer(frictions), (nominal, nominal[:, 0], constant), _lack)
+        orbit = settled(_linearised, fixed.closer(frictions), (nominal, nominal[:, 0], constant), _lack, small)
         nodes, edges, constant = implicit(_rate, panels.closer(orbit.near), orbit.state, _lack)
         return Solved(
             orbit._replace(nodes=nodes, edges=edges, constant=constant), orbit.solved, jnp.ones((), int), none
         )
-    kept = _sought(fixed, nominal) if start is None else near(_rate, fixed, nominal[0, 0] * (start / speed) ** 2)
+    if start is None:
+        kept = _sought(fixed, nominal, guess, small)
+    else:
+        kept = near(_linearised, fixed, nominal[0, 0] * (start / speed) ** 2)
     orbit, stopped, good = kept.orbit, kept.stopped, kept.orbit.solved
     still, lack = _at_constant_speed(panels, nominal)
     panels = panels.closer(orbit.near)
@@ -125,28 +138,38 @@ def _at_constant_speed(panels: Panels, nominal: Array) -> tuple[Array, Array]:
     return nodes, jnp.minimum(jnp.where(jnp.sum(gain) < 0, jnp.sum(gain), short), -LEAST * panels.unit)
 
 
-def _sought(panels: Panels, nominal: Array) -> Sought:
+def _sought(panels: Panels, nominal: Array, guess: Guess | None, small: Array) -> Sought:
     """The stable motion nearest to the nominal one, with the energies `nominal` (J) at the nodes; without derivatives.
 
-    The gain over a cycle at constant speed shows where a periodic motion is. Where it shows one that is stable, and
-    Newton's method finds it, no cycle is followed: five times as fast. Otherwise all starting energies are tried.
+    Without a `guess` the gain over a cycle at constant speed shows where a periodic motion is. Where it shows one that
+    is stable, and Newton's method finds it, no cycle is followed: five times as fast. Otherwise all starting energies
+    are tried.
     """
     squares = jnp.asarray(STARTS) ** 2
 
-    gains = _gains_at(panels, squares, nominal)
-    falls = (gains[:-1] > 0) & (gains[1:] <= 0)
-    first = jnp.argmax(falls)
-    low, high = squares[first], squares[first + 1]
-    share = safe_divide(gains[first], gains[first] - gains[first + 1])
-    square = low + share * (high - low)
-    guess = square * nominal
-    orbit = settled(_rate, panels, (guess, guess[:, 0], jnp.zeros_like(panels.unit)), None)
-    good = lasting(panels, orbit) & (jnp.sum(falls) == 1)
-    begin = Sought(orbit._replace(solved=good), jnp.ones((), int), jnp.asarray(False))
+    def estimated(state: tuple) -> tuple:
+        gains = _gains_at(panels, squares, jnp.where(state[0], 1.0, nominal))  # not moved out of a loop, see below
+        falls = (gains[:-1] > 0) & (gains[1:] <= 0)
+        first = jnp.argmax(falls)
+        low, high = squares[first], squares[first + 1]
+        share = safe_divide(gains[first], gains[first] - gains[first + 1])
+        return jnp.asarray(True), (low + share * (high - low)) * jnp.ones_like(nominal), jnp.sum(falls), state[3]
+
+    if guess is None:
+        none = jnp.asarray(False)
+        _, square, number, known = estimated((none, jnp.ones_like(nominal), jnp.zeros((), int), none))
+    else:
+        begin = (guess.known, guess.squares, guess.number, guess.known)
+        _, square, number, known = jax.lax.while_loop(lambda state: ~state[0], estimated, begin)
+        panels = panels.closer(jax.tree.map(lambda leaf: jnp.where(known, leaf, 0.0), guess.near))
+    begin = square * nominal
+    orbit = settled(_linearised, panels, (begin, begin[:, 0], jnp.zeros_like(panels.unit)), None, small)
+    good = lasting(panels, orbit) & (known | (number == 1))
+    begin = Sought(orbit._replace(solved=good), jnp.where(known, number, 1), jnp.asarray(False))
 
     def search(state):  # it depends on the state, otherwise XLA moves it out of the loop, and it always runs
         starts = nominal[0, 0] * jnp.where(state[0], 1.0, squares)
-        return jnp.asarray(True), seek(_rate, panels, starts, nominal[0, 0])
+        return jnp.asarray(True), seek(_linearised, panels, starts, nominal[0, 0])
 
     return jax.lax.while_loop(lambda state: ~state[0], search, (good, begin))[1]
 
@@ -240,11 +263,12 @@ def _crossing(
 @compiled_soon(static=("edges",))
 def _begun(
     duty: Duty, scene: Scene | ReadyScene, grid: Grid, here: Reduced, dynamics: tuple, pose: Pose | None, added: Array,
-    ratio: Array, start: Array | None, edges: bool,
+    ratio: Array, small: Array, start: Array | None, edges: bool,
 ) -> tuple[Begun, AtEdges | None]:  # fmt: skip
+    guess, grid = grid.guess, dataclasses.replace(grid, guess=None)
     panels = _panels(duty, scene, grid, here, pose, added, ratio)
     torques, data = panels.given.torques, panels.data
-    orbit, found, number, gain = _solved(panels, duty.speed, start)
+    orbit, found, number, gain = _solved(panels, duty.speed, start, guess, small)
     panels = panels.closer(orbit.near)
     once = jnp.ones_like(orbit.nodes)
     rise, change = jax.jvp(lambda e: panels.slopes(_rate, e, orbit.constant), (orbit.nodes,), (once,))
@@ -280,10 +304,13 @@ def _edges(
     number = jnp.arange(grid.panels, dtype=jnp.int32)
     rest, there = jax.tree.map(lambda leaf: leaf[grid.size : grid.size + grid.panels], (dynamics, pose))
     sides = []
-    for panel in (number, jnp.roll(number, 1)):
+    for panel, x in ((number, -1.0), (jnp.roll(number, 1), 1.0)):
         here = grid.reduced(rest, panel)
         here = here._replace(inertia=here.inertia + added)
         inertia = jnp.maximum(here.inertia + driven.torques.rotor, flow.floor)
-        moving = moving_at(driven.torques, grid, there, grid.edges[:-1], panel) if there is not None else None
+        moving = None
+        if there is not None:
+            moving = moving_at(driven.torques, grid, there, grid.edges[:-1], panel)
+            moving = near_by(moving, grid, driven.near, panel, jnp.full(grid.panels, x))
         sides.append(driven.rise(here, moving, flow.speed(energy, inertia)))
     return AtEdges(here.inertia - added, *sides)

@@ -21,7 +21,7 @@ from linkjax._numerics import highest, largest, once, root, safe_divide, safe_sq
 from linkjax._tree import node
 from linkjax.kinematics import Pose
 from linkjax.machine import Scene
-from linkjax.motion._by_speed import Driven, first_of, moving_at
+from linkjax.motion._by_speed import Driven, first_of, moving_at, near_by
 from linkjax.motion._extremum import Pieces, best_piece, doubt, newton, pieces
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._panels import series_sum
@@ -244,7 +244,8 @@ class Flow:
         if pose is None or self.driven is None:
             return None
         here = jax.tree.map(lambda leaf: leaf[: place.phi.shape[0]], pose)
-        return moving_at(self.driven.torques, self.grid, here, place.phi, place.panel)
+        moving = moving_at(self.driven.torques, self.grid, here, place.phi, place.panel)
+        return near_by(moving, self.grid, self.driven.near, place.panel, place.x)
 
     def speeds(self, ends: Ends) -> Array:
         """Largest and smallest speed (rad/s)."""

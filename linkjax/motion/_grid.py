@@ -60,7 +60,7 @@ class Grid:
     the grid has edges for. `doubt` bounds the error of the work (J) due to the position error of reversals. `passages`
     are the ranges of crank angle of the windows that are given by what happens, in the order of the loads. With
     `one_sided`, the acceleration of the motion law jumps at edges, so that the ends of panels lie just inside of them.
-    The panels of a grid that is `divided` also end where forces have a kink.
+    The panels of a grid that is `divided` also end where forces have a kink. `guess` is a motion near the wanted one.
     """
 
     edges: Float[Array, " edges"]
@@ -71,6 +71,7 @@ class Grid:
     overflow: Bool[Array, ""]
     doubt: Float[Array, ""]
     passages: tuple[Window, ...]
+    guess: Any
     n: int = eqx.field(static=True)
     length: float = eqx.field(static=True)
     loads: tuple[str, ...] = eqx.field(static=True)
@@ -328,6 +329,7 @@ def _grid(
         overflow,
         doubt,
         () if switches.passed is None else switches.passed.windows,
+        None,
         plan.n,
         plan.cycle,
         plan.loads,

@@ -11,6 +11,7 @@ from jaxtyping import Array
 from linkjax._compile import compiled_soon
 from linkjax._numerics import taken
 from linkjax.kinematics import Pose
+from linkjax.motion._collocation import CLOSED
 from linkjax.motion._driven import begun_by_speed
 from linkjax.motion._extremum import newton
 from linkjax.motion._flow import SIGNS, Begun, Ends, Flow, Spots
@@ -38,17 +39,17 @@ def driven_on(machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0) -> tu
 
 def repeated(
     machine: Sampler, grid: Grid, at: AtNodes, added: Any = 0.0, start: Any = None, ratio: Any = 1.0,
-    repeats: int = REPEATS,
+    repeats: int = REPEATS, small: float = CLOSED,
 ) -> Repeated:  # fmt: skip
     """The same from a first `ratio`. Where a constant torque gives the mean of the extremes, the time mean for it is
-    found by repetition, which converges like powers of the square of δ."""
-    begun, edges = begun_by_speed(machine, grid, at, added, ratio, start)
+    found by repetition, which converges like powers of the square of δ. For `small` see `begun_by_speed`."""
+    begun, edges = begun_by_speed(machine, grid, at, added, ratio, start, small)
     if machine.scene.mean == "time" or machine.scene.motor is not None:
         return Repeated(begun, edges, ratio)
     for _ in range(repeats):
         ends, _ = speed_extremes(machine, begun.flow, begun.energy, begun.spots, begun.place)
         ratio = machine.run(_ratio, begun.flow, begun.energy, ends)
-        begun, edges = begun_by_speed(machine, grid, at, added, ratio)
+        begun, edges = begun_by_speed(machine, grid, at, added, ratio, None, small)
     return Repeated(begun, edges, ratio)
 
 

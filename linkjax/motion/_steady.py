@@ -21,7 +21,7 @@ from linkjax._tree import node
 from linkjax._types import Scalar
 from linkjax.kinematics import Pose, pose
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion._by_speed import Driven, moving_at, on_pose, speed_dependent, torques_of, whole
+from linkjax.motion._by_speed import Driven, moving_at, near_by, on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import moving_at_nodes
 from linkjax.motion._error import delta_error
 from linkjax.motion._flow import LEAST, Begun, Duty, Ends, Flow, Primitive, Spots, duty_of, primitive, spotted
@@ -115,6 +115,7 @@ class Steady:
         floor = LEAST * 0.5 * inertia * nominal**2
         speed = jnp.sqrt(2 * jnp.maximum(self.energy + self.work.at(place), floor) / inertia)
         if self.driven is not None:
+            moving = near_by(moving, self.grid, self.driven.near, place.panel, place.x)
             rise = self.driven.rise(here, moving, speed)
             return speed, (rise - 0.5 * here.slope * speed**2) / inertia
         return speed, (here.torque + self.mean_drive_torque - 0.5 * here.slope * speed**2) / inertia

@@ -9,6 +9,7 @@ d³ at a knot, where only its curvature does. No derivative passes through them,
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -29,6 +30,7 @@ from linkjax.motion._driven import moving_at_nodes
 from linkjax.motion._edges import REACH, Candidates, nearest, together
 from linkjax.motion._flow import Begun, Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
+from linkjax.motion._guess import guessed, rubbing_joints, unknown
 from linkjax.motion._nodes import AtNodes, at_nodes
 from linkjax.motion._panels import series_sum
 from linkjax.motion._speed_extremes import repeated
@@ -41,6 +43,9 @@ SOFT = 2  # panels that end where the force of a pin is least, per joint with fr
 # rounds of finding the motion and its kinks: at knots alone, with guides that rub, and with a lossy transmission
 ROUNDS, RUBBED_ROUNDS, LOSSY_ROUNDS = 1, 2, 3
 IDLE = 1e-11  # of the largest force of a guide: a force that is less throughout is a rounding error
+NEARLY = (
+    1e-5  # relative: the last step of Newton's method for a motion whose kinks are wanted, of which the square counts
+)
 AGAIN = 1  # repeats of the motion in every round, where the mean of the extremes is wanted
 NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
 HALVINGS = 30  # bisections of a step between nodes: 1e-9 of it, of which the square counts
@@ -79,28 +84,29 @@ def grid_with_kinks(
     if not kinks:
         return grid_of(*given, still)
     rounds = LOSSY_ROUNDS if loses else RUBBED_ROUNDS if rubs else ROUNDS
+    grid = machine.run(unknown, grid, joints=rubbing_joints(scene))
 
-    def moved(machine: Sampler, grid: Grid, at: AtNodes, ratio: Any) -> tuple[Any, Any]:
-        begun, _, ratio = repeated(machine, grid, at, added, start, ratio, AGAIN)
+    def moved(machine: Sampler, grid: Grid, at: AtNodes, ratio: Any, scanned: Sample | None) -> tuple[Any, Grid, Any]:
+        begun, _, ratio = repeated(machine, grid, at, added, start, ratio, AGAIN, NEARLY)
         found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
         if scene.friction:
             found = machine.run(_joined, found, _rubbing(machine, grid, at, begun, most, soft))
-        return found, ratio
+        new = grid_of(machine, nodes, scanned, points, breaks, found)
+        return found, machine.run(guessed, begun.flow, begun.energy, new), ratio
 
     if machine.traced and rounds > 1:  # one program for all rounds, without derivatives
         fixed = Sampler(machine.still)
-        known, still = jax.lax.stop_gradient((scanned, still))
+        known, still, grid = jax.lax.stop_gradient((scanned, still, grid))
 
-        def again(_: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
-            grid = grid_of(fixed, nodes, known, points, breaks, state[0])
-            return moved(fixed, grid, at_nodes(fixed, grid), state[1])
+        def again(_: Any, state: tuple[Array, Grid, Array]) -> tuple[Array, Grid, Array]:
+            return moved(fixed, state[1], at_nodes(fixed, state[1]), state[2], known)
 
-        return grid_of(*given, jax.lax.fori_loop(0, rounds, again, (found, jnp.ones(())))[0])
+        found, grid, _ = jax.lax.fori_loop(0, rounds, again, (found, grid, jnp.ones(())))
+        return dataclasses.replace(grid_of(*given, found), guess=grid.guess)
     ratio: Any = 1.0
     for number in range(rounds):
         at = at_nodes(machine, grid) if number else at
-        found, ratio = moved(machine, grid, at, ratio)
-        grid = grid_of(*given, found)
+        found, grid, ratio = moved(machine, grid, at, ratio, scanned)
     return grid
 
 

@@ -108,13 +108,15 @@ def of_crank(here: Reduced, prescribed: bool) -> Reduced:
 
 class Moving(NamedTuple):
     """What loads that depend on the speed, and friction, need at places: pose, crank angle and side (rad), which loads
-    act there, with the axis of all loads last, and the reactions of joints with friction (`forces.Basis`)."""
+    act there, with the axis of all loads last, the reactions of joints with friction (`forces.Basis`), and values near
+    the frictions and the acceleration, if known."""
 
     pose: Pose
     phi: Array
     side: Array
     active: Array
     basis: Any = None
+    near: Any = None
 
 
 def by_speed(scene: Scene) -> tuple[int, ...]:
