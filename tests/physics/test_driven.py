@@ -13,7 +13,9 @@ from scipy.integrate import solve_ivp
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
-from linkjax.motion import Steady, flywheel_for, steady_motion
+from linkjax.machine import ready
+from linkjax.motion import Steady, at_nodes, flywheel_for, grid_with_kinks, steady_motion, steady_on
+from linkjax.sampling import Sampler
 from tests.physics import shooting
 from tests.physics.driven import line, shoot, slider_crank
 from tests.physics.machines import machine
@@ -283,3 +285,20 @@ def test_knots_at_few_nodes():
     scene = slider_crank(lj.MotorDrive(table), flywheel=0.0102, pump=1.16)
     few, many = steady(scene, nodes=32), steady(scene, nodes=192)
     assert abs(float(few.delta - many.delta)) <= float(few.delta_error) < 1e-9
+
+
+def test_the_guess_of_a_grid_is_only_a_guess():
+    """A motor with knots, whose motion is found on two grids in turn: from the first motion, without it, and from a
+    wrong one it is the same."""
+    table = lj.TableMotor(speeds=(0.0, 10.0, 30.0, 40.0), torques=(5.66, 3.4, 8.5, 0.0))
+    machine = Sampler(ready(slider_crank(lj.MotorDrive(table), flywheel=0.0102, pump=1.16)))
+    grid = grid_with_kinks(machine, 48)
+    assert bool(grid.guess.known) and int(grid.guess.number) == 1
+    wrong = dataclasses.replace(grid.guess, squares=9.0 * grid.guess.squares)
+    at = at_nodes(machine, grid)
+    one, two, three = (
+        steady_on(machine, dataclasses.replace(grid, guess=guess), at) for guess in (grid.guess, None, wrong)
+    )
+    for other in (two, three):
+        assert float(other.mean_speed) == pytest.approx(float(one.mean_speed), rel=1e-14)
+        assert float(other.delta) == pytest.approx(float(one.delta), rel=1e-12)

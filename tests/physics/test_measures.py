@@ -282,7 +282,7 @@ def ties(name: str) -> np.ndarray:
         if each.startswith("min_") and abs(found.get(each.replace("min", "max", 1), (np.inf,))[0] - least) <= floor
     }
     held |= {each.replace("angle.", "swing.", 1) for each in held if each.startswith("angle.")}
-    return np.asarray([each in held or each.startswith(EXTREMES) and each.split("_", 1)[1] in held for each in found])
+    return np.asarray([each in held or (each.startswith(EXTREMES) and each.split("_", 1)[1] in held) for each in found])
 
 
 @pytest.mark.parametrize("name", [pytest.param(FEWER, marks=pytest.mark.slow), *SCENES])
