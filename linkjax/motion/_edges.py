@@ -65,7 +65,7 @@ def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, r
         for _ in range(rounds):
             split = _halved(split, kinks, cycle)
     else:
-        split = jax.lax.while_loop(_free, lambda split: _halved(split, kinks, cycle), split)
+        split = jax.lax.fori_loop(0, rounds, lambda _, split: _halved(split, kinks, cycle), split)
     return once(jnp.where(split.origin < 0, split.edges, taken(edges, jnp.maximum(split.origin, 0))))
 
 
@@ -76,11 +76,6 @@ class _Split(NamedTuple):
     edges: Array
     origin: Array
     hard: Array
-
-
-def _free(split: _Split) -> Array:
-    """Whether there is an empty panel at the end."""
-    return split.edges[-2] >= split.edges[-1]
 
 
 def _hardness(low: Array, high: Array, kinks: Candidates, cycle: float) -> Array:
@@ -111,8 +106,9 @@ def _halved(split: _Split, kinks: Candidates, cycle: float) -> _Split:
 
     new = inserted(hard, halves[1])
     new = jnp.where(number[:-1] == panel, halves[0], new)
+    free = edges[-2] >= edges[-1]
     made = _Split(inserted(edges, cut), inserted(origin, -1), new)
-    return jax.tree.map(lambda one, two: jnp.where(_free(split), one, two), made, split)
+    return jax.tree.map(lambda one, two: jnp.where(free, one, two), made, split)
 
 
 def _sorted(values: Array) -> Array:
