@@ -30,6 +30,7 @@ from linkjax import (
     Vec,
     Window,
 )
+from linkjax.friction import GuideFriction, PinFriction
 from linkjax.groups import Belt, Gear, General, Pinion, Rack, Slot, Teeth
 from linkjax.kinematics import min_margin
 
@@ -444,6 +445,17 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             return dataclasses.replace(old, offset=old.offset * lengths)
         return old
 
+    def friction(old):
+        if isinstance(old, PinFriction):
+            thrust = old.thrust
+            if thrust is not None:
+                own = {"outer": thrust.outer * lengths, "inner": thrust.inner * lengths}
+                thrust = dataclasses.replace(thrust, force=thrust.force * forces, **own)
+            return dataclasses.replace(old, radius=old.radius * lengths, thrust=thrust)
+        if isinstance(old, GuideFriction) and old.length is not None:
+            return dataclasses.replace(old, length=old.length * lengths)
+        return old
+
     def window(old):
         if not isinstance(old, lj.Passage) or not old.point:
             return old
@@ -490,6 +502,7 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             Flywheel(m.flywheel.inertia * inertias),
         ),
         loads=tuple(load(old) for old in scene.loads),
+        friction=tuple(friction(old) for old in scene.friction),
         gravity=scene.gravity * (lengths / times**2),
         speed=scene.speed / times,
     )
