@@ -99,6 +99,7 @@ class BySpeed:
             near = moving.near
             for _ in range(AHEAD):
                 near = jax.lax.stop_gradient(self._friction(here, moving, speed, constant, near, True).near)
+            near = jax.tree.map(lambda new, old: jnp.where(jnp.isfinite(new), new, old), near, moving.near)
         rubbed = functools.partial(self._friction, linearised=linearised)
         if jnp.ndim(speed) == 2:
             rubbed = jax.vmap(rubbed, (0, 0, 0, None, 0))
@@ -126,9 +127,8 @@ class BySpeed:
         return contacts_of(self.rough.scene, self.rough.instant, *given)
 
     def _friction(
-        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any,
-        linearised: bool,
-    ) -> FrictionTorque:  # fmt: skip
+        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any, linearised: bool
+    ) -> FrictionTorque:
         """The frictions at places with one axis or none."""
         made, half = self.rough, 0.5 * here.slope * speed**2
         assert made is not None

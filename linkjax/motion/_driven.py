@@ -14,7 +14,7 @@ from linkjax._compile import compiled_soon
 from linkjax._numerics import safe_divide, taken
 from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
-from linkjax.motion._by_speed import BySpeed, Driven, moving_at, near_by, on_pose, torques_of, whole
+from linkjax.motion._by_speed import BySpeed, Driven, FrictionTorque, moving_at, near_by, on_pose, torques_of, whole
 from linkjax.motion._collocation import CLOSED, Orbit, Panels, gained, implicit, lasting, settled
 from linkjax.motion._flow import LEAST, Begun, Duty, Flow, duty_of, inertia_floor, primitive, spotted
 from linkjax.motion._grid import Grid
@@ -275,16 +275,28 @@ def _begun(
     rise, multiplier = rise + orbit.constant, jnp.exp(jnp.sum(panels.weights * change))
     speeds = _speed(panels.given, data, orbit.nodes)
     full, rubbed = torques.with_friction(data.here, data.moving, speeds, orbit.constant, panels.near)
+    frictions = None
     if rubbed is not None:
         found &= jnp.all(rubbed.moves)
+        frictions = _where_it_moves(rubbed, small)
     mean = -jnp.sum(panels.weights * full.torque) / duty.cycle
-    driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain, panels.near)
+    driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain, frictions)
     inside = full._replace(inertia=data.here.inertia + torques.rotor, torque=rise)
     flow = Flow.of(duty, grid, inside, primitive(grid, rise), jnp.zeros_like(mean), added + torques.rotor, driven)
     energy = orbit.edges[0]
     clock = primitive(grid, 1 / flow.speed(energy + flow.at_nodes, flow.inertia))
     ends = _edges(grid, flow, driven, dynamics, pose, added, orbit.edges) if edges else None
     return Begun(flow, energy, clock, *spotted(flow, energy)), ends
+
+
+def _where_it_moves(rubbed: FrictionTorque, small: Array) -> Any:
+    """Frictions and accelerations at the nodes, zero where friction locks the machine, as far as that is known for a
+    motion up to steps as `small` as this; without derivatives."""
+    if rubbed.near is None:
+        return None
+    c, rate = jax.lax.stop_gradient(rubbed.near)
+    moves = (rubbed.moves | (small > CLOSED)) & jnp.isfinite(rate) & jnp.all(jnp.isfinite(c), axis=1)
+    return jnp.where(moves[:, None], c, 0.0), jnp.where(moves, rate, 0.0)
 
 
 def moving_at_nodes(grid: Grid, torques: BySpeed, pose: Pose | None) -> Moving | None:
