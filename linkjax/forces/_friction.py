@@ -23,6 +23,7 @@ from linkjax.friction import AbstractFriction
 STEPS = 40  # the most steps of Newton's method
 SMALL = 1e-10  # relative: after a step of Newton's method as small as this the next one has all digits
 MORE = 2  # steps of which the size is small
+NEARER = 0.1  # relative: a single step that leads nearer to a solution
 NEAR = 1e-6  # relative: a last step that found a solution; close to locking rounding errors are as large
 
 
@@ -152,7 +153,7 @@ def frictions_of(
 ) -> Frictions:
     """The frictions that follow from the reactions that they change, with the acceleration that the torque of friction
     leaves: `advance`, a pytree. With frictions and an acceleration `near` it takes one step of Newton's method from
-    there, and keeps these where that finds no solution; otherwise it takes as many steps as it needs. Where one is
+    there, and keeps these where that leads far away; otherwise it takes as many steps as it needs. Where one is
     `linearised`, derivatives are those of its linear equations: so a search that has other unknowns as well takes one
     step for all."""
     if near is not None and linearised:
@@ -168,9 +169,9 @@ def frictions_of(
 
     if near is not None:
         c, rate, last, sign = step(*near)
-        found = (last < NEAR) & (sign > 0)
-        state = jnp.where(found[None], c, near[0]), jnp.where(found, rate, near[1])
-        return Frictions(*_implicit(contacts, advance, jax.lax.stop_gradient(state)), found)
+        nearer = (last < NEARER) & (sign > 0)
+        state = jnp.where(nearer[None], c, near[0]), jnp.where(nearer, rate, near[1])
+        return Frictions(*_implicit(contacts, advance, jax.lax.stop_gradient(state)), (last < NEAR) & (sign > 0))
 
     def again(loop: tuple) -> tuple:
         count, c, rate, _, _, spare = loop

@@ -29,8 +29,6 @@ from linkjax.motion._rubbed import FRICTION
 from linkjax.reduction import Moving, Reduced, by_speed, shares_at
 from linkjax.sampling import Sampler
 
-AHEAD = 2  # steps of Newton's method for frictions between nodes, before one with derivatives
-
 
 class CrankAcceleration(NamedTuple):
     """What accelerates the crank beside friction: the motor, the torque of all loads less ½ J' ω² (N m), the reduced
@@ -89,16 +87,14 @@ class BySpeed:
         linearised: bool = False,
     ) -> tuple[Reduced, FrictionTorque | None]:  # fmt: skip
         """The same, and the frictions, None without any. From frictions and acceleration that are `near`, if known, it
-        takes one step of Newton's method; see `frictions_of`. From interpolated ones it takes three."""
+        takes one step of Newton's method; see `frictions_of`. From interpolated ones it takes two."""
         if moving is None:
             return here, None
         here = self._against(here, moving, speed)
         if self.rough is None:
             return here, None
         if near is None and moving.near is not None:
-            near = moving.near
-            for _ in range(AHEAD):
-                near = jax.lax.stop_gradient(self._friction(here, moving, speed, constant, near, True).near)
+            near = jax.lax.stop_gradient(self._friction(here, moving, speed, constant, moving.near, True).near)
             near = jax.tree.map(lambda new, old: jnp.where(jnp.isfinite(new), new, old), near, moving.near)
         rubbed = functools.partial(self._friction, linearised=linearised)
         if jnp.ndim(speed) == 2:
