@@ -69,6 +69,49 @@ def test_new_writes_a_scene_that_loads_and_never_overwrites(call, tmp_path):
         assert code == 2 and "is not the name of a file" in err
 
 
+def test_new_begins_with_any_built_in_machine(call, tmp_path):
+    for name in (*lj.scene_names(), *lj.scenes.rolling_names()):
+        path = tmp_path / f"my {name}.toml"
+        assert call("new", path, "--like", name)[0] == 0
+        mine, given = lj.scenes.load_document(path).table, lj.scenes.load_document(name).table
+        assert mine == given | {"title": f"my {name}"}
+        assert path.read_text(encoding="utf-8").count("#") > 3
+    untitled = tmp_path / "old.toml"
+    untitled.write_text('speed = "90 rpm"\n[links.crank]\ntitle = "no key"\n', encoding="utf-8")
+    assert call("new", tmp_path / "b", "--like", untitled)[0] == 0
+    made = lj.scenes.load_document(tmp_path / "b.toml").table
+    assert (made["title"], made["links"]["crank"]["title"]) == ("b", "no key")
+    code, _, err = call("new", tmp_path / "c", "--like", "hay-pres")
+    assert code == 2 and "did you mean 'hay-press'" in err
+    code, _, err = call("new", tmp_path / "c", "--like", "hay-press", "--kind", "rolling")
+    assert code == 2 and "omit --kind" in err
+    assert not (tmp_path / "c.toml").exists()
+
+
+def test_show_draws_a_machine_without_an_analysis(call, tmp_path, monkeypatch):
+    monkeypatch.setattr("linkjax.cli._app.analyse", None)
+    for ending, begins in ((".svg", b"<?xml"), (".PNG", b"\x89PNG"), (".pdf", b"%PDF")):
+        path = tmp_path / "new" / f"four{ending}"
+        code, out, _ = call("show", "four-bar", "--out", path, "--at", "30", "--at", "2 rad")
+        assert code == 0 and "written" in out
+        assert path.read_bytes().startswith(begins)
+    assert "φ = 30°" in (tmp_path / "new/four.svg").read_text(encoding="utf-8")
+    assert call("show", lj.scenes.rolling_names()[0], "--out", tmp_path / "rings.svg")[0] == 0
+    assert (tmp_path / "rings.svg").exists()
+
+
+def test_a_machine_that_moves_only_in_part_is_drawn_there(call, tmp_path):
+    short = ("--set", 'links.rocker.length="150 mm"')
+    assert call("show", "four-bar", "--out", tmp_path / "a.svg", *short)[0] == 0
+    found = lj.analysis.positions(lj.load("four-bar", {"links.rocker.length": "150 mm"}))["result"]["per_angle"]
+    assert 0 < np.count_nonzero(found) < found.size
+    code, _, err = call("show", "four-bar", "--out", tmp_path / "b.svg", *short, "--at", "0", "--at", "180")
+    assert code == 1 and "cannot be assembled at 180.000° of crank angle" in err
+    code, _, err = call("show", "four-bar", "--out", tmp_path / "b.svg", *short, "--set", 'links.coupler.length="9 mm"')
+    assert code == 1 and "nor at any other crank angle" in err
+    assert not (tmp_path / "b.svg").exists()
+
+
 def test_titles_are_shown_as_they_are(call):
     code, out, _ = call("show", "hay-press", "--set", "title=Press [/v2] [bold]")
     assert code == 0
@@ -85,6 +128,14 @@ def analysed(tmp_path_factory):
         with pytest.raises(SystemExit) as stopped:
             cli.main()
     return stopped.value.code or 0, folder
+
+
+def test_positions_are_those_of_an_analysis(analysed):
+    found, data = lj.analysis.positions(lj.load("hay-press"), 72), json.loads((analysed[1] / "all.json").read_text())
+    for key in ("points", "links"):
+        for name, one in found[key].items():
+            for part, values in one.items():
+                np.testing.assert_allclose(values, data[key][name][part], rtol=1e-12, atol=1e-14)
 
 
 def test_analyse_writes_the_whole_document(analysed):
@@ -262,6 +313,9 @@ def test_nothing_is_written_for_what_is_refused(call, tmp_path):
         (["analyse", "hay-press", "--at", "5 kg"], 2, "a mass where an angle is needed"),
         (["analyse", "hay-press", "--at", "1.2 raad"], 2, "did you mean 'rad'"),
         (["new", "no-such-folder/mine"], 2, "choose another place"),
+        (["show", "hay-press", "--at", "60"], 2, "add --out picture.svg"),
+        (["show", "hay-press", "--out", "press.gif"], 2, "a name that ends in .svg, .png, .pdf"),
+        (["show", "hay-press", "--out", "pyproject.toml/a.svg"], 2, "choose another place"),
         (["analyse", "hay-press", "--out", "pyproject.toml/here"], 2, "choose another place"),
         (["analyse", "hay-press", "--angles", "72", "--set", "links.rocker.length=0.1 m"], 1, "link4-rocker"),
         (["analyse", "hay-press", "--angles", "72", "--set", "speed=20 rpm"], 1, "lowest mean speed"),

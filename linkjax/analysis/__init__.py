@@ -28,6 +28,7 @@ from linkjax.analysis._motor import MotorRun as MotorRun
 from linkjax.analysis._overload import Overload as Overload
 from linkjax.analysis._overload import overload_rows as overload_rows
 from linkjax.analysis._pick import pick as pick
+from linkjax.analysis._positions import positions as positions
 from linkjax.analysis._precision import float32_digits as float32_digits
 from linkjax.analysis._table import columns as columns
 from linkjax.analysis._text import efficiency_rows as efficiency_rows

@@ -13,6 +13,7 @@ from linkjax.analysis._friction import friction_document, locked_text
 from linkjax.analysis._harmonic_table import harmonics_document
 from linkjax.analysis._loads import load_document
 from linkjax.analysis._overload import overload_document
+from linkjax.analysis._posed import posed
 from linkjax.forces import Forces, JointForce, other_sides
 from linkjax.friction import indeterminate
 from linkjax.kinematics import Reversals, named_groups
@@ -43,14 +44,7 @@ def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
         "precision": str(np.asarray(cycle.angles).dtype),
         "model": _model(cycle),
         "angles": np.asarray(cycle.angles),
-        "points": {
-            point: {"x": s.r.x, "y": s.r.y, "dx": s.dr.x, "dy": s.dr.y, "ddx": s.ddr.x, "ddy": s.ddr.y}
-            for point, s in _points(cycle)
-        },
-        "links": {
-            link: {"angle": np.unwrap(np.arctan2(state.u.y, state.u.x)), "d": state.w, "dd": state.e}
-            for link, state in ((link, cycle.pose.links[link]) for link in scene.mechanism.link_names)
-        },
+        **posed(scene.mechanism, cycle.pose),
         "groups": _groups(cycle),
         "dead_centres": _dead_centres(cycle),
         **_strokes(cycle),
@@ -186,14 +180,6 @@ def plain(value: Any) -> Any:
 
 def _maybe(value: Any) -> float | None:
     return None if value is None else float(value)
-
-
-def _points(cycle: Any):
-    """Points in the order of the mechanism: frame, pins and coupler points, then mass centres."""
-    mechanism = cycle.scene.mechanism
-    centres = [mechanism.links[link].centre_name for link in mechanism.link_names]
-    first = [point for point in mechanism.owners() if point not in centres]
-    return [(point, cycle.pose.points[point]) for point in [*first, *centres]]
 
 
 def _groups(cycle: Any) -> dict[str, Any]:

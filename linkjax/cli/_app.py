@@ -49,7 +49,7 @@ from linkjax.cli._print import print_assemblies, print_scene, print_structure, p
 from linkjax.cli._print_at import print_at
 from linkjax.cli._rolling import analyse_rolling, refuse, show_rolling
 from linkjax.cli._said import messages_in, units_for
-from linkjax.cli._write import write_csv, write_out
+from linkjax.cli._write import check_picture, draw, write_csv, write_out
 from linkjax.kinematics import assembly_modes, open_at_start
 from linkjax.machine import Scene
 from linkjax.measures import named
@@ -69,6 +69,7 @@ from linkjax.scenes import (
     scene_names,
     sketched_keys,
     starter,
+    starter_like,
 )
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -125,6 +126,9 @@ def scenes() -> None:
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new scene file, with or without .toml.")],
     kind: KindOf = Kind.linkage,
+    like: Annotated[
+        str | None, typer.Option(metavar="SCENE", help="Begin with the file of this machine, e.g. hay-press.")
+    ] = None,
 ) -> None:
     """Write a new scene file with comments."""
     if not Path(name).name.removesuffix(".toml").strip():
@@ -132,8 +136,13 @@ def new(
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     if path.exists():
         raise SceneError(str(path), "", None, "already exists", "choose another name or delete the file")
-    text = starter if kind is Kind.linkage else rolling_starter
-    path.write_text(text(path.stem), encoding="utf-8")
+    if like is None:
+        text = (starter if kind is Kind.linkage else rolling_starter)(path.stem)
+    elif kind is Kind.linkage:
+        text = starter_like(path.stem, like)
+    else:
+        raise SceneError("--kind", "", kind.value, "is known from the machine of --like", "omit --kind")
+    path.write_text(text, encoding="utf-8")
     console.print(f"{path} written; next: linkjax analyse {shlex.quote(str(path))}", highlight=False)
 
 
@@ -145,8 +154,21 @@ def schema(kind: KindOf = Kind.linkage) -> None:
 
 
 @app.command()
-def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
-    """Show structure, links and loads of a scene."""
+def show(
+    scene: SceneName,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also draw the machine to this file: .svg, .png or .pdf.")
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(metavar="ANGLE", help="With --out: crank angle of the drawing; further ones are thin lines."),
+    ] = None,
+    units: Units = "",
+    set_: Set = None,
+) -> None:
+    """Show structure, links and loads of a scene, and draw the machine without an analysis."""
+    places = [angle_of(each) for each in at or ()]
+    check_picture(out, bool(at))
     chosen, changes = numbers_in(units), changes_of(scene, set_)
     document = load_document(scene)
     rolling = document.rolling
@@ -154,9 +176,14 @@ def show(scene: SceneName, units: Units = "", set_: Set = None) -> None:
         machine = load_rolling(scene, changes) if rolling else build(document := overridden(document, changes))
     shown = numbers_in(units_for(scene, changes, units))
     if isinstance(machine, RollingMachine):
+        refuse(scene, {"--at": bool(at)})
         show_rolling(machine, scene, shown)
     else:
         print_scene(machine, scene, shown, sketched_keys(document.table))
+    if out:
+        with elapsed("drawing"), messages_in(shown):
+            draw(machine, scene, out, places, shown)
+        console.print(f"\n{out} written", highlight=False)
 
 
 @app.command(name="structure")

@@ -26,6 +26,7 @@ from linkjax.kinematics._pose import transmission_angles as transmission_angles
 from linkjax.kinematics._pose import transmission_of_pose as transmission_of_pose
 from linkjax.kinematics._ranges import CrankRange as CrankRange
 from linkjax.kinematics._ranges import crank_ranges as crank_ranges
+from linkjax.kinematics._shortfall import OPEN as OPEN
 from linkjax.kinematics._shortfall import not_assembled_at_start as not_assembled_at_start
 from linkjax.kinematics._shortfall import open_at_start as open_at_start
 from linkjax.kinematics._shortfall import shortfall as shortfall

@@ -10,6 +10,7 @@ from linkjax.scenes._build import load as load
 from linkjax.scenes._build import load_problem as load_problem
 from linkjax.scenes._build import loads_text as loads_text
 from linkjax.scenes._build import starter as starter
+from linkjax.scenes._build import starter_like as starter_like
 from linkjax.scenes._build_rolling import build_rolling as build_rolling
 from linkjax.scenes._build_rolling import load_rolling as load_rolling
 from linkjax.scenes._build_rolling import rolling_schema as rolling_schema

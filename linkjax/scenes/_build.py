@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -14,7 +15,7 @@ from linkjax.mechanism import OF_LENGTH, Counterweight, Flywheel, Link, Mechanis
 from linkjax.scenes import _models as file
 from linkjax.scenes._asked import check_asked
 from linkjax.scenes._check import check
-from linkjax.scenes._document import STARTER, Document, load_document, overridden, override, read_document
+from linkjax.scenes._document import STARTER, Document, load_document, overridden, override, read_document, scene_text, titled
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained
 from linkjax.scenes._friction import frictions
@@ -161,8 +162,20 @@ def _linkage(document: Document) -> None:
 
 def starter(name: str) -> str:
     """A commented starter scene, titled `name`, as a string: what `linkjax new NAME` writes."""
-    title = "".join(c for c in name if c.isprintable()).replace("\\", "\\\\").replace('"', '\\"')
-    return STARTER.read_text(encoding="utf-8").replace("NAME", title or "New machine")
+    return STARTER.read_text(encoding="utf-8").replace("NAME", titled(name))
+
+
+def starter_like(name: str, scene: str) -> str:
+    """The file of a built-in machine, or of a path, titled `name`, as a string: what `linkjax new NAME --like SCENE`
+    writes. Raises `SceneError` where it cannot be read."""
+    source, text = scene_text(scene)
+    read_document(text, source)
+    line = f'title = "{titled(name)}"'
+    table = re.search(r"^\[", text, re.MULTILINE)
+    end = table.start() if table else len(text)
+    found, count = re.subn(r"^title\s*=.*$", lambda _: line, text[:end], count=1, flags=re.MULTILINE)
+    head = f"# From {source}. All keys: docs/scenes.md, and docs/rolling.md for rolling bodies.\n#\n"
+    return head + (found if count else f"{line}\n{found}") + text[end:]
 
 
 def json_schema() -> dict[str, Any]:

@@ -15,7 +15,7 @@ from linkjax.rolling import (
     closing_outer_radius,
     margins,
 )
-from linkjax.scenes._document import ROLLING, Document, load_document, overridden
+from linkjax.scenes._document import ROLLING, Document, load_document, overridden, titled
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained, fault
 from linkjax.scenes._fields import amount
@@ -93,8 +93,7 @@ def rolling_text(machine: RollingMachine, comment: str = "") -> str:
 
 def rolling_starter(name: str) -> str:
     """A commented starter scene of rolling bodies as a string: what `linkjax new NAME --kind rolling` writes."""
-    title = "".join(c for c in name if c.isprintable()).replace("\\", "\\\\").replace('"', '\\"')
-    return (ROLLING / "starter.txt").read_text(encoding="utf-8").replace("NAME", title or "New machine")
+    return (ROLLING / "starter.txt").read_text(encoding="utf-8").replace("NAME", titled(name))
 
 
 def rolling_schema() -> dict[str, Any]:

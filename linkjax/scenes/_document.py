@@ -69,6 +69,12 @@ def scene_text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         raise _unreadable(name, path) from error
 
 
+def titled(name: str) -> str:
+    """A name as the title of a scene, inside double quotes."""
+    text = "".join(c for c in name if c.isprintable())
+    return text.replace("\\", "\\\\").replace('"', '\\"') or "New machine"
+
+
 def _unreadable(name: str, path: Path) -> SceneError:
     problem, known = "no such scene file, nor a built-in scene", (*scene_names(), *rolling_names())
     if "\n" in name:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,12 +66,15 @@ class Stage(NamedTuple):
 
 @styled
 def machine_figure(
-    data: Data, scene: Scene, angle: float | None = None, *, before: Data | None = None, units: Units | None = None
+    data: Data, scene: Scene, angle: float | None = None, *, others: Sequence[float] = (), before: Data | None = None,
+    units: Units | None = None,
 ) -> Figure:
     """The machine to scale at a crank angle (rad; by default one at which loads act and the joints are well separated).
 
     Shows links with their joints, ground, guides and sliders, mass centres as quartered circles, paths of pins and
-    coupler points, the loads active at this angle, and a scale bar. The earlier design is drawn behind in grey.
+    coupler points, the loads active at this angle, and a scale bar. At the crank angles `others` (rad) its links are
+    drawn as thin lines. The earlier design is drawn behind in grey. `data` is the document of an analysis, or that of
+    `analysis.positions`; then loads of varying size are not drawn.
     """
     look = skeleton(data, scene)
     if before:
@@ -92,6 +96,8 @@ def machine_figure(
     draw_frame(stage, data, look, units)
     if before:
         _draw_before(stage, look, places(before, scene, angle))
+    for other in others:
+        _draw_thin(stage, look, places(data, scene, float(other)))
     at = places(data, scene, angle)
     working = arrows(data, scene, angle, units)
     draw_links(stage, look, at, working)
@@ -136,6 +142,15 @@ def _draw_before(stage: Stage, look: Skeleton, at: Places) -> None:
         for edge, width in (("#a8a8a8", 10.5), ("#f1f1f1", 8.9)):
             stage.ax.plot(*np.concatenate([corners, corners[:1]]).T, color=edge, linewidth=width, zorder=1.5,
                           solid_joinstyle="round", solid_capstyle="round")  # fmt: skip
+
+
+def _draw_thin(stage: Stage, look: Skeleton, at: Places) -> None:
+    """Draw the links as thin lines with small joints, each in the light colour of the link."""
+    for i, shape in enumerate(look.shapes):
+        corners = np.stack([at[p] for p in outline(shape, at, 3 * stage.unit)])
+        stage.ax.plot(*np.concatenate([corners, corners[:1]]).T, color=tint(colour(i), 0.4), linewidth=1.1, zorder=1.6)
+    spots = np.stack([at[p] for p in look.joints])
+    stage.ax.plot(*spots.T, "o", markersize=3, markerfacecolor="white", markeredgecolor=GREY, markeredgewidth=0.7, zorder=1.7)
 
 
 def draw_frame(stage: Stage, data: Data, look: Skeleton, units: Units | None = None) -> None:
