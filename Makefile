@@ -5,6 +5,7 @@
 #   make check      format, lint, types, rules of the project
 #   make format     format the sources             make bench      install the peers of the benchmarks
 #   make docs       the documentation as a site in out/site
+#   make pictures   renew the gallery and its pictures in docs
 #   make clean      remove all created files
 #
 # PYTHON=python3.12 selects another interpreter; the environment is created again when its version changes.
@@ -22,7 +23,7 @@ MADE := $(VENV)/python-$(or $(VERSION),missing)
 PAGES = README.md CHANGELOG.md CONTRIBUTING.md LICENSE docs studies notebooks tests/data/printed.json \
   linkjax/scenes/builtin linkjax/scenes/rolling linkjax/scenes/scene.schema.json
 
-.PHONY: demo test test-all check format bench docs clean
+.PHONY: demo test test-all check format bench docs pictures clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/linkjax optimise hay-press --out out/hay-press
@@ -47,10 +48,14 @@ format: $(VENV)/test.stamp
 bench: $(VENV)/bench.stamp
 	@echo "Ready: $(BIN)/python -m benchmarks.throughput"
 
+pictures: $(VENV)/demo.stamp
+	$(BIN)/python docs/pictures.py docs
+
 docs: $(VENV)/docs.stamp
 	rm -rf out/pages out/site
 	mkdir -p out/pages
 	tar --exclude=__pycache__ -cf - $(PAGES) | tar -xf - -C out/pages
+	$(BIN)/python docs/pictures.py out/pages/docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "Ready: out/site/index.html"
 

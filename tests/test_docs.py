@@ -3,15 +3,19 @@
 import doctest
 import importlib
 import re
+import shlex
 import tomllib
+from pathlib import Path
 
 import pytest
 
 import linkjax
+from linkjax.cli._help import PAGE, SECTIONS, more
 from linkjax.groups import KINDS
 from linkjax.measures import FAMILIES, MEASURES
 from linkjax.topology import KINDS_OF_II
 from tests.helpers import PACKAGE, ROOT
+from tests.test_cli import run
 
 FOLDERS = ("docs", "studies", "notebooks")
 PAGES = sorted([*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.md"))])
@@ -28,13 +32,64 @@ def blocks(path, language):
         yield "\n" * text[: found.start(1)].count("\n") + found[1]
 
 
+def written(block: str) -> None:
+    """Write a TOML block that begins with `# NAME.toml`, or `# added to NAME.toml`, to the present folder."""
+    if found := re.match(r"# (added to )?(\S+\.toml)\n", block.lstrip()):
+        with Path(found[2]).open("a" if found[1] else "w", encoding="utf-8") as file:
+            file.write(block.lstrip().removeprefix(found[0]))
+
+
 @pytest.mark.parametrize("path", PAGES, ids=name)
 def test_python_blocks_run(path, tmp_path, monkeypatch):
     """The Python blocks of a page, one after the other as one program."""
     monkeypatch.chdir(tmp_path)
+    for block in blocks(path, "toml"):
+        written(block)
     program: dict = {}
     for block in blocks(path, "python"):
         exec(compile(block, str(path), "exec"), program)
+
+
+def commands(block: str) -> list[tuple[str, list[str]]]:
+    """The commands of a console block, each with the lines that it prints."""
+    found: list[tuple[str, list[str]]] = []
+    for line in block.strip("\n").split("\n"):
+        if line.startswith("$ "):
+            found.append((line[2:].split("  #")[0], []))
+        else:
+            found[-1][1].append(line.rstrip())
+    return found
+
+
+def like(lines: list[str]) -> str:
+    """A pattern of printed lines, of which `…` stands for any number."""
+    return "".join(r"(?:.*\n)*?" if line == "…" else re.escape(line) + "\n" for line in lines)
+
+
+COMMANDED = [path for path in PAGES if "\n$ linkjax " in path.read_text(encoding="utf-8")]
+LONG = ("docs/optimise.md", "docs/conventions.md")
+
+
+@pytest.mark.parametrize(
+    "path", [pytest.param(p, id=name(p), marks=[pytest.mark.slow] * (name(p) in LONG)) for p in COMMANDED]
+)
+def test_commands_print_what_the_page_shows(path, tmp_path, monkeypatch, capsys):
+    """The commands of a page, one after the other, with the files that it shows."""
+    monkeypatch.chdir(tmp_path)
+    for found in re.finditer(r"^```(toml|console)\n(.*?)^```", path.read_text(encoding="utf-8"), re.M | re.S):
+        if found[1] == "toml":
+            written(found[2])
+            continue
+        for command, shown in commands(found[2]):
+            if not command.startswith("linkjax "):
+                continue
+            words, _, file = command.partition(" > ")
+            code, out, err = run(monkeypatch, capsys, *shlex.split(words)[1:])
+            assert code == 0, err
+            if file:
+                Path(file).write_text(out, encoding="utf-8")
+            out = "".join(f"{line.rstrip()}\n" for line in out.rstrip("\n").split("\n"))
+            assert not shown or re.fullmatch(like(shown), out), f"{command} printed\n{out}"
 
 
 @pytest.mark.parametrize("path", PAGES, ids=name)
@@ -104,3 +159,13 @@ def test_every_measure_is_on_its_page():
         else:
             row = re.search(rf"\| `{family.quantity.name}` \| {re.escape(family.unit)} \| {of} \| (.*?) \|", text)
             assert row and (family.statistic or "–") in [*row[1].split(", "), "–" * (not family.statistic)]
+
+
+def test_messages_lead_to_their_section():
+    """Every section of the page shows a message that leads to it, and every message leads to a section."""
+    text = (ROOT / PAGE).read_text(encoding="utf-8")
+    sections = re.findall(r"^### (.+)\n\n```text\n(.+)\n```", text, re.M)
+    anchors = [re.sub(r"[^a-z0-9 -]", "", title.lower()).replace(" ", "-") for title, _ in sections]
+    assert [more(message) for _, message in sections] == [f"more: {PAGE}#{anchor}" for anchor in anchors]
+    assert {section for _, section in SECTIONS} == set(anchors)
+    assert more("something else") == ""

@@ -18,6 +18,7 @@ from linkjax.cli import _optimise as _optimise
 from linkjax.cli import _run as _run
 from linkjax.cli._app import app
 from linkjax.cli._console import complaints
+from linkjax.cli._help import more
 from linkjax.design import DesignError
 from linkjax.mechanism import StructureError
 from linkjax.scenes import SceneError
@@ -28,14 +29,20 @@ def main() -> None:
     try:
         app(standalone_mode=True)
     except (DesignError, QuantityError, SceneError, StructureError) as error:
-        complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
+        complain(str(error))
         sys.exit(2)
     except OSError as error:
-        complaints.print(f"{error.filename or ''}: {error.strerror or error}; choose another place", markup=False,
-                         highlight=False, soft_wrap=True)  # fmt: skip
+        complain(f"{error.filename or ''}: {error.strerror or error}; choose another place")
         sys.exit(2)
     except MachineError as error:
-        complaints.print(str(error), markup=False, highlight=False, soft_wrap=True)
+        complain(str(error))
         sys.exit(1)
     finally:
         stop()  # after an interrupt, do not wait for pending compilations
+
+
+def complain(message: str) -> None:
+    """Print a message, and below it where the documentation says more."""
+    for line in (message, more(message)):
+        if line:
+            complaints.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -476,6 +476,11 @@ def resized(scene: lj.Scene, lengths: float = 1.0, masses: float = 1.0, times: f
             return dataclasses.replace(old, linear=linear, quadratic=quadratic)
         if isinstance(old, Force):
             return dataclasses.replace(old, force=old.force * forces)
+        if isinstance(old, lj.Table):
+            along, size = lengths if old.over and old.over.point else 1.0, forces if old.point else forces * lengths
+            scaled = {"at": [x * along for x in old.at], "values": jax.tree.map(lambda x: x * size, old.values)}
+            assert old.coming is None
+            return dataclasses.replace(old, **scaled)
         size = forces if isinstance(old, OpposingForce) else forces * lengths
         if isinstance(old, Torque):
             return dataclasses.replace(old, torque=old.torque * size)

@@ -1,0 +1,77 @@
+"""The gallery and the pictures of the documentation.
+
+Run: python docs/pictures.py FOLDER      (`make pictures` for this folder, `make docs` for the site)
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import linkjax as lj
+from linkjax.analysis import positions
+from linkjax.rolling import document
+from linkjax.scenes import build, load_rolling, read_document, rolling_names
+from linkjax.viz import machine_figure, rolling_figure, svg
+
+HERE = Path(__file__).parent
+SCENES = HERE.parent / "linkjax/scenes"
+OTHERS = 6  # crank angles drawn in thin lines
+HEAD = """# Gallery
+
+Every built-in machine, drawn by `linkjax show NAME --out picture.svg`. `linkjax analyse NAME` analyses it, and
+`linkjax new MINE --like NAME` writes its file to start from.
+"""
+
+
+def about(name: str) -> str:
+    """The first sentence of the comment at the top of a scene file."""
+    folder = SCENES / ("rolling" if name in rolling_names() else "builtin")
+    lines = (folder / f"{name}.toml").read_text(encoding="utf-8").split("\n")
+    comment = [line.removeprefix("#").strip() for line in lines[: next(i for i, x in enumerate(lines) if x[:1] != "#")]]
+    return re.split(r"(?<=\.) (?=[A-Z])", " ".join(comment))[0]
+
+
+def gallery() -> str:
+    """The page with all machines."""
+    parts = [HEAD]
+    for name in (*lj.scene_names(), *rolling_names()):
+        rolling = name in rolling_names()
+        title = (load_rolling(name) if rolling else lj.load(name)).title
+        link = f"../linkjax/scenes/{'rolling' if rolling else 'builtin'}/{name}.toml"
+        parts.append(f"## {title}\n\n[`{name}`]({link}): {about(name)}\n\n![{title}](images/gallery/{name}.svg)\n")
+    return "\n".join(parts)
+
+
+def drawn(scene: lj.Scene, name: str) -> str:
+    """A machine at six crank angles, as SVG."""
+    others = [i * float(scene.cycle) / OTHERS for i in range(OTHERS)]
+    return svg(name, machine_figure(positions(scene), scene, others=others))
+
+
+def machine_of(page: str, name: str) -> lj.Scene:
+    """The scene file `name` that a page shows."""
+    text = (HERE / page).read_text(encoding="utf-8")
+    found = re.search(rf"^```toml\n# {re.escape(name)}\n(.*?)^```", text, re.M | re.S)
+    assert found, f"{page} does not show {name}"
+    return build(read_document(found[1], name))
+
+
+def write(folder: Path) -> None:
+    """Write the gallery and all pictures below a folder."""
+    (folder / "images/gallery").mkdir(parents=True, exist_ok=True)
+    (folder / "gallery.md").write_text(gallery(), encoding="utf-8")
+    pictures = {f"gallery/{name}": drawn(lj.load(name), name) for name in lj.scene_names()}
+    for name in rolling_names():
+        data = document(load_rolling(name), 4, name, lj.__version__)
+        pictures[f"gallery/{name}"] = svg(name, rolling_figure(data))
+    pictures["first-machine"] = drawn(machine_of("first-machine.md", "pump.toml"), "first-machine")
+    pictures["describe"] = drawn(machine_of("describe.md", "joints.toml"), "describe")
+    for name, text in pictures.items():
+        (folder / f"images/{name}.svg").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    lj.enable_x64()
+    write(Path(sys.argv[1]))
