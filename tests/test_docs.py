@@ -166,6 +166,6 @@ def test_messages_lead_to_their_section():
     text = (ROOT / PAGE).read_text(encoding="utf-8")
     sections = re.findall(r"^### (.+)\n\n```text\n(.+)\n```", text, re.M)
     anchors = [re.sub(r"[^a-z0-9 -]", "", title.lower()).replace(" ", "-") for title, _ in sections]
-    assert [more(message) for _, message in sections] == [f"more: {PAGE}#{anchor}" for anchor in anchors]
+    assert [more(message) for _, message in sections] == [f"see {PAGE}#{anchor}" for anchor in anchors]
     assert {section for _, section in SECTIONS} == set(anchors)
     assert more("something else") == ""

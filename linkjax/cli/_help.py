@@ -34,4 +34,4 @@ SECTIONS = (  # a pattern of the message, and its section; the first that fits
 
 def more(message: str) -> str:
     """Where the documentation says more about a message; "" for one that says all."""
-    return next((f"more: {PAGE}#{section}" for pattern, section in SECTIONS if re.search(pattern, message)), "")
+    return next((f"see {PAGE}#{section}" for pattern, section in SECTIONS if re.search(pattern, message)), "")

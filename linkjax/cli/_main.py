@@ -42,7 +42,6 @@ def main() -> None:
 
 
 def complain(message: str) -> None:
-    """Print a message, and below it where the documentation says more."""
-    for line in (message, more(message)):
-        if line:
-            complaints.print(line, markup=False, highlight=False, soft_wrap=True)
+    """Print a message, on its line with the section of the documentation that says more."""
+    where = more(message)
+    complaints.print(f"{message} ({where})" if where else message, markup=False, highlight=False, soft_wrap=True)

@@ -74,13 +74,16 @@ MAKERS: dict[str, tuple[Callable[..., Term], tuple[str, ...]]] = {
 
 
 def _read(file: Path, known: tuple[str, ...]) -> dict[str, list[float]]:
-    """The columns of a CSV file in SI. Headings are names, with units in parentheses: `x (mm)`; without one: SI."""
+    """The columns of a CSV file in SI. Headings are names, with units in parentheses: `x (mm)`; lengths without one are in SI, and angles
+    need theirs."""
     try:
         lines = [row for row in csv.reader(file.read_text(encoding="utf-8-sig").splitlines()) if any(row)]
     except (OSError, UnicodeDecodeError) as error:
         raise DesignError(str(file), f"cannot be read: {error}", "name a CSV file") from error
     if len(lines) < 2:
         raise DesignError(str(file), "has no rows", f"write a heading with {', '.join(known)}, then one row each")
+    if len(lines[0]) == 1 and ";" in lines[0][0]:
+        raise DesignError(str(file), "has semicolons between its columns", "write commas, and points in decimals")
     names, factors = [], []
     for heading in lines[0]:
         found = HEADING.fullmatch(heading)
@@ -103,6 +106,9 @@ def _read(file: Path, known: tuple[str, ...]) -> dict[str, list[float]]:
 
 def _factor(element: str, unit: str | None, wanted: str) -> float:
     """The factor from the unit of a heading to SI."""
+    if unit is None and wanted == "rad":
+        name = element.rpartition(": ")[2].strip()
+        raise DesignError(element, "is an angle without a unit", f"write {name} (deg) or {name} (rad)")
     if unit is None:
         return 1.0
     try:

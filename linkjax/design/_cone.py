@@ -14,7 +14,8 @@ step that gains less than expected is corrected to second order in the residuals
 and follows curved valleys. A design that violates simple constraints is repaired even if it can be assembled.
 Measured on a four-bar through five points, 40 random starts: 5 reach the optimum without these, 16 with the first, 27
 with the repair of unsound designs, too, and more with all (`benchmarks/synthesis.py`).
-Where two constraints hold a value from both sides, steps are corrected to second order in the constraints, too: without
+Where two constraints hold a value from both sides, or a step is rejected because it leaves the curved surface of one,
+steps are corrected to second order in the constraints, too: without
 it, a crank-rocker of given angle of oscillation and time ratio crept along their surface (206 evaluations, now 19).
 Source: Nocedal and Wright, Numerical Optimization, 2006, ch. 6, 10 and 18.
 """
@@ -34,6 +35,8 @@ from linkjax.design._subproblem import FINE, ROUGH, Step, solve
 
 RADIUS, LEAST = 0.2, 1e-11  # initial and smallest half width of the trust region, in units of the variables' ranges
 PENALTY, MOST = 10.0, 1e7
+SATURATED = 0.99  # of the penalty: multipliers of a constraint that stays violated
+WORTH = 1e-4  # of the violation: a smaller gain is none
 FIRST = 1e3  # in the repair of a design: weight of constraints against margins, whose scale is a thousandth
 SHARP = 0.75  # with squares: a step with a smaller share of the expected improvement is corrected to second order
 LAST = 0.05  # with squares: share of the tolerance to which the last digits are found; their evaluations are cheap
@@ -93,15 +96,15 @@ def _down(
         limits = [*point.limits, *point.sound]
         convex = _convex(bend)
         model = convex if curved else np.zeros_like(bend)
-        step = solve(point.goals, limits, point.z, radius, model, penalty, step, tolerance)
+        step, penalty = _steered(point, limits, radius, model, penalty, step, tolerance)
         if step is None:
             return bend
-        penalty = _raised(step, penalty, len(point.goals))
         merit = point.value + penalty * point.violation
         expected = merit - step.model
         trial, got = _tried(problem, point, step, penalty)
-        if (squares or held) and not merit - got >= SHARP * expected:
-            second = solve(*_bent(point, trial, held), point.z, radius, model, penalty, step, tolerance)
+        curbed = trial.violation > max(point.violation, MET) and not merit - got > 0
+        if curbed or ((squares or held) and not merit - got >= SHARP * expected):
+            second = solve(*_bent(point, trial, held or curbed), point.z, radius, model, penalty, step, tolerance)
             other, found = (trial, got) if second is None else _tried(problem, point, second, penalty)
             if found < got:
                 trial, got = other, found
@@ -155,10 +158,29 @@ def arrived(path: Path, point: Point) -> Point:
     return point
 
 
-def _raised(step: Step, penalty: float, goals: int) -> float:
-    """A penalty larger than every multiplier."""
-    limits = [float(np.sum(weights)) for weights in step.weights[goals:]]
-    return min(max(penalty, 2 * max(limits, default=0.0)), MOST)
+def _steered(
+    point: Point, limits: list[Scaled], radius: float, bend: np.ndarray, penalty: float, like: Step | None,
+    tolerance: float,
+) -> tuple[Step | None, float]:  # fmt: skip
+    """A step and the penalty of its merit. The penalty becomes larger than every multiplier; and where constraints stay
+    violated in the model, so large that the step gains half of what the best step within the radius could gain. There
+    every multiplier equals the penalty, however large that is, so that the multipliers do not tell.
+
+    Source: Byrd, Nocedal and Waltz, Steering exact penalty methods for nonlinear programming, 2008.
+    """
+    while (step := solve(point.goals, limits, point.z, radius, bend, penalty, like, tolerance)) is not None:
+        most = max((float(np.sum(weights)) for weights in step.weights[len(point.goals) :]), default=0.0)
+        if most < SATURATED * penalty:
+            if point.violation <= MET:  # there the merit is the objective, with any penalty
+                penalty = min(penalty, max(PENALTY, 4 * most))
+            return step, min(max(penalty, 2 * most), MOST)
+        best = solve([], limits, point.z, radius, np.zeros_like(bend), 1.0)
+        gain = 0.0 if best is None else point.violation - best.model
+        left = sum(max(float(np.max(one.after(step.d))) - one.level, 0.0) for one in limits)
+        if gain <= WORTH * point.violation or point.violation - left >= 0.5 * gain or penalty >= MOST:
+            break
+        penalty = min(4 * penalty, MOST)
+    return step, penalty
 
 
 def _tried(problem: Problem, point: Point, step: Step, penalty: float) -> tuple[Point, float]:

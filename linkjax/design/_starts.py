@@ -77,6 +77,7 @@ class Run:
         before, self.number, self.step = self.problem.evaluations, number, 0
         self.paths.append(descend(self.problem, z, callback=self._callback))
         self._moved_inside(descend)
+        self._tried_elsewhere(descend)
         self._measured_anew()
         path = self.paths[-1]
         self._callback(path.point, path.certificate)
@@ -116,6 +117,17 @@ class Run:
         if idle.size and np.any((inside != point.z) & matters):
             sides = (look(self.problem, z) for z in _mirrored(inside, idle))
             self._taken(descend(self.problem, min(sides, key=rank).z, callback=self._callback))
+
+    def _tried_elsewhere(self, descend: Descent) -> None:
+        """Descend a second time, from half way to the middle of the ranges, where a path ends without a design that
+        satisfies every constraint, and keep the better result.
+
+        There may be one on the other side of a symmetry: at an in-line slider-crank the derivative of the time ratio by
+        the offset is that of one side or the other, and that of the stroke is zero.
+        """
+        point = self.paths[-1].point
+        if violated(self.problem, point):
+            self._taken(descend(self.problem, 0.5 * (point.z + 0.5), callback=self._callback))
 
     def _measured_anew(self) -> None:
         """Rescale an objective that has become small or large relative to its scale, and continue with the cone solver:

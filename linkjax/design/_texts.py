@@ -116,6 +116,9 @@ def limit(text: str) -> Limit:
     found = RELATION.fullmatch(text.strip())
     if found is None:
         remedy = 'write e.g. "delta <= 0.15" or "min_transmission_angle >= initial"'
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if equals and not name.endswith(("<", ">", "=", "!")) and not value.startswith("="):
+            remedy = f'write two constraints, "{name} >= {value}" and "{name} <= {value}"'
         raise DesignError(repr(text), "is not a constraint", remedy)
     name, relation, bound, window = found.groups()
     return SENSES[relation](name + (window or ""), bound)

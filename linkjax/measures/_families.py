@@ -24,6 +24,8 @@ from linkjax.measures._strokes import between, path_lengths
 from linkjax.mechanism import StructureError
 from linkjax.motion import Grid, Place, Rows, Wanted, by_node, is_locked
 
+SQUARE = "min_transmission_angle"
+LONGER = 1e-12  # relative: a window of one cycle, up to rounding
 WINDOW = re.compile(r"(.+?)\s+where\s+(.+?)\s+to\s+(.+)")
 
 
@@ -55,6 +57,10 @@ def for_every_angle(asked: Asked, sense: str) -> Asked:
         return asked
     ways = ("max", "peak") if sense == "at most" else ("min",)
     way = next((way for way in ways if way in STATISTICS[family.quantity.name]), None)
+    if way is None and family.name == "transmission_angle":
+        better = asked._replace(family=SQUARE).text()
+        remedy = f"limit {better} from below, for which an obtuse angle counts as its supplement"
+        raise StructureError(asked.text(), "may be acute or obtuse", remedy)
     if way is None:
         raise StructureError(asked.text(), f"has no {ways[0]} that can be limited", "delete the constraint")
     return asked._replace(family=f"{way}_{family.name}")
@@ -95,6 +101,7 @@ def checked(asked: Asked, scene: Scene) -> None:
     if asked.element and asked.element not in known:
         what = {"stroke": "point of a slider", "travel": "point of a slider"}.get(family.name, f"moving {family.of}")
         what = {"group": "group with a transmission angle", "joint": "joint with a link"}.get(family.of, what)
+        what = "slider or rocker" if family.name == "time_ratio" else what
         raise StructureError(name, f"{asked.element!r} is not a {what} of this machine", nearest(asked.element, known))
     if asked.angle is not None and family.at is None and (family.quantity is None or family.statistic):
         bare = "delete the crank angle"
@@ -102,12 +109,25 @@ def checked(asked: Asked, scene: Scene) -> None:
             plain = asked._replace(family=family.name.removeprefix(f"{family.statistic}_"))
             bare = f"write {plain.text()}, or {bare}"
         raise StructureError(name, "is one value of the whole cycle, not one at a crank angle", bare)
-    if asked.window is not None and (family.quantity is None or family.statistic not in ("peak", "max", "min")):
-        raise StructureError(name, "is not an extreme, and has no window", "use a measure that begins with max or min")
+    if asked.window is not None:
+        check_window(asked, scene)
     if asked.angle is None and family.quantity is not None and not family.statistic:
         ways = [f"{each}_{asked.text()}" for each in STATISTICS[family.quantity.name]]
         remedy = f"write {', '.join([*ways, f'{asked.text()}@60deg'])}, or a constraint for every crank angle"
         raise StructureError(name, "has a value at every crank angle", remedy)
+
+
+def check_window(asked: Asked, scene: Scene) -> None:
+    """Raise `StructureError` for a window of what is no extreme, and for one that is longer than a cycle."""
+    family, name = FAMILIES[asked.family], asked.text()
+    assert asked.window is not None
+    on, off = asked.window
+    if family.name != SQUARE and (family.quantity is None or family.statistic not in ("peak", "max", "min")):
+        raise StructureError(name, "is not an extreme of a curve, and has no window", f"write {family.name}")
+    if off - on > scene.cycle * (1 + LONGER):
+        wide, cycle = (f"{math.degrees(angle):.6g}" for angle in (off - on, scene.cycle))
+        problem = f"its window of {wide} degrees is longer than the cycle of {cycle} degrees"
+        raise StructureError(name, problem, "shorten it, or set cycle_turns if the cycle has several turns")
 
 
 ALL_OF = ("peak_reaction", f"peak_reaction{CONSTANT}")  # families that without an element are of all of them
@@ -174,9 +194,8 @@ def _plan(of: Parts, asked: Asked) -> tuple[list[Extreme], Callable[..., Array]]
     family = FAMILIES[asked.family]
     if family.name == "stroke":
         return between("travel", asked.element), lambda high, low: high - low
-    if family.name == "min_transmission_angle":
-        most = Extreme(QUANTITIES["off_square"], (asked.element,), "peak", True)
-        return [most], lambda most: 0.5 * math.pi - most
+    if family.name == SQUARE:
+        return [off_square(asked)], lambda most: 0.5 * math.pi - most
     if family.name == RATIO:
         return force_extremes(of), lambda *both: of.machine.run(force_ratio, *both)
     if family.name == "swing":
@@ -209,6 +228,11 @@ def has_rows(asked: Asked) -> bool:
 def rows(of: Parts, asked: Asked) -> Rows | Wanted:
     """All values that may be the measure, an extreme."""
     family = FAMILIES[asked.family]
+    if family.name == SQUARE and asked.window is not None:
+        wanted = rows_of(of, off_square(asked))
+        beyond = wanted.finish
+        assert beyond is not None
+        return wanted._replace(finish=lambda tops: of.machine.run(_off_zero, beyond(tops)))
     if family.rows is not None:
         return family.rows(of, asked.element)
     found = extreme(asked, of.scene)
@@ -219,6 +243,19 @@ def rows(of: Parts, asked: Asked) -> Rows | Wanted:
     finish = wanted.finish
     assert finish is not None
     return wanted._replace(finish=lambda tops: of.machine.run(_inverse, finish(tops)))
+
+
+def off_square(asked: Asked) -> Extreme:
+    """How far the transmission angle of a group is from a right angle at most."""
+    return Extreme(QUANTITIES["off_square"], (asked.element,), "peak", True, asked.window)
+
+
+@compiled_soon
+def _off_zero(rows: Rows) -> Rows:
+    """Acute and supplement of obtuse angles, from what is beyond a right angle: no kink between them."""
+    beyond = rows.vectors[:, :1]
+    both = jnp.concatenate([0.5 * jnp.pi - beyond, 0.5 * jnp.pi + beyond])
+    return Rows(both, jnp.concatenate([rows.angle, rows.angle]), signed=True)
 
 
 @compiled_soon

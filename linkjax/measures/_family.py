@@ -23,7 +23,7 @@ from linkjax.measures._inertia import RATIO
 from linkjax.measures._parts import Parts
 from linkjax.measures._quantities import QUANTITIES, Quantity, turning_groups
 from linkjax.measures._starting import run_up, torque_margin
-from linkjax.measures._strokes import resting, stopping, stroke_rows, swing_rows, time_ratio
+from linkjax.measures._strokes import resting, stopping, stroke_rows, swing_rows, time_ratio, time_ratios
 from linkjax.measures._structure import Elements
 from linkjax.motion import Rows, Wanted
 from linkjax.runs import no_start
@@ -146,7 +146,8 @@ _own(
 _own(
     "time_ratio", "1", "point or link", stopping,
     "Time of the slower way of a slider or link to that of the faster one, back, at constant crank speed; infinite "
-    "where it never turns back; none where a motion law has dwells.", value=time_ratio, lacks=resting,
+    "where it never turns back; none where a motion law has dwells.", value=time_ratio, rows=time_ratios,
+    lacks=resting,
 )  # fmt: skip
 _own("path_length", "m", "point", QUANTITIES["velocity"].names, "Length of the path of a point over the cycle.")
 _own(

@@ -24,7 +24,7 @@ from linkjax.measures._families import (
     taken_apart,
     values_of,
 )
-from linkjax.measures._family import FAMILIES, Asked
+from linkjax.measures._family import CONSTANT, FAMILIES, SAID, STATISTICS, Asked
 from linkjax.measures._gaps import no_transmission_angle
 from linkjax.measures._parts import NODES, Parts
 from linkjax.mechanism import StructureError
@@ -96,8 +96,17 @@ def named(name: str) -> Measure:
         base = name.partition(" where ")[0].partition("@")[0]
         if base in MEASURES:
             raise StructureError(base, "takes neither a window nor a crank angle", f"write {base}")
-        raise StructureError(name, "is not a measure", nearest(name.partition(".")[0].lower(), [*MEASURES, *FAMILIES]))
+        raise StructureError(name, "is not a measure", _meant(name.partition(".")[0].lower()))
     return found
+
+
+def _meant(name: str) -> str:
+    """A hint for a name that is not a measure: another statistic of the same quantity, or the nearest name."""
+    statistic, _, quantity = name.partition("_")
+    others = [f"{each}_{quantity}" for each in STATISTICS.get(quantity.removesuffix(CONSTANT), ())]
+    if statistic in SAID and others:
+        return f"write {' or '.join(others)}"
+    return nearest(name, [*MEASURES, *FAMILIES])
 
 
 def found_by(name: str, sense: str = "") -> Measure | None:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
-from linkjax._numerics import safe_divide, safe_sqrt, wrapped
+from linkjax._numerics import largest, safe_divide, safe_sqrt, wrapped
 from linkjax._search import HALVINGS, MOTION_SCAN, scan_angles
 from linkjax._vec import Vec
 from linkjax.groups import AbstractLaw
@@ -75,21 +75,28 @@ def resting(scene: Scene) -> tuple[str, str] | None:
 
 def time_ratio(of: Parts, element: str) -> Array:
     """Time of the slower way to that of the faster one, back, at constant crank speed; infinite without a return."""
+    return largest(time_ratios(of, element).size())
+
+
+def time_ratios(of: Parts, element: str) -> Rows:
+    """The times of either way in relation to the other; both ratios are one where neither is slower."""
     turns = of.scene.cycle_turns
-    return of.machine.run(_ratio, of.dead_centres[element], turns=turns)
+    return of.machine.run(_ratios, of.dead_centres[element], turns=turns)
 
 
 @compiled_soon(static=("turns",))
-def _ratio(found: Reversals, turns: int) -> Array:
+def _ratios(found: Reversals, turns: int) -> Rows:
     """Ways and returns alternate, so every second interval between dead centres is of one kind."""
     cycle = 2 * np.pi * turns
     angle = jnp.sort(jnp.where(found.true, wrapped(found.angle, cycle), jnp.inf))
     number, count = jnp.arange(angle.size), jnp.sum(found.true)
     ahead = jnp.where(number + 1 < count, jnp.roll(angle, -1), angle[0] + cycle)
     spans = jnp.where(number < count, ahead - angle, 0.0)
-    ways = jnp.sum(jnp.where(number % 2 == 0, spans, 0.0)), jnp.sum(jnp.where(number % 2 == 1, spans, 0.0))
-    long, short = jnp.maximum(*ways), jnp.minimum(*ways)
-    return jnp.where(short > 0, safe_divide(long, short), jnp.inf)
+    ways = jnp.stack([jnp.sum(jnp.where(number % 2 == own, spans, 0.0)) for own in (0, 1)])
+    back = ways[::-1]
+    ratios = jnp.where(back > 0, safe_divide(ways, back), jnp.inf)
+    begins = jnp.where(count > 1, angle[:2], 0.0)
+    return Rows(ratios[:, None], begins, signed=True)
 
 
 def path_lengths(of: Parts, elements: Elements) -> list[Array]:

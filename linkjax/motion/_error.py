@@ -64,7 +64,7 @@ def delta_error(flow: Flow, energy: Array, extremes: Ends, edges: AtEdges, spots
         shift = safe_divide(across, jnp.abs(1 - flow.driven.kept), jnp.inf)
         if flow.driven.torques.motor is None:  # the wanted mean speed fixes the energy
             shift = (late + uneven) / gain + across
-    total = 2 * shift * (jnp.abs(high - low) + 0.02 * (high + low))
+    total = 2.5 * shift * (jnp.abs(high - low) + 0.02 * (high + low))
     if flow.driven is not None:  # the mean speed changes, too
         total = total + shift * 0.5 * (high + low) * jnp.abs(speeds[0] - speeds[1]) / unit
     after_next, width = jnp.roll(after, -1), grid.half

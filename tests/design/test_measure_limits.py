@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
+import re
 
 import jax.numpy as jnp
 import numpy as np
@@ -147,6 +148,107 @@ def test_subgradients_are_the_slopes_to_either_side():
 
 def test_subgradients_of_a_measure_without_rows():
     """One gradient, that of the measure."""
-    found = measures.subgradients(in_line(0.02), "time_ratio.D")
+    found = measures.subgradients(in_line(0.02), "path_length.D")
     assert len(found) == 1 and math.isnan(found[0].angle)
     assert jnp.isfinite(found[0].gradient.mechanism.links["rod"].length)
+
+
+PRESS = """
+speed = "60 rpm"
+[fixed]
+A = [0, 0]
+[links.crank]
+length = "60 mm"
+[links.rod]
+length = "300 mm"
+mass = "4 kg"
+uniform = true
+[links.ram]
+mass = "40 kg"
+[[groups]]
+kind = "crank"
+link = "crank"
+pivot = "A"
+end = "B"
+[[groups]]
+kind = "RRP"
+link = "rod"
+from = "B"
+end = "D"
+block = "ram"
+guide = { through = "A", offset = "OFFSET" }
+side = "+"
+"""
+OFFSET = {"groups.rod-ram.guide.offset": "0 to 100 mm"}
+
+
+def stroke(rod: float, offset: float, crank: float = 0.06) -> float:
+    """The stroke of an offset slider-crank (closed form)."""
+    return math.sqrt((rod + crank) ** 2 - offset**2) - math.sqrt((rod - crank) ** 2 - offset**2)
+
+
+@pytest.mark.parametrize("start", ["0 mm", "2 mm", "20 mm"])
+def test_a_longer_stroke_by_an_offset(start):
+    """Near the in-line design the stroke hardly changes with the offset, and is symmetrical about it: the optimum is
+    where the offset is just large enough."""
+    press = lj.scenes.loads_text(PRESS.replace("OFFSET", start))
+    found = lj.optimise(press, free=OFFSET, minimise="groups.rod-ram.guide.offset", limits=["stroke.D >= 123 mm"])
+    offset = float(found.after.mechanism.groups[1].guide.offset)
+    assert found.feasible and found.kkt_residual < 1e-6 and stroke(0.3, offset) == pytest.approx(0.123, rel=1e-8)
+
+
+@pytest.mark.parametrize("start", ["0 mm", "2 mm"])
+def test_a_quick_return_from_an_in_line_press(start):
+    """At the in-line design both ways take equally long, and the time ratio has a kink."""
+    press = lj.scenes.loads_text(PRESS.replace("OFFSET", start))
+    goal, limits = "peak_reaction_constant_speed.B.rod", ["time_ratio.D >= 1.05"]
+    found = lj.optimise(press, free=OFFSET, minimise=goal, limits=limits)
+    e = float(found.after.mechanism.groups[1].guide.offset)
+    apart = math.acos(e / 0.36) - math.acos(e / 0.24)
+    assert found.feasible and found.kkt_residual < 1e-6 and found.evaluations < 40
+    assert (math.pi + apart) / (math.pi - apart) == pytest.approx(1.05, rel=1e-8)
+
+
+def test_the_time_ratio_of_equal_ways_has_two_gradients():
+    press = lj.scenes.loads_text(PRESS.replace("OFFSET", "0 mm"))
+    both = [float(each.gradient.mechanism.groups[1].guide.offset)
+            for each in measures.subgradients(press, "time_ratio.D", 32)]  # fmt: skip
+    slope = 4 * (1 / 0.24 - 1 / 0.36) / (2 * math.pi)  # of (π + a) / (π - a), where a is e / 0.24 - e / 0.36
+    assert sorted(both) == pytest.approx([-slope, slope], rel=1e-9)
+
+
+def test_a_transmission_angle_in_a_window():
+    """It is that of the rod and the normal of the guide: 90° less the rod's own angle (closed form)."""
+    press = lj.scenes.loads_text(PRESS.replace("OFFSET", "0 mm"))
+    names = [f"min_transmission_angle.rod-ram where {text}" for text in ("0deg to 30deg", "-30deg to 100deg")]
+    found = list(measures.evaluate(press, names, 48).values())
+    wanted = [math.pi / 2 - math.asin(0.2 * math.sin(math.radians(angle))) for angle in (30, 90)]
+    assert [float(each) for each in found] == pytest.approx(wanted, rel=1e-12)
+    free = {"links.rod.length": "200 to 400 mm"}
+    limits = ["min_transmission_angle.rod-ram >= 84 deg where 0 deg to 30 deg"]
+    best = lj.optimise(press, free=free, minimise="links.rod.length", limits=limits)
+    assert float(best.after.mechanism.links["rod"].length) == pytest.approx(0.03 / math.cos(math.radians(84)), rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("max_x.D where 10deg to 400deg", "its window of 390 degrees is longer than the cycle of 360 degrees"),
+        ("min_transmission_angle where 0deg to 9deg", "names no group; write e.g. min_transmission_angle.rod-ram"),
+        ("stroke.D where 0deg to 9deg", "is not an extreme of a curve, and has no window; write stroke"),
+        ("time_ratio.rod", "'rod' is not a slider or rocker of this machine"),
+        ("max_acceleration.D", "write peak_acceleration or rms_acceleration"),
+    ],
+)
+def test_names_of_measures_that_are_refused(text, says):
+    press = lj.scenes.loads_text(PRESS.replace("OFFSET", "0 mm"))
+    with pytest.raises(lj.StructureError, match=re.escape(says)):
+        measures.evaluate(press, [text])
+
+
+def test_constraints_that_are_refused():
+    press = lj.load("four-bar")
+    with pytest.raises(DesignError, match="limit min_transmission_angle.coupler-rocker from below"):
+        settled_limit(press, "transmission_angle.coupler-rocker >= 40 deg")
+    with pytest.raises(DesignError, match='write two constraints, "swing.rocker >= 80 deg" and "swing.rocker <= 80 deg"'):
+        settled_limit(press, "swing.rocker = 80 deg")
