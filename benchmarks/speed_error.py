@@ -1,6 +1,6 @@
 """Wall time of one steady cycle over the error of its δ: the methods of linkjax, SciPy, textbooks, float32.
 
-Run: python -m benchmarks.speed_error [--plot FILE]       (plot in the README: docs/images/speed_error.png)
+Run: python -m benchmarks.speed_error [--plot FILE]       (plot in docs/speed.md: docs/images/speed_error.png)
 Machine: `hay-press-slider`; one design, compiled; medians of rounds. Times of different runs are not comparable.
 """
 
