@@ -97,7 +97,8 @@ def _only_assembled(data: dict[str, Any]) -> dict[str, Any]:
     none = dict.fromkeys(("for_target_delta", "textbook"))
     return data | {
         "model": data["model"] | {"method": "none", "why": WHY["none"], "evaluations": None},
-        "dead_centres": [], "strokes": {}, "swings": {}, "windows": None, "friction": None, "friction_constant_speed": None,
+        "dead_centres": [], "strokes": {}, "swings": {}, "windows": None,
+        "friction": None, "friction_constant_speed": None,
         "motion": dict.fromkeys(data["motion"]), "work": None, "forces": None,
         "flywheel": data["flywheel"] | none, "peaks": {}, "checks": data["checks"] | {"energy_closure": None},
     }  # fmt: skip

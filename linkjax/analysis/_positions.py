@@ -33,7 +33,12 @@ def positions(scene: Scene, angles: int = 360) -> dict[str, Any]:
         why = f"{title}group {open_at_start(made.mechanism)}, nor at any other crank angle."
         raise MachineError(f"{why} Change lengths, or the side of the group.", Result.CANNOT_BE_ASSEMBLED)
     code = np.where(good, int(Result.SUCCESS), int(Result.CANNOT_BE_ASSEMBLED))
-    return {"scene": scene.title, "angles": np.asarray(phi), **posed(scene.mechanism, here), "result": {"per_angle": code}}
+    return {
+        "scene": scene.title,
+        "angles": np.asarray(phi),
+        **posed(scene.mechanism, here),
+        "result": {"per_angle": code},
+    }
 
 
 @compiled_soon

@@ -74,8 +74,8 @@ MAKERS: dict[str, tuple[Callable[..., Term], tuple[str, ...]]] = {
 
 
 def _read(file: Path, known: tuple[str, ...]) -> dict[str, list[float]]:
-    """The columns of a CSV file in SI. Headings are names, with units in parentheses: `x (mm)`; lengths without one are in SI, and angles
-    need theirs."""
+    """The columns of a CSV file in SI. Headings are names, with units in parentheses: `x (mm)`; lengths without one are
+    in SI, angles need theirs."""
     try:
         lines = [row for row in csv.reader(file.read_text(encoding="utf-8-sig").splitlines()) if any(row)]
     except (OSError, UnicodeDecodeError) as error:

@@ -68,9 +68,9 @@ def draw(machine: Scene | RollingMachine, name: str, out: Path, angles: list[flo
         data = positions(machine) | {"scene": name}
         good = [angle for angle in angles or uniform(machine, OTHERS) if assembled(data, machine, angle)]
         if angles and len(good) < len(angles):
-            lost = next(angle for angle in angles if angle not in good)
-            told = f"Scene {machine.title or name!r}: cannot be assembled at {show.turned(lost)} of crank angle."
-            raise MachineError(f"{told} Choose another angle with --at, or omit it.", Result.CANNOT_BE_ASSEMBLED)
+            where = show.turned(next(angle for angle in angles if angle not in good))
+            problem = f"Scene {machine.title or name!r}: cannot be assembled at {where} of crank angle."
+            raise MachineError(f"{problem} Choose another angle with --at, or omit it.", Result.CANNOT_BE_ASSEMBLED)
         first, others = (good[0], good[1:]) if angles else (None, good)
         figure = linkjax.viz.machine_figure(data, machine, first, others=others, units=show.units)
     out.parent.mkdir(parents=True, exist_ok=True)

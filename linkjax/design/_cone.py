@@ -164,7 +164,7 @@ def _steered(
 ) -> tuple[Step | None, float]:  # fmt: skip
     """A step and the penalty of its merit. The penalty becomes larger than every multiplier; and where constraints stay
     violated in the model, so large that the step gains half of what the best step within the radius could gain. There
-    every multiplier equals the penalty, however large that is, so that the multipliers do not tell.
+    every multiplier equals the penalty, however large that is.
 
     Source: Byrd, Nocedal and Waltz, Steering exact penalty methods for nonlinear programming, 2008.
     """

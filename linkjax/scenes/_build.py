@@ -15,7 +15,16 @@ from linkjax.mechanism import OF_LENGTH, Counterweight, Flywheel, Link, Mechanis
 from linkjax.scenes import _models as file
 from linkjax.scenes._asked import check_asked
 from linkjax.scenes._check import check
-from linkjax.scenes._document import STARTER, Document, load_document, overridden, override, read_document, scene_text, titled
+from linkjax.scenes._document import (
+    STARTER,
+    Document,
+    load_document,
+    overridden,
+    override,
+    read_document,
+    scene_text,
+    titled,
+)
 from linkjax.scenes._errors import SceneError
 from linkjax.scenes._explain import explained
 from linkjax.scenes._friction import frictions

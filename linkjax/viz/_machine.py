@@ -66,7 +66,12 @@ class Stage(NamedTuple):
 
 @styled
 def machine_figure(
-    data: Data, scene: Scene, angle: float | None = None, *, others: Sequence[float] = (), before: Data | None = None,
+    data: Data,
+    scene: Scene,
+    angle: float | None = None,
+    *,
+    others: Sequence[float] = (),
+    before: Data | None = None,
     units: Units | None = None,
 ) -> Figure:
     """The machine to scale at a crank angle (rad; by default one at which loads act and the joints are well separated).
@@ -150,7 +155,9 @@ def _draw_thin(stage: Stage, look: Skeleton, at: Places) -> None:
         corners = np.stack([at[p] for p in outline(shape, at, 3 * stage.unit)])
         stage.ax.plot(*np.concatenate([corners, corners[:1]]).T, color=tint(colour(i), 0.4), linewidth=1.1, zorder=1.6)
     spots = np.stack([at[p] for p in look.joints])
-    stage.ax.plot(*spots.T, "o", markersize=3, markerfacecolor="white", markeredgecolor=GREY, markeredgewidth=0.7, zorder=1.7)
+    stage.ax.plot(
+        *spots.T, "o", markersize=3, markerfacecolor="white", markeredgecolor=GREY, markeredgewidth=0.7, zorder=1.7
+    )
 
 
 def draw_frame(stage: Stage, data: Data, look: Skeleton, units: Units | None = None) -> None:

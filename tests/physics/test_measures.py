@@ -94,6 +94,7 @@ FLAT = {  # measures of `MEASURES` without slope
 KINK = 1e-4  # of the slope: a smooth function bends four times as much over twice the step, by far less
 MOST = 16  # measures of one program: a large one takes several times as long to compile as its parts, and its memory
 SOME = 3  # elements of one kind, spread over a large machine
+ONE = ("kozhevnikov-press", "press-with-friction", "toggle-clamp")  # of these, one: their programs take minutes each
 FLOOR = 1e-9  # of the largest measure of the same unit: a slope below it is that of a measure that is constant
 
 
@@ -131,7 +132,7 @@ def names_of(name: str) -> tuple[str, ...]:
     )
 
 
-def of_some(names: tuple[str, ...]) -> list[str]:
+def of_some(names: tuple[str, ...], some: int = SOME) -> list[str]:
     """The measures of the whole machine, and those of some elements of each kind, spread over the machine. Elements are
     of one kind if they have the same measures."""
     of: dict[str, list[str]] = {}
@@ -141,7 +142,7 @@ def of_some(names: tuple[str, ...]) -> list[str]:
     for element, own in of.items():
         kinds.setdefault(tuple(each.partition(".")[0] for each in own), []).append(element)
     picked = {
-        alike[i] for alike in kinds.values() for i in np.linspace(0, len(alike) - 1, min(SOME, len(alike))).astype(int)
+        alike[i] for alike in kinds.values() for i in np.linspace(0, len(alike) - 1, min(some, len(alike))).astype(int)
     }
     return [each for each in names if each.partition(".")[2] in picked]
 
@@ -151,7 +152,8 @@ def all_names(name: str) -> tuple[str, ...]:
     """Every measure of a scene, of some elements of each kind; of links that never turn back the time ratio is
     infinite, and without loads the ratio of inertia forces to others."""
     none = ("min_transmission_angle",) if measures.no_transmission_angle(machine(name).mechanism) else ()
-    known = [each for each in of_some(measures.measure_names(swept(name))) if each not in none]
+    some = 1 if name in ONE else SOME
+    known = [each for each in of_some(measures.measure_names(swept(name)), some) if each not in none]
     found = measures.evaluate(swept(name), known)
     ratios = ("time_ratio", "inertia_force_ratio")
     exist = [each for each, value in found.items() if not (each.startswith(ratios) and np.isinf(value))]
@@ -296,7 +298,8 @@ def test_gradients(name):
     names, reverse, (f, ahead), h = names_of(name), gradients(name), neighbours(name), FINER.get(name, H)
     assert np.all(np.isfinite(reverse))
     rounding, deep = 1e-5 * floors(name), depths(name)
-    lost = 2 * np.finfo(float).eps / h * floors(name) / FLOOR  # rounding of the differences, of the largest of the unit
+    turn = np.asarray([2 * np.pi if measures.named(each).unit == "J" else 1.0 for each in names])  # work of a torque
+    lost = 2 * np.finfo(float).eps / h * turn * floors(name) / FLOOR  # rounding of differences, of the unit's largest
     size = np.linalg.norm(reverse, axis=1) + floors(name)
     count = reverse.shape[1]
     middle, f = f[-1], f[:-1].reshape((4, count, len(names)))

@@ -126,7 +126,11 @@ def test_the_command_line(call, file, tmp_path):
         (["--path-error", "E={}"], "x,z\n1,2\n", "'z': is not a column"),
         (["--path-error", "E={}"], "x,crank (rad)\n1,2\n", "has no column 'y'"),
         (["--path-error", "E={}"], "x (deg),y\n1,2\n", "'deg' is not a unit of this column"),
-        (["--path-error", "E={}"], "x,y,crank\n1,2,30\n", "crank: is an angle without a unit; write crank (deg) or crank"),
+        (
+            ["--path-error", "E={}"],
+            "x,y,crank\n1,2,30\n",
+            "crank: is an angle without a unit; write crank (deg) or crank",
+        ),
         (["--path-error", "E={}"], "x (mm); y (mm)\n1; 2\n", "has semicolons between its columns; write commas"),
         (["--path-error", "E={}"], "x,y\n1,two\n", "row 2: y is 'two', which is not a number"),
         (["--path-error", "E={}"], "x,y\n1\n", "row 2: has 1 values"),
@@ -134,7 +138,11 @@ def test_the_command_line(call, file, tmp_path):
         (["--path-error", "E={}"], "x,y\n1,nan\n", "nan is not a finite number"),
         (["--path-error", "E={}", "--function-error", "rocker={}"], "x,y\n1,2\n", "two objectives are given"),
         (["--free-start"], "", "--free-start: there are no crank angles"),
-        (["--function-error", "rocker={}", "--minimise", "speed"], "crank (rad),angle (rad)\n0,0\n", "objective: two are given"),
+        (
+            ["--function-error", "rocker={}", "--minimise", "speed"],
+            "crank (rad),angle (rad)\n0,0\n",
+            "objective: two are given",
+        ),
         (["--path-error", "Q={}"], "x,y,crank (rad)\n1,2,0\n", "path_error: Q: is not a point of the machine"),
     ],
 )
