@@ -175,6 +175,12 @@ def stop() -> None:
     _pool.cache_clear()
 
 
+def progress() -> tuple[int, int]:
+    """How many programs of this process are compiled, and how many there are so far; from any thread."""
+    runs = [program.run for function in tuple(_MADE) for program in tuple(function.programs.values())]
+    return sum(run.done() for run in runs), len(runs)
+
+
 _PLANNED: set[Any] = set()  # what was compiled ahead
 
 

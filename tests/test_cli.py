@@ -198,6 +198,10 @@ def test_long_work_shows_a_spinner_on_a_terminal(monkeypatch):
         with elapsed("drawing"):
             time.sleep(1.6)
         assert ("drawing … 1 s" in screen.getvalue()) == terminal
+        monkeypatch.setattr("linkjax.cli._console.progress", lambda: (12, 66))
+        with elapsed("analysing"):
+            time.sleep(1.3)
+        assert ("analysing, compiling: 12 of 66 programs … 1 s" in screen.getvalue()) == terminal
 
 
 def test_tables_hold_the_same_numbers(analysed):

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import weakref
+from concurrent.futures import Future
 from pathlib import Path
 
 import equinox as eqx
@@ -356,3 +357,11 @@ def test_strings_in_structures_are_names_or_choices():
     texts = {field.name for field in static if any(kind in str(field.type) for kind in kinds)}
     assert texts - names <= CHOICES
     assert texts & CHOICES == CHOICES - {"mean", "title"}  # of the scene
+
+
+def test_progress_counts_the_programs():
+    function = _compile.compiled_soon(lambda x: x + 1.0)
+    function(jnp.zeros(()))
+    done, count = _compile.progress()
+    function.programs["waiting"] = _compile.Program(Future(), None, None, None)
+    assert _compile.progress() == (done, count + 1)

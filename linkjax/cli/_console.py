@@ -10,6 +10,8 @@ from contextlib import contextmanager
 
 from rich.console import Console
 
+from linkjax._compile import progress
+
 WIDE = 140  # columns if the output is not a terminal
 console, complaints = Console(), Console(stderr=True)
 if not console.is_terminal and "COLUMNS" not in os.environ:
@@ -18,7 +20,7 @@ if not console.is_terminal and "COLUMNS" not in os.environ:
 
 @contextmanager
 def elapsed(what: str) -> Iterator[None]:
-    """A spinner with the elapsed time, shown after one second."""
+    """A line with what is done and the elapsed time, shown on a terminal after one second."""
     start = time.perf_counter()
     status = console.status(what, spinner="dots") if console.is_terminal else None
     if status is None:
@@ -31,7 +33,7 @@ def elapsed(what: str) -> Iterator[None]:
             return
         status.start()
         while not done.wait(0.1):
-            status.update(f"{what} … {time.perf_counter() - start:.0f} s")
+            status.update(f"{what}{compiling()} … {time.perf_counter() - start:.0f} s")
         status.stop()
 
     thread = threading.Thread(target=tick, daemon=True)
@@ -41,3 +43,9 @@ def elapsed(what: str) -> Iterator[None]:
     finally:
         done.set()
         thread.join()
+
+
+def compiling() -> str:
+    """How far compilation is, e.g. ", compiling 12 of 66 programs"; "" where nothing is compiled."""
+    done, count = progress()
+    return f", compiling: {done} of {count} programs" if done < count else ""
