@@ -46,7 +46,7 @@ from linkjax.cli._said import messages_in, units_for
 from linkjax.cli._targets import FreeStart, FunctionError, PathError, PositionError, target
 from linkjax.cli._write import write_out
 from linkjax.design import DesignError, Progress, document, limit, settled, solve
-from linkjax.scenes import load, load_problem, text_of
+from linkjax.scenes import load, load_document, load_problem, text_of
 
 ANGLES = 360
 CHANGED = "the machine with the changes of its section [optimise]"
@@ -136,7 +136,7 @@ def optimise_command(
     print_warnings(told_before, shown, "before")
     print_warnings(told_after, shown, "after")
     if out:
-        write_text(out / "optimised.toml", text_of(found.after, _comment(data)))
+        write_text(out / "optimised.toml", text_of(found.after, _comment(data), load_document(scene)))
     for file in (json_file, out and out / "optimum.json"):
         if file:
             data["scene_after"] = os.path.relpath(out / "optimised.toml", file.parent) if out else None

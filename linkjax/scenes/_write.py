@@ -14,6 +14,7 @@ from linkjax.scenes._errors import SceneError
 from linkjax.scenes._fields import amount, number_of
 from linkjax.scenes._friction import friction_keys
 from linkjax.scenes._groups import TABLES
+from linkjax.scenes._in_units import in_units, units_in
 from linkjax.scenes._joints import drawn_keys, is_drawn, pins_of
 from linkjax.scenes._loads import load_keys
 from linkjax.scenes._motors import motor_keys
@@ -21,8 +22,8 @@ from linkjax.scenes._motors import motor_keys
 Table = dict[str, Any]
 
 
-def text_of(scene: Scene, comment: str = "") -> str:
-    """The scene file of a scene as a string, in SI units, below a comment.
+def text_of(scene: Scene, comment: str = "", like: Document | None = None) -> str:
+    """The scene file of a scene as a string, below a comment: in SI units, or in those of another file, `like`.
 
     `loads_text` reads it as the same scene, to the last bit. Raises `StructureError` for groups and loads of kinds that
     scene files do not support, and for scenes that are traced or batched.
@@ -30,7 +31,9 @@ def text_of(scene: Scene, comment: str = "") -> str:
     import tomli_w  # imported only when a file is written
 
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
-    return head + tomli_w.dumps(table_of(scene), multiline_strings=False)
+    table = table_of(scene)
+    table = table if like is None else in_units(table, units_in(like.table))
+    return head + tomli_w.dumps(table, multiline_strings=False)
 
 
 def table_of(scene: Scene) -> Table:

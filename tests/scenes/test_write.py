@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import jax
 import numpy as np
@@ -12,7 +13,8 @@ import linkjax as lj
 from linkjax import StructureError, Torque
 from linkjax.design import changed, numbers
 from linkjax.groups import AbstractLaw
-from linkjax.scenes import loads_text, text_of
+from linkjax.scenes import load_document, loads_text, text_of
+from linkjax.scenes._in_units import in_units, units_in
 from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
 
@@ -61,6 +63,43 @@ def test_read_back_to_the_last_bit(name, rng):
     assert jax.tree.structure(again) == jax.tree.structure(scene)
     for a, b in zip(jax.tree.leaves(again), jax.tree.leaves(scene), strict=True):
         assert np.array_equal(a, b)
+
+
+@pytest.mark.parametrize("name", lj.scene_names())
+def test_in_the_units_of_another_file(name, rng):
+    """The same scene to the last bit, in the units of its own file; digits as written where nothing has changed."""
+    given, scene = load_document(name), lj.load(name)
+    shown = {unit for unit in units_in(given.table).values() if unit not in ("1", "deg")}
+    assert shown
+    values = {n: float(at.read(scene)) * (1 + 1e-3 * rng.random()) for n, at in numbers(scene).items()}
+    moved = changed(scene, values)
+    for each in (scene, moved):
+        text = text_of(each, like=given)
+        again = loads_text(text)
+        for parameter, at in numbers(each).items():  # a sketch is written anew
+            assert float(at.read(again)) == float(at.read(each)), parameter
+        assert not re.search(r"\d m\"", text) or "mm" not in shown
+    if "mm" not in shown:
+        return
+    lengths = [link.get("length") for link in given.table["links"].values() if "length" in link]
+    assert all(f'"{length}"' in text_of(scene, like=given) for length in lengths if length.endswith("mm"))
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "wanted"),
+    [
+        ("0.3 m", "mm", "300 mm"),
+        ("-0.0 m", "mm", "0 mm"),
+        ("73.30382858376184 rad/s", "rpm", "700 rpm"),
+        ("1e-12 kg m^2", "g mm^2", "0.001 g mm^2"),
+        ("0.38971143170299744 m", "mm", "389.71143170299744 mm"),
+        ("3e20 N", "kN", "3E+17 kN"),
+        ("B", "mm", "B"),
+    ],
+)
+def test_quantities_in_another_unit(value, unit, wanted):
+    si = units_in({"x": f"1 {unit}"})
+    assert in_units({"x": [value], "title": value}, si) == {"x": [wanted], "title": value}
 
 
 class Constant(AbstractLaw):
