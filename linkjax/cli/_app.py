@@ -257,7 +257,7 @@ def analyse_command(
     shown = numbers_in(units)
     extra, given = [angle_of(each) for each in at or ()], acceleration_of(acceleration, bool(at))
     check_places(out, csv_folder, json_file)
-    check_measures(measure or (), machine)
+    check_measures(measure or (), machine, scene)
     uniform = [i * (machine.cycle / angles) for i in range(angles)]
     with elapsed("analysing"), messages_in(shown):
         whole = analyse(machine, angles=as_float(uniform + extra), nodes=nodes, constant_speed=constant_speed or None,
@@ -286,13 +286,13 @@ def analyse_command(
         raise MachineError(retold(f"{title}{cycle.missing.reason}", shown), Result.NO_PERIODIC_REGIME)
 
 
-def check_measures(names: Sequence[str], machine: Scene) -> None:
+def check_measures(names: Sequence[str], machine: Scene, scene: str) -> None:
     """Raise `SceneError`, before anything is computed, for a name that is not a measure of this machine."""
     for name in names:
         try:
             named(name).check(machine)
         except StructureError as error:
-            raise SceneError("--measure", "", name, error.problem, error.remedy) from error
+            raise SceneError(scene, "--measure", name, error.problem, error.remedy) from error
 
 
 def acceleration_of(text: str | None, at: bool) -> float | None:

@@ -209,7 +209,8 @@ def _bent(point: Point, trial: Point, held: bool) -> tuple[list[Scaled], list[Sc
     pairs = zip(point.goals, trial.goals, strict=True)
     goals = [goal.bent_to(other, d) if other.exists else goal for goal, other in pairs]
     sound = [one.bent_to(other, d, RESERVE) for one, other in zip(point.sound, trial.sound, strict=True)]
-    limits = [a.bent_to(b, d) for a, b in zip(point.limits, trial.limits, strict=True)] if held else point.limits
+    both = zip(point.limits, trial.limits, strict=True)
+    limits = [a.bent_to(b, d) if b.exists else a for a, b in both] if held else point.limits
     return goals, [*limits, *sound]
 
 
