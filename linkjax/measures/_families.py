@@ -123,7 +123,7 @@ def check_window(asked: Asked, scene: Scene) -> None:
     assert asked.window is not None
     on, off = asked.window
     if family.name != SQUARE and (family.quantity is None or family.statistic not in ("peak", "max", "min")):
-        raise StructureError(name, "is not an extreme of a curve, and has no window", f"write {family.name}")
+        raise StructureError(name, "is not an extreme, and has no window", f"write {family.name}")
     if off - on > scene.cycle * (1 + LONGER):
         wide, cycle = (f"{math.degrees(angle):.6g}" for angle in (off - on, scene.cycle))
         problem = f"its window of {wide} degrees is longer than the cycle of {cycle} degrees"

@@ -241,7 +241,7 @@ def test_a_transmission_angle_in_a_window():
     [
         ("max_x.D where 10deg to 400deg", "its window of 390 degrees is longer than the cycle of 360 degrees"),
         ("min_transmission_angle where 0deg to 9deg", "names no group; write e.g. min_transmission_angle.rod-ram"),
-        ("stroke.D where 0deg to 9deg", "is not an extreme of a curve, and has no window; write stroke"),
+        ("stroke.D where 0deg to 9deg", "is not an extreme, and has no window; write stroke"),
         ("time_ratio.rod", "'rod' is not a slider or rocker of this machine"),
         ("max_acceleration.D", "write peak_acceleration or rms_acceleration"),
     ],
