@@ -85,7 +85,8 @@ FLAT = {  # measures of `MEASURES` without slope
         "flywheel_for_target_delta", "peak_shaking_force", "peak_shaking_force_constant_speed",
         "rms_shaking_force_constant_speed", "peak_shaking_moment_constant_speed", "min_transmission_angle",
     ),
-    "toggle-clamp": ("delta", "slow_down", "steady_state_margin", "min_inertia_ratio"),  # likewise a motion law
+    # likewise a motion law
+    "toggle-clamp": ("delta", "slow_down", "steady_state_margin", "min_inertia_ratio", "flywheel_for_target_delta"),
     "spring-door": (  # likewise, and its spring and weight are conservative
         "delta", "slow_down", "energy_per_cycle", "steady_state_margin", "min_inertia_ratio", "mean_drive_torque",
         "mean_drive_power", "flywheel_for_target_delta",
