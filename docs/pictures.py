@@ -69,6 +69,7 @@ def write(folder: Path) -> None:
     pictures["first-machine"] = drawn(machine_of("first-machine.md", "pump.toml"), "first-machine")
     pictures["describe"] = drawn(machine_of("describe.md", "joints.toml"), "describe")
     for name, text in pictures.items():
+        text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)  # hundredths of a point: small files
         (folder / f"images/{name}.svg").write_text(text, encoding="utf-8")
 
 
