@@ -67,7 +67,7 @@ def like(lines: list[str]) -> str:
 
 
 COMMANDED = [path for path in PAGES if "\n$ linkjax " in path.read_text(encoding="utf-8")]
-LONG = ("docs/optimise.md", "docs/conventions.md")
+LONG = ("docs/optimise.md",)
 
 
 @pytest.mark.parametrize(
