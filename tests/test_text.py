@@ -177,9 +177,11 @@ def test_a_cycle_without_actual_motion_prints_why(still):
 
 def test_a_cycle_that_cannot_be_assembled_prints_its_margins():
     scene = lj.Scene(lj.four_bar(0.3, 0.3, 0.25, 0.28), speed=10.0)
-    text = str(lj.analyse(scene, angles=36, throw=False))
+    cycle = lj.analyse(scene, angles=36, throw=False)
+    text, data = str(cycle), document(cycle)
     assert "cannot be assembled" in text.splitlines()[0] and "shaking_force" not in text
     assert cells(text)["coupler-rocker"][1].startswith("−")
+    assert (data["dead_centres"], data["strokes"], data["swings"], data["peaks"]) == ([], {}, {}, {})
 
 
 def test_an_optimum_prints_before_and_after(best):
