@@ -285,6 +285,18 @@ def test_measures_of_friction():
     assert middle[7] == pytest.approx(float(cycle.delta), rel=1e-9)
 
 
+def test_pins_that_overlap_lock_a_link():
+    """A link without weight pulls along a tangent of the friction circles of its pins that crosses between them, and
+    there is none once the circles overlap: λ 2 f r = L, at every angle (Newton's method from zero finds no solution
+    long before)."""
+    scene = lj.load("toggle-clamp")
+    program = compiled_soon(jax.value_and_grad(lambda scene, phi: lockings(scene, phi).inverse[0]))
+    for degrees in (190.0, 202.5, 235.0):
+        inverse, slope = program(scene, jnp.radians(jnp.asarray([degrees])))
+        assert float(inverse) == pytest.approx(2 * 0.15 * 5e-3 / 0.06, rel=1e-12)
+        assert float(slope.mechanism.links["link"].length) == pytest.approx(-2 * 0.15 * 5e-3 / 0.06**2, rel=1e-10)
+
+
 def test_a_toggle_clamp_holds_near_its_dead_centre():
     """Where the workpiece cannot push the lever back: friction takes more than the workpiece gives. The angle is
     that of the equations of all links, and to first order that of the friction circles."""
