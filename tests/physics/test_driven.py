@@ -287,6 +287,7 @@ def test_knots_at_few_nodes():
     assert abs(float(few.delta - many.delta)) <= float(few.delta_error) < 1e-9
 
 
+@pytest.mark.slow
 def test_the_guess_of_a_grid_is_only_a_guess():
     """A motor with knots, whose motion is found on two grids in turn: from the first motion, without it, and from a
     wrong one it is the same."""

@@ -49,6 +49,7 @@ def resting_bar() -> lj.Mechanism:
     return lj.Mechanism({"A": lj.Vec(0, 0), "D": lj.Vec(0.3, 0)}, links, groups)
 
 
+@pytest.mark.slow
 def test_a_path_with_dwells():
     """The pin of a crank that a law moves: the crank times all that it turns there and back. Its least transmission
     angle is that of a dwell, and a measure and an analysis agree on it."""
@@ -129,6 +130,7 @@ def test_a_slider_turns_back_where_a_law_only_stops(moves):
     assert angles.size == 2
 
 
+@pytest.mark.slow
 def test_time_ratio_of_a_law_of_two_turns():
     """There in 3 rad, and back in the rest of two turns: an analysis and a measure agree."""
     law = lj.Moves(0.3, [lj.Move(1.3, 3.0), lj.Move()], cycle=4 * math.pi)

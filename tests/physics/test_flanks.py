@@ -91,6 +91,7 @@ def test_extremes_and_means_at_constant_speed(one, pin):
     assert float(found[f"rms_reaction_constant_speed.{pin}"]) == pytest.approx(mean, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_they_do_not_depend_on_the_number_of_nodes(one):
     """In the actual motion, too; without panels that end at the kinks they differed by up to 8e-4. An analysis finds
     the same peaks."""

@@ -64,6 +64,7 @@ def slider(torque: float, guide: float, static: float | None = None) -> lj.Scene
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [1.0, 0.999])
 def test_static_friction_decides_the_start(way):
     """At 60° the crank needs F r sin(θ + β) / (cos β - f sin β): with the static coefficient, although less keeps it in

@@ -49,6 +49,7 @@ def test_the_load_of_a_motor():
     assert "motor overload" not in text
 
 
+@pytest.mark.slow
 def test_harmonics_of_an_analysis():
     """Those of a Fourier transform of the values shown, which is exact for a smooth motion."""
     _, cycle, data = pump()
