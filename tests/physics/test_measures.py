@@ -62,6 +62,8 @@ CHANGED = {  # the larger of two equal values has no slope
         f"groups[0].law.moves[{i}].over": f"{angle} deg"
         for i, angle in enumerate((9.6, 114.2, 10.3, 45.9, 11, 112.8, 12, 44.2))
     },
+    # otherwise the locking factor is least where the load begins at zero, and has no value there
+    "toggle-clamp": {"loads[0].values[0]": "-5 N"},
     "pump-with-motor": {"loads[0].window": ["187 deg", "352 deg"]},  # otherwise it begins where the piston turns back
     "two-slider-press": {"groups[1].guide.offset": "3 mm", "links.crank.centre": "20 mm"},
 }
