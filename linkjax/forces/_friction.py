@@ -209,16 +209,15 @@ def rubbed(
     paces: Array,
     reactions: Reactions,
     advance: Callable[[Array], Array],
-    factor: Any = 1.0,
     way: Any = 1.0,
 ) -> Rubbed:
-    """The frictions, all of them times a `factor`, and the acceleration with which the `reactions` are those that cause
-    the frictions, and the acceleration is that which the torque of friction, reduced to the crank, leaves: `advance`.
-    `senses` are those of the relative motions, and `paces` their speeds at unit crank speed, shape (joints,); with the
-    `way` -1 the crank turns back."""
+    """The frictions and the acceleration with which the `reactions` are those that cause the frictions, and the
+    acceleration is that which the torque of friction, reduced to the crank, leaves: `advance`. `senses` are those of
+    the relative motions, and `paces` their speeds at unit crank speed, shape (joints,); with the `way` -1 the crank
+    turns back."""
     paces = senses * paces
     if isinstance(reactions, Linear):
-        contacts = Contacts(tuple(frictions), factor * way * senses, paces, reactions)
+        contacts = Contacts(tuple(frictions), way * senses, paces, reactions)
         given, contained = jax.closure_convert(advance, paces[0])
         tree = jax.tree_util.Partial(lambda contained, torque: given(torque, *contained), contained)
         found = frictions_of(contacts, tree)
@@ -228,7 +227,7 @@ def rubbed(
         c, rate = state[:-1], state[-1]
         there = reactions(c, rate)
         sizes = [each.size(*(part[i] for part in there)) for i, each in enumerate(frictions)]
-        return jnp.append(c + factor * way * senses * jnp.stack(sizes), rate - advance(paces @ c))
+        return jnp.append(c + way * senses * jnp.stack(sizes), rate - advance(paces @ c))
 
     def solve(left: Callable[[Array], Array], begin: Array) -> tuple[Array, Array]:
         def again(loop: tuple) -> tuple:
