@@ -20,8 +20,9 @@ from tests.physics import rubbed
 from tests.physics.machines import machine
 
 MACHINES = ("four-bar", "hay-press", "hay-press-slider", "quick-return", "scotch-yoke", "two-on-one-crank",
-            "moving-guides", "slotted-levers", "triad", "clockwise", "geared",
-            pytest.param("rolling", marks=pytest.mark.slow))  # fmt: skip
+            "slotted-levers", "clockwise",
+            *(pytest.param(name, marks=pytest.mark.slow) for name in ("moving-guides", "triad", "geared", "rolling")),
+            )  # fmt: skip
 ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
 STATES = ((1.0, 0.0), (0.8, 0.6), (1.1, -0.9))  # speeds times ω, accelerations times ω²
 

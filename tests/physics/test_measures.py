@@ -121,7 +121,7 @@ def swept(name: str) -> lj.Scene:
     return scene.with_mechanism(max((moved(1), moved(-1)), key=lambda each: float(min_margin(each))))
 
 
-FEWER = "slider-crank, one of each family"  # what `make test` sweeps
+FEWER = "slider-crank, one of each family"  # the quickest sweep
 
 
 def names_of(name: str) -> tuple[str, ...]:
@@ -361,6 +361,7 @@ POWERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [(1e3, 1e-3, 1.0), (1e-6, 1e-18, 1e-2), (1e6, 1e9, 1e3)])
 @pytest.mark.parametrize("name", [FEWER, *SCENES])
 def test_unchanged_by_units(name, units):
