@@ -31,9 +31,9 @@ demo: $(VENV)/demo.stamp
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
 
-# programs optimised as users run them; `make test` compiles faster without
+# programs optimised as users run them, and the types of all arguments; `make test` is faster without
 test-all: $(VENV)/test.stamp
-	XLA_FLAGS= $(BIN)/python -m pytest $(PYTEST_FLAGS) -m ""
+	XLA_FLAGS= $(BIN)/python -m pytest $(PYTEST_FLAGS) --jaxtyping-packages=linkjax,beartype.beartype -m ""
 
 check: $(VENV)/test.stamp
 	$(BIN)/ruff format --check .

@@ -1,6 +1,7 @@
 """Wall time of a steady-state motion with a motor over the error of ω(φ): collocation, and diffrax with shooting.
 
 Run: python -m benchmarks.driven [SCENE ...] [--designs COUNT] [--plot docs/images/driven_speed_error.png]
+     python -m benchmarks.driven [SCENE ...] --blocks COUNT ...     collocation alone, in one block: for a GPU
 
 Each method gives the crank speed at 64 angles and the mean speed, in one compiled program; collocation gives δ, too.
 Diffrax is not charged for the angles at which loads switch. The reference is diffrax at 1e-13, whose steps end at all
@@ -219,6 +220,14 @@ def many(name: str, case: Case, nodes: int, tolerance: float, count: int) -> Non
     ratio(f"{name}.many.times_diffrax_mapped", b / a)
 
 
+def alone(name: str, case: Case, count: int) -> None:
+    """Collocation of many designs in one block, per design."""
+    scenes, mine = designs(case.scene, count), lj.map_designs(ours(case, NODES[1]), block=count)
+    assert np.all(np.isfinite(np.asarray(mine(scenes)[2])))
+    (times,) = by_turns(lambda: mine(scenes), rounds=ROUNDS)
+    line(f"{name}.block_of_{count}.collocation", 1e6 * np.median(times) / count, "us/design")
+
+
 def plot(found: dict[str, list[Point]], file: Path) -> None:
     """Time over error, one panel for each scene."""
     from matplotlib.figure import Figure
@@ -251,6 +260,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Steady-state motion with a motor: wall time over error.")
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=", ".join(SCENES))
     parser.add_argument("--designs", type=int, default=1000)
+    parser.add_argument("--blocks", type=int, nargs="*", default=[])
     parser.add_argument("--plot", type=Path)
     asked = parser.parse_args()
     lj.use_cpu_devices()
@@ -259,6 +269,10 @@ def main() -> None:
     every = {}
     for name in asked.scenes or SCENES:
         case = case_of(SCENES[name]())
+        for count in asked.blocks:
+            alone(name, case, count)
+        if asked.blocks:
+            continue
         truth, times_there = reference(case)
         every[name], times = measured(case, truth)
         for p in every[name]:

@@ -1,6 +1,9 @@
 """Wall time of a steady-state motion with friction, by design in a batch, over that without friction; and its error.
 
-Run: python -m benchmarks.friction [SCENE ...] [--designs COUNT]
+Run: python -m benchmarks.friction [SCENE ...] [--designs COUNT] [--block COUNT] [--rows ROW ...]
+
+Rows: `compile` `error` `time` (default: all). A block is what is computed together: 10 designs on a CPU, as many as its
+memory holds on a GPU (`--block 20000 --designs 20000 --rows time`).
 
 Both give δ, the mean speed and all joint reactions at the nodes, for designs with scaled rods, by `map_designs`;
 without friction the motion is found by collocation, too, because the machine has a motor. Errors are those of δ against
@@ -31,6 +34,7 @@ from linkjax.motion import steady_motion
 from linkjax.sampling import Sampler
 
 SCENES = {"pump-line": pump_line, "hay-press": hay_press}
+ROWS = ("compile", "error", "time")
 NODES, FINE, BLOCK, ROUNDS, FEW = 96, 1000, 10, 7, 8
 
 
@@ -65,20 +69,27 @@ def designs(scene: lj.Scene, count: int) -> lj.Scene:
     return where
 
 
-def compare(name: str, scene: lj.Scene, count: int) -> None:
-    """Print times, their ratio and errors."""
-    cases = {"frictionless": scene, "friction": rough(scene)}
+def compiling(name: str, cases: dict[str, lj.Scene]) -> None:
+    """Print the time to compile a value and a gradient of one design."""
     for key, each in cases.items():
         for what, function in (("value", delta), ("gradient", jax.grad(delta))):
             start = time.perf_counter()
             jax.jit(function).lower(each).compile()
             line(f"{name}.{key}.{what}.compile", time.perf_counter() - start, "s")
-    mapped = lj.map_designs(forces_of, block=BLOCK)
-    runs = [functools.partial(mapped, designs(each, count)) for each in cases.values()]
+
+
+def errors(name: str, cases: dict[str, lj.Scene]) -> None:
+    """Print the largest error of δ."""
     for key, each in cases.items():
         few = designs(each, FEW)
         known, found = (jax.lax.map(lambda s, n=n: steady_motion(s, n).delta, few) for n in (FINE, NODES))
         line(f"{name}.{key}.delta_error", float(jnp.max(jnp.abs(found - known))), "")
+
+
+def timed(name: str, cases: dict[str, lj.Scene], count: int, block: int) -> None:
+    """Print times and their ratio."""
+    mapped = lj.map_designs(forces_of, block=block)
+    runs = [functools.partial(mapped, designs(each, count)) for each in cases.values()]
     times = by_turns(*runs, rounds=ROUNDS)
     for key, each in zip(cases, times, strict=True):
         line(f"{name}.{key}", 1e6 * float(np.median(each)) / count, "us_per_design")
@@ -90,11 +101,21 @@ def main() -> None:
     words = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     words.add_argument("scenes", nargs="*", default=list(SCENES), metavar="SCENE")
     words.add_argument("--designs", type=int, default=200)
+    words.add_argument("--block", type=int, default=BLOCK)
+    words.add_argument("--rows", nargs="*", default=list(ROWS), choices=ROWS, metavar="ROW")
     asked = words.parse_args()
     lj.enable_x64()
     use_compilation_cache()
+    line("device", len(jax.devices()), jax.devices()[0].device_kind.replace(" ", "_"))
     for name in asked.scenes:
-        compare(name, SCENES[name](), asked.designs)
+        scene = SCENES[name]()
+        cases = {"frictionless": scene, "friction": rough(scene)}
+        if "compile" in asked.rows:
+            compiling(name, cases)
+        if "error" in asked.rows:
+            errors(name, cases)
+        if "time" in asked.rows:
+            timed(name, cases, asked.designs, asked.block)
 
 
 if __name__ == "__main__":

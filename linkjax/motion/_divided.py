@@ -31,6 +31,7 @@ Rows = Float[Array, "rows places"]
 NEAR = 1e-3  # half panels: the distance of the places that give the slope at a change
 CLOSE = 1e-5  # the same with friction: the panels of the motion end there, and the places are inside of them
 IDLE = 1e-11  # of the drive torque, the largest torque through a mesh, or the largest reaction: less is rounding
+EQUAL = 1e-9  # relative: panels are as wide as the widest one if rounding alone tells them apart
 SAME = 1e-6  # rad: a change so close to an edge is that edge
 
 
@@ -107,7 +108,8 @@ def _divided(grid: Grid, ends: list[Array]) -> Grid:
     moved = jnp.where(jnp.min(apart, axis=1) < SAME, taken(moves, nearest), 0.0)
     grid = dataclasses.replace(grid, edges=grid.edges + moved)
     more = jnp.where(jnp.any(apart < SAME, axis=0), jnp.inf, more)
-    spare = taken(grid.middle, jnp.argmax(jax.lax.stop_gradient(grid.half)))
+    half = jax.lax.stop_gradient(grid.half)
+    spare = taken(grid.middle, jnp.argmax(half > (1 - EQUAL) * jnp.max(half)))
     more = jnp.where(jnp.isfinite(more), jnp.clip(more, grid.edges[0], grid.edges[-1]), spare)
     every = jnp.concatenate([grid.edges, more])
     edges = once(taken(every, jnp.argsort(jax.lax.stop_gradient(every))))
