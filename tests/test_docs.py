@@ -17,6 +17,8 @@ from linkjax.topology import KINDS_OF_II
 from tests.helpers import PACKAGE, ROOT
 from tests.test_cli import run
 
+LONGEST = 1500  # words of a page without contents
+LISTS = ("CHANGELOG.md",)  # in the order of versions
 FOLDERS = ("docs", "studies", "notebooks")
 PAGES = sorted([*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.md"))])
 
@@ -105,6 +107,15 @@ def test_links_lead_somewhere(path):
     assert [t for t in targets if not (path.parent / t).exists()] == []
 
 
+@pytest.mark.parametrize("path", PAGES, ids=name)
+def test_long_pages_have_contents(path):
+    """A page of more than 1500 words begins with links to its sections."""
+    text = path.read_text(encoding="utf-8")
+    sections = re.findall(r"^## (.*)$", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), re.M)
+    linked = re.findall(r"\[([^]]+)\]\(#[^)]+\)", text.split("\n## ")[0])
+    assert len(text.split()) <= LONGEST or path.name in LISTS or set(sections) <= set(linked)
+
+
 def test_named_make_targets_exist():
     made = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
     for path in PAGES:
@@ -129,7 +140,7 @@ def test_the_site_has_every_page():
 
 
 def test_every_kind_of_group_is_in_the_conventions():
-    text = (ROOT / "docs/conventions.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/conventions/mechanisms.md").read_text(encoding="utf-8")
     shown = {
         "crank": "I1",
         "linear_driver": "I1",

@@ -134,7 +134,7 @@ class Cycle(eqx.Module):
         """Everything over the crank angle as named columns (SI), one row per crank angle: `pandas.DataFrame` takes it
         as it is.
 
-        Names are those of the CSV files, see `docs/conventions.md`: `crank_angle`, `x_B`, `dx_B`, `angle_rod`, `speed`,
+        Names are those of the CSV files, see `docs/json.md`: `crank_angle`, `x_B`, `dx_B`, `angle_rod`, `speed`,
         `drive_torque`, `fx_B_rod`, … Columns of an actual motion that does not exist are absent. Raises
         `StructureError` where two columns have the same name, and `ValueError` for a batch of cycles.
         """

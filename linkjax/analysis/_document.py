@@ -33,7 +33,7 @@ WHY = {
 
 
 def document(cycle: Any, name: str = "", version: str = "") -> dict[str, Any]:
-    """A `Cycle` as nested dicts of NumPy arrays and floats (SI), with the keys of `docs/conventions.md`. Values of
+    """A `Cycle` as nested dicts of NumPy arrays and floats (SI), with the keys of `docs/json.md`. Values of
     an actual motion that does not exist, or is not requested, are None. So are the results over the whole cycle of a
     machine that cannot be assembled."""
     given, cycle = cycle, jax.device_get(cycle)

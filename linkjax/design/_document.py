@@ -34,7 +34,7 @@ MESSAGES = {
 def document(
     found: Optimum, before: Cycle, after: Cycle, name: str = "", version: str = "", scene_after: str | None = None
 ) -> dict[str, Any]:
-    """An optimisation as nested dicts of plain numbers (SI; angles in rad), as `docs/conventions.md` describes.
+    """An optimisation as nested dicts of plain numbers (SI; angles in rad), as `docs/json.md` describes.
 
     `before` and `after` are the analyses of the scenes `found.before` and `found.after`; the measures are taken from
     them. `scene_after` is the path of the file with the optimised scene. A value that does not exist is None.

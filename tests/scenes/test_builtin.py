@@ -30,8 +30,13 @@ NAMES = (
     "scotch-yoke", "slider-crank", "spring-door", "stephenson-3", "toggle-clamp", "toggle-press", "two-cylinder",
     "two-slider-press",
 )  # fmt: skip
-PAGE = (ROOT / "docs/scenes.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S)
+PAGES = [ROOT / "docs/scenes.md", *((ROOT / "docs/scenes").glob("*.md"))]
+PAGE = "\n".join(path.read_text(encoding="utf-8") for path in PAGES)
+BLOCKS = {
+    f"{path.name}, block {i}": block
+    for path in PAGES
+    for i, block in enumerate(re.findall(r"^```toml\n(.*?)^```", path.read_text(encoding="utf-8"), re.M | re.S))
+}
 
 
 def press(slider: bool) -> Scene:
@@ -133,13 +138,13 @@ def test_every_kind_of_group_can_be_written():
     assert found == list(TABLES) and set(TABLES) == set(KINDS)
 
 
-@pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_documented_scenes_load(number):
-    assert isinstance(loads_text(BLOCKS[number], f"docs/scenes.md, block {number}"), Scene)
+@pytest.mark.parametrize("where", BLOCKS)
+def test_documented_scenes_load(where):
+    assert isinstance(loads_text(BLOCKS[where], where), Scene)
 
 
 def test_documented_loads_are_what_they_say():
-    scene = loads_text(BLOCKS[1])
+    scene = loads_text(BLOCKS["groups.md, block 0"])
     assert [type(item) for item in scene.loads] == [Force, Torque, OpposingTorque]
     coupler, rocker = scene.mechanism.links["coupler"], scene.mechanism.links["rocker"]
     k = 360 / 350  # mass ~ l, inertia ~ l^3, points ~ l, from the reference length
