@@ -31,7 +31,7 @@ Rows = Float[Array, "rows places"]
 NEAR = 1e-3  # half panels: the distance of the places that give the slope at a change
 CLOSE = 1e-5  # the same with friction: the panels of the motion end there, and the places are inside of them
 IDLE = 1e-11  # of the drive torque, the largest torque through a mesh, or the largest reaction: less is rounding
-EQUAL = 1e-9  # relative: panels are as wide as the widest one if rounding alone tells them apart
+EQUAL = 1e-9  # relative: panels that differ from the widest one by less are equal up to rounding
 SAME = 1e-6  # rad: a change so close to an edge is that edge
 
 
