@@ -5,12 +5,14 @@
 #   make check      format, lint, types, rules of the project
 #   make format     format the sources             make bench      install the peers of the benchmarks
 #   make docs       the documentation as a site in out/site
+#   make release    wheel and source archive in dist, checked, and the tutorial by each of PYTHONS with the wheel alone
 #   make pictures   renew the gallery and its pictures in docs
 #   make clean      remove all created files
 #
 # PYTHON=python3.12 selects another interpreter; the environment is created again when its version changes.
 
 PYTHON ?= python3
+PYTHONS ?= python3.11 python3.12 python3.13
 VENV ?= .venv
 PYTEST_FLAGS ?= -n auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder --nbmake
 
@@ -23,7 +25,7 @@ MADE := $(VENV)/python-$(or $(VERSION),missing)
 PAGES = README.md CHANGELOG.md CONTRIBUTING.md LICENSE docs studies notebooks tests/data/printed.json \
   linkjax/scenes/builtin linkjax/scenes/rolling linkjax/scenes/scene.schema.json
 
-.PHONY: demo test test-all check format bench docs pictures clean
+.PHONY: demo test test-all check format bench docs pictures release clean
 
 demo: $(VENV)/demo.stamp
 	$(BIN)/linkjax optimise hay-press --out out/hay-press
@@ -59,6 +61,12 @@ docs: $(VENV)/docs.stamp
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "Ready: out/site/index.html"
 
+release: $(VENV)/release.stamp
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/twine check --strict dist/*
+	$(BIN)/python tests/release.py dist $(PYTHONS)
+
 clean:
 	rm -rf $(VENV) .cache .pytest_cache .ruff_cache dist out
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -67,6 +75,7 @@ $(VENV)/demo.stamp: EXTRA :=
 $(VENV)/test.stamp: EXTRA := [test]
 $(VENV)/bench.stamp: EXTRA := [bench]
 $(VENV)/docs.stamp: EXTRA := [docs]
+$(VENV)/release.stamp: EXTRA := [release]
 $(VENV)/%.stamp: $(MADE) pyproject.toml
 	@echo "Installing linkjax$(EXTRA) into $(VENV): a minute or two the first time"
 	$(PIP) --editable '.$(EXTRA)'

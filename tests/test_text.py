@@ -1,7 +1,11 @@
 """What `print` shows of scenes, mechanisms, cycles and optima, and the columns of `Cycle.table`."""
 
 import dataclasses
+import html
+import itertools
 import math
+import re
+from xml.etree import ElementTree
 
 import jax
 import jax.numpy as jnp
@@ -164,6 +168,35 @@ def test_a_cycle_prints_its_motion_and_peaks(cycle):
     stroke = data["strokes"]["P"]
     assert rows["P"][:2] == [f"{number(1e3 * stroke['value'], 6)} mm", f"{stroke['time_ratio']:.4f}"]
     assert rows["rod-piston"][1] == f"{data['groups']['rod-piston']['margin']:.4g}"
+
+
+def test_a_notebook_shows_the_machine(cycle, still):
+    """Its pins are as far apart as the links are long, its curves between their values; tables are those of text."""
+    scene = lj.load("slider-crank", {"title": "Pump & <valve>"})
+    shown = dataclasses.replace(cycle, scene=scene)._repr_html_()
+    assert shown.endswith(f"<pre>{html.escape(str(dataclasses.replace(cycle, scene=scene)))}</pre>")
+    machine, *curves = (ElementTree.fromstring(found) for found in re.findall(r"<svg.*?</svg>", shown))
+    space = "{http://www.w3.org/2000/svg}"
+    assert "Pump & <valve>" in machine.attrib["aria-label"]
+    pins = np.asarray([[float(each.attrib[a]) for a in ("cx", "cy")] for each in machine.iter(f"{space}circle")])
+    crank, rod = (float(np.hypot(*(b - a))) for a, b in itertools.pairwise(pins))
+    links = scene.mechanism.links
+    assert rod / crank == pytest.approx(
+        float(links["rod"].length / links["crank"].length), rel=2e-3
+    )  # tenths of a pixel
+    told = [each.text or "" for curve in curves for each in curve.iter(f"{space}text")]
+    named = [text.split(":")[0] for text in told if ":" in text]
+    assert named == ["crank speed", "drive torque at constant speed"]
+    assert len(re.findall("<svg", still._repr_html_())) == 2  # without actual motion there is no curve of the speed
+    assert several(cycle)._repr_html_() is None
+    seen: list[str | None] = []
+
+    def traced(it: lj.Cycle) -> jax.Array:
+        seen.append(it._repr_html_())
+        return it.angles
+
+    jax.eval_shape(traced, cycle)
+    assert seen == [None]
 
 
 def test_a_cycle_without_actual_motion_prints_why(still):

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from linkjax._results import LENGTHS, MESSAGES, MachineError, Result
 from linkjax.analysis._friction import FrictionRun, useful_share
+from linkjax.analysis._html import cycle_html
 from linkjax.analysis._loads import LoadRun, OnGrid, energies_of, loads_of
 from linkjax.analysis._motor import MotorRun
 from linkjax.analysis._table import table_of
@@ -91,7 +92,8 @@ class Cycle(eqx.Module):
     `peaks`, `friction`, `work` and `checks.energy_closure` are None; so is `flywheel`, unless it holds the inertia for
     target δ.
     With `constant_speed` they are None, too, except `forces`, which are those at constant speed; `missing` is None.
-    `print(cycle)` shows a summary, `cycle.table()` has the columns over the crank angle.
+    `print(cycle)` shows a summary, a notebook the machine and its curves as well. `cycle.table()` has the columns over
+    the crank angle.
     """
 
     scene: Scene
@@ -129,6 +131,9 @@ class Cycle(eqx.Module):
 
     def __str__(self) -> str:
         return cycle_text(self)
+
+    def _repr_html_(self) -> str | None:
+        return cycle_html(self)
 
     def table(self) -> dict[str, np.ndarray]:
         """Everything over the crank angle as named columns (SI), one row per crank angle: `pandas.DataFrame` takes it
