@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -18,6 +19,7 @@ from tests.report.pages import assert_printed
 from tests.viz.cycles import analysed
 
 ANGLES = (0.0, 37.31, 71.8, 90.0, 200.45, 359.9)
+A4 = 680  # pixels at 96 per inch between margins of 15 mm
 SET = "(slider, angle) => { slider.value = angle; slider.dispatchEvent(new Event('input')); }"
 
 
@@ -94,6 +96,20 @@ def test_pins_stand_where_the_mechanism_puts_them(page, case, angle):
             at = pose.points[name].r
             wanted = data["left"] + data["scale"] * float(at.x), data["base"] - data["scale"] * float(at.y)
             assert math.hypot(x - wanted[0], y - wanted[1]) < 0.01
+
+
+def test_a_clean_document_is_printed(page):
+    """On paper: all tables and figures, none wider than the page, and nothing to click on; as PDF on A4."""
+    on_screen = page.locator("figure svg, table").count()
+    page.emulate_media(media="print")
+    page.set_viewport_size({"width": A4, "height": 1000})
+    assert [name for name in ("#controls", "nav", ".pad", ".screen") if page.locator(name).first.is_visible()] == []
+    boxes = [each.bounding_box() for each in page.locator("figure svg, table").all() if each.is_visible()]
+    assert len(boxes) == on_screen > 20
+    assert all(box["x"] >= 0 and box["x"] + box["width"] <= A4 + 1 and box["height"] > 0 for box in boxes)
+    pages = re.findall(rb"/MediaBox ?\[0 0 (\S+) (\S+)\]", page.pdf(prefer_css_page_size=True))
+    assert len(pages) > 5
+    assert all((round(float(w)), round(float(h))) == (595, 842) for w, h in pages)
 
 
 def test_play_follows_the_true_motion(browser, case):
