@@ -57,6 +57,9 @@ def checks_of(
     motions = jax.tree.map(lambda *leaves: jnp.stack(leaves), *zip(*parts, strict=True))
     found = jax.vmap(lambda given: _residuals(scene, at, bodies, *given))(motions)
     power, balance = (jnp.max(part) for part in found)
+    if motion is not None and motion.driven is not None:  # a motion that does not exist has no balance
+        exists = motion.steady_state_margin > 0
+        power, balance = (jnp.where(exists, one, part[-1]) for one, part in zip((power, balance), found, strict=True))
     none = {"loops": closed_to(power.dtype)}  # a singular value is zero only to rounding
     every = [m.value - none.get(side, 0.0) for sides in limits.values() for side, m in sides.items()]
     least = jnp.min(jnp.stack([jnp.ones(()), *every]))

@@ -145,8 +145,8 @@ def friction_runs(scene: Any, shown: tuple[RubbingAt, ...], over: tuple[RubbedOv
 
 
 def useful_share(cycle: Any) -> float | None:
-    """Work on the useful loads over the net work of the drive, per cycle; zero where friction locks the machine, None
-    without useful loads or works."""
+    """Work on the useful loads over the net work of the drive, per cycle; zero where friction locks the machine, and
+    where the useful loads drive it; None without useful loads or works."""
     run = cycle.friction or cycle.friction_constant_speed
     if cycle.scene.useful and run is not None and bool(run.locks):
         return 0.0
@@ -155,6 +155,8 @@ def useful_share(cycle: Any) -> float | None:
         return None
     given = works["drive" if cycle.scene.motor is None else "motor"].net
     done = -sum(works[name].net for name in cycle.scene.useful)
+    if float(done) <= 0:
+        return 0.0
     return float(done / given) if float(given) else None
 
 

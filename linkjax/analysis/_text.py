@@ -105,7 +105,7 @@ def efficiency_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
     """Efficiency over the cycle, and how far the machine is from locking; none without useful loads or friction."""
     rows, run = [], _rubbing(data)
     if data.get("efficiency") is not None:
-        rows.append(("efficiency", f"{100 * data['efficiency']:.4g} %"))
+        rows.append(("efficiency", f"{100 * data['efficiency']:.4g} %{_no_use(data)}"))
     if run is not None:
         factors = np.asarray(run["locking_factor"], float)
         worst = int(np.argmin(factors))
@@ -113,6 +113,14 @@ def efficiency_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
             place = f"at {show.turned(data['angles'][worst])}, most of the power in {run['locking_joint'][worst]}"
             rows.append(("friction locks at", f"{factors[worst]:.4g} times its coefficients, {place}"))
     return rows
+
+
+def _no_use(data: Data) -> str:
+    """A remark where no useful work is done although the machine moves."""
+    run = _rubbing(data)
+    if data["efficiency"] != 0 or (run is not None and run["locks"]):
+        return ""
+    return " (over the cycle the useful loads drive the machine, or do no work: check their signs and windows)"
 
 
 def _rubbing(data: Data) -> Any:

@@ -284,6 +284,9 @@ def analyse_command(
     if cycle.missing is not None and cycle.missing.fails:  # everything else has been printed and written
         title = f"Scene {machine.title!r}: " if machine.title else ""
         raise MachineError(retold(f"{title}{cycle.missing.reason}", shown), Result.NO_PERIODIC_REGIME)
+    if data["result"]["code"] == Result.LOCKED:
+        title = f"Scene {machine.title!r}: " if machine.title else ""
+        raise MachineError(retold(f"{title}{data['result']['message']}", shown), Result.LOCKED)
 
 
 def check_measures(names: Sequence[str], machine: Scene, scene: str) -> None:

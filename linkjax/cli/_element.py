@@ -172,7 +172,7 @@ def _print_bearing(data: dict[str, Any], show: Numbers) -> None:
         if "margin" in data:
             efficiency = data.get("efficiency")
             rows.append(("efficiency of the force", _share(efficiency)))
-            rows.append(("it", "locks" if data["margin"] <= 0 else "turns"))
+            rows.append(("under this force", "locked" if data["margin"] <= 0 else "turns"))
     else:
         rows.append(("radius of friction", show.quantity(data["radius"], "m")))
     table = Table(box=None, pad_edge=False, show_header=False)

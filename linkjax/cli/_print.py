@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from linkjax._display import NONE, Numbers, above, retold
+from linkjax._results import Result
 from linkjax.analysis import (
     acts_text,
     check_limit,
@@ -198,6 +199,7 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
     if not all(value <= limit for value in data["checks"].values() if value is not None):  # NaN fails, too
         console.print(f"WARNING: {of}a check is above {limit:g}; do not trust these figures", style="bold red")
     message, still = retold(data["result"]["message"], show), data.get("model", {}).get("method") == "none"
+    still |= data["result"]["code"] == Result.LOCKED
     if still and not data["result"]["code"]:
         console.print(f"NOTE: {of}{message}", markup=False, highlight=False)
     elif data["result"]["code"] and (which or not still):  # for one machine this is the last line

@@ -6,6 +6,7 @@ Source: the textbook's chapter on friction, formulas (7-2) to (7-5), and its tab
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import jax.numpy as jnp
@@ -65,7 +66,7 @@ def material_friction(material: str, *, lubricated: bool = False, static: bool =
     Raises `ValueError` for a pair that the table does not have, or has no value of. The values for leather and rubber
     are the least certain ones.
     """
-    pair = "-".join(part.strip() for part in material.split("-")).lower()
+    pair = "-".join(part.strip() for part in re.split("[-–−]", material)).lower()
     turned = "-".join(reversed(pair.split("-")))
     row = MATERIALS.get(pair) or MATERIALS.get(turned)
     if row is None:

@@ -77,4 +77,5 @@ def refuse(element: str, name: str, value: Any, good: Callable[[np.ndarray], Any
     """Raise `ValueError` for a known number that is not good or not finite."""
     number = known(value)
     if number is not None and not np.all(good(number) & np.isfinite(number)):
-        raise ValueError(f"{name} of {element} is {np.round(number, 6)}; write {range_}")
+        unit = " rad" if name in (*ANGLES, "flank") else ""
+        raise ValueError(f"{name} of {element} is {np.round(number, 6)}{unit}; write {range_}")

@@ -105,7 +105,7 @@ def checked(asked: Asked, scene: Scene) -> None:
         raise StructureError(name, f"{asked.element!r} is not a {what} of this machine", nearest(asked.element, known))
     if asked.angle is not None and family.at is None and (family.quantity is None or family.statistic):
         bare = "delete the crank angle"
-        if family.quantity is not None:
+        if family.quantity is not None and family.name.startswith(f"{family.statistic}_"):
             plain = asked._replace(family=family.name.removeprefix(f"{family.statistic}_"))
             bare = f"write {plain.text()}, or {bare}"
         raise StructureError(name, "is one value of the whole cycle, not one at a crank angle", bare)

@@ -168,7 +168,7 @@ _own(
 _own(
     "run_up_time", "s", "", lambda scene: (),
     "Time from rest, at crank angle zero or at the one given (`run_up_time@60deg`), to 99 % of the speed of the "
-    "steady-state motion; infinite if the machine does not get there.", motion=True,
+    "steady-state motion at the same crank angle; infinite if the machine does not get there.", motion=True,
     value=lambda of, element: run_up(of), at=run_up, lacks=no_start,
 )  # fmt: skip
 _own(

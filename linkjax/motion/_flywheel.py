@@ -156,6 +156,7 @@ def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Arr
 def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:
     """Flywheel inertia (kg m²) by the textbook formula ΔA / (δ ω²), which ignores the reduced inertia; for comparison.
 
-    ΔA is the largest excess work, max W - min W. Source: e.g. Norton, Design of Machinery, eq. 11.20.
+    ΔA is the largest excess work, max W - min W, at a constant torque of the drive.
+    Source: e.g. Norton, Design of Machinery, eq. 11.20.
     """
     return steady.excess_work / (delta * steady.mean_speed**2)

@@ -42,7 +42,8 @@ class Steady:
     steady-state motion (1e-6): if it is negative, no steady-state motion exists at this mean speed, and
     `min_mean_speed` is the lowest mean speed that has one. `min_inertia_ratio` is the least reduced inertia divided by
     its mean. Where the reduced inertia is zero the speed is unbounded, and the values are those of a machine with
-    `inertia_floor` (kg m²) there. `excess_work` is the largest excess work, max W - min W.
+    `inertia_floor` (kg m²) there. `excess_work` is the largest excess work, max W - min W, at the mean torque of
+    the drive.
     """
 
     work: Primitive
@@ -160,6 +161,14 @@ def _all_loads(
     return of_crank(full, grid.prescribed)  # a motion law moves the crank whatever resists
 
 
+def _excess_of_loads(flow: Flow) -> Array:
+    """The largest excess work (J) of all loads, with a constant torque instead of that of the motor."""
+    torque = sum(flow.here.by_load.values(), jnp.zeros_like(flow.here.torque))
+    mean = jnp.sum(flow.weights * torque) / flow.duty.cycle
+    (most, least), _ = primitive(flow.grid, torque - mean).extremes()
+    return most - least
+
+
 def conclude(machine: Sampler, begun: Begun, edges: AtEdges | None) -> Steady:
     """The motion that follows from the work over the cycle and the energy constant for the wanted time mean."""
     flow, energy, clock, spots, place = begun
@@ -238,14 +247,15 @@ def _concluded(
         shares = sum(flow.here.by_load.values(), jnp.zeros_like(flow.here.torque))
         drive = -jnp.sum(flow.weights * shares) / duty.cycle
         error = None if error is None else jnp.zeros_like(drive)
-    margin, unit = (energy + least) / flow.scale - LEAST, duty.speed
+    margin, unit, excess = (energy + least) / flow.scale - LEAST, duty.speed, most - least
     if flow.driven is not None:
+        excess = _excess_of_loads(flow)
         drive, lowest, unit = flow.driven.mean_torque, jnp.zeros_like(period), mean
         margin = jnp.where(flow.driven.found, margin, -jnp.abs(flow.driven.gain) / flow.scale - LEAST)
     return Steady(
         flow.work, clock, energy, drive, period, mean, (fastest - slowest) / unit,
         None if error is None else jax.lax.stop_gradient(error), fastest, slowest, top, bottom,
         margin, wrapped(angle[1], duty.cycle), lowest,
-        light[0], wrapped(light[1], duty.cycle), flow.floor, most - least, flow.driven,
+        light[0], wrapped(light[1], duty.cycle), flow.floor, excess, flow.driven,
         grid.evaluations + grid.size + 8 * rounds + grid.half.size + 2,
     )  # fmt: skip

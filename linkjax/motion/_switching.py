@@ -126,7 +126,7 @@ def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, begun: Begun | None, mos
     else:
         speed, rate = machine.run(_crank, begun.flow, begun.energy)
     place, pose, active = machine.run(_nodes_alone, grid, at.place, at.sample.pose)
-    forces = machine.forces(place.phi, place.side, pose, active, speed, rate, fixed=True)
+    forces = machine.cut(machine.forces(place.phi, place.side, pose, active, speed, rate, fixed=True), place.phi)
     return machine.run(_changes_of_forces, grid, forces.friction, most=most, soft=soft)
 
 

@@ -160,6 +160,14 @@ def friction_faults(friction: FrictionTable | None, joints: dict[str, JointTable
         yield from friction.faults(("friction",))
         if friction.size() is None and friction.guide is None and friction.mesh_efficiency is None:
             yield ("friction", "coefficient"), "missing", "add coefficient = 0.1, or a material"
+        elif friction.size() is None and not any(
+            joint_kind(name) == "pin" and (joint.coefficient is not None or joint.material is not None)
+            for name, joint in joints.items()
+        ):
+            for key in ("radius", "mean_diameter"):
+                if getattr(friction, key) is not None:
+                    remedy = "add coefficient = 0.1, or coefficient = 0 for pins without friction, or delete it"
+                    yield ("friction", key), "has no effect: no pin has a coefficient of friction", remedy
         yield from _share(friction.mesh_efficiency, ("friction", "mesh_efficiency"))
     for name, joint in joints.items():
         path = ("joints", name)

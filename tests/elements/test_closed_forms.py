@@ -227,7 +227,7 @@ def test_materials():
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda: elements.slider(0.0, 0.1), "angle of the slider is 0.0; write an angle above 0 and below 90"),
+        (lambda: elements.slider(0.0, 0.1), "angle of the slider is 0.0 rad; write an angle above 0 and below 90"),
         (lambda: elements.incline(0.3, -0.1), "friction of the incline is -0.1; write a finite number of zero or more"),
         (lambda: elements.wedge_press(0.3, math.nan), "friction of the wedge press is nan"),
         (lambda: elements.screw(0.02, 0.0, 0.1), "lead of the screw is 0.0; write a finite number above zero"),

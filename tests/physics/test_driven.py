@@ -44,6 +44,18 @@ def test_a_pump_with_a_motor():
     assert float(start[0]) == pytest.approx(29.749740950780, rel=1e-11)
 
 
+def test_excess_work_is_that_of_the_loads():
+    """10 N m against a quarter of a turn, balanced by 2.5 N m throughout: (10 - 2.5) π/2, however much the speed of a
+    motor with a small flywheel varies."""
+    links = {"shaft": lj.Link(length=0.1)}
+    shaft = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, [lj.Crank("shaft", "A", "B")], lj.Flywheel(0.05))
+    load = lj.OpposingTorque("cut", "shaft", magnitude=10.0, window=lj.Window(0.0, math.pi / 2))
+    scene = lj.Scene(shaft, (load,), speed=30.0, motor=lj.MotorDrive(lj.LineMotor(no_load=40.0, stall=10.0)))
+    found = steady(scene)
+    assert float(found.delta) > 0.2
+    assert float(found.excess_work) == pytest.approx(7.5 * math.pi / 2, rel=1e-12)
+
+
 @pytest.mark.slow
 def test_the_same_by_an_analysis():
     """Forces, works and checks of the motion found: the motor's work is that of the pump."""

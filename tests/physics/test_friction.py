@@ -314,6 +314,20 @@ def test_the_frictionless_limit_is_linear():
     assert slope > 0
 
 
+def test_a_geared_fan_is_analysed():
+    """10 N m on a fan that turns four times as fast as the crank, over 100° of it, by teeth that pass on 95 %."""
+    links = {"crank": lj.Link(length=0.1, inertia=1.0), "fan": lj.Link(inertia=0.02)}
+    groups = [lj.Crank("crank", "A", "B"), lj.Gear("fan", "G", lj.Teeth((20, 80)), "crank", "A")]
+    fan = lj.Mechanism({"A": lj.Vec(0.0, 0.0), "G": lj.Vec(-0.15, 0.0)}, links, groups)
+    air = lj.Torque("air", "fan", torque=10.0, window=lj.Window(0.0, math.radians(100)))
+    scene = lj.Scene(fan, (air,), speed=10.0, friction=(MeshFriction("fan", 0.95),), constant_speed=True)
+    works = lj.analyse(scene, angles=12).energies
+    assert works is not None
+    assert float(works["air"].absorbed) == pytest.approx(40 * math.radians(100), rel=1e-9)
+    assert float(works["friction"].absorbed) == pytest.approx(40 * math.radians(100) * (1 / 0.95 - 1), rel=1e-9)
+    assert float(works["friction"].supplied) == 0.0
+
+
 @pytest.mark.parametrize(
     ("friction", "match"),
     [

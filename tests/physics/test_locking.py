@@ -19,7 +19,7 @@ from linkjax._results import Result
 from linkjax.analysis import document, plain
 from linkjax.design import changed, numbers
 from linkjax.forces import kinetostatics, locking_of_pose
-from linkjax.friction import GuideFriction, everywhere
+from linkjax.friction import GuideFriction, PinFriction, everywhere
 from linkjax.kinematics import pose
 from linkjax.machine import ready
 from linkjax.viz import friction_figure
@@ -29,6 +29,22 @@ from tests.viz.test_figures import assert_tidy
 
 R, L, F = 0.1, 0.3, 200.0  # crank and rod of `crank_slider` (m), and a force that resists (N)
 ANGLES = np.radians([10.0, 40.0, 75.0, 100.0, 150.0, 200.0, 260.0, 330.0])
+
+
+def test_useful_loads_that_drive_do_no_useful_work():
+    """A load that helps the crank round: the machine does nothing useful, and the efficiency is zero, with a remark."""
+    scene = crank_slider(friction=(PinFriction("A", 0.1, 0.02),))
+    help_round = lj.Torque("wind", "crank", torque=5.0)
+    scene = dataclasses.replace(scene, loads=(help_round,), useful=("wind",), constant_speed=True)
+    assert float(lj.measures.evaluate(scene, ["efficiency_constant_speed"])["efficiency_constant_speed"]) == 0.0
+    cycle = lj.analyse(scene, angles=12)
+    assert cycle.efficiency == 0.0 and "the useful loads drive the machine, or do no work" in str(cycle)
+
+
+def test_the_locking_factor_is_one_of_the_cycle():
+    scene = crank_slider(friction=(PinFriction("A", 0.1, 0.02),))
+    with pytest.raises(lj.mechanism.StructureError, match="not one at a crank angle; delete the crank angle"):
+        lj.measures.evaluate(scene, ["locking_factor@60deg"])
 
 
 @compiled_soon

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import jax
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import linkjax as lj
 from linkjax.elements import material_friction, seat_friction
 from linkjax.friction import GuideFriction, MeshFriction, PinFriction, Thrust, everywhere
 from linkjax.scenes import SceneError, loads_text, text_of
+from tests.test_cli import run
 
 ALL = {"friction": {"coefficient": 0.1, "radius": "10 mm"}}
 
@@ -110,6 +113,10 @@ def test_contradictions_of_meshes(changes, says):
     [
         ({"friction": {"coefficient": 0.1}}, 'joints.O: the pin has no radius, at which it rubs; add radius = "20 mm"'),
         ({"friction": {"radius": "9 mm"}}, "friction.coefficient: missing; add coefficient"),
+        (
+            {"friction": {"radius": "9 mm", "guide": 0.1}},
+            "has no effect: no pin has a coefficient of friction; add coefficient = 0.1, or coefficient = 0 for",
+        ),
         ({"friction": {"mu": 0.1}}, "not a known key; friction is"),
         ({"friction": 0.1}, "a number where a table is needed"),
         ({"friction": {"material": "wood-steel"}}, "not in the table; write one of steel-steel"),
@@ -132,3 +139,20 @@ def test_contradictions(changes, says):
         lj.load("slider-crank", changes)
     assert says in str(caught.value)
     assert str(caught.value).startswith("slider-crank.toml: ")
+
+
+def test_materials_may_have_dashes():
+    """As they are printed in the table of docs/friction.md."""
+    found = [
+        lj.load("slider-crank", {"friction": {"radius": "9 mm", "material": name}}).friction[0].coefficient
+        for name in ("steel-bronze", "steel–bronze", "bronze − steel")
+    ]
+    assert found[0] == found[1] == found[2] > 0
+
+
+def test_a_machine_that_locks_ends_with_an_error(monkeypatch, capsys, tmp_path):
+    """Everything is written, and the exit code says that the machine does not move."""
+    rough = ("--set", 'friction={coefficient=3, radius="90 mm"}', "--constant-speed", "--quiet", "--angles", "12")
+    code, _, err = run(monkeypatch, capsys, "analyse", "slider-crank", *rough, "--json", str(tmp_path / "a.json"))
+    assert code == 1 and "friction locks the machine" in err and len(err.strip().split("\n")) == 1
+    assert json.loads((tmp_path / "a.json").read_text())["result"]["name"] == "locked"
