@@ -340,7 +340,8 @@ def test_extremes_and_means_of_a_dense_sample(name):
     assert looked > 90
 
 
-@pytest.mark.parametrize("name", ["slider-crank", pytest.param("hay-press", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["slider-crank", "hay-press"])
 def test_strokes_are_those_between_dead_centres(name):
     """The analysis finds the dead centres, the measures the outermost positions."""
     cycle, found = dense(name)

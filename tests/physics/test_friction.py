@@ -133,7 +133,8 @@ def test_friction_circles(degrees):
         assert free / found.drive_torque == pytest.approx(0.8848022477899531, rel=1e-9)
 
 
-@pytest.mark.parametrize("drives", [pytest.param(True, marks=pytest.mark.slow), False])
+@pytest.mark.slow
+@pytest.mark.parametrize("drives", [True, False])
 def test_planet_around_a_fixed_gear(drives):
     """The arm turns a planet of z₂ teeth around a fixed gear of z₁ against the torque L: it needs L (1 + z₁ / (z₂ η)),
     and where the planet drives the arm, this takes L (1 + η z₁ / z₂)."""
