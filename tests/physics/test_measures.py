@@ -74,6 +74,7 @@ FINER = {
     "hay-press": 5e-5,
     "two-slider-press": 5e-5,
     "press-with-motor": 1e-4,
+    "press-with-friction": 3e-5,  # the friction of a pin varies steeply where the load begins
 }  # forces are steep, or almost vanish
 LOST = 2e-14  # rounding of a least force, for every square of its depth
 AWAY = 1e-8  # of a half panel: how far three points beside a summit leave it
