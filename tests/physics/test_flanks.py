@@ -21,6 +21,9 @@ from linkjax import measures
 from linkjax._compile import compiled_soon
 from linkjax.forces import kinetostatics
 from linkjax.groups import Belt
+from linkjax.motion import make_grid
+from linkjax.motion._divided import _divided
+from tests.physics.machines import machine
 
 PINS = ("A.crank", "D.wheel")
 NAMES = tuple(f"{way}_reaction{motion}.{pin}" for motion in ("", "_constant_speed") for pin in PINS
@@ -183,3 +186,13 @@ def test_a_gear_that_turns_fast():
     name = "rms_reaction_constant_speed.A.arm"
     few, many = (float(measures.evaluate(scene, (name,), nodes)[name]) for nodes in (96, 150))
     assert few == pytest.approx(many, rel=1e-11)
+
+
+def test_spare_edges_do_not_depend_on_rounding():
+    """Where panels are equally wide, the same one is halved however their widths are rounded."""
+    grid = make_grid(machine("slider-crank"), 48)
+    widest = np.flatnonzero(np.isclose(grid.half, np.max(grid.half), rtol=1e-12))
+    assert widest.size > 1
+    spare = [jnp.full((1, 2), jnp.inf)]
+    made = [_divided(dataclasses.replace(grid, half=grid.half.at[i].multiply(1 + 1e-14)), spare).edges for i in widest]
+    np.testing.assert_array_equal(made, [made[0]] * len(made))
