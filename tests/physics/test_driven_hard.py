@@ -129,7 +129,6 @@ def test_a_flywheel_too_small_for_the_stroke():
     scene = dataclasses.replace(driven(4.0, 0.0, (-20.0, 1.0, 1.5)), target_delta=0.1)
     cycle = lj.analyse(scene, angles=36, throw=False)
     assert cycle.missing is not None and cycle.flywheel is not None and cycle.flywheel.for_target_delta is not None
-    assert float(cycle.checks.virtual_power) < 1e-12  # of the constant speed: the motion has no balance
     need = float(cycle.flywheel.for_target_delta)
     assert f"a flywheel of {need:.4g} kg m^2" in cycle.missing.reason and "cannot carry" in cycle.missing.reason
     found = agrees(driven(4.0, need, (-20.0, 1.0, 1.5)), 4.0)
