@@ -183,3 +183,12 @@ def test_a_machine_that_locks_has_no_motion():
     assert bool(free.driven.found) == (math.sqrt(8) > 2.5)  # cot of the largest angle of the rod
     assert not bool(locked.driven.found) and float(locked.steady_state_margin) < 0
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(locked))
+
+
+@pytest.mark.slow
+def test_a_machine_that_stalls_is_checked_at_constant_speed():
+    """A motion that does not exist has no balance of power: nothing warns of figures that are right."""
+    cut = (dataclasses.replace(CUT[0], magnitude=400.0),)
+    cycle = lj.analyse(slider_crank(0.1, loads=cut, motor=MOTOR), angles=12, nodes=48)
+    assert cycle.steady is None and cycle.missing is not None
+    assert 0 <= float(cycle.checks.virtual_power) < 1e-14 and float(cycle.checks.force_balance) < 1e-14
