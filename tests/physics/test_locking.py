@@ -128,6 +128,22 @@ def test_both_sides_of_the_limit():
             assert np.isfinite(torque[0]) == (side < 1)
 
 
+@pytest.mark.slow
+def test_both_sides_of_the_limit_with_gears():
+    """Reactions of gears are not linear in the friction: by Newton's method from factor to factor."""
+    scene, angles = lj.load("geared-press"), np.radians([70.0, 280.0])
+
+    def times(more: float) -> lj.Scene:
+        return dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1 * more, 0.01))
+
+    limits = factor(times(1.0), angles)
+    for angle, limit in zip(angles, limits, strict=True):
+        for side in (1 - 1e-6, 1 + 1e-6):
+            torque, moves = torques(times(limit * side), jnp.asarray([angle]), jnp.asarray(1.0))
+            assert bool(moves[0]) is (side < 1)
+            assert np.isfinite(torque[0]) == (side < 1)
+
+
 def test_a_factor_has_exact_derivatives():
     """By coefficient, radius and lengths: forward as reverse, and as differences."""
     scene = resisted()
