@@ -14,6 +14,7 @@ from linkjax.analysis import positions
 from linkjax.rolling import document
 from linkjax.scenes import build, load_rolling, read_document, rolling_names
 from linkjax.viz import machine_figure, rolling_figure, svg
+from sketches import sketches
 
 HERE = Path(__file__).parent
 SCENES = HERE.parent / "linkjax/scenes"
@@ -60,7 +61,8 @@ def machine_of(page: str, name: str) -> lj.Scene:
 
 def write(folder: Path) -> None:
     """Write the gallery and all pictures below a folder."""
-    (folder / "images/gallery").mkdir(parents=True, exist_ok=True)
+    for kind in ("gallery", "groups"):
+        (folder / "images" / kind).mkdir(parents=True, exist_ok=True)
     (folder / "gallery.md").write_text(gallery(), encoding="utf-8")
     pictures = {f"gallery/{name}": drawn(lj.load(name), name) for name in lj.scene_names()}
     for name in rolling_names():
@@ -68,7 +70,7 @@ def write(folder: Path) -> None:
         pictures[f"gallery/{name}"] = svg(name, rolling_figure(data))
     pictures["first-machine"] = drawn(machine_of("first-machine.md", "pump.toml"), "first-machine")
     pictures["describe"] = drawn(machine_of("describe.md", "joints.toml"), "describe")
-    for name, text in pictures.items():
+    for name, text in {**pictures, **sketches()}.items():
         text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)  # hundredths of a point: small files
         (folder / f"images/{name}.svg").write_text(text, encoding="utf-8")
 

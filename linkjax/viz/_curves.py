@@ -71,13 +71,16 @@ def hodograph(ax: Axes, phi: np.ndarray, curve: np.ndarray, look: dict[str, Any]
     if not named or not sound.size:
         return
     span, middle = float(np.max(np.ptp(sound, axis=1))), np.mean(sound, axis=1)
+    axes, sizes, _ = np.linalg.svd(sound - middle[:, None], full_matrices=False)
+    straight = sizes[-1] < 0.02 * sizes[0]
+    across = axes[:, 1] * math.copysign(1.0, axes[1, 1]) if straight else None
     done: list[np.ndarray] = []
     for mark, place in zip(marks[::3], at.T[::3], strict=True):
         near = any(math.hypot(*(place - other)) < 0.25 * span for other in done)
         if near or span == 0 or not np.all(np.isfinite(place)):
             continue
         done.append(place)
-        out = (place - middle) / (math.hypot(*(place - middle)) or 1.0)
+        out = (place - middle) / (math.hypot(*(place - middle)) or 1.0) if across is None else across
         ax.annotate(
             f"{mark}°", tuple(place), xytext=tuple(8.5 * out), textcoords="offset points", size=6,
             ha="center", va="center", color=INK, zorder=1.5, bbox={"facecolor": "white", "linewidth": 0, "pad": 0.6},
