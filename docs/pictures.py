@@ -9,12 +9,13 @@ import re
 import sys
 from pathlib import Path
 
+from sketches import sketches
+
 import linkjax as lj
 from linkjax.analysis import positions
 from linkjax.rolling import document
 from linkjax.scenes import build, load_rolling, read_document, rolling_names
 from linkjax.viz import machine_figure, rolling_figure, svg
-from sketches import sketches
 
 HERE = Path(__file__).parent
 SCENES = HERE.parent / "linkjax/scenes"

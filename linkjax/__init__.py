@@ -128,7 +128,7 @@ if TYPE_CHECKING:
     from linkjax.scenes import rolling_names as rolling_names
     from linkjax.scenes import scene_names as scene_names
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Every subpackage with the names that the package takes from it; the block above is for type checkers.
 _SUBPACKAGES: dict[str, tuple[str, ...]] = {

@@ -14,6 +14,7 @@ from matplotlib.text import Text
 from linkjax import viz
 from linkjax._display import number
 from linkjax._units import display_units
+from linkjax.viz._curves import hodograph
 from linkjax.viz._forces import cases, joints
 from tests.helpers import PACKAGE
 from tests.report.optimum import OPTIMUM
@@ -239,3 +240,16 @@ def test_course_of_an_optimisation():
     calm = {**OPTIMUM, "history": [{"objective": None, "violation": 0.0}], "trade_off": None}
     ((_, history),) = viz.courses(calm, {})
     assert_tidy(history)
+
+
+def test_labels_stand_beside_a_straight_hodograph():
+    """Of a slider, whose hodograph is a line: across it, not on it; along a circle they point outwards."""
+    angles = np.linspace(0, 360, 37)
+    cosine, sine = np.cos(np.radians(angles)), np.sin(np.radians(angles))
+    line, circle = Figure().subplots(1, 2)
+    hodograph(line, angles, np.stack([cosine + 0.3 * cosine**2, 0 * cosine]), {"color": "k"})
+    hodograph(circle, angles, np.stack([cosine, sine]), {"color": "k"})
+    beside = [np.asarray(text.get_position()) for text in line.texts]
+    assert len(beside) >= 3 and all(x == 0 and y > 8 for x, y in beside)
+    outwards = [np.asarray(text.get_position()) @ np.asarray(text.xy) for text in circle.texts]
+    assert len(outwards) == 4 and all(8 < out < 9 for out in outwards)
