@@ -39,12 +39,14 @@ class Numbers(NamedTuple):
         """A number with `digits` significant digits and its unit."""
         return self.alike([value], unit, digits, beside)[0]
 
-    def alike(self, values: Iterable[float], unit: str = "", digits: int = 5, beside: float = 0.0) -> list[str]:
-        """Numbers with `digits` significant digits, all in the unit that suits the largest; a rounding error of the
-        largest is shown as zero, too."""
+    def alike(
+        self, values: Iterable[float], unit: str = "", digits: int = 5, beside: float = 0.0, largest: float = 0.0
+    ) -> list[str]:  # fmt: skip
+        """Numbers with `digits` significant digits, all in the unit that suits the largest, or the `largest` that is
+        shown elsewhere; a rounding error of the largest is shown as zero, too."""
         values = [above(value, beside) for value in values]
         size = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
-        factor, label = prefixed(size, unit, self.units)
+        factor, label = prefixed(max(size, largest), unit, self.units)
         return [_number(factor * above(value, size), label, digits) for value in values]
 
     def shown(self, value: SupportsFloat, unit: str = "") -> str:
@@ -71,9 +73,12 @@ class Numbers(NamedTuple):
     def _angles(self) -> tuple[float, str]:
         return self.units.get("rad", (180 / math.pi, "°"))
 
-    def speed(self, value: float, digits: int = 6) -> str:
-        """A speed of rotation (rad/s), in revolutions per minute unless another unit was chosen."""
+    def speed(self, value: float, digits: int = 6, error: float = 0.0) -> str:
+        """A speed of rotation (rad/s), in revolutions per minute unless another unit was chosen, with no more digits
+        than its `error` allows."""
         factor, label = turning(self.units)
+        ratio = abs(float(value)) / error if error > 0 else math.inf
+        digits = digits if ratio > 10.0**digits else 1 + math.floor(math.log10(max(ratio, 1.0)))
         return _number(factor * float(value), label, digits)
 
     def measured(self, value: float, error: float, unit: str = "", most: int = 10) -> tuple[str, str]:

@@ -314,6 +314,7 @@ def test_nothing_is_written_for_what_is_refused(call, tmp_path):
         (["analyse", "hay-press", "--set", "links.rod.length=-1 m"], 2, "links.rod.length"),
         (["analyse", "hay-press", "--method", "magic"], 2, "magic"),
         (["analyse", "hay-press", "--at", "nan"], 2, "not a finite number"),
+        (["analyse", "hay-press", "--at", "0,30"], 2, "for several angles repeat --at"),
         (["analyse", "hay-press", "--at", "5 kg"], 2, "a mass where an angle is needed"),
         (["analyse", "hay-press", "--at", "1.2 raad"], 2, "did you mean 'rad'"),
         (["new", "no-such-folder/mine"], 2, "choose another place"),

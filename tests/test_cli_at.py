@@ -225,3 +225,13 @@ def test_the_law_that_helps_is_named_as_the_scene_has_it(call):
         with open("short.toml", "w", encoding="utf-8") as file:
             file.write(fixed)
         assert call("analyse", "short.toml", "--angles", 36)[0] == 0
+
+
+def test_why_a_measure_has_no_value(call):
+    words = ("--measure", "drive_torque@30deg", "--measure", "delta", "--measure", "stroke.C")
+    code, out, _ = call("analyse", "slider.toml", "--angles", 36, "--constant-speed", *words)
+    assert code == 0
+    constant = "at constant speed: drive_torque_constant_speed@30deg"
+    assert said(out, "drive_torque@30deg ").split(maxsplit=1) == ["–", f"no actual motion; {constant}"]
+    assert said(out, "delta ").split(maxsplit=1) == ["–", "no actual motion"]
+    assert said(out, "stroke.C ") == "200.00000 mm"

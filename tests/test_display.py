@@ -66,6 +66,17 @@ def test_without_any_they_suit_the_largest():
     assert show.measured(1.1215243512, 1e-8) == ("1.12152435", "± 1.0·10⁻⁸")
 
 
+def test_digits_and_prefixes_for_what_stands_elsewhere():
+    """A speed has the digits that its error allows; a torque at one angle the unit of its peak."""
+    show = Numbers()
+    speed = 0.568487 * math.pi / 30
+    assert [show.speed(speed, error=error) for error in (0.0, speed / 2000, speed / 20, 2 * speed)] == [
+        "0.568487 rpm", "0.5685 rpm", "0.57 rpm", "0.6 rpm",
+    ]  # fmt: skip
+    assert show.alike([0.6038807], "N·m", 7) == ["603.8807 mN·m"]
+    assert show.alike([0.6038807], "N·m", 7, largest=90.0) == ["0.6038807 N·m"]
+
+
 def test_what_is_below_its_error_is_zero():
     show = Numbers()
     assert show.quantity(1.06581e-14, "N·m", 6, beside=100.0) == "0 N·m"

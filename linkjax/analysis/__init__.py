@@ -42,6 +42,7 @@ from linkjax.analysis._tidy import peak_motions as peak_motions
 from linkjax.analysis._tidy import peak_place as peak_place
 from linkjax.analysis._tidy import peak_shown as peak_shown
 from linkjax.analysis._tidy import power_scale as power_scale
+from linkjax.analysis._tidy import speed_error as speed_error
 from linkjax.analysis._tidy import tied as tied
 from linkjax.analysis._tidy import torque_scale as torque_scale
 from linkjax.analysis._tidy import uneven as uneven

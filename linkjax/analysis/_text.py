@@ -10,7 +10,16 @@ from linkjax._display import NONE, ROUNDING, Numbers, above, aligned
 from linkjax._results import Result
 from linkjax.analysis._document import document, moves
 from linkjax.analysis._overload import overload_rows
-from linkjax.analysis._tidy import acts_text, peak_motions, peak_place, peak_shown, power_scale, torque_scale, uneven
+from linkjax.analysis._tidy import (
+    acts_text,
+    peak_motions,
+    peak_place,
+    peak_shown,
+    power_scale,
+    speed_error,
+    torque_scale,
+    uneven,
+)
 from linkjax.analysis._words import peak_label, peak_unit
 from linkjax.loads import Passage
 from linkjax.measures import in_motion, motion_of
@@ -67,8 +76,8 @@ def _motion(data: Data) -> Rows:
     constant = model["method"] != "prescribed" and data.get("motor") is None
     return [
         ("mean crank speed", f"{SHOW.speed(run['mean_speed'])} ({model['mean']} mean)"),
-        ("max crank speed", f"{SHOW.speed(run['max_speed'])}{fastest}"),
-        ("min crank speed", f"{SHOW.speed(run['min_speed'])}{slowest}"),
+        ("max crank speed", f"{SHOW.speed(run['max_speed'], error=speed_error(data))}{fastest}"),
+        ("min crank speed", f"{SHOW.speed(run['min_speed'], error=speed_error(data))}{slowest}"),
         (DELTA, " ".join(SHOW.measured(run["delta"], run["delta_error"]))),
         ("mean drive torque", f"{torque}, constant over the cycle" if constant else torque),
         ("mean power", SHOW.quantity(run["mean_power"], "W", 6, power_scale(data))),

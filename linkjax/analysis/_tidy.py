@@ -84,6 +84,11 @@ def peak_place(data: Data, key: str, show: Numbers) -> str:
     return show.turned(peak_shown(data, key)[1]) + ("" if other is None else f" and {show.turned(other)}")
 
 
+def speed_error(data: Data) -> float:
+    """An error bound of the largest and the smallest crank speed (rad/s), from that of δ."""
+    return float(data["motion"]["delta_error"]) * abs(float(data["motion"]["mean_speed"]))
+
+
 def uneven(data: Data) -> bool:
     """Whether the speed fluctuates by more than the error of δ; otherwise it has no largest value."""
     delta, error = (data["motion"][key] for key in ("delta", "delta_error"))

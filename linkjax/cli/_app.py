@@ -161,7 +161,11 @@ def show(
     ] = None,
     at: Annotated[
         list[str] | None,
-        typer.Option(metavar="ANGLE", help="With --out: crank angle of the drawing; further ones are thin lines."),
+        typer.Option(
+            metavar="ANGLE",
+            help="With --out: crank angle of the drawing (default: where joints are far apart); further ones are thin "
+            "lines.",
+        ),
     ] = None,
     units: Units = "",
     set_: Set = None,
@@ -328,4 +332,5 @@ def angle_of(text: str) -> float:
     try:
         return quantity(text, "angle")
     except QuantityError as error:
-        raise SceneError("--at", "", text, error.problem, error.remedy) from error
+        more = "; for several angles repeat --at" if "," in text else ""
+        raise SceneError("--at", "", text, error.problem, error.remedy + more) from error

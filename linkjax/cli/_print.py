@@ -23,6 +23,7 @@ from linkjax.analysis import (
     peak_shown,
     peak_unit,
     power_scale,
+    speed_error,
     torque_scale,
     uneven,
 )
@@ -160,8 +161,8 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     rows = [("crank speed", f"{show.speed(float(machine.speed))}, constant")] if not moves(data) else [
         ("coefficient of speed fluctuation δ", " ".join(show.measured(run["delta"], run["delta_error"]))),
         ("mean crank speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
-        ("max crank speed", f"{show.speed(run['max_speed'])}{fastest}"),
-        ("min crank speed", f"{show.speed(run['min_speed'])}{slowest}"),
+        ("max crank speed", f"{show.speed(run['max_speed'], error=speed_error(data))}{fastest}"),
+        ("min crank speed", f"{show.speed(run['min_speed'], error=speed_error(data))}{slowest}"),
         ("mean drive torque", show.quantity(run["mean_drive_torque"], "N·m", 6, torque_scale(data))),
         ("mean power", show.quantity(run["mean_power"], "W", 6, power_scale(data))),
         *motor_rows(data, show),

@@ -43,7 +43,8 @@ def print_at(data: Data, machine: Scene, show: Numbers, given: bool = False) -> 
     reduced, torque = data["reduced"], torque_scale(data)
     inertia, slope = show.alike([reduced["inertia"][0], reduced["inertia_slope"][0]], "kg·m²", 7)
     both = [reduced["torque"][0], _forces(data)["drive_torque"][0]]
-    load, drive = show.alike(both, "N·m", 7, torque)
+    largest = max((abs(peak["value"]) for name, peak in data["peaks"].items() if "drive_torque" in name), default=0.0)
+    load, drive = show.alike(both, "N·m", 7, torque, largest)  # at every crank angle in the same unit
     console.print(f"J {inertia}, J' {slope}, Q {load}, ω {show.speed(speed, 7)}, drive torque {drive}", highlight=False)
 
 

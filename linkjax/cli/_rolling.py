@@ -51,7 +51,8 @@ def analyse_rolling(
             figures = linkjax.viz.write_rolling_figures(data, out, units)
             linkjax.viz.animate_rolling(data, out / "machine.gif", units)
             linkjax.report.write_rolling_report(data, out / "report.html", units=units)
-        console.print(f"\n{len(figures)} figures, machine.gif and report.html in {out}", highlight=False)
+        told = f"\n{len(figures) // 2} figures (PNG and SVG), machine.gif and report.html in {out}"
+        console.print(told, highlight=False)
 
 
 def refuse(scene: str, given: dict[str, bool]) -> None:

@@ -202,4 +202,4 @@ def _write(data: dict[str, Any], machine: Scene, out: Path, name: str, units: st
         angles = np.interp(np.linspace(0.0, data["time"][-1], frames), data["time"], data["angle"])
         drawn = document(analyse(machine, constant_speed=True, throw=False), name, __version__)
         linkjax.viz.animate(drawn, machine, out / "machine.gif", angles=angles, seconds=data["time"][-1], units=units)
-    console.print(f"\n{len(figures)} figures and machine.gif in {out}", highlight=False)
+    console.print(f"\n{len(figures) // 2} figures (PNG and SVG) and machine.gif in {out}", highlight=False)

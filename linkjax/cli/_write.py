@@ -33,7 +33,7 @@ def write_out(
         linkjax.report.write_report(
             data, machine, out / "report.html", figures=figures, before=before, optimum=optimum, units=units
         )
-    console.print(f"\n{len(figures)} figures, machine.gif and report.html in {out}", highlight=False)
+    console.print(f"\n{len(figures) // 2} figures (PNG and SVG), machine.gif and report.html in {out}", highlight=False)
 
 
 def write_csv(data: dict[str, Any], folder: Path) -> None:

@@ -25,7 +25,7 @@ from linkjax.design._needs import Needs, breaks_of, needs, rows_for
 from linkjax.design._terms import INITIAL, Limit, Sense, Term, at_least, made_again
 from linkjax.design._variables import OWN, Case, Own, OwnParts, Variable, check
 from linkjax.machine import Names, Scene, nameless, untitled
-from linkjax.measures import NODES, found_by, min_margin, steady_state_margin
+from linkjax.measures import NODES, found_by, measure_names, min_margin, steady_state_margin
 from linkjax.motion import Rows
 
 ASSEMBLED = 1e-3  # smallest assembly margin of a design that counts as assembled
@@ -283,7 +283,10 @@ class Problem:
             if scene.constant_speed:
                 why, remedy = "the scene is for constant speed", "delete constant_speed"
             problem = f"needs the actual motion, but {why}"
-            raise DesignError(asked[0].name, problem, f"{remedy}, or use a measure at constant speed")
+            head, dot, element = asked[0].name.partition(".")
+            other = f"{head}_constant_speed{dot}{element}"
+            other = other if other in measure_names(scene) else "a measure at constant speed"
+            raise DesignError(asked[0].name, problem, f"{remedy}, or use {other}")
 
     def _kinds(self, limits: int) -> list[Kind]:
         """Bounds and scales, from the values and derivatives at the start."""

@@ -20,7 +20,6 @@ from linkjax.measures._gaps import no_transmission_angle as no_transmission_angl
 from linkjax.measures._harmonics import Harmonics as Harmonics
 from linkjax.measures._harmonics import harmonic_family as harmonic_family
 from linkjax.measures._harmonics import harmonics_of as harmonics_of
-from linkjax.measures._inertia import measure_remark as measure_remark
 from linkjax.measures._measures import delta as delta
 from linkjax.measures._measures import energy_per_cycle as energy_per_cycle
 from linkjax.measures._measures import flywheel_for_target_delta as flywheel_for_target_delta
@@ -52,6 +51,7 @@ from linkjax.measures._registry import measure as measure
 from linkjax.measures._registry import measure_names as measure_names
 from linkjax.measures._registry import named as named
 from linkjax.measures._registry import peak as peak
+from linkjax.measures._remarks import measure_remark as measure_remark
 from linkjax.measures._subgradients import Subgradient as Subgradient
 from linkjax.measures._subgradients import subgradients as subgradients
 

@@ -74,13 +74,6 @@ def force_extremes(of: Parts) -> list[Extreme]:
     return [Extreme(QUANTITIES[f"{cause}_reaction"], every, "peak", True) for cause in ("inertia", "static")]
 
 
-def measure_remark(name: str, value: float | None) -> str:
-    """What the value of a measure means for an analysis; "" without a remark."""
-    if name != RATIO or value is None or not value > STATIC:
-        return ""
-    return f"above {STATIC:g}: statics alone is not sufficient"
-
-
 @compiled_soon
 def force_ratio(inertia: Array, static: Array) -> Array:
     """Their ratio; infinite where statics gives no force, and zero where inertia gives none either."""

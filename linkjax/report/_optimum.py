@@ -19,8 +19,11 @@ def asked(show: Cells, optimum: Data) -> str:
     free = [f"{name} ({show.bound(v['lower'], v['unit'])} … {show.bound(v['upper'], v['unit'])})"
             for name, v in optimum["variables"].items()]  # fmt: skip
     rows.append(["design variables", "; ".join(free) or NONE])
-    limits = [f"{in_words(label)} {limit['sense']} {show.bound(limit['bound'], limit['unit'])}"
-              for label, limit in optimum["limits"].items()]  # fmt: skip
+    limits = [
+        f"{in_words(label).removesuffix(' ' + limit['sense'])} {limit['sense']} "
+        f"{show.bound(limit['bound'], limit['unit'])}"
+        for label, limit in optimum["limits"].items()
+    ]
     rows.append(["constraints", "; ".join(limits) or "none"])
     if optimum.get("before_is"):
         rows.append(["before", optimum["before_is"]])

@@ -20,6 +20,7 @@ from linkjax.analysis import (
     peak_shown,
     peak_unit,
     power_scale,
+    speed_error,
     tied,
     torque_scale,
     uneven,
@@ -80,8 +81,8 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
                 0
             ],
             "mean crank speed": show.speed(motion["mean_speed"]),
-            "max crank speed": show.speed(motion["max_speed"]),
-            "min crank speed": show.speed(motion["min_speed"]),
+            "max crank speed": show.speed(motion["max_speed"], error=speed_error(data)),
+            "min crank speed": show.speed(motion["min_speed"], error=speed_error(data)),
             "mean drive torque": show.quantity(float(motion["mean_drive_torque"]), "N·m", beside=torque_scale(data)),
         }
     )

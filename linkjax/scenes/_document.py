@@ -180,7 +180,8 @@ def overridden(document: Document, changes: Mapping[str, Any] | None) -> Documen
 def _resolved(document: Document, key: str, value: Any) -> KeyPath:
     """`key` as a path that exists in the document or in the format."""
     path: KeyPath = ()
-    for step in split(key):
+    steps = split(key)
+    for number, step in enumerate(steps, 1):
         held = lookup(document.table, path)
         annotation = annotation_at(document.table, path)
         if isinstance(held, list):
@@ -191,7 +192,8 @@ def _resolved(document: Document, key: str, value: Any) -> KeyPath:
             part = step if step in known else None
         elif typing.get_origin(annotation) is dict and (held is None or isinstance(held, dict)):
             known = list(held or {})
-            new = isinstance(value, dict) and getattr(typing.get_args(annotation)[1], "may_be_added", False)
+            table = isinstance(value, dict) or number < len(steps)
+            new = table and getattr(typing.get_args(annotation)[1], "may_be_added", False)
             part = step if step in known or new else None
         else:
             raise SceneError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from linkjax._vec import Vec
@@ -23,7 +24,8 @@ Table = dict[str, Any]
 
 
 def text_of(scene: Scene, comment: str = "", like: Document | None = None) -> str:
-    """The scene file of a scene as a string, below a comment: in SI units, or in those of another file, `like`.
+    """The scene file of a scene as a string, below a comment: in SI units, or in those of another file, `like`, without
+    zeros and names that are the defaults and that the other file does not give either.
 
     `loads_text` reads it as the same scene, to the last bit. Raises `StructureError` for groups and loads of kinds that
     scene files do not support, and for scenes that are traced or batched.
@@ -32,7 +34,8 @@ def text_of(scene: Scene, comment: str = "", like: Document | None = None) -> st
 
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     table = table_of(scene)
-    table = table if like is None else in_units(table, units_in(like.table))
+    if like is not None:
+        table = in_units(_slim(table, like.table), units_in(like.table))
     return head + tomli_w.dumps(table, multiline_strings=False)
 
 
@@ -72,6 +75,46 @@ def table_of(scene: Scene) -> Table:
         useful = {name: {"useful": True} for name in scene.useful}
         table["loads"] = [{**load_keys(load), **useful.get(load.name, {})} for load in scene.loads]
     return table
+
+
+def _slim(table: Table, other: Any) -> Table:
+    """The table without defaults that another one does not give, if it still gives the same scene."""
+    short = _given(table, other)
+    try:
+        return short if table_of(build(Document("", short))) == table else table
+    except SceneError:
+        return table
+
+
+def _given(table: Table, other: Any) -> Table:
+    found: Table = {}
+    for key, value in table.items():
+        beside = other.get(key) if isinstance(other, dict) else None
+        if isinstance(value, dict) and value.keys() == {"along", "across"}:
+            value = _given_place(value, beside)
+        elif isinstance(value, dict):
+            value = _given(value, beside)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            rows = beside if isinstance(beside, list) else []
+            value = [_given(row, rows[i] if i < len(rows) else None) for i, row in enumerate(value)]
+        if beside is not None or not (value == {} or _is_default(key, value)):
+            found[key] = value
+    return found
+
+
+def _given_place(place: Table, other: Any) -> Table:
+    """Only along the link where it is not across it either; nothing for its origin."""
+    if not _is_default("across", place["across"]) or (isinstance(other, dict) and "across" in other):
+        return place
+    return {} if other is None and _is_default("along", place["along"]) else {"along": place["along"]}
+
+
+def _is_default(key: str, value: Any) -> bool:
+    """Whether a value may be a default: zero, or the name of a mass centre."""
+    if isinstance(value, list):
+        return bool(value) and all(_is_default(key, each) for each in value)
+    zero = isinstance(value, str) and value.split(" ")[0] in ("0.0", "-0.0", "0")
+    return zero or (key == "centre_name" and re.fullmatch(r"S\d+", value) is not None)
 
 
 def _fits(table: Table) -> bool:

@@ -45,8 +45,7 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
     drive = np.full(phi.shape, float(data["motion"]["mean_drive_torque"]) if runs else 0.0)
     if runs and (data.get("motor") is not None or scene.mechanism.prescribed):
         drive = closed(data, data["forces"]["drive_torque"])
-    loads = {name: closed(data, share) for name, share in reduced["torque_by_load"].items()}
-    loads = {name: share for name, share in loads.items() if largest([share]) > 0}
+    loads = {name: closed(data, reduced["torque_by_load"][name]) for name in loaded(data)}
     looks = {name: line(i) for i, name in enumerate(loads)}
     total, mean = {"color": BLACK, "linewidth": 1.6}, {"color": GREY, "linewidth": 1.4, "linestyle": (0, (5, 2))}
     energy_look = {"color": BLACK, "linewidth": 1.6, "linestyle": (0, (1.5, 1.5))}
@@ -84,6 +83,11 @@ def torque_figure(data: Data, scene: Scene, before: Data | None = None, units: U
     bottom.set_title(label(f"work since φ = 0{', and change of kinetic energy' if runs else ''}", shown))
     over_crank([top, bottom], data, scene)
     return figure
+
+
+def loaded(data: Data) -> list[str]:
+    """The loads with a reduced torque."""
+    return [name for name, share in data["reduced"]["torque_by_load"].items() if largest([share]) > 0]
 
 
 def _gain(data: Data) -> np.ndarray:

@@ -14,7 +14,7 @@ from linkjax._display import Units
 from linkjax._units import display_units
 from linkjax.analysis import moves
 from linkjax.machine import Scene
-from linkjax.viz._dynamics import speed_figure, torque_figure
+from linkjax.viz._dynamics import loaded, speed_figure, torque_figure
 from linkjax.viz._forces import drive_figure, reaction_hodographs_figure, reactions_figure, shaking_figure
 from linkjax.viz._friction import friction_figure, rubs
 from linkjax.viz._kinematics import (
@@ -51,7 +51,7 @@ PICTURES = (
     Picture("acceleration-hodographs", "Hodographs of the second kinematic coefficients",
             acceleration_hodographs_figure, "points"),
     Picture("inertia", "Reduced inertia and its derivative", inertia_figure, "reduced"),
-    Picture("torque", "Reduced torque of each load, drive torque, and work", torque_figure, "reduced"),
+    Picture("torque", "Reduced torque of each load, drive torque, and work", torque_figure, "torques"),
     Picture("loads", "Force of each load, power of loads and drive", loads_figure, "loads"),
     Picture("friction", "Work and power that the friction of every joint takes", friction_figure, "friction"),
     Picture("speed", "Speed and angular acceleration of the crank", speed_figure, "motion"),
@@ -110,6 +110,8 @@ def _has(data: Data, part: str, scene: Scene) -> bool:
         return rubs(data)
     if part == "free motion":
         return moves(data) and not scene.mechanism.prescribed
+    if part == "torques":
+        return moves(data) or bool(loaded(data))
     if part == "loop":
         return has_loop(data, scene)
     return bool(data.get(part) or (part == "forces" and data.get("forces_constant_speed")))

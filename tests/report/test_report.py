@@ -14,6 +14,7 @@ from linkjax._units import QuantityError, display_units
 from linkjax.analysis import peak_shown
 from linkjax.report import _tables, write_report
 from linkjax.report._cells import Cells, Numbers
+from linkjax.report._optimum import asked
 from linkjax.viz import write_figures
 from tests.report.optimum import OPTIMUM
 from tests.report.pages import assert_printed, read
@@ -236,6 +237,10 @@ def test_optimisation(compared):
     _, page = compared
     assert page.row("objective") == ["minimise peak shaking force"]
     assert page.row("constraints") == ["peak drive torque at most 52 kN·m; min margin at least 0.01"]
+    both = {**OPTIMUM["limits"]["min_margin"], "bound": 0.02}
+    limits = {"min_margin at least": both, "min_margin at most": {**both, "sense": "at most"}}
+    shown = asked(Cells(), {**OPTIMUM, "limits": limits})
+    assert "min margin at least 0.02; min margin at most 0.02" in shown
     assert page.row("design variables") == ["links.rod.length (0.95 m … 1.15 m); points.E.turned (20° … 40°)"]
     assert page.row("solver") == ["cone: largest magnitudes"]
     assert page.row("before") == ["the machine as it was"]

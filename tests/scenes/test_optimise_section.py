@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import linkjax as lj
-from linkjax.scenes import SceneError, build, build_problem, load_document, override, read_document
+from linkjax.scenes import SceneError, build, build_problem, load_document, overridden, override, read_document
 
 HEAD = """
 speed = "100 rpm"
@@ -84,7 +84,7 @@ def test_the_hay_press_asks_for_what_the_readme_says():
         ("cases = [{ name = 'a', changes = { speed = true } }]", "a truth value where a quantity is needed"),
         ("trade_off = { limit = 'delta' }", "optimise.trade_off.bounds: missing"),
         ("changes = { 'links.crank.lenth' = 1 }", "did you mean 'links.crank.length'"),
-        ("changes = { 'links.crank.counterweights.W.mass' = 1 }", "not a known key"),
+        ("changes = { 'links.crank.counterweights.W.mass' = 1 }", r"counterweights.W.at: missing"),
     ],
 )
 def test_what_is_wrong_is_named(section, says):
@@ -95,3 +95,6 @@ def test_what_is_wrong_is_named(section, says):
 def test_a_counterweight_may_be_added_by_hand():
     press = override(load_document("hay-press"), "links.crank.counterweights.W", '{ mass = "3 kg", at = "-0.1 m" }')
     assert float(build(press).mechanism.links["crank"].counterweights["W"].mass) == 3.0
+    keys = {"links.crank.counterweights.K.mass": "2 kg", "links.crank.counterweights.K.at": "-0.1 m"}
+    added = build(overridden(load_document("hay-press"), keys)).mechanism.links["crank"].counterweights["K"]
+    assert (float(added.mass), float(added.at.x)) == (2.0, -0.1)

@@ -13,7 +13,7 @@ import linkjax as lj
 from linkjax import StructureError, Torque
 from linkjax.design import changed, numbers
 from linkjax.groups import AbstractLaw
-from linkjax.scenes import load_document, loads_text, text_of
+from linkjax.scenes import build, load_document, loads_text, read_document, text_of
 from linkjax.scenes._in_units import in_units, units_in
 from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
 
@@ -83,6 +83,29 @@ def test_in_the_units_of_another_file(name, rng):
         return
     lengths = [link.get("length") for link in given.table["links"].values() if "length" in link]
     assert all(f'"{length}"' in text_of(scene, like=given) for length in lengths if length.endswith("mm"))
+
+
+def test_defaults_that_the_other_file_does_not_give():
+    """They are left out, and written where the scene would be another without them."""
+    text = """
+        speed = "60 rpm"
+        fixed.A = [0, 0]
+        links.crank = { length = "60 mm", uniform = true, mass = "2 kg" }
+        [[groups]]
+        kind = "crank"
+        link = "crank"
+        pivot = "A"
+        end = "B"
+        """
+    document = read_document(text, "crank.toml")
+    scene = build(document)
+    shorter, longer = text_of(scene, like=document), text_of(scene)
+    for left_out in ("gravity", "flywheel", "phase", "centre_name"):
+        assert left_out in longer and left_out not in shorter
+    heavy = dataclasses.replace(scene, gravity=lj.Vec(0.0, -9.8))
+    assert "gravity" in text_of(heavy, like=document)
+    renamed = text.replace("uniform = true", 'centre_name = "S1"')
+    assert "centre_name" in text_of(build(read_document(renamed)), like=read_document(renamed))
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from linkjax._display import number
 from linkjax._units import display_units
 from linkjax.viz._curves import hodograph
 from linkjax.viz._forces import cases, joints
+from linkjax.viz._write import _has
 from tests.helpers import PACKAGE
 from tests.report.optimum import OPTIMUM
 from tests.viz.cycles import SCENES, STANDARD, analysed
@@ -240,6 +241,16 @@ def test_course_of_an_optimisation():
     calm = {**OPTIMUM, "history": [{"objective": None, "violation": 0.0}], "trade_off": None}
     ((_, history),) = viz.courses(calm, {})
     assert_tidy(history)
+
+
+def test_no_figure_of_torques_without_any():
+    """Without actual motion and loads there is nothing to draw but rounding errors."""
+    scene, data = analysed("hay-press")
+    model, reduced = {**data["model"], "method": "constant speed"}, data["reduced"]
+    still = {**data, "model": model, "motion": {**data["motion"], "speed": None}}
+    free = {name: 0.0 * np.asarray(share) for name, share in reduced["torque_by_load"].items()}
+    assert _has(still, "torques", scene)
+    assert not _has({**still, "reduced": {**reduced, "torque_by_load": free}}, "torques", scene)
 
 
 def test_labels_stand_beside_a_straight_hodograph():
