@@ -146,7 +146,7 @@ def friction_runs(scene: Any, shown: tuple[RubbingAt, ...], over: tuple[RubbedOv
 
 def useful_share(cycle: Any) -> float | None:
     """Work on the useful loads over the net work of the drive, per cycle; zero where friction locks the machine, and
-    where the useful loads drive it; None without useful loads or works."""
+    where the useful loads drive it, or other loads alone do; None without useful loads or works."""
     run = cycle.friction or cycle.friction_constant_speed
     if cycle.scene.useful and run is not None and bool(run.locks):
         return 0.0
@@ -155,9 +155,7 @@ def useful_share(cycle: Any) -> float | None:
         return None
     given = works["drive" if cycle.scene.motor is None else "motor"].net
     done = -sum(works[name].net for name in cycle.scene.useful)
-    if float(done) <= 0:
-        return 0.0
-    return float(done / given) if float(given) else None
+    return float(done / given) if float(done) > 0 and float(given) > 0 else 0.0
 
 
 def locked_text(cycle: Any) -> str:

@@ -106,7 +106,9 @@ def motor_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
         return rows
     states = f"{run['stable_states']} stable motions from 0.02 to 4 times `speed`"
     more = "" if run["stable_states"] == 1 else f"; {states}, listed by `linkjax.steady_states`"
-    kept = f"{run['multiplier']:.3g} of a small difference in speed is left after one cycle{more}"
+    least = 1e-12
+    left = f"{run['multiplier']:.3g}" if abs(run["multiplier"]) >= least else f"less than {least:g}"
+    kept = f"{left} of a small difference in speed is left after one cycle{more}"
     return [*rows, ("stability", kept)]
 
 
@@ -126,10 +128,15 @@ def efficiency_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
 
 
 def _no_use(data: Data) -> str:
-    """A remark where no useful work is done although the machine moves."""
-    run = _rubbing(data)
+    """A remark where other loads drive the machine, or no useful work is done although it moves."""
+    run, works = _rubbing(data), data["energies"] or {}
+    if data["efficiency"] > 1:
+        return " (other loads drive the machine as well: what they supply is not counted)"
     if data["efficiency"] != 0 or (run is not None and run["locks"]):
         return ""
+    driven = works.get("motor") or works.get("drive")
+    if driven is not None and driven["supplied"] <= driven["absorbed"]:
+        return " (over the cycle the drive does no net work, loads drive the machine: check their signs and windows)"
     return " (over the cycle the useful loads drive the machine, or do no work: check their signs and windows)"
 
 

@@ -140,7 +140,7 @@ def print_summary(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     if data["model"]["method"] == "constant speed" and machine.target_delta is not None:
         console.print("NOTE: no flywheel is computed at constant speed", highlight=False)
     if moves(data) and run["delta_error"] > max(COARSE * run["delta"], EVEN):
-        more = f"the speed fluctuates too much for {model['nodes']} nodes; use --nodes {4 * model['nodes']}"
+        more = f"δ has an error of {100 * run['delta_error'] / run['delta']:.2g} %: repeat it with more --nodes"
         console.print(f"WARNING: {more}", style="bold", highlight=False)
     if model["indeterminate"]:
         joints = ", ".join(model["indeterminate"])
@@ -173,7 +173,8 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
         need, target = wheel["for_target_delta"], wheel["target_delta"]
         exact = show.quantity(need, "kg·m²", 6) if need > 0 else "none needed"
         textbook = show.quantity(wheel["textbook"], "kg·m²", 4)
-        rows.append((f"flywheel for δ = {target:g}", f"{exact}  (textbook ΔA/(δω²): {textbook})"))
+        torque = ", at a constant torque" if data.get("motor") else ""
+        rows.append((f"flywheel for δ = {target:g}", f"{exact}  (textbook ΔA/(δω²){torque}: {textbook})"))
     rows += [
         (f"load {load.name} acts", acts_text(data, load.name, show))
         for load in machine.loads if isinstance(load.window, Passage)

@@ -48,7 +48,7 @@ def loss(of: Parts, joint: str, motion: bool) -> Array:
 
 def efficiency(of: Parts, motion: bool) -> Array:
     """Work on the useful loads over the net work of the drive in a cycle of the actual `motion`, or at constant speed;
-    zero where the machine locks, and where the useful loads drive it."""
+    zero where the machine locks, and where the useful loads drive it, or other loads alone do."""
     regime = _motion(of, motion)
     here = all_loads(of.machine, of.grid, of.at, of.steady if motion else None)
     at = of.nodes_in(regime)
@@ -103,7 +103,8 @@ def _efficiency(
     torque = safe_divide(power[0, 0], speed)[: divided.size].reshape(divided.nodes.shape)
     given = jnp.sum(divided.half[:, None] * divided.rule.w[None] * torque)
     done = jnp.sum(grid.half[:, None] * grid.rule.w[None] * work)
-    return jnp.where(is_locked(divided, moves) | (done <= 0), 0.0, safe_divide(done, given, jnp.nan))
+    none = is_locked(divided, moves) | (done <= 0) | (given <= 0)
+    return jnp.where(none, 0.0, safe_divide(done, given, 0.0))
 
 
 @quantity("1", "", moves=False)

@@ -46,7 +46,7 @@ from linkjax.sampling import Sample, Sampler
 REVERSALS = 4  # the most reversals per opposing load and crank turn
 RUBS = 3  # reversals per joint with friction and crank turn, in the mean; each has at most as many as a load
 ROUGH = 8  # the least nodes per panel with friction, whose many reversals make panels narrow
-POLISH = 2  # evaluations that refine each of them
+POLISH = 2  # evaluations that refine each of them; with friction one more, for their derivatives
 
 
 @node
@@ -243,7 +243,7 @@ def grid_of(
 
     found, flat = machine.run(_scanned, moved(scanned), acting, plan=plan)
     angle = found.angle
-    for _ in range(POLISH - 1):
+    for _ in range(POLISH - 1 + bool(rough)):
         angle, flat = machine.run(_polished, angle, moved(machine.sample(flat, fixed=True, dynamics=False)), found)
     last = moved(machine.sample(flat, dynamics=False))
     return machine.run(_grid, switches, found, angle, last, near, plan=plan)
@@ -305,7 +305,7 @@ def _grid(
         if loads:  # between the true and the computed angle of a reversal its load has the wrong sign
             wrong = jnp.sum(jnp.where(turns.present, turns.rate * turns.left**2, 0.0)[:loads], axis=1)
             doubt = jax.lax.stop_gradient(jnp.sum(jnp.abs(jnp.stack(switches.strengths)) * wrong))
-        evaluations += POLISH * turns.angle.size
+        evaluations += (POLISH + bool(plan.rubs)) * turns.angle.size
     if switches.passed is not None:
         overflow, doubt = overflow | switches.passed.overflow, doubt + switches.passed.doubt
     soft = jax.lax.stop_gradient(_closest(margins, plan))

@@ -16,7 +16,7 @@ import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.friction import GuideFriction, everywhere
 from linkjax.machine import ReadyScene, Scene, ready
-from linkjax.motion import Steady
+from linkjax.motion import Steady, make_grid
 from tests.physics import rubbed
 
 PHI = np.linspace(0, 2 * np.pi, 48, endpoint=False) + 0.013
@@ -92,6 +92,32 @@ def test_panels_end_where_the_force_of_a_pin_is_least():
     least = np.argmin(np.abs(force))
     assert 0 < least < fine.size - 1
     assert np.min(np.abs(np.asarray(found.grid.edges) - fine[least])) < 1e-3
+
+
+@compiled_soon
+def edges_by_offset(offset: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """The edges of the panels of a slider-crank whose guide rubs, and their derivatives by its offset."""
+
+    def edges(offset: jax.Array) -> jax.Array:
+        scene = slider_crank(0.0)
+        crank, rod = scene.mechanism.groups
+        groups = (crank, dataclasses.replace(rod, guide=lj.Guide("A", offset=offset)))
+        mechanism = dataclasses.replace(scene.mechanism, groups=groups)
+        return make_grid(
+            dataclasses.replace(scene, mechanism=mechanism, friction=(GuideFriction("slider", 0.1),)), 64
+        ).edges
+
+    return jax.jvp(edges, (offset,), (jnp.ones(()),))
+
+
+def test_dead_centres_move_with_the_offset():
+    """Where a guide begins to rub the other way: sin φ = e / (l ± r), and so is its derivative."""
+    offset = 0.12
+    found, slopes = (np.asarray(each) for each in edges_by_offset(jnp.asarray(offset)))
+    for reach, turned in ((0.4, 0.0), (0.2, math.pi)):
+        at = int(np.argmin(np.abs(found - turned - math.asin(offset / reach))))
+        assert found[at] == pytest.approx(turned + math.asin(offset / reach), rel=1e-14)
+        assert slopes[at] == pytest.approx(1 / math.sqrt(reach**2 - offset**2), rel=1e-13)
 
 
 def test_the_mean_speed_is_the_wanted_one():

@@ -38,7 +38,19 @@ def test_useful_loads_that_drive_do_no_useful_work():
     scene = dataclasses.replace(scene, loads=(help_round,), useful=("wind",), constant_speed=True)
     assert float(lj.measures.evaluate(scene, ["efficiency_constant_speed"])["efficiency_constant_speed"]) == 0.0
     cycle = lj.analyse(scene, angles=12)
-    assert cycle.efficiency == 0.0 and "the useful loads drive the machine, or do no work" in str(cycle)
+    assert cycle.efficiency == 0.0 and "the drive does no net work, loads drive the machine" in str(cycle)
+    brake = lj.Torque("brake", "crank", torque=-3.0)  # what is left drives the drive
+    scene = dataclasses.replace(scene, loads=(help_round, brake), useful=("brake",))
+    assert float(lj.measures.evaluate(scene, ["efficiency_constant_speed"])["efficiency_constant_speed"]) == 0.0
+    cycle = lj.analyse(scene, angles=12)
+    assert cycle.efficiency == 0.0
+    scene = dataclasses.replace(scene, loads=(help_round, dataclasses.replace(brake, torque=jnp.asarray(-6.0))))
+    other = lj.analyse(dataclasses.replace(scene, useful=("wind",)), angles=12)
+    assert other.efficiency == 0.0 and "the useful loads drive the machine, or do no work" in str(other)
+    cycle = lj.analyse(scene, angles=12)
+    assert (
+        cycle.efficiency is not None and cycle.efficiency > 1 and "other loads drive the machine as well" in str(cycle)
+    )
 
 
 def test_the_locking_factor_is_one_of_the_cycle():
