@@ -74,7 +74,7 @@ def test_a_warning_near_a_dead_position(length, warned):
     run = subprocess.run(
         [sys.executable, "-c", NEARLY.replace("X", length)], capture_output=True, text=True, check=True
     )
-    assert ("float32 leaves this machine about" in run.stderr) == warned
+    assert ("float32 gives this machine about" in run.stderr) == warned
 
 
 def test_a_geared_machine_that_comes_round():
