@@ -130,7 +130,7 @@ def efficiency_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
 def _no_use(data: Data) -> str:
     """A remark where other loads drive the machine, or no useful work is done although it moves."""
     run, works = _rubbing(data), data["energies"] or {}
-    if data["efficiency"] > 1:
+    if data["efficiency"] > 1 + 1e-9:
         return " (other loads drive the machine as well: what they supply is not counted)"
     if data["efficiency"] != 0 or (run is not None and run["locks"]):
         return ""

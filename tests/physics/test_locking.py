@@ -45,6 +45,8 @@ def test_useful_loads_that_drive_do_no_useful_work():
     cycle = lj.analyse(scene, angles=12)
     assert cycle.efficiency == 0.0
     scene = dataclasses.replace(scene, loads=(help_round, dataclasses.replace(brake, torque=jnp.asarray(-6.0))))
+    free = str(lj.analyse(dataclasses.replace(resisted(), constant_speed=True), angles=12))
+    assert "100 %\n" in free  # up to rounding, and without a remark
     other = lj.analyse(dataclasses.replace(scene, useful=("wind",)), angles=12)
     assert other.efficiency == 0.0 and "the useful loads drive the machine, or do no work" in str(other)
     cycle = lj.analyse(scene, angles=12)
