@@ -20,7 +20,9 @@ from jaxtyping import Array, Bool, Float
 from linkjax._numerics import safe_divide
 from linkjax.friction import AbstractFriction
 
-STEPS = 40  # the most steps of Newton's method
+STEPS, FEWER = 40, 8  # the most steps of Newton's method: for all friction, and for a part of it on the way there
+LONGER, SHORTER = 1.5, 0.3  # the next part of friction after a solution, and without one
+LEAST = 1e-5  # the least part: where it is smaller the machine locks
 SMALL = 1e-10  # relative: after a step of Newton's method as small as this the next one has all digits
 MORE = 2  # steps of which the size is small
 NEARER = 0.1  # relative: a single step that leads nearer to a solution
@@ -111,6 +113,10 @@ class Contacts(NamedTuple):
         """What is left of the equations."""
         return c + self.senses * self.sizes(self.reactions(c, rate)), rate - advance(self.torque(c))
 
+    def part(self, of: Array) -> Contacts:
+        """With so much of all friction: the senses times this number."""
+        return self._replace(senses=self.senses * of[None])
+
     def moved(self, advance: Advance, c: Array, rate: Array, left: tuple[Array, Array]) -> tuple[Array, Array, Array]:
         """The change of c and of the acceleration that makes up for what is `left` of the linear equations, and the
         sign of their determinant."""
@@ -161,32 +167,64 @@ def frictions_of(
         return Frictions(c, rate, jnp.ones_like(rate, bool))
     at, ahead = jax.lax.stop_gradient((contacts, advance))
 
-    def step(c: Array, rate: Array) -> tuple[Array, Array, Array, Array]:
-        move, more, sign = at.moved(ahead, c, rate, at.left(ahead, c, rate))
+    def step(c: Array, rate: Array, part: Array) -> tuple[Array, Array, Array, Array]:
+        some = at.part(part)
+        move, more, sign = some.moved(ahead, c, rate, some.left(ahead, c, rate))
         c, rate = c + move, rate + more
         last = jnp.max(safe_divide(jnp.abs(move), jnp.max(jnp.abs(c), axis=0)[None] * jnp.ones_like(c)), axis=0)
         return c, rate, jnp.maximum(last, safe_divide(jnp.abs(more), jnp.abs(rate))), sign
 
     if near is not None:
-        c, rate, last, sign = step(*near)
+        c, rate, last, sign = step(*near, jnp.ones_like(near[1]))
         nearer = (last < NEARER) & (sign > 0)
         state = jnp.where(nearer[None], c, near[0]), jnp.where(nearer, rate, near[1])
         return Frictions(*_implicit(contacts, advance, jax.lax.stop_gradient(state)), (last < NEAR) & (sign > 0))
 
-    def again(loop: tuple) -> tuple:
-        count, c, rate, _, _, spare = loop
-        c, rate, last, sign = step(c, rate)
-        return count + 1, c, rate, last, sign, spare - jnp.where(last > SMALL, 0, 1).astype(spare.dtype)
-
     none = jnp.zeros_like(at.senses)
-    free = ahead(at.torque(none))
-    one = jnp.ones_like(free)
-    loop = (jnp.zeros((), jnp.int32), none, free, one, one, jnp.full(one.shape, MORE, jnp.int32))
-    loop = jax.lax.while_loop(lambda s: jnp.any(s[5] > 0) & (s[0] < STEPS), again, loop)
-    _, c, rate, last, sign, _ = loop
-    found = (last < NEAR) & (sign > 0)
-    state = jnp.where(found[None], c, none), jnp.where(found, rate, free)
-    return Frictions(*_implicit(contacts, advance, state), found)
+    found, *state = continued(step, none, ahead(at.torque(none)))
+    return Frictions(*_implicit(contacts, advance, (state[0], state[1])), found)
+
+
+class _Search(NamedTuple):
+    """The part of all friction that was reached with its frictions and acceleration, and the next part to add; and for
+    the sum of both the steps of Newton's method, those of them that were not small yet, and where they are."""
+
+    reached: Array
+    kept: tuple[Array, Array]
+    more: Array
+    count: Array
+    spare: Array
+    here: tuple[Array, Array]
+
+
+def continued(
+    step: Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]], none: Array, free: Array
+) -> tuple[Array, Array, Array]:
+    """Whether there are frictions and an acceleration that continue those without friction, `none` and `free`, and
+    these; where there are none, those without friction. Newton's method tries all friction at once; where it finds
+    nothing, a part of it, and from there a larger part. `step` takes one step of it with a part of friction, and gives
+    the relative change and the sign of the determinant as well."""
+
+    def again(now: _Search) -> _Search:
+        part = jnp.minimum(now.reached + now.more, 1.0)
+        c, rate, last, sign = step(*now.here, part)
+        count, spare = now.count + 1, now.spare - jnp.where(last > SMALL, 0, 1).astype(now.spare.dtype)
+        ends = (spare <= 0) | (count >= jnp.where(part < 1, FEWER, STEPS))
+        good = ends & (last < NEAR) & (sign > 0)
+        kept = jnp.where(good[None], c, now.kept[0]), jnp.where(good, rate, now.kept[1])
+        here = jnp.where(ends[None], kept[0], c), jnp.where(ends, kept[1], rate)
+        more = now.more * jnp.where(good, LONGER, jnp.where(ends, SHORTER, 1.0))
+        reached = jnp.where(good, part, now.reached)
+        return _Search(reached, kept, more, jnp.where(ends, 0, count), jnp.where(ends, MORE, spare), here)
+
+    def goes_on(now: _Search) -> Array:
+        return jnp.any((now.reached < 1) & (now.more > LEAST))
+
+    zero = jnp.zeros_like(free)
+    begin = _Search(zero, (none, free), zero + 1, zero.astype(jnp.int32), zero.astype(jnp.int32) + MORE, (none, free))
+    end = jax.lax.while_loop(goes_on, again, begin)
+    found = end.reached >= 1
+    return found, jnp.where(found[None], end.kept[0], none), jnp.where(found, end.kept[1], free)
 
 
 @jax.custom_jvp
@@ -230,18 +268,19 @@ def rubbed(
         return jnp.append(c + way * senses * jnp.stack(sizes), rate - advance(paces @ c))
 
     def solve(left: Callable[[Array], Array], begin: Array) -> tuple[Array, Array]:
-        def again(loop: tuple) -> tuple:
-            count, state, *_ = loop
-            move, sign = eliminated(jax.jacfwd(left)(state), -left(state))
-            new, part = state + move, jnp.arange(state.size) < senses.size
-            sizes = jnp.where(part, jnp.max(jnp.abs(new[:-1])), jnp.abs(new[-1]))
-            last = jnp.max(safe_divide(jnp.abs(move), sizes))
-            return count + 1, new, last, sign, loop[4] - jnp.where(last > SMALL, 0, 1)
+        def step(c: Array, rate: Array, part: Array) -> tuple[Array, Array, Array, Array]:
+            state, parts = jnp.append(c, rate), jnp.append(jnp.full_like(c, part), jnp.ones_like(rate))
 
-        loop = jnp.zeros((), jnp.int32), begin, *(jnp.ones_like(begin[0]),) * 2, jnp.asarray(MORE, jnp.int32)
-        _, state, last, sign, _ = jax.lax.while_loop(lambda s: (s[4] > 0) & (s[0] < STEPS), again, loop)
-        found = (last < NEAR) & (sign > 0)
-        return jnp.where(found, state, begin), jnp.where(found, 1.0, 0.0)  # numbers: `custom_root` has no others
+            def some(state: Array) -> Array:
+                return state + parts * (left(state) - state)
+
+            move, sign = eliminated(jax.jacfwd(some)(state), -some(state))
+            new = state + move
+            sizes = jnp.append(jnp.full_like(c, jnp.max(jnp.abs(new[:-1]))), jnp.abs(new[-1]))
+            return new[:-1], new[-1], jnp.max(safe_divide(jnp.abs(move), sizes)), sign
+
+        found, c, rate = continued(step, begin[:-1], begin[-1])
+        return jnp.append(c, rate), jnp.where(found, 1.0, 0.0)  # numbers: `custom_root` has no others
 
     def tangent(linear: Callable[[Array], Array], right: Array) -> Array:
         return eliminated(jax.jacfwd(linear)(jnp.zeros_like(right)), right)[0]

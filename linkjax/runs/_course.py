@@ -19,7 +19,7 @@ from linkjax.machine import ReadyScene
 from linkjax.motion import Course, Way, march, solver_for
 from linkjax.reduction import unloaded
 
-NEWTON = 4  # steps for the time of a passage
+NEWTON = 6  # steps for the time of a passage, so that its rate has all digits as well
 
 
 class Times(NamedTuple):

@@ -140,4 +140,4 @@ def test_derivatives_of_a_run_up():
     for i, size in enumerate(np.asarray(first)):
         h = 1e-4 * size
         low, high = (float(single(first.at[i].add(step))) for step in (-h, h))
-        assert (high - low) / (2 * h) == pytest.approx(ahead[i], rel=1e-4)
+        assert (high - low) / (2 * h) == pytest.approx(ahead[i], rel=1e-6)
