@@ -157,12 +157,12 @@ class GuideFriction(AbstractFriction):
     def switches(self, normal, moment):
         if self.length is None:
             return (normal,)
-        edges = 2 * moment / self.length
-        return normal, edges, jnp.abs(normal) - jnp.abs(edges)
+        edges = 2 * moment / self.length  # smooth where both sizes are equal twice within a short way
+        return normal - edges, normal + edges
 
     @property
     def kinks(self):
-        return 1 if self.length is None else 3
+        return 1 if self.length is None else 2
 
     def at_rest(self):
         return self if self.static is None else dataclasses.replace(self, coefficient=self.static, static=None)

@@ -27,7 +27,7 @@ from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import moving_at_nodes
-from linkjax.motion._edges import REACH, Candidates, nearest, together
+from linkjax.motion._edges import KINK, REACH, Candidates, nearest, together
 from linkjax.motion._flow import Begun, Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
 from linkjax.motion._guess import guessed, rubbing_joints, unknown
@@ -38,9 +38,9 @@ from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
-OFTEN = (1, 1, 2)  # times so many for the numbers of a guide: between two zeros of a force two sizes are equal twice
-SOFT = 2  # panels that end where the force of a pin is least, per joint with friction and crank turn, in the mean
-# rounds of finding the motion and its kinks: at knots alone, with guides that rub, and with a lossy transmission
+SOFT = 2  # joints with friction for one place per crank turn where the force of a pin almost vanishes
+AROUND = 1.0, 8.0, 64.0  # times the distance of the singularity there: how far from such a place panels end
+# rounds of finding the motion and its kinks: at knots alone, with friction, and with a lossy transmission
 ROUNDS, RUBBED_ROUNDS, LOSSY_ROUNDS = 1, 2, 3
 IDLE = 1e-11  # of the largest force of a guide: a force that is less throughout is a rounding error
 NEARLY = (
@@ -72,23 +72,29 @@ def grid_with_kinks(
         return grid_of(*given)
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     most = CHANGES * scene.cycle_turns
-    soft = SOFT * scene.cycle_turns * len(scene.friction)
-    found = jnp.full(most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft, jnp.inf)
-    grid, still = grid_of(*given, found), found[:0]
+    soft = -(-len(scene.friction) // SOFT) * scene.cycle_turns
+    more = most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft * 2 * len(AROUND)
+    found = jnp.full(more, jnp.inf)
+    grid, none = grid_of(*given, found), found[:0]
     at = at_nodes(machine, grid, edges=kinks)
-    if loses:
-        poses = at.sample.pose if on_pose(scene) else None
-        still = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
-    if scene.friction:
-        still = machine.run(_joined, still, _rubbing(machine, grid, at, None, most, soft))
-    if not kinks:
-        return grid_of(*given, still)
-    rounds = LOSSY_ROUNDS if loses else RUBBED_ROUNDS if rubs else ROUNDS
-    grid = machine.run(unknown, grid, joints=rubbing_joints(scene))
+
+    def still(machine: Sampler, grid: Grid, at: AtNodes) -> Any:
+        ends = none
+        if loses:
+            poses = at.sample.pose if on_pose(scene) else None
+            ends = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
+        return machine.run(_joined, ends, _rubbing(machine, grid, at, None, most, soft)) if scene.friction else ends
+
+    rounds = LOSSY_ROUNDS if loses else RUBBED_ROUNDS if scene.friction else ROUNDS
+    if kinks:
+        grid = machine.run(unknown, grid, joints=rubbing_joints(scene))
 
     def moved(machine: Sampler, grid: Grid, at: AtNodes, ratio: Any, scanned: Sample | None) -> tuple[Any, Grid, Any]:
+        found = still(machine, grid, at)
+        if not kinks:
+            return found, grid_of(machine, nodes, scanned, points, breaks, found), ratio
         begun, _, ratio = repeated(machine, grid, at, added, start, ratio, AGAIN, NEARLY)
-        found = machine.run(_kinks, begun.flow, begun.energy, still, turns=scene.cycle_turns)
+        found = machine.run(_kinks, begun.flow, begun.energy, found, turns=scene.cycle_turns)
         if scene.friction:
             found = machine.run(_joined, found, _rubbing(machine, grid, at, begun, most, soft))
         new = grid_of(machine, nodes, scanned, points, breaks, found)
@@ -96,24 +102,24 @@ def grid_with_kinks(
 
     if machine.traced and rounds > 1:  # one program for all rounds, without derivatives
         fixed = Sampler(machine.still)
-        known, still, grid = jax.lax.stop_gradient((scanned, still, grid))
+        known, grid = jax.lax.stop_gradient((scanned, grid))
 
         def again(_: Any, state: tuple[Array, Grid, Array]) -> tuple[Array, Grid, Array]:
-            return moved(fixed, state[1], at_nodes(fixed, state[1]), state[2], known)
+            return moved(fixed, state[1], at_nodes(fixed, state[1], edges=kinks), state[2], known)
 
         found, grid, _ = jax.lax.fori_loop(0, rounds, again, (found, grid, jnp.ones(())))
         return dataclasses.replace(grid_of(*given, found), guess=grid.guess)
     ratio: Any = 1.0
     for number in range(rounds):
-        at = at_nodes(machine, grid) if number else at
+        at = at_nodes(machine, grid, edges=kinks) if number else at
         found, grid, ratio = moved(machine, grid, at, ratio, scanned)
     return grid
 
 
 def guide_kinks(scene: Scene) -> int:
-    """How many numbers there are at whose zeros the friction of a joint has a kink, counted as often as by `OFTEN`."""
+    """How many numbers there are at whose zeros the friction of a joint has a kink."""
     by_joint = {each.joint: each for each in scene.friction}
-    return sum(sum(OFTEN[: by_joint[pair.joint.name].kinks]) for pair in pairs(scene.mechanism, scene.friction))
+    return sum(by_joint[pair.joint.name].kinks for pair in pairs(scene.mechanism, scene.friction))
 
 
 def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, begun: Begun | None, most: int, soft: int) -> Any:
@@ -191,22 +197,29 @@ def _crank(flow: Flow, energy: Array) -> tuple[Array, Array]:
 def _rubs_change(
     grid: Grid, switches: Sequence[tuple[Array, ...]], squares: Sequence[Array | None], most: int, soft: int
 ) -> Float[Array, " kinks"]:  # fmt: skip
-    """Where the friction of guides has a kink, and the nearest of the places where forces of pins almost vanish."""
+    """Where the friction of guides has a kink, and around the nearest of so many places where forces of pins almost
+    vanish."""
     found = [row for one in switches for row in _no_noise(one)]
-    counts = [often for one in switches for often, _ in zip(OFTEN, one, strict=False)]
-    squares = [square for square in squares if square is not None]
     ends = [jnp.zeros(0)]
-    for count in sorted(set(counts)):
-        own = jnp.stack([row for row, often in zip(found, counts, strict=True) if often == count])
-        rows = jax.lax.stop_gradient(own).reshape((-1, *grid.nodes.shape))
-        angles = jax.vmap(lambda row, count=count: sign_changes(grid, row, count * most).angles(grid))(rows)
-        ends.append(angles.ravel())
+    if found:
+        rows = jax.lax.stop_gradient(jnp.stack(found)).reshape((-1, *grid.nodes.shape))
+        ends.append(jax.vmap(lambda row: sign_changes(grid, row, most).angles(grid))(rows).ravel())
+    squares = [square for square in squares if square is not None]
     least = Candidates(jnp.full(soft, jnp.inf), jnp.full(soft, jnp.inf))
     if squares:
         rows = jax.lax.stop_gradient(jnp.stack(squares)).reshape((-1, *grid.nodes.shape))
         places = jax.vmap(lambda row: _almost_zero(grid, row, most))(rows)
         least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), soft)
-    return jnp.concatenate([*ends, jnp.where(least.distance < REACH, least.angle, jnp.inf)])
+    return jnp.concatenate([*ends, _around(least).ravel()])
+
+
+def _around(soft: Candidates) -> Float[Array, "places ends"]:
+    """Crank angles on either side of places where a force almost vanishes: close to a singularity at the distance d the
+    size of the force is far from a polynomial, and less so at 8 d and 64 d. Where it vanishes, the place itself."""
+    sizes = np.asarray([sense * size for size in AROUND for sense in (-1.0, 1.0)])
+    one = np.where(np.arange(sizes.size) == 0, 0.0, np.inf)
+    off = jnp.where((soft.distance < KINK)[:, None], one[None], soft.distance[:, None] * sizes[None])
+    return jnp.where(jnp.abs(off) < REACH, soft.angle[:, None] + off, jnp.inf)
 
 
 def _no_noise(rows: tuple[Array, ...]) -> list[Array]:

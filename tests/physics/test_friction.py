@@ -393,3 +393,16 @@ def test_what_is_refused():
         lj.to_mjcf(scene)
     with pytest.raises(lj.mechanism.StructureError, match="constant drive torque and loads without speed"):
         lj.motion.steady_by_diffrax(scene)
+
+
+def test_a_guide_has_kinks_where_its_edges_begin_to_rub():
+    """The larger of two sizes |N| and 2 |M| / L is half the sum of |N - 2 M / L| and |N + 2 M / L|: it is smooth but at
+    their zeros, also where N alone is zero."""
+    normal, moment = np.random.default_rng(1).normal(size=(2, 200))
+    enclosed, flat = GuideFriction("slider", 0.2, length=0.5), GuideFriction("slider", 0.2)
+    switches = [enclosed.switches(*at) for at in zip(normal, moment, strict=True)]
+    sizes = [
+        float(enclosed.size(jnp.asarray(n), jnp.zeros(()), jnp.asarray(m))) for n, m in zip(normal, moment, strict=True)
+    ]
+    np.testing.assert_allclose(sizes, 0.1 * np.abs(switches).sum(1), rtol=1e-14)
+    assert enclosed.kinks == 2 and flat.kinks == len(flat.switches(1.0, 0.0)) == 1

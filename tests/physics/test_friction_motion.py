@@ -14,6 +14,7 @@ import pytest
 
 import linkjax as lj
 from linkjax._compile import compiled_soon
+from linkjax.design import changed
 from linkjax.friction import GuideFriction, everywhere
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion import Steady, make_grid
@@ -84,14 +85,37 @@ def test_the_acceleration_is_the_slope_of_the_speed(name):
     np.testing.assert_allclose(acceleration, slope, rtol=0, atol=1e-7 * np.abs(acceleration).max())
 
 
-def test_panels_end_where_the_force_of_a_pin_is_least():
-    """The force of the wrist pin almost vanishes, and friction is hardly smooth there."""
+def test_panels_end_around_the_place_where_the_force_of_a_pin_is_least():
+    """The force of the wrist pin almost vanishes: its square has zeros beside the real axis, and friction is hardly
+    smooth there. Panels end on either side, as far away as these zeros."""
     found, scene = motion(QUICK), MACHINES[QUICK](0.1)
     fine = np.linspace(4.95, 5.25, 3001)  # about 284° to 301°
     force, _ = rubbed.solve(scene, fine, *moved(QUICK, fine)).solution.reactions["D", "rod"]
     least = np.argmin(np.abs(force))
     assert 0 < least < fine.size - 1
-    assert np.min(np.abs(np.asarray(found.grid.edges) - fine[least])) < 1e-3
+    off = np.abs(force[least] / np.gradient(force, fine)[least])
+    for sense in (-1, 1):
+        assert np.min(np.abs(np.asarray(found.grid.edges) - fine[least] - sense * off)) < 0.1 * off
+
+
+@pytest.mark.slow
+def test_gradients_where_forces_of_pins_almost_vanish():
+    """Losses of two pins of the hay press, whose forces fall to 0.0001 and 0.0015 of their largest."""
+    scene = lj.load("press-with-friction")
+    names = "loss_constant_speed.E", "loss_constant_speed.G"
+
+    @compiled_soon
+    def both(x):
+        def value(x):
+            found = lj.measures.evaluate(changed(scene, {"fixed.F.x": x}), names)
+            return jnp.stack([found[each] for each in names])
+
+        return jax.jvp(value, (x,), (jnp.ones(()),))
+
+    at, h = float(scene.mechanism.fixed["F"].x), 3e-5
+    rows = [np.asarray(both(jnp.asarray(at + step * h))[0]) for step in (-2, -1, 1, 2)]
+    differences = (rows[0] - 8 * rows[1] + 8 * rows[2] - rows[3]) / (12 * h)
+    np.testing.assert_allclose(both(jnp.asarray(at))[1], differences, rtol=1e-6)
 
 
 @compiled_soon
