@@ -112,6 +112,19 @@ def test_a_machine_that_moves_only_in_part_is_drawn_there(call, tmp_path):
     assert not (tmp_path / "b.svg").exists()
 
 
+def test_show_gives_the_ranges_of_a_crank_that_cannot_rotate_fully(call):
+    """With bars of 150 and 360 mm, and a frame of 400 mm, the dyad is stretched where the distance from B to D is
+    510 mm."""
+    code, out, _ = call("show", "four-bar", "--set", 'links.rocker.length="150 mm"')
+    stretched = math.degrees(math.acos((120**2 + 400**2 - 510**2) / (2 * 120 * 400)))
+    assert code == 0 and f"range      from −{stretched:.3f}° to {stretched:.3f}° only" in out
+    code, out, _ = call("show", "four-bar", "--set", 'links.crank.length="2 m"')
+    assert code == 0 and "range      none: the machine cannot be assembled at any crank angle" in out
+    code, out, _ = call("show", "four-bar")
+    assert code == 0 and "range  " not in out
+    assert "1.5 kg·m², target" in out and not any(line.endswith(" ") for line in out.splitlines())
+
+
 def test_titles_are_shown_as_they_are(call):
     code, out, _ = call("show", "hay-press", "--set", "title=Press [/v2] [bold]")
     assert code == 0

@@ -8,7 +8,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook, RenderResult
+from rich.segment import Segment
+from rich.table import Table
 
 from linkjax._compile import progress
 
@@ -16,6 +18,29 @@ WIDE = 140  # columns if the output is not a terminal
 console, complaints = Console(), Console(stderr=True)
 if not console.is_terminal and "COLUMNS" not in os.environ:
     console.width = WIDE
+
+
+class _Trimmed:
+    """A table without blanks at the ends of its lines, which fill its last column."""
+
+    def __init__(self, table: Table):
+        self.table = table
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for line in console.render_lines(self.table, options, pad=False):
+            while line and not line[-1].text.strip():
+                line.pop()
+            yield from line[:-1]
+            yield from (Segment(each.text.rstrip(), each.style) for each in line[-1:])
+            yield Segment.line()
+
+
+class _Trim(RenderHook):
+    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
+        return [_Trimmed(each) if isinstance(each, Table) else each for each in renderables]
+
+
+console.push_render_hook(_Trim())
 
 
 @contextmanager

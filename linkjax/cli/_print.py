@@ -29,7 +29,7 @@ from linkjax.analysis import (
 )
 from linkjax.cli._console import console
 from linkjax.groups import Harmonic
-from linkjax.kinematics import AssemblyModes
+from linkjax.kinematics import AssemblyModes, crank_ranges
 from linkjax.loads import Passage, Window
 from linkjax.machine import Scene, load_place, load_size, speed_text, when_text
 from linkjax.measures import in_motion, measure_remark, motion_of
@@ -55,6 +55,8 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
         "drive": _drive(mechanism, show) + "*" * (("drive",) in sketched),
     }.items():
         console.print(f"{key:10s} {value}", highlight=False, markup=False)
+    if limits := _limits(machine, show):
+        console.print(f"range      {limits}", highlight=False, markup=False)
     table = Table("link", "length", "mass", "mass centre", "inertia", "points", box=None, pad_edge=False)
     for name in mechanism.link_names:
         body, link = mechanism.links[name].actual(), mechanism.links[name]
@@ -95,6 +97,20 @@ def _drive(mechanism: Mechanism, show: Numbers) -> str:
     if isinstance(law, Harmonic):
         ends = f", to {show.shown(law.stop, 'm') if slides else show.turned(phase + float(law.stop))} and back"
     return f"{drive.link}{on}, at {at} at crank angle zero{ends}"
+
+
+def _limits(machine: Scene, show: Numbers) -> str:
+    """The ranges of a crank that cannot rotate fully; "" for others, and for drives with a motion law."""
+    mechanism = machine.mechanism
+    if mechanism.driver.shaft() is None or mechanism.driver.follows() is not None:
+        return ""
+    ranges = crank_ranges(mechanism, machine.cycle_turns)
+    if not ranges:
+        return "none: the machine cannot be assembled at any crank angle"
+    if not ranges[0].at_start and not ranges[0].at_stop:
+        return ""
+    between = " and ".join(f"from {show.turned(r.start)} to {show.turned(r.stop)}" for r in ranges)
+    return f"{between} only: elsewhere the machine cannot be assembled"
 
 
 def print_structure(found: Structure) -> None:
