@@ -104,8 +104,8 @@ class Optimum:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Lines about links whose mass stays as given while their length is a design variable, and about uniform plates
-        whose corners are no longer in order."""
+        """Lines about links whose mass stays as given while their length is a design variable, about uniform plates
+        whose corners are no longer in order, and about variables that are not within their ranges before."""
         return notes(self.problem, self.after)
 
     @property
@@ -338,7 +338,8 @@ def _no_effect(problem: Problem, path: Path) -> tuple[str, ...]:
 
 
 def _conflicts(problem: Problem, point: Point, missed: list[Kind]) -> tuple[str, ...]:
-    """The conflicting constraints: those violated, and those that prevent a smaller violation."""
+    """The conflicting constraints: those violated, and those that prevent a smaller violation, with the bounds of
+    variables that do."""
     if not missed:
         return ()
     kinds = [kind for role in ("objective", "limit", "sound") for kind in problem.kinds if kind.role == role]
@@ -346,5 +347,8 @@ def _conflicts(problem: Problem, point: Point, missed: list[Kind]) -> tuple[str,
     missed = [kind for kind in missed if exists[id(kind)]] or missed
     if not np.isfinite(point.value + point.violation):
         return tuple(kind.label for kind in missed)
-    held = [kind for kind, weights in zip(kinds, obstacles(point), strict=True) if np.sum(weights) > 1e-6]
-    return tuple(dict.fromkeys(kind.label for kind in [*missed, *held]))
+    every, *ends = obstacles(point)
+    held = [kind for kind, weights in zip(kinds, every, strict=True) if np.sum(weights) > 1e-6]
+    bounds = [f"{v.name} at its {side} bound" for side, weights in zip(("lower", "upper"), ends, strict=True)
+              for v, weight in zip(problem.variables, weights, strict=True) if weight > 1e-6]  # fmt: skip
+    return tuple(dict.fromkeys([*(kind.label for kind in [*missed, *held]), *bounds]))

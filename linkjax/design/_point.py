@@ -206,9 +206,10 @@ def _directions(parts: int) -> Float[np.ndarray, "directions parts"]:
     return np.concatenate([np.eye(parts), -np.eye(parts)])
 
 
-def obstacles(point: Point) -> list[np.ndarray]:
-    """For violated constraints: multipliers of every row of every block for which the violation is stationary. Those of
-    every violated block sum to one; the objective is ignored."""
+def obstacles(point: Point) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """For violated constraints: multipliers of every row of every block, and of the lower and upper bounds of all
+    variables, for which the violation is stationary. Those of every violated block sum to one; the objective is
+    ignored."""
     n, columns, homes, sums = point.z.size, [], [], []
     for i, block in enumerate(point.every):
         missed = block.excess() > MET
@@ -230,4 +231,6 @@ def obstacles(point: Point) -> list[np.ndarray]:
         weights.append(np.zeros(len(block.rows)))
         weights[-1][tied] = found[at : at + len(tied)]
         at += len(tied)
-    return weights
+    lower, upper = np.zeros(n), np.zeros(n)
+    lower[low], upper[high] = found[at : at + low.size], found[at + low.size :]
+    return weights, lower, upper

@@ -28,8 +28,9 @@ def outcome(found: Any) -> str:
 
 def notes(problem: Any, after: Any) -> tuple[str, ...]:
     """One line for the links whose mass stays as given while their length is a design variable: these links have a mass
-    or inertia, `mass_properties = "fixed"`, and no free mass. Another line for those that are uniform, and one for each
-    uniform plate whose corners are no longer in order in the scene `after`."""
+    or inertia, `mass_properties = "fixed"`, and no free mass. Another line for those that are uniform, one for each
+    uniform plate whose corners are no longer in order in the scene `after`, and one for each variable that is not
+    within its range before."""
     free = {name for v in problem.variables for name in (v.name, *v.linked)}
     fixed = [
         (name, link) for name, link in problem.scene.mechanism.links.items()
@@ -43,6 +44,10 @@ def notes(problem: Any, after: Any) -> tuple[str, ...]:
     for name, link in after.mechanism.links.items():
         if (fault := link.uniform_fault()) is not None:
             found.append(f"{name}: {fault[0]} in the optimised design; narrow the ranges of its points")
+    for i, (start, low, high) in enumerate(zip(problem.start, problem.lower, problem.upper, strict=True)):
+        if not low <= start <= high:
+            name, side = problem.variables[i].name, "lower" if start < low else "upper"
+            found.append(f"{name} is not within its range before; the first start is at its {side} bound")
     return tuple(found)
 
 

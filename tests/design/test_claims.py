@@ -110,6 +110,12 @@ def test_the_clash_is_named_where_the_objective_does_not_care():
                         "peak_shaking_force_constant_speed", limits=limits)  # fmt: skip
     assert not found.feasible
     assert set(found.conflicts) == {"heavy", WHEEL}
+    for bounds, side, limit in (
+        ((0.0, 1.0), "upper", limits[0]),
+        ((1.2, 2.0), "lower", limits[1]),
+    ):
+        found = lj.optimise(rotor(), {WHEEL: bounds}, "peak_shaking_force_constant_speed", limits=[limit])
+        assert found.conflicts == (limit.name or WHEEL, f"{WHEEL} at its {side} bound")
 
 
 def test_limits_of_one_name_are_told_apart():

@@ -45,7 +45,7 @@ ALL = {f"links.{name}.length": "± 5 %" for name in ("crank", "coupler", "rocker
 )  # fmt: skip
 def test_links_with_fixed_masses_are_named(coupler, free, says):
     scene = four_bar(coupler, BAR)
-    problem = SimpleNamespace(scene=scene, variables=settled_free(scene, free))
+    problem = SimpleNamespace(scene=scene, variables=settled_free(scene, free), start=(), lower=(), upper=())
     assert list(notes(problem, scene)) == says
 
 
@@ -53,7 +53,7 @@ def test_a_plate_whose_corners_lose_their_order_is_named():
     """The corner E passes below F, so that the outline B-E-C-F crosses itself."""
     scene = four_bar(Link(**HEAVY, uniform=("B", "F", "C", "E")), BAR)
     after = lj.design.changed(scene, {"links.coupler.points.E.along": 0.5, "links.coupler.points.E.across": -0.3})
-    problem = SimpleNamespace(scene=scene, variables=[])
+    problem = SimpleNamespace(scene=scene, variables=[], start=[], lower=[], upper=[])
     assert notes(problem, scene) == ()
     (note,) = notes(problem, after)
     assert note.startswith("coupler: the edges ") and "of the plate cross in the optimised design" in note
@@ -76,3 +76,12 @@ def test_the_line_is_printed_and_in_the_document(monkeypatch):
     monkeypatch.setattr(_print_optimum, "console", Console(file=out, width=200))
     _print_optimum.print_optimum(data, Numbers(), 1.0)
     assert out.getvalue().count(f"note: {line}") == 1
+
+
+@pytest.mark.parametrize(("bounds", "side"), [("2 to 3 kg m^2", "lower"), ("0 to 0.5 kg m^2", "upper")])
+def test_a_value_outside_its_range_is_told(bounds, side):
+    mechanism = lj.Mechanism(
+        {"O": Vec(0.0, 0.0)}, {"crank": Link(length=0.1)}, [lj.Crank("crank", "O", "A")], lj.Flywheel(1.0)
+    )
+    best = lj.optimise(lj.Scene(mechanism, speed=20.0), {"flywheel.inertia": bounds}, "flywheel.inertia")
+    assert best.notes == (f"flywheel.inertia is not within its range before; the first start is at its {side} bound",)

@@ -15,7 +15,9 @@ from tests.physics import oracle, shooting
 Extra = Callable[[float, float], float]  # (crank angle, crank speed) -> torque on the crank
 
 
-def slider_crank(motor: lj.MotorDrive | None = None, flywheel: float = 0.01, pump: float = 5.0, **given) -> lj.Scene:
+def slider_crank(
+    motor: lj.MotorDrive | None = None, flywheel: float = 0.01, pump: float | None = 5.0, **given
+) -> lj.Scene:
     """The slider-crank S of Exudyn's test data, with a pump that resists in proportion to the piston's speed."""
     links = {
         "crank": lj.Link(length=0.1, mass=0.2, inertia=0.2 * 0.1**2 / 12, centre=lj.Vec(0.05, 0.0)),
@@ -24,7 +26,7 @@ def slider_crank(motor: lj.MotorDrive | None = None, flywheel: float = 0.01, pum
     }
     groups = [lj.Crank("crank", "A", "B"), lj.RRP("rod", "slider", "B", "D", lj.Guide("A"))]
     machine = lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups, lj.Flywheel(flywheel))
-    loads = (lj.Drag("pump", "slider", "D", linear=pump),) if pump else ()
+    loads = () if pump is None else (lj.Drag("pump", "slider", "D", linear=pump),)
     return lj.Scene(machine, loads, **{"speed": 25.0, **given}, motor=motor)
 
 

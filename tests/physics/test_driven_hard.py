@@ -27,7 +27,7 @@ def speeds(motion: Steady, scene: lj.Scene, angles: jax.Array) -> jax.Array:
 
 def driven(stall: float, flywheel: float, one=NONE, two=NONE, no_load: float = 40.0, drag: float = 1e-3) -> lj.Scene:
     """A slider-crank with a fan, two torques on its crank in windows, and a motor with a straight characteristic."""
-    scene = slider_crank(line(no_load, stall), flywheel, pump=0.0, speed=no_load)
+    scene = slider_crank(line(no_load, stall), flywheel, pump=None, speed=no_load)
     loads = [
         lj.Torque(name, "crank", torque=size, window=lj.Window(jnp.asarray(on), jnp.asarray(off)))
         for name, (size, on, off) in (("one", one), ("two", two))

@@ -57,7 +57,7 @@ def test_the_derivative_by_the_end_of_a_window():
 
 def test_a_circle_and_parseval():
     """The crank pin has one harmonic; the piston's series has its root mean square."""
-    scene = slider_crank(pump=0.0)
+    scene = slider_crank(pump=None)
     pin = lj.harmonics(scene, "x.B", orders=4)
     np.testing.assert_allclose(pin.amplitude, [0.1, 0, 0, 0], atol=1e-13)
     assert float(pin.phase[0]) == pytest.approx(0.0, abs=1e-12)

@@ -75,7 +75,7 @@ def test_a_run_up_with_losses_and_a_rotor():
     gear = lj.Transmission(ratio=2.0, efficiency=0.8)
     motor = lj.MotorDrive(lj.LineMotor(no_load=80.0, stall=1.2), gear, inertia=0.001)
     scene = slider_crank(motor, gravity=lj.Vec(0.0, -9.81), pump=4.0)
-    bare, times = slider_crank(None, gravity=lj.Vec(0.0, -9.81), pump=0.0), np.linspace(0.0, 0.8, 9)
+    bare, times = slider_crank(None, gravity=lj.Vec(0.0, -9.81), pump=None), np.linspace(0.0, 0.8, 9)
 
     def rate(_, state):
         phi, w = state

@@ -22,7 +22,7 @@ steady = compiled_soon(steady_motion)
 def three_crossings() -> lj.Scene:
     """A fan crosses the characteristic of a motor three times."""
     motor = lj.MotorDrive(lj.TableMotor(speeds=SPEEDS, torques=TORQUES))
-    scene = slider_crank(motor, pump=0.0, speed=35.0, flywheel=0.5)
+    scene = slider_crank(motor, pump=None, speed=35.0, flywheel=0.5)
     return dataclasses.replace(scene, loads=(lj.DragTorque("fan", "crank", linear=BRAKE),))
 
 
