@@ -268,7 +268,10 @@ def test_power_balance(name):
     np.testing.assert_allclose(got.drive_torque - free.drive_torque, losses.sum(axis=0), rtol=0, atol=1e-10 * largest)
 
 
-@pytest.mark.parametrize("name", ["hay-press-slider", pytest.param("moving-guides", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name",
+    ["scotch-yoke", *(pytest.param(name, marks=pytest.mark.slow) for name in ("hay-press-slider", "moving-guides"))],
+)
 def test_gradients(name):
     """Drive torque and friction by every number of the machine: forward, reverse, and central differences."""
     scene = with_friction(name)

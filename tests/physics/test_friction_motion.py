@@ -15,7 +15,7 @@ import pytest
 import linkjax as lj
 from linkjax._compile import compiled_soon
 from linkjax.design import changed
-from linkjax.friction import GuideFriction, everywhere
+from linkjax.friction import GuideFriction, PinFriction, everywhere
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion import Steady, make_grid
 from tests.physics import rubbed
@@ -191,8 +191,8 @@ def test_the_frictionless_limit_is_linear(name):
 
 
 def test_a_gradient_can_be_traced():
-    """In a fast test: the gradients themselves are compared in the slow ones."""
-    scene = MACHINES["motor and pump"](0.1)
+    """In a fast test, with friction in one joint: the gradients themselves are compared in the slow ones."""
+    scene = dataclasses.replace(MACHINES["motor and pump"](0.1), friction=(PinFriction("B", 0.1, 0.01),))
     shapes = jax.eval_shape(jax.grad(lambda s: lj.steady_motion(s, 96).delta), scene)
     assert jax.tree.structure(shapes) == jax.tree.structure(scene)
 
