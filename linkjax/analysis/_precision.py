@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 
 import jax
 import jax.numpy as jnp
@@ -28,15 +27,17 @@ def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
     Of `position`, `coefficients` (first and second), `drive_torque` at constant nominal speed, each relative to its
     largest magnitude over the cycle, and of `delta`. Computes everything in both precisions. The scene's numbers are
     rounded to float32 first, which is part of the error. Raises `RuntimeError` from JAX if the precision cannot be
-    changed; not for use under jax transformations.
+    changed; not for use under jax transformations. Functions compiled before are compiled anew afterwards: JAX keeps
+    constants in the precision in which it met them first.
     """
     found = []
     for wide in (True, False):
-        with jax.enable_x64(wide), warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Explicitly requested dtype float64")  # from constants of the first pass
+        jax.clear_caches()
+        with jax.enable_x64(wide):
             kind = jnp.float64 if wide else jnp.float32
             given = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), scene)
             found.append([np.asarray(part, dtype=float) for part in _figures(given, nodes)])
+    jax.clear_caches()
     names = ("position", "coefficients", "drive_torque", "delta")
     return {name: _digits(one, two) for name, one, two in zip(names, *found, strict=True)}
 

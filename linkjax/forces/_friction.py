@@ -205,11 +205,14 @@ def continued(
     nothing, a part of it, and from there a larger part. `step` takes one step of it with a part of friction, and gives
     the relative change and the sign of the determinant as well."""
 
+    def going(now: _Search) -> Array:
+        return (now.reached < 1) & (now.more > LEAST)
+
     def again(now: _Search) -> _Search:
         part = jnp.minimum(now.reached + now.more, 1.0)
         c, rate, last, sign = step(*now.here, part)
         count, spare = now.count + 1, now.spare - jnp.where(last > SMALL, 0, 1).astype(now.spare.dtype)
-        ends = (spare <= 0) | (count >= jnp.where(part < 1, FEWER, STEPS))
+        ends = going(now) & ((spare <= 0) | (count >= jnp.where(part < 1, FEWER, STEPS)))
         good = ends & (last < NEAR) & (sign > 0)
         kept = jnp.where(good[None], c, now.kept[0]), jnp.where(good, rate, now.kept[1])
         here = jnp.where(ends[None], kept[0], c), jnp.where(ends, kept[1], rate)
@@ -217,12 +220,9 @@ def continued(
         reached = jnp.where(good, part, now.reached)
         return _Search(reached, kept, more, jnp.where(ends, 0, count), jnp.where(ends, MORE, spare), here)
 
-    def goes_on(now: _Search) -> Array:
-        return jnp.any((now.reached < 1) & (now.more > LEAST))
-
     zero = jnp.zeros_like(free)
     begin = _Search(zero, (none, free), zero + 1, zero.astype(jnp.int32), zero.astype(jnp.int32) + MORE, (none, free))
-    end = jax.lax.while_loop(goes_on, again, begin)
+    end = jax.lax.while_loop(lambda now: jnp.any(going(now)), again, begin)
     found = end.reached >= 1
     return found, jnp.where(found[None], end.kept[0], none), jnp.where(found, end.kept[1], free)
 
