@@ -121,13 +121,13 @@ class CompiledSoon:
         return fixed, leaves, tree
 
     def _program(self, fixed: dict[str, Any], leaves: list, tree: Any) -> tuple[Any, Program]:
-        key = tree, tuple(map(_kind, leaves)), tuple(fixed.items())
+        key = tree, tuple(map(_kind, leaves)), tuple(fixed.items()), _wide(jax.config)
         if key not in self.programs:
             self.programs[key] = _program(self.function, fixed, leaves, tree)
         return key, self.programs[key]
 
 
-_disabled = operator.attrgetter("jax_disable_jit")
+_disabled, _wide = operator.attrgetter("jax_disable_jit"), operator.attrgetter("jax_enable_x64")
 _kind = operator.attrgetter("shape", "dtype")
 _READY = (jax.Array, np.ndarray, jax.ShapeDtypeStruct)
 
