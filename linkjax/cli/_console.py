@@ -21,7 +21,7 @@ if not console.is_terminal and "COLUMNS" not in os.environ:
 
 
 class _Trimmed:
-    """A table without blanks at the ends of its lines, which fill its last column."""
+    """A table without spaces at the ends of its lines, which fill its last column."""
 
     def __init__(self, table: Table):
         self.table = table
