@@ -58,7 +58,7 @@ def reactions(scene: lj.Scene) -> Any:
         found = kinetostatics(made, phi, scene.speed, jnp.zeros_like(phi)).reactions
         return jnp.stack([jnp.stack(found[joint][link][:2]) for joint, link in reaction_names(scene)])
 
-    phi = scan_angles(scene.cycle_turns, STEPS) + math.pi / STEPS  # not where a load switches
+    phi = scan_angles(scene.cycle_turns, STEPS) + 0.74 * math.pi / STEPS  # not where loads switch
     return jnp.moveaxis(jax.vmap(at)(phi), 0, -1).reshape((-1, 2 * phi.size))
 
 
