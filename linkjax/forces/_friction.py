@@ -192,7 +192,7 @@ class _Search(NamedTuple):
     reached: Array
     kept: tuple[Array, Array]
     more: Array
-    count: Array
+    steps: Array
     spare: Array
     here: tuple[Array, Array]
 
@@ -211,14 +211,14 @@ def continued(
     def again(now: _Search) -> _Search:
         part = jnp.minimum(now.reached + now.more, 1.0)
         c, rate, last, sign = step(*now.here, part)
-        count, spare = now.count + 1, now.spare - jnp.where(last > SMALL, 0, 1).astype(now.spare.dtype)
-        ends = going(now) & ((spare <= 0) | (count >= jnp.where(part < 1, FEWER, STEPS)))
+        steps, spare = now.steps + 1, now.spare - jnp.where(last > SMALL, 0, 1).astype(now.spare.dtype)
+        ends = going(now) & ((spare <= 0) | (steps >= jnp.where(part < 1, FEWER, STEPS)))
         good = ends & (last < NEAR) & (sign > 0)
         kept = jnp.where(good[None], c, now.kept[0]), jnp.where(good, rate, now.kept[1])
         here = jnp.where(ends[None], kept[0], c), jnp.where(ends, kept[1], rate)
         more = now.more * jnp.where(good, LONGER, jnp.where(ends, SHORTER, 1.0))
         reached = jnp.where(good, part, now.reached)
-        return _Search(reached, kept, more, jnp.where(ends, 0, count), jnp.where(ends, MORE, spare), here)
+        return _Search(reached, kept, more, jnp.where(ends, 0, steps), jnp.where(ends, MORE, spare), here)
 
     zero = jnp.zeros_like(free)
     begin = _Search(zero, (none, free), zero + 1, zero.astype(jnp.int32), zero.astype(jnp.int32) + MORE, (none, free))

@@ -408,4 +408,4 @@ def test_a_guide_has_kinks_where_its_edges_begin_to_rub():
         float(enclosed.size(jnp.asarray(n), jnp.zeros(()), jnp.asarray(m))) for n, m in zip(normal, moment, strict=True)
     ]
     np.testing.assert_allclose(sizes, 0.1 * np.abs(switches).sum(1), rtol=1e-14)
-    assert enclosed.kinks == 2 and flat.kinks == len(flat.switches(1.0, 0.0)) == 1
+    assert enclosed.kinks == 2 and flat.kinks == len(flat.switches(jnp.ones(()), jnp.zeros(()))) == 1
