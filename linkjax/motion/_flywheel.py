@@ -37,14 +37,10 @@ def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 
     motion law."""
     machine = Sampler(ready(scene))
     given = (machine, nodes)
-    grid = grid_with_kinks(*given, constant_speed=False)
+    grid = grid_with_kinks(*given)
     delta = jnp.asarray(delta, dtype=machine.scene.speed.dtype)
     at = at_nodes(machine, grid, edges=False)
-
-    def regrid(added: Any) -> Grid:
-        return grid_with_kinks(*given, added=added, constant_speed=False)
-
-    return flywheel_on(machine, delta, grid, at, regrid).inertia
+    return flywheel_on(machine, delta, grid, at, lambda added: grid_with_kinks(*given, added=added)).inertia
 
 
 class Sized(NamedTuple):

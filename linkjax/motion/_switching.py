@@ -60,12 +60,11 @@ def kinked(scene: Scene) -> bool:
 def grid_with_kinks(
     machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN,
     breaks: tuple[float, ...] = (), start: Any = None, moves: bool = True, added: Any = 0.0,
-    constant_speed: bool = True,
 ) -> Grid:  # fmt: skip
     """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion, if it
     `moves`: the one near the speed `start` (rad/s) at the first edge, if given, and with a flywheel inertia `added`
-    (kg m²) that the machine does not have. They also end at the kinks of friction and of a lossy transmission at
-    `constant_speed`, or in the motion that a law gives, unless nothing of that is wanted."""
+    (kg m²) that the machine does not have. With a lossy transmission they also end
+    where the power changes its direction at constant speed, or in the motion that a law gives."""
     scene, motor = machine.scene, machine.scene.motor
     loses, rubs = motor is not None and motor.transmission.loses, guide_kinks(scene)
     given, kinks = (machine, nodes, scanned, points, breaks), moves and kinked(scene)
@@ -74,17 +73,13 @@ def grid_with_kinks(
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     most = CHANGES * scene.cycle_turns
     soft = -(-len(scene.friction) // SOFT) * scene.cycle_turns
-    constant_speed |= not kinks
-    more = most * (constant_speed * (loses + rubs) + kinks * (len(_causes(scene)) + rubs))
-    more += (constant_speed + kinks) * soft * 2 * len(AROUND)
+    more = most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft * 2 * len(AROUND)
     found = jnp.full(more, jnp.inf)
     grid, none = grid_of(*given, found), found[:0]
     at = at_nodes(machine, grid, edges=kinks)
 
     def still(machine: Sampler, grid: Grid, at: AtNodes) -> Any:
         ends = none
-        if not constant_speed:
-            return ends
         if loses:
             poses = at.sample.pose if on_pose(scene) else None
             ends = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
