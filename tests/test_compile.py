@@ -19,7 +19,6 @@ import pytest
 
 import linkjax as lj
 from linkjax import _compile
-from linkjax._compile import compiled_soon
 from linkjax.machine import CHOICES
 from linkjax.measures import peak_names
 from linkjax.reduction import reduced_model
@@ -257,7 +256,6 @@ def test_a_damaged_file_that_cannot_be_deleted(folder, ours, monkeypatch):
 ALONE = """
 import sys, jax, jax.numpy as jnp
 from linkjax import _compile
-from linkjax._compile import compiled_soon
 jax.config.update("jax_compilation_cache_dir", sys.argv[1])
 _compile._ours = lambda function, tree: True
 @_compile.compiled_soon
@@ -371,7 +369,7 @@ def test_progress_counts_the_programs():
 
 def test_a_program_without_arrays_is_one_of_its_precision():
     """Its arguments do not say in which precision it computes."""
-    third = compiled_soon(lambda name: jnp.ones(()) / 3, static=("name",))
+    third = _compile.compiled_soon(lambda name: jnp.ones(()) / 3, static=("name",))
     for wide in (True, False, True):
         with jax.enable_x64(wide):
             assert third(name="a").dtype == (jnp.float64 if wide else jnp.float32)

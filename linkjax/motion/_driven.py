@@ -279,7 +279,7 @@ def _begun(
     if rubbed is not None:
         found &= jnp.all(rubbed.moves)
         frictions = _where_it_moves(rubbed, small)
-    multiplier = jnp.where(found, multiplier, 1.0)  # a motion that is none may have an infinite one
+    multiplier = jnp.where(found, multiplier, 1.0)  # without a motion it may be infinite
     mean = -jnp.sum(panels.weights * full.torque) / duty.cycle
     driven = Driven(torques, orbit.constant, mean, multiplier, orbit.multiplier, found, number, gain, frictions)
     inside = full._replace(inertia=data.here.inertia + torques.rotor, torque=rise)

@@ -78,7 +78,7 @@ def grid_with_kinks(
     grid, none = grid_of(*given, found), found[:0]
     at = at_nodes(machine, grid, edges=kinks)
 
-    def still(machine: Sampler, grid: Grid, at: AtNodes) -> Any:
+    def at_constant_speed(machine: Sampler, grid: Grid, at: AtNodes) -> Any:
         ends = none
         if loses:
             poses = at.sample.pose if on_pose(scene) else None
@@ -90,7 +90,7 @@ def grid_with_kinks(
         grid = machine.run(unknown, grid, joints=rubbing_joints(scene))
 
     def moved(machine: Sampler, grid: Grid, at: AtNodes, ratio: Any, scanned: Sample | None) -> tuple[Any, Grid, Any]:
-        found = still(machine, grid, at)
+        found = at_constant_speed(machine, grid, at)
         if not kinks:
             return found, grid_of(machine, nodes, scanned, points, breaks, found), ratio
         begun, _, ratio = repeated(machine, grid, at, added, start, ratio, AGAIN, NEARLY)
