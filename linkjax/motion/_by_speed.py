@@ -155,11 +155,11 @@ class BySpeed:
 @node
 class Driven:
     """A steady-state motion under torques that depend on the speed: these torques; a constant torque of the drive
-    (N m) in addition; its mean torque on the crank (N m); the Floquet multiplier of the cycle (one is neutral, or
-    there is no motion; below one is stable), and what the collocation keeps of an error in energy, which is more where a motor is too stiff for
-    its nodes; whether a steady-state motion was found, the number of stable ones in the range of speeds, and, where
-    there is none, the gain of energy (J) over the nearest cycle; and frictions and accelerations at the nodes (see
-    `FrictionTorque`)."""
+    (N m) in addition; its mean torque on the crank (N m); the Floquet multiplier of the cycle (one is neutral, or there
+    is no motion; below one is stable), and what the collocation keeps of an error in energy, which is more where a
+    motor is too stiff for its nodes; whether a steady-state motion was found, the number of stable ones in the range of
+    speeds, and, where there is none, the gain of energy (J) over the nearest cycle; and frictions and accelerations at
+    the nodes (see `FrictionTorque`)."""
 
     torques: BySpeed
     constant: Array
