@@ -22,11 +22,13 @@ from linkjax.friction import AbstractFriction
 
 STEPS, FEWER = 40, 8  # the most steps of Newton's method: for all friction, and for a part of it on the way there
 LONGER, SHORTER = 1.5, 0.3  # the next part of friction after a solution, and without one
-LEAST = 1e-5  # the least part: where it is smaller the machine locks
+LEAST = 1e-9  # the least part: where it is smaller the machine locks
+CLOSER = 0.01  # of a step of Newton's method: a longer next one may lead to another solution
+JUMP = 0.01  # relative: another solution is farther away
 SMALL = 1e-10  # relative: after a step of Newton's method as small as this the next one has all digits
 MORE = 2  # steps of which the size is small
 NEARER = 0.1  # relative: a single step that leads nearer to a solution
-NEAR = 1e-6  # relative: a last step that found a solution; close to locking rounding errors are as large
+NEAR, ROUNDINGS = 1e-6, 1e2  # relative, or roundings: a last step that found a solution; close to locking
 
 
 Transmitted = tuple[Array, Array, Array]  # forces fx and fy (N) and moments (N m), each of shape (joints,)
@@ -113,6 +115,20 @@ class Contacts(NamedTuple):
         """What is left of the equations."""
         return c + self.senses * self.sizes(self.reactions(c, rate)), rate - advance(self.torque(c))
 
+    def unique(self, advance: Advance) -> Array:
+        """Whether there cannot be more than one solution. Sizes are seminorms beside a constant, so that frictions
+        change them by no more than those of the reactions that they cause themselves; if the matrix A of these has a
+        spectral radius below one, the frictions follow from a contraction. So it is if I - A takes positive numbers to
+        ones. Source: Berman and Plemmons, Nonnegative Matrices in the Mathematical Sciences, 1994, ch. 6."""
+        zero = jnp.zeros_like(self.paces)
+        gain = jax.jvp(advance, (zero[0],), (jnp.ones_like(zero[0]),))[1][None] * self.paces
+        fx, fy, m = (
+            own + rate[:, None] * gain[None] for own, rate in zip(self.reactions.own, self.reactions.rate, strict=True)
+        )
+        matrix = jnp.abs(self.senses)[:, None] * (self.sizes((fx, fy, m)) - self.sizes((zero, zero, zero))[:, None])
+        unit = jnp.eye(zero.shape[0]).reshape((*matrix.shape[:2], *(1,) * zero[0].ndim))
+        return jnp.all(eliminated(unit - matrix, jnp.ones_like(zero))[0] > 0, axis=0)
+
     def part(self, of: Array) -> Contacts:
         """With so much of all friction: the senses times this number."""
         return self._replace(senses=self.senses * of[None])
@@ -178,32 +194,43 @@ def frictions_of(
         c, rate, last, sign = step(*near, jnp.ones_like(near[1]))
         nearer = (last < NEARER) & (sign > 0)
         state = jnp.where(nearer[None], c, near[0]), jnp.where(nearer, rate, near[1])
-        return Frictions(*_implicit(contacts, advance, jax.lax.stop_gradient(state)), (last < NEAR) & (sign > 0))
+        return Frictions(*_implicit(contacts, advance, jax.lax.stop_gradient(state)), is_last(last) & (sign > 0))
 
     none = jnp.zeros_like(at.senses)
-    found, *state = continued(step, none, ahead(at.torque(none)))
+    found, *state = continued(step, none, ahead(at.torque(none)), at.unique(ahead))
     return Frictions(*_implicit(contacts, advance, (state[0], state[1])), found)
 
 
 class _Search(NamedTuple):
     """The part of all friction that was reached with its frictions and acceleration, and the next part to add; and for
-    the sum of both the steps of Newton's method, those of them that were not small yet, and where they are."""
+    the sum of both the steps of Newton's method so far, the small ones that are still wanted, the size of the last one,
+    whether one was hardly shorter than the one before, and where they are."""
 
     reached: Array
     kept: tuple[Array, Array]
     more: Array
     steps: Array
     spare: Array
+    last: Array
+    slow: Array
     here: tuple[Array, Array]
 
 
+def is_last(step: Array) -> Array:
+    """Whether a step of Newton's method of this relative size found a solution."""
+    return step < max(NEAR, ROUNDINGS * float(jnp.finfo(step.dtype).eps))
+
+
 def continued(
-    step: Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]], none: Array, free: Array
+    step: Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]], none: Array, free: Array, unique: Array
 ) -> tuple[Array, Array, Array]:
-    """Whether there are frictions and an acceleration that continue those without friction, `none` and `free`, and
-    these; where there are none, those without friction. Newton's method tries all friction at once; where it finds
-    nothing, a part of it, and from there a larger part. `step` takes one step of it with a part of friction, and gives
-    the relative change and the sign of the determinant as well."""
+    """By continuation: whether there are frictions and an acceleration that continue those without friction, `none` and
+    `free`, and these; where there are none, those without friction. Newton's method tries all friction at once; where
+    it finds nothing, a part of it, and from there a larger part. A solution far away to which the steps were not soon
+    short may be another one, beyond the place where the machine locks: it does not count, unless solutions are
+    `unique`. `step` takes one step with a part of friction, and gives the relative change and the sign of the
+    determinant as well. Source: Deuflhard, Newton
+    Methods for Nonlinear Problems, 2004, ch. 5."""
 
     def going(now: _Search) -> Array:
         return (now.reached < 1) & (now.more > LEAST)
@@ -213,15 +240,19 @@ def continued(
         c, rate, last, sign = step(*now.here, part)
         steps, spare = now.steps + 1, now.spare - jnp.where(last > SMALL, 0, 1).astype(now.spare.dtype)
         ends = going(now) & ((spare <= 0) | (steps >= jnp.where(part < 1, FEWER, STEPS)))
-        good = ends & (last < NEAR) & (sign > 0)
+        slow = now.slow | ((last > CLOSER * now.last) & ~is_last(last))
+        far = jnp.max(jnp.abs(c - now.kept[0]), axis=0) > JUMP * jnp.max(jnp.abs(c), axis=0)
+        good = ends & is_last(last) & (sign > 0) & (unique | ~(slow & far))
         kept = jnp.where(good[None], c, now.kept[0]), jnp.where(good, rate, now.kept[1])
         here = jnp.where(ends[None], kept[0], c), jnp.where(ends, kept[1], rate)
         more = now.more * jnp.where(good, LONGER, jnp.where(ends, SHORTER, 1.0))
         reached = jnp.where(good, part, now.reached)
-        return _Search(reached, kept, more, jnp.where(ends, 0, steps), jnp.where(ends, MORE, spare), here)
+        steps, spare = jnp.where(ends, 0, steps), jnp.where(ends, MORE, spare)
+        return _Search(reached, kept, more, steps, spare, jnp.where(ends, jnp.inf, last), slow & ~ends, here)
 
     zero = jnp.zeros_like(free)
-    begin = _Search(zero, (none, free), zero + 1, zero.astype(jnp.int32), zero.astype(jnp.int32) + MORE, (none, free))
+    number = zero.astype(jnp.int32)
+    begin = _Search(zero, (none, free), zero + 1, number, number + MORE, zero + jnp.inf, zero > 0, (none, free))
     end = jax.lax.while_loop(lambda now: jnp.any(going(now)), again, begin)
     found = end.reached >= 1
     return found, jnp.where(found[None], end.kept[0], none), jnp.where(found, end.kept[1], free)
@@ -279,7 +310,7 @@ def rubbed(
             sizes = jnp.append(jnp.full_like(c, jnp.max(jnp.abs(new[:-1]))), jnp.abs(new[-1]))
             return new[:-1], new[-1], jnp.max(safe_divide(jnp.abs(move), sizes)), sign
 
-        found, c, rate = continued(step, begin[:-1], begin[-1])
+        found, c, rate = continued(step, begin[:-1], begin[-1], jnp.zeros((), bool))
         return jnp.append(c, rate), jnp.where(found, 1.0, 0.0)  # numbers: `custom_root` has no others
 
     def tangent(linear: Callable[[Array], Array], right: Array) -> Array:

@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from linkjax._lapack import solve, svd
 from linkjax._numerics import safe_divide
-from linkjax.forces._friction import Linear, eliminated
+from linkjax.forces._friction import Linear, eliminated, is_last
 from linkjax.forces._kinetostatics import acting_on, applied_to, friction_numbers, reactions_of
 from linkjax.friction import rubbing
 from linkjax.kinematics import Pose
@@ -28,8 +28,7 @@ from linkjax.machine import Scene
 LEAST, MOST = 1e-6, 1e3  # the range of factors; close to a dead centre larger ones have few digits
 FIRST, LONGER, SHORTER = 2.0, 1.5, 0.3  # the first step of its logarithm; the next after a solution, and without one
 STEPS, NEWTON = 120, 8  # of the factor; of Newton's method, from the solution before
-SMALL = 1e-6  # relative: a last step of Newton's method that found a solution
-LEFT = 1e-10  # of the largest friction: what is left of the equations of a solution
+LEFT = 4e5  # roundings of the largest friction: what is left of the equations of a solution
 ROUNDS = 3  # of Newton's method where two solutions meet
 NEAR = 1e-6, 0.1  # relative: how far they lead from where the steps end, for the factor and the frictions
 
@@ -69,8 +68,8 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
             return c + move, safe_divide(jnp.max(jnp.abs(move)), jnp.max(jnp.abs(c + move))), sign
 
         c, last, sign = jax.lax.fori_loop(0, NEWTON, again, (c, jnp.ones(()), jnp.ones(())))
-        close = jnp.max(jnp.abs(left(quiet, c, factor))) <= LEFT * jnp.max(jnp.abs(c))
-        return c, (last < SMALL) & (sign > 0) & close
+        close = jnp.max(jnp.abs(left(quiet, c, factor))) <= LEFT * jnp.finfo(c.dtype).eps * jnp.max(jnp.abs(c))
+        return c, is_last(last) & (sign > 0) & close
 
     def step(_, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         low, by, values = state

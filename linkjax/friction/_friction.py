@@ -157,7 +157,7 @@ class GuideFriction(AbstractFriction):
     def switches(self, normal, moment):
         if self.length is None:
             return (normal,)
-        edges = 2 * moment / self.length  # smooth where both sizes are equal twice within a short way
+        edges = 2 * moment / self.length  # max(|a|, |b|) = ½ (|a − b| + |a + b|)
         return normal - edges, normal + edges
 
     @property

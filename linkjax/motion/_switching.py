@@ -38,7 +38,8 @@ from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
-SOFT = 2  # joints with friction for one place per crank turn where the force of a pin almost vanishes
+# the least places per crank turn where the force of a pin almost vanishes; and joints with friction for one of them
+LEAST_SOFT, SOFT = 2, 2
 AROUND = 1.0, 8.0, 64.0  # times the distance of the singularity there: how far from such a place panels end
 # rounds of finding the motion and its kinks: at knots alone, with friction, and with a lossy transmission
 ROUNDS, RUBBED_ROUNDS, LOSSY_ROUNDS = 1, 2, 3
@@ -72,7 +73,7 @@ def grid_with_kinks(
         return grid_of(*given)
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     most = CHANGES * scene.cycle_turns
-    soft = -(-len(scene.friction) // SOFT) * scene.cycle_turns
+    soft = max(LEAST_SOFT, -(-len(scene.friction) // SOFT)) * scene.cycle_turns if scene.friction else 0
     more = most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft * 2 * len(AROUND)
     found = jnp.full(more, jnp.inf)
     grid, none = grid_of(*given, found), found[:0]

@@ -18,7 +18,7 @@ from linkjax.design import changed
 from linkjax.friction import GuideFriction, PinFriction, everywhere
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion import Steady, make_grid
-from tests.physics import rubbed
+from tests.physics import driven, rubbed
 
 PHI = np.linspace(0, 2 * np.pi, 48, endpoint=False) + 0.013
 STEP = 1e-4
@@ -96,6 +96,15 @@ def test_panels_end_around_the_place_where_the_force_of_a_pin_is_least():
     off = np.abs(force[least] / np.gradient(force, fine)[least])
     for sense in (-1, 1):
         assert np.min(np.abs(np.asarray(found.grid.edges) - fine[least] - sense * off)) < 0.1 * off
+
+
+def test_a_loss_in_one_pin_alone():
+    """Its force almost vanishes twice in a turn at constant speed."""
+    machine = driven.slider_crank(None, pump=None)
+    machine = dataclasses.replace(machine, friction=(PinFriction("D", 0.1, 0.01),))
+    name = "loss_constant_speed.D"
+    few, many = (float(lj.measures.evaluate(machine, [name], nodes)[name]) for nodes in (96, 1500))
+    assert few == pytest.approx(many, rel=1e-7)
 
 
 @pytest.mark.slow
@@ -191,8 +200,9 @@ def test_the_frictionless_limit_is_linear(name):
 
 
 def test_a_gradient_can_be_traced():
-    """In a fast test, with friction in one joint: the gradients themselves are compared in the slow ones."""
-    scene = dataclasses.replace(MACHINES["motor and pump"](0.1), friction=(PinFriction("B", 0.1, 0.01),))
+    """In a fast test, with friction in two joints: the gradients themselves are compared in the slow ones."""
+    rubs = PinFriction("B", 0.1, 0.01), GuideFriction("slider", 0.1)
+    scene = dataclasses.replace(MACHINES["motor and pump"](0.1), friction=rubs)
     shapes = jax.eval_shape(jax.grad(lambda s: lj.steady_motion(s, 96).delta), scene)
     assert jax.tree.structure(shapes) == jax.tree.structure(scene)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -39,8 +40,15 @@ def test_useful_loads_that_drive_do_no_useful_work():
     assert float(lj.measures.evaluate(scene, ["efficiency_constant_speed"])["efficiency_constant_speed"]) == 0.0
     cycle = lj.analyse(scene, angles=12)
     assert cycle.efficiency == 0.0 and "the drive does no net work, loads drive the machine" in str(cycle)
+
+
+@pytest.mark.slow
+def test_useful_loads_beside_others_that_drive():
+    """What a brake takes of the work of another load is useful or not, and the remarks say what drives."""
+    scene = crank_slider(friction=(PinFriction("A", 0.1, 0.02),))
+    help_round = lj.Torque("wind", "crank", torque=5.0)
     brake = lj.Torque("brake", "crank", torque=-3.0)  # what is left drives the drive
-    scene = dataclasses.replace(scene, loads=(help_round, brake), useful=("brake",))
+    scene = dataclasses.replace(scene, loads=(help_round, brake), useful=("brake",), constant_speed=True)
     assert float(lj.measures.evaluate(scene, ["efficiency_constant_speed"])["efficiency_constant_speed"]) == 0.0
     cycle = lj.analyse(scene, angles=12)
     assert cycle.efficiency == 0.0
@@ -140,6 +148,40 @@ def test_both_sides_of_the_limit():
             torque, moves = torques(times(limit * side), jnp.asarray([angle]), jnp.asarray(1.0))
             assert bool(moves[0]) is (side < 1)
             assert np.isfinite(torque[0]) == (side < 1)
+
+
+def test_a_tilted_machine_that_locks_stays_locked():
+    """A short guide locks in motion, since the rod tilts the slider. Beyond that the equations have other solutions
+    again, which do not continue the one without friction: the machine does not move with them."""
+    scene, angles = lj.load("slider-crank"), jnp.asarray([1.6196, 1.674, 1.753])
+    rubs = everywhere(scene.mechanism, 0.1, 0.02, 0.1)
+    rubs = tuple(dataclasses.replace(r, length=0.02) if isinstance(r, GuideFriction) else r for r in rubs)
+    coefficients = jnp.append(jnp.asarray([0.05, 0.4]), jnp.linspace(0.74, 2.0, 64))
+
+    @compiled_soon
+    def moves(coefficients, angles):
+        def one(coefficient, phi):
+            friction: Any = tuple(dataclasses.replace(r, coefficient=coefficient) for r in rubs)
+            made = dataclasses.replace(scene, friction=friction)
+            return kinetostatics(made, phi, jnp.asarray(30.0), jnp.zeros(())).moves
+
+        return jax.vmap(lambda phi: jax.vmap(lambda each: one(each, phi))(coefficients))(angles)
+
+    found = np.asarray(moves(coefficients, angles))
+    assert np.all(found[:, :3]) and not np.any(found[:, -1])
+    assert not np.any(found[0, 3:])  # at 1.6196 rad it locks at 0.7436
+    assert not np.any(found[:, 1:] & ~found[:, :-1])  # more friction never sets it free
+
+
+def test_the_factor_in_single_precision():
+    """Close to locking the equations are ill-conditioned: more than two digits are left."""
+    scene = resisted()
+    scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1, 0.01, 0.3))
+    wide = factor(scene)
+    with jax.enable_x64(False):
+        narrow = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf), dtype=jnp.float32), scene)
+        inverse = jax.jit(lockings.function)(narrow, jnp.asarray(ANGLES, dtype=jnp.float32)).inverse
+    np.testing.assert_allclose(1 / np.asarray(inverse), wide, rtol=5e-3)
 
 
 @pytest.mark.slow
