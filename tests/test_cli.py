@@ -117,7 +117,7 @@ def test_show_gives_the_ranges_of_a_crank_that_cannot_rotate_fully(call):
     510 mm."""
     code, out, _ = call("show", "four-bar", "--set", 'links.rocker.length="150 mm"')
     stretched = math.degrees(math.acos((120**2 + 400**2 - 510**2) / (2 * 120 * 400)))
-    assert code == 0 and f"range      from −{stretched:.3f}° to {stretched:.3f}° only" in out
+    assert code == 0 and f"range      of crank angle: from −{stretched:.3f}° to {stretched:.3f}°;" in out
     code, out, _ = call("show", "four-bar", "--set", 'links.crank.length="2 m"')
     assert code == 0 and "range      none: the machine cannot be assembled at any crank angle" in out
     code, out, _ = call("show", "four-bar")

@@ -31,13 +31,15 @@ def float32_digits(scene: Scene, nodes: int = 96) -> dict[str, float]:
     constants in the precision in which it met them first.
     """
     found = []
-    for wide in (True, False):
+    try:
+        for wide in (True, False):
+            jax.clear_caches()
+            with jax.enable_x64(wide):
+                kind = jnp.float64 if wide else jnp.float32
+                given = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), scene)
+                found.append([np.asarray(part, dtype=float) for part in _figures(given, nodes)])
+    finally:
         jax.clear_caches()
-        with jax.enable_x64(wide):
-            kind = jnp.float64 if wide else jnp.float32
-            given = jax.tree.map(lambda leaf, kind=kind: jnp.asarray(np.asarray(leaf), dtype=kind), scene)
-            found.append([np.asarray(part, dtype=float) for part in _figures(given, nodes)])
-    jax.clear_caches()
     names = ("position", "coefficients", "drive_torque", "delta")
     return {name: _digits(one, two) for name, one, two in zip(names, *found, strict=True)}
 

@@ -110,7 +110,7 @@ def _limits(machine: Scene, show: Numbers) -> str:
     if not ranges[0].at_start and not ranges[0].at_stop:
         return ""
     between = " and ".join(f"from {show.turned(r.start)} to {show.turned(r.stop)}" for r in ranges)
-    return f"{between} only: elsewhere the machine cannot be assembled"
+    return f"of crank angle: {between}; the machine cannot be assembled beyond their ends"
 
 
 def print_structure(found: Structure) -> None:

@@ -27,7 +27,7 @@ MESSAGES = {
     "`linkjax analyse`, or check the user-defined function.",
     "interrupted": "Interrupted; this is the best design so far.",
     "infeasible": "No start reached a design that satisfies every constraint; this one violates them least. Relax one "
-    "of the conflicting constraints, add design variables, or try more starts.",
+    "of the conflicting constraints, widen a range, add design variables, or try more starts.",
 }
 
 

@@ -105,7 +105,7 @@ class Optimum:
     @property
     def notes(self) -> tuple[str, ...]:
         """Lines about links whose mass stays as given while their length is a design variable, about uniform plates
-        whose corners are no longer in order, and about variables that are not within their ranges before."""
+        whose corners are no longer in order, and about variables that are not within their ranges."""
         return notes(self.problem, self.after)
 
     @property

@@ -208,8 +208,8 @@ def _directions(parts: int) -> Float[np.ndarray, "directions parts"]:
 
 def obstacles(point: Point) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """For violated constraints: multipliers of every row of every block, and of the lower and upper bounds of all
-    variables, for which the violation is stationary. Those of every violated block sum to one; the objective is
-    ignored."""
+    variables, for which the violation is stationary. Those of every violated block sum to one, those of bounds are
+    relative to the largest slope; the objective is ignored."""
     n, columns, homes, sums = point.z.size, [], [], []
     for i, block in enumerate(point.every):
         missed = block.excess() > MET
@@ -232,5 +232,6 @@ def obstacles(point: Point) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
         weights[-1][tied] = found[at : at + len(tied)]
         at += len(tied)
     lower, upper = np.zeros(n), np.zeros(n)
-    lower[low], upper[high] = found[at : at + low.size], found[at + low.size :]
+    size = max((float(np.max(np.abs(part), initial=0.0)) for part in columns), default=0.0) or 1.0
+    lower[low], upper[high] = found[at : at + low.size] / size, found[at + low.size :] / size
     return weights, lower, upper

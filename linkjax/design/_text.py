@@ -10,6 +10,7 @@ from linkjax.design._names import number
 
 SHOW = Numbers()
 CERTIFIED = 1e-6
+SAME = 1e-12  # of a range: a value so close to a bound is on it
 WHILE = 'as given while the length changes (mass_properties = "fixed")'
 Rows = list[tuple[str, ...]]
 
@@ -30,7 +31,7 @@ def notes(problem: Any, after: Any) -> tuple[str, ...]:
     """One line for the links whose mass stays as given while their length is a design variable: these links have a mass
     or inertia, `mass_properties = "fixed"`, and no free mass. Another line for those that are uniform, one for each
     uniform plate whose corners are no longer in order in the scene `after`, and one for each variable that is not
-    within its range before."""
+    within its range in the given scene."""
     free = {name for v in problem.variables for name in (v.name, *v.linked)}
     fixed = [
         (name, link) for name, link in problem.scene.mechanism.links.items()
@@ -45,9 +46,9 @@ def notes(problem: Any, after: Any) -> tuple[str, ...]:
         if (fault := link.uniform_fault()) is not None:
             found.append(f"{name}: {fault[0]} in the optimised design; narrow the ranges of its points")
     for i, (start, low, high) in enumerate(zip(problem.start, problem.lower, problem.upper, strict=True)):
-        if not low <= start <= high:
+        if max(low - start, start - high) > SAME * (high - low):
             name, side = problem.variables[i].name, "lower" if start < low else "upper"
-            found.append(f"{name} is not within its range before; the first start is at its {side} bound")
+            found.append(f"{name} of the given scene is not within its range; the first start is at its {side} bound")
     return tuple(found)
 
 

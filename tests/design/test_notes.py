@@ -84,4 +84,6 @@ def test_a_value_outside_its_range_is_told(bounds, side):
         {"O": Vec(0.0, 0.0)}, {"crank": Link(length=0.1)}, [lj.Crank("crank", "O", "A")], lj.Flywheel(1.0)
     )
     best = lj.optimise(lj.Scene(mechanism, speed=20.0), {"flywheel.inertia": bounds}, "flywheel.inertia")
-    assert best.notes == (f"flywheel.inertia is not within its range before; the first start is at its {side} bound",)
+    assert best.notes == (
+        f"flywheel.inertia of the given scene is not within its range; the first start is at its {side} bound",
+    )
