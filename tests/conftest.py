@@ -38,7 +38,18 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The longest files first, so that no worker remains busy alone at the end."""
-    longest = ("test_measures.py", "test_delta_error.py", "test_motion.py", "test_hard_cases.py")
+    longest = (
+        "test_measures.py",
+        "test_delta_error.py",
+        "test_docs.py",
+        "test_locking.py",
+        "01_hay_press.ipynb",
+        "test_families.py",
+        "test_runs.py",
+        "test_browser.py",
+        "test_friction.py",
+        "test_report.py",
+    )
     items.sort(key=lambda item: longest.index(item.path.name) if item.path.name in longest else len(longest))
 
 

@@ -33,6 +33,7 @@ def spinner(torque: float = 0.0, static: float | None = None) -> lj.Scene:
     return lj.Scene(mechanism, speed=10.0, friction=rubs, motor=motor)
 
 
+@pytest.mark.slow
 def test_run_down():
     """The couple of friction is constant: standstill after J ω / M, and at ½ J ω² / M."""
     found = lj.run(spinner(), start_speed=10.0)

@@ -64,6 +64,12 @@ def test_a_pump_from_rest():
     np.testing.assert_allclose(found.angle[jnp.asarray([1, 10])], [0.70901052, 21.83971597], rtol=0, atol=6e-9)
     np.testing.assert_allclose(found.speed[jnp.asarray([1, 10])], [11.67259464, 29.47831234], rtol=0, atol=6e-9)
     np.testing.assert_allclose(found.motor_torque, 2 * (1 - found.speed / 40), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_run_over_angle_is_the_run_over_time():
+    scene = slider_crank(line())
+    found = lj.run(scene, time=1.0, points=11)
     again = compiled_soon(run_in_angle)(scene, found.angle[1:], found.speed[1])
     np.testing.assert_allclose(again.speed, found.speed[1:], rtol=1e-8)
     np.testing.assert_allclose(again.time, found.time[1:] - 0.1, atol=1e-8)
