@@ -121,6 +121,7 @@ def test_power_is_that_of_the_force_as_it_acts(kind):
         np.testing.assert_allclose(run.power, power, atol=1e-10 * size)
 
 
+@pytest.mark.slow
 def test_a_force_is_zero_outside_of_its_window():
     cycle = analysed("press")
     (load,), on = cycle.scene.loads, cycle.scene.active(cycle.angles)[:, 0]

@@ -65,6 +65,7 @@ def test_a_path_with_dwells():
     assert lj.analysis.measured(cycle)["min_transmission_angle"] == pytest.approx(least, rel=EXACT)
 
 
+@pytest.mark.slow
 def test_a_path_where_a_law_turns_back_within_a_move():
     """Ramps of the wrong height go back a little before they go ahead: for less than a step of the scan here."""
     ramp, back = lj.Move(0.115, 0.3), lj.Move(1.3, 0.3)
@@ -80,6 +81,7 @@ def test_a_path_where_a_law_turns_back_within_a_move():
     assert value(machine, "path_length.B") == pytest.approx([0.2 * np.sum(np.abs(np.diff(angles)))], rel=EXACT)
 
 
+@pytest.mark.slow
 def test_dead_centres_where_a_law_turns_back():
     """The crank stops at 1.1 and at 4.4 rad, where it rests first; at 2.4 rad it rests and goes on. The rocker turns
     back there, too, and where crank and rod are in line. Time ratios do not exist."""

@@ -141,6 +141,7 @@ def test_their_gradients(one):
         assert sum(float(leaf * part) for leaf, part in parts) == pytest.approx(slopes[i], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_jumps_together_where_the_cycle_begins():
     """A load ends at 360 degrees, where the acceleration of the law jumps: the rack never has both the load and the
     acceleration afterwards. Its forces are constant between jumps, so the curves have the peaks."""

@@ -318,6 +318,7 @@ def test_the_frictionless_limit_is_linear():
     assert slope > 0
 
 
+@pytest.mark.slow
 def test_a_geared_fan_is_analysed():
     """10 N m on a fan that turns four times as fast as the crank, over 100° of it, by teeth that pass on 95 %."""
     links = {"crank": lj.Link(length=0.1, inertia=1.0), "fan": lj.Link(inertia=0.02)}

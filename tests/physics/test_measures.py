@@ -99,13 +99,19 @@ KINK = 1e-4  # of the slope: a smooth function bends four times as much over twi
 MOST = 16  # measures of one program: a large one takes several times as long to compile as its parts, and its memory
 SOME = 3  # elements of one kind, spread over a large machine
 ONE = ("kozhevnikov-press", "press-with-friction", "toggle-clamp")  # of these, one: their programs take minutes each
+PARTS = {"press-with-friction": 6}  # of the sweep of gradients, which takes hours and much memory at once
 FLOOR = 1e-9  # of the largest measure of the same unit: a slope below it is that of a measure that is constant
+
+
+def machine_of(name: str) -> str:
+    """The scene of a sweep."""
+    return name.partition(",")[0]
 
 
 @functools.cache
 def swept(name: str) -> lj.Scene:
     """A built-in scene, changed slightly where its measures are not smooth."""
-    name = name.partition(",")[0]
+    name = machine_of(name)
     scene = lj.load(name, CHANGED.get(name, {}))
     if name in (*EVEN, *HELD):
         return scene
@@ -126,9 +132,21 @@ FEWER = "slider-crank, one of each family"  # the quickest sweep
 
 
 def names_of(name: str) -> tuple[str, ...]:
-    """Every measure of a scene, or the first of each family at constant speed and of the others."""
+    """Every measure of a scene, or a part of them, which has all of an element that are of one motion; or the first of
+    each family at constant speed and of the others."""
     if name != FEWER:
-        return all_names(name)
+        scene, _, part = name.partition(", part ")
+        names = all_names(scene)
+        if not part:
+            return names
+        groups: dict[tuple, list[str]] = {}
+        for each in names:
+            groups.setdefault((measures.named(each).motion, each.partition(".")[2]), []).append(each)
+        before = np.cumsum([0, *map(len, groups.values())])[:-1]
+        of = before * PARTS[scene] // len(names)
+        return tuple(
+            itertools.chain.from_iterable(g for g, i in zip(groups.values(), of, strict=True) if i == int(part))
+        )
     names = all_names("slider-crank")
     first = {each.partition(".")[0]: each for each in reversed(names)}
     return tuple(
@@ -223,7 +241,10 @@ def gradients(name: str) -> np.ndarray:
 
 def valued(name: str, scene: lj.Scene) -> np.ndarray:
     """The measures of a sweep, of its own scene or of one of the same structure."""
-    return np.concatenate(of_parts(values, name, scene, nodes=STEEP.get(name, FEW)))
+    found = np.concatenate(of_parts(values, name, scene, nodes=STEEP.get(machine_of(name), FEW)))
+    if name in IN_PARTS:
+        dropped(values)
+    return found
 
 
 @functools.cache
@@ -235,7 +256,7 @@ def all_values(name: str) -> np.ndarray:
 def neighbours(name: str) -> tuple[np.ndarray, np.ndarray]:
     """Measures with every number two steps down, one down, one up and two up, and (last row) unchanged; and their
     derivatives with respect to every number, forward: (numbers, measures)."""
-    scene, h = swept(name), FINER.get(name, H)
+    scene, h = swept(name), FINER.get(machine_of(name), H)
     leaves, tree = jax.tree.flatten(scene)
     leaves = np.asarray(leaves)
     size, none = np.where(leaves == 0, ZERO.get(scene.title, 0.03), leaves), np.zeros(leaves.size)
@@ -264,7 +285,7 @@ def floors(name: str) -> np.ndarray:
 
 def zeros(name: str) -> np.ndarray:
     """For every measure, what counts as zero beside the others."""
-    flat, names = FLAT.get(name, ()), names_of(name)
+    flat, names = FLAT.get(machine_of(name), ()), names_of(name)
     own = [1e-10 if each in flat else 1e-12 for each in names]
     families = np.asarray([each not in MEASURES for each in names])
     return np.where(families, 1e-3 * floors(name), own)
@@ -294,12 +315,16 @@ def ties(name: str) -> np.ndarray:
     return np.asarray([each in held or (each.startswith(EXTREMES) and each.split("_", 1)[1] in held) for each in found])
 
 
-@pytest.mark.parametrize("name", [pytest.param(FEWER, marks=pytest.mark.slow), *SCENES])
+IN_PARTS = [f"{name}, part {i}" for name in EVERY if name in PARTS for i in range(PARTS[name])]
+SWEEPS = [FEWER, *(name for name in EVERY if name not in PARTS), *IN_PARTS]
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) for name in SWEEPS])
 def test_gradients(name):
     """Every measure of a scene: finite, and the same forward, in reverse and by fourth-order differences, for every
     number. One Jacobian each way. Where two values are equal the larger one has a kink, as have extremes of what is
     constant."""
-    names, reverse, (f, ahead), h = names_of(name), gradients(name), neighbours(name), FINER.get(name, H)
+    names, reverse, (f, ahead), h = names_of(name), gradients(name), neighbours(name), FINER.get(machine_of(name), H)
     assert np.all(np.isfinite(reverse))
     rounding, deep = 1e-5 * floors(name), depths(name)
     turn = np.asarray([2 * np.pi if measures.named(each).unit == "J" else 1.0 for each in names])  # work of a torque
@@ -309,7 +334,7 @@ def test_gradients(name):
     middle, f = f[-1], f[:-1].reshape((4, count, len(names)))
     differences = ((f[0] - f[3]) + 8 * (f[2] - f[1])).T / (12 * h)
     near, far = f[1] + f[2] - 2 * middle[None], f[0] + f[3] - 2 * middle[None]
-    flat = np.asarray([each in FLAT.get(name, ()) for each in names])
+    flat = np.asarray([each in FLAT.get(machine_of(name), ()) for each in names])
     kinks = ~flat & (np.max(np.abs(far - 4 * near), axis=0) / h > KINK * size)
     seldom = kinks & ~ties(name)
     assert np.mean(seldom) <= 0.02, [each for each, kink in zip(names, seldom, strict=True) if kink]
@@ -377,7 +402,7 @@ def test_unchanged_by_units(name, units):
 @pytest.mark.parametrize("name", SCENES)
 def test_an_analysis_holds_the_same_numbers(name):
     """The values that `measured` reads from a cycle, from other programs; only some scenes have a target for δ."""
-    found = measured(lj.analyse(swept(name), angles=4, nodes=STEEP.get(name, FEW)))
+    found = measured(lj.analyse(swept(name), angles=4, nodes=STEEP.get(machine_of(name), FEW)))
     expected = dict(zip(names_of(name), all_values(name), strict=True))
     least = dict(zip(names_of(name), zeros(name), strict=True))
     assert set(MEASURES) - set(found) <= {"flywheel_for_target_delta", "min_transmission_angle"}

@@ -59,6 +59,7 @@ def test_derivative_of_a_reduced_mass():
     assert float(slope(MASS)) == pytest.approx(1.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_ratio_of_inertia_to_working_forces():
     """Of a yoke m r ω² / F, and infinite where statics gives no force."""
     name = "inertia_force_ratio_constant_speed"

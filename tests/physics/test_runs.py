@@ -179,6 +179,7 @@ def test_a_run_down_by_a_damper():
     assert float(found.run_down_time) == pytest.approx(6 * math.log(100), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_run_down_by_a_brake():
     """Stop after J omega0 / M, exactly."""
     found = lj.run(wheel(brake(3.0), motor=line()), start_speed=10.0, motor=False)

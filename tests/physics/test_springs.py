@@ -115,6 +115,7 @@ def test_a_spring_of_free_length_zero_balances_a_lever_at_every_angle():
     np.testing.assert_allclose(torque, 0.0, atol=1e-12 * MASS * GRAVITY * OUT)
 
 
+@pytest.mark.slow
 def test_the_optimiser_finds_the_stiffness_that_balances_the_lever():
     right = MASS * GRAVITY * OUT / (ARM * HEIGHT)
     free = {"loads.balance.stiffness": ("50 N/m", "0.5 N/mm")}

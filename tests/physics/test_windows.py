@@ -334,6 +334,7 @@ def test_a_load_acts_on_every_way_of_a_cycle_of_two_turns():
     assert both.shape == (4, 2)
 
 
+@pytest.mark.slow
 def test_a_coupler_point_in_a_direction():
     # y of the crank pin is r sin φ
     window = lj.Passage(point="B", last=0.03, direction=math.pi / 2)

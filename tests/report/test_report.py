@@ -52,6 +52,7 @@ def test_self_contained_and_well_formed(name, tmp_path):
         assert picture.caption in page.text
 
 
+@pytest.mark.slow
 def test_panels_over_the_crank_angle_are_marked(tmp_path):
     scene, data = analysed("slider-crank")
     page = write_report(data, scene, tmp_path / "report.html").read_text(encoding="utf-8")
