@@ -28,7 +28,7 @@ JUMP = 0.01  # relative: another solution is farther away
 SMALL = 1e-10  # relative: after a step of Newton's method as small as this the next one has all digits
 MORE = 2  # steps of which the size is small
 NEARER = 0.1  # relative: a single step that leads nearer to a solution
-NEAR, ROUNDINGS = 1e-6, 1e2  # relative, or roundings: a last step that found a solution; close to locking
+NEAR, ROUNDINGS = 1e-6, 1e2  # relative, or roundings: a last step that found a solution
 
 
 Transmitted = tuple[Array, Array, Array]  # forces fx and fy (N) and moments (N m), each of shape (joints,)
@@ -229,8 +229,7 @@ def continued(
     it finds nothing, a part of it, and from there a larger part. A solution far away to which the steps were not soon
     short may be another one, beyond the place where the machine locks: it does not count, unless solutions are
     `unique`. `step` takes one step with a part of friction, and gives the relative change and the sign of the
-    determinant as well. Source: Deuflhard, Newton
-    Methods for Nonlinear Problems, 2004, ch. 5."""
+    determinant as well. Source: Deuflhard, Newton Methods for Nonlinear Problems, 2004, ch. 5."""
 
     def going(now: _Search) -> Array:
         return (now.reached < 1) & (now.more > LEAST)
