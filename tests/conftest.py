@@ -16,7 +16,7 @@ MOST_MAPS = 15_000  # of the 65 530 that Linux allows; about 5 GB of programs
 os.environ["XDG_CACHE_HOME"] = str(CACHE)  # also for programs started by tests: nothing is written elsewhere
 os.environ["MPLBACKEND"] = "agg"
 # a test runs for milliseconds what it compiles for seconds; XLA stops at a flag that it does not know
-SOONER = ["--xla_backend_optimization_level=0"]
+SOONER = ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
 if tuple(map(int, importlib.metadata.version("jaxlib").split(".")[:2])) < (0, 11):
     SOONER.append("--xla_cpu_use_fusion_emitters=false")
 os.environ.setdefault("XLA_FLAGS", " ".join(SOONER))

@@ -26,6 +26,14 @@ class Candidates(NamedTuple):
     distance: Array
 
 
+class Kinks(NamedTuple):
+    """Crank angles where the motion itself has kinks (rad), infinite where there are fewer; and singularities beside
+    the real axis without a breakpoint of their own, with which panels nearby are difficult."""
+
+    ends: Array
+    beside: Candidates
+
+
 def together(one: Candidates, two: Candidates) -> Candidates:
     """All breakpoints."""
     return Candidates(*(jnp.concatenate(pair) for pair in zip(one, two, strict=True)))
@@ -42,10 +50,13 @@ def pick(mask: Array, values: Array) -> Array:
     return jnp.max(jnp.where(mask, values, -jnp.inf), axis=-1)
 
 
-def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, rolled: bool, sure: int) -> Array:
+def edges_of(
+    fixed: list[Array], kinks: Candidates, beside: Candidates | None, panels: int, cycle: float, rolled: bool, sure: int
+) -> Array:  # fmt: skip
     """Edges of so many panels (rad), sorted, from `fixed` breakpoints and kinks. Of breakpoints closer than `SAME` the
-    first is kept; each spare edge halves the panel that is widest relative to its distance from a singularity, in a
-    loop if `rolled`. Fixed breakpoints may be infinite, that is unused, except `sure` of them."""
+    first is kept; each spare edge halves the panel that is widest relative to its distance from a singularity, of a
+    kink or `beside` them, in a loop if `rolled`. Fixed breakpoints may be infinite, that is unused, except `sure` of
+    them."""
     angle = kinks.angle
     given = jnp.stack(fixed) if fixed else jnp.zeros(0)
     far = kinks.distance > REACH
@@ -60,6 +71,7 @@ def edges_of(fixed: list[Array], kinks: Candidates, panels: int, cycle: float, r
     edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
     edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
     rounds = panels - max(1, sure)
+    kinks = kinks if beside is None else together(kinks, beside)
     split = _Split(jax.lax.stop_gradient(edges), jnp.arange(edges.size), _hardness(edges[:-1], edges[1:], kinks, cycle))
     if rounds <= UNROLLED and not rolled:
         for _ in range(rounds):

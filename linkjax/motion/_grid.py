@@ -29,6 +29,7 @@ from linkjax.loads import Passage, Window
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.motion._edges import (
     Candidates,
+    Kinks,
     edges_of,
     nearest,
     not_there,
@@ -179,7 +180,7 @@ class Switches(NamedTuple):
     kinks: tuple[Any, ...]
     strengths: tuple[Array, ...]
     passed: Passed | None
-    driven: Any
+    driven: Kinks | None
 
 
 def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
@@ -188,23 +189,19 @@ def make_grid(scene: Scene | ReadyScene, nodes: int) -> Grid:
 
 
 def grid_of(
-    machine: Sampler,
-    nodes: int,
-    scanned: Sample | None = None,
-    points: int = GRID_SCAN,
-    breaks: tuple[float, ...] = (),
-    driven: Any = None,
-) -> Grid:
+    machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN,
+    breaks: tuple[float, ...] = (), driven: Kinks | None = None,
+) -> Grid:  # fmt: skip
     """The grid of a machine that is evaluated in batches; `scanned` are samples at `points` angles per turn, a multiple
-    of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad), and at those of the array `driven`,
-    where the motion itself has a kink; infinite ones are not used."""
+    of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad), and at `driven`, the kinks of the
+    motion itself; infinite ones are not used."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     opposing, rough = [load for load in scene.loads if load.opposing], reversing(scene.mechanism, scene.friction)
     kinks, groups = (*_kinks(scene), *breaks), list(named_groups(scene.mechanism))[1:]
     windows, crossed = sum(how_many(load.window, turns) for load in scene.loads), crossings_of(machine.ready)
     looked = evaluated([load.window for load in scene.loads if isinstance(load.window, Passage)] + crossed, turns)
     slots, passed_by = REVERSALS * turns, sum(kinks_at_most(each, turns) for each in crossed)
-    more = 0 if driven is None else driven.shape[0]
+    more = 0 if driven is None else driven.ends.shape[0]
     rubs = RUBS * turns * len(rough)
     count = 2 * windows + passed_by + len(kinks) + slots * len(opposing) + rubs + len(groups) * turns
     count = max(6 * turns, count)
@@ -316,8 +313,10 @@ def _grid(
     # an edge that moves must not have a twin that does not: which of them is the place of a peak could not be seen
     fixed += not_there(plan.breaks, fixed, plan.cycle)
     fixed += [each for kinks_of_load in met for each in wrapped_kinks(kinks_of_load, plan.cycle)]
-    fixed += [] if switches.driven is None else wrapped_kinks(switches.driven, plan.cycle)
-    edges = edges_of(fixed, kinks, plan.panels, plan.cycle, plan.rolled, sure)
+    driven = switches.driven
+    fixed += [] if driven is None else wrapped_kinks(driven.ends, plan.cycle)
+    beside = None if driven is None else driven.beside
+    edges = edges_of(fixed, kinks, beside, plan.panels, plan.cycle, plan.rolled, sure)
     order = _order(switches.windows, switched(edges, ends), plan)
     half, middle = 0.5 * (edges[1:] - edges[:-1]), 0.5 * (edges[1:] + edges[:-1])
     return Grid(

@@ -27,7 +27,7 @@ from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import moving_at_nodes
-from linkjax.motion._edges import KINK, REACH, Candidates, nearest, together
+from linkjax.motion._edges import KINK, REACH, Candidates, Kinks, nearest, together
 from linkjax.motion._flow import Begun, Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
 from linkjax.motion._guess import guessed, rubbing_joints, unknown
@@ -38,8 +38,10 @@ from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
+MINIMA = 2  # for one of these, minima of the force of a pin
 # the least places per crank turn where the force of a pin almost vanishes; and joints with friction for one of them
 LEAST_SOFT, SOFT = 2, 2
+BESIDE = 3  # for one of these, more such places: they have no ends of their own, but panels there are halved first
 AROUND = 1.0, 8.0, 64.0  # times the distance of the singularity there: how far from such a place panels end
 # rounds of finding the motion and its kinks: at knots alone, with friction, and with a lossy transmission
 ROUNDS, RUBBED_ROUNDS, LOSSY_ROUNDS = 1, 2, 3
@@ -75,15 +77,17 @@ def grid_with_kinks(
     most = CHANGES * scene.cycle_turns
     soft = max(LEAST_SOFT, -(-len(scene.friction) // SOFT)) * scene.cycle_turns if scene.friction else 0
     more = most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft * 2 * len(AROUND)
-    found = jnp.full(more, jnp.inf)
-    grid, none = grid_of(*given, found), found[:0]
+    seen = (1 + kinks) * BESIDE * soft
+    found = Kinks(jnp.full(more, jnp.inf), Candidates(jnp.zeros(seen), jnp.full(seen, jnp.inf)))
+    grid, none = grid_of(*given, found), jax.tree.map(lambda part: part[:0], found)
     at = at_nodes(machine, grid, edges=kinks)
 
     def at_constant_speed(machine: Sampler, grid: Grid, at: AtNodes) -> Any:
         ends = none
         if loses:
             poses = at.sample.pose if on_pose(scene) else None
-            ends = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
+            still = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
+            ends = none._replace(ends=still)
         return machine.run(_joined, ends, _rubbing(machine, grid, at, None, most, soft)) if scene.friction else ends
 
     rounds = LOSSY_ROUNDS if loses else RUBBED_ROUNDS if scene.friction else ROUNDS
@@ -95,7 +99,8 @@ def grid_with_kinks(
         if not kinks:
             return found, grid_of(machine, nodes, scanned, points, breaks, found), ratio
         begun, _, ratio = repeated(machine, grid, at, added, start, ratio, AGAIN, NEARLY)
-        found = machine.run(_kinks, begun.flow, begun.energy, found, turns=scene.cycle_turns)
+        own = machine.run(_kinks, begun.flow, begun.energy, found.ends, turns=scene.cycle_turns)
+        found = found._replace(ends=own)
         if scene.friction:
             found = machine.run(_joined, found, _rubbing(machine, grid, at, begun, most, soft))
         new = grid_of(machine, nodes, scanned, points, breaks, found)
@@ -105,7 +110,7 @@ def grid_with_kinks(
         fixed = Sampler(machine.still)
         known, grid = jax.lax.stop_gradient((scanned, grid))
 
-        def again(_: Any, state: tuple[Array, Grid, Array]) -> tuple[Array, Grid, Array]:
+        def again(_: Any, state: tuple[Kinks, Grid, Array]) -> tuple[Kinks, Grid, Array]:
             return moved(fixed, state[1], at_nodes(fixed, state[1], edges=kinks), state[2], known)
 
         found, grid, _ = jax.lax.fori_loop(0, rounds, again, (found, grid, jnp.ones(())))
@@ -140,7 +145,7 @@ def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, begun: Begun | None, mos
 @compiled_soon(static=("most", "soft"))
 def _changes_at_nodes(
     made: ReadyScene, grid: Grid, here: Reduced, pose: Pose, begun: Begun | None, most: int, soft: int
-) -> Float[Array, " kinks"]:  # fmt: skip
+) -> Kinks:  # fmt: skip
     torques = torques_of(made)
     moving = moving_at_nodes(grid, torques, pose)
     assert moving is not None
@@ -166,7 +171,7 @@ def _changes_at_nodes(
 @compiled_soon(static=("most", "soft"))
 def _changes_of_forces(
     grid: Grid, friction: dict[str, dict[str, JointFriction]], most: int, soft: int
-) -> Float[Array, " kinks"]:  # fmt: skip
+) -> Kinks:  # fmt: skip
     every = [one for sides in friction.values() for one in sides.values()]
     return _rubs_change(grid, [one.switches for one in every], [one.square for one in every], most, soft)
 
@@ -179,8 +184,8 @@ def _nodes_alone(grid: Grid, place: Place, pose: Pose) -> tuple[Place, Pose, Arr
 
 
 @compiled_soon
-def _joined(one: Array, other: Array) -> Array:
-    return jnp.concatenate([one, other])
+def _joined(one: Kinks, other: Kinks) -> Kinks:
+    return jax.tree.map(lambda *both: jnp.concatenate(both), one, other)
 
 
 @compiled_soon
@@ -197,21 +202,24 @@ def _crank(flow: Flow, energy: Array) -> tuple[Array, Array]:
 
 def _rubs_change(
     grid: Grid, switches: Sequence[tuple[Array, ...]], squares: Sequence[Array | None], most: int, soft: int
-) -> Float[Array, " kinks"]:  # fmt: skip
+) -> Kinks:  # fmt: skip
     """Where the friction of guides has a kink, and around the nearest of so many places where forces of pins almost
-    vanish."""
+    vanish; and more such places, without ends of their own."""
     found = [row for one in switches for row in _no_noise(one)]
     ends = [jnp.zeros(0)]
     if found:
         rows = jax.lax.stop_gradient(jnp.stack(found)).reshape((-1, *grid.nodes.shape))
         ends.append(jax.vmap(lambda row: sign_changes(grid, row, most).angles(grid))(rows).ravel())
     squares = [square for square in squares if square is not None]
-    least = Candidates(jnp.full(soft, jnp.inf), jnp.full(soft, jnp.inf))
+    seen = soft + BESIDE * soft
+    least = Candidates(jnp.zeros(seen), jnp.full(seen, jnp.inf))
     if squares:
         rows = jax.lax.stop_gradient(jnp.stack(squares)).reshape((-1, *grid.nodes.shape))
-        places = jax.vmap(lambda row: _almost_zero(grid, row, most))(rows)
-        least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), soft)
-    return jnp.concatenate([*ends, _around(least).ravel()])
+        places = jax.vmap(lambda row: _almost_zero(grid, row, MINIMA * most))(rows)
+        least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), seen)
+    least = least._replace(angle=jnp.where(jnp.isfinite(least.distance), least.angle, 0.0))
+    own, beside = (Candidates(*(part[which] for part in least)) for which in (slice(soft), slice(soft, None)))
+    return Kinks(jnp.concatenate([*ends, _around(own).ravel()]), beside)
 
 
 def _around(soft: Candidates) -> Float[Array, "places ends"]:
@@ -236,7 +244,7 @@ def _almost_zero(grid: Grid, square: Float[Array, "panels n"], most: int) -> Can
     rule = grid.rule
     slope = jnp.asarray(rule.slope_at_points[1:-1, : grid.n] @ rule.series)
     first, second = square @ slope.T, square @ slope.T @ slope.T
-    found = sign_changes(grid, first, most)
+    found = sign_changes(grid, first, most, rising=True)
     value, bend = (
         series_sum(taken(part @ jnp.asarray(rule.series.T), found.panel), found.x) for part in (square, second)
     )
@@ -293,8 +301,8 @@ class Changes(NamedTuple):
         return jnp.where(self.used, taken(grid.middle, self.panel) + taken(grid.half, self.panel) * self.x, jnp.inf)
 
 
-def sign_changes(grid: Grid, values: Float[Array, "panels n"], most: int) -> Changes:
-    """Where a function known at the nodes changes its sign, in order."""
+def sign_changes(grid: Grid, values: Float[Array, "panels n"], most: int, rising: bool = False) -> Changes:
+    """Where a function known at the nodes changes its sign, in order; or where it does so `rising`, alone."""
     rule, size = grid.rule, jnp.max(jnp.abs(values))
     first, last = jnp.moveaxis(values @ jnp.asarray(rule.ends.T), -1, 0)
     # one value at an edge, so that a root at an edge is found once: the two panels' own values there differ by rounding
@@ -303,7 +311,7 @@ def sign_changes(grid: Grid, values: Float[Array, "panels n"], most: int) -> Cha
     last, first = last - joined, first + jnp.roll(joined, 1)
     every = jnp.concatenate([first[:, None], values, last[:, None]], axis=1)
     negative = every < -NOISE * size  # in a dwell there is rounding alone
-    changes = negative[:, :-1] != negative[:, 1:]
+    changes = negative[:, :-1] & ~negative[:, 1:] if rising else negative[:, :-1] != negative[:, 1:]
     flat = changes.ravel()
     place = jnp.sort(jnp.where(flat, jnp.arange(flat.size), flat.size))[:most]
     used, place = place < flat.size, jnp.minimum(place, flat.size - 1)

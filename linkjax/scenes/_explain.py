@@ -16,6 +16,7 @@ from linkjax.scenes._errors import SceneError, shown
 from linkjax.scenes._keys import Path, annotation_at, examples, fields, is_rolling, is_table, join, lookup, settle
 from linkjax.scenes._loads import TABLES as LOAD_TABLES
 from linkjax.scenes._models import SceneFile
+from linkjax.scenes._motors import KINDS as MOTOR_KINDS
 
 File = TypeVar("File", bound=BaseModel)
 CHOICES = ("kind", "side", "branch")  # keys that hold no names
@@ -60,7 +61,7 @@ def _say(kind: str, path: Path, given: Any, context: dict[str, Any], table: Any,
     if kind == "missing":
         return "missing", _addition(table, path)
     if kind == "union_tag_invalid":
-        what = {"motor": "motor", "loads": "load"}.get(str(path[0]), "group")
+        what = _what(path)
         problem = f"not a known kind of {what}"
         if lacking := absent((*path, str(given["kind"]))) if what != "motor" else "":
             return problem, lacking
@@ -100,23 +101,31 @@ def unknown(table: Any, path: Path) -> str:
     if same := meant(last, keys):
         example = examples(annotation_at(table, path[:-1])).get(same)
         return f"did you mean {same!r}?" + ("" if example is None else f" Write e.g. {same} = {shown(example)}")
-    lacking = "" if is_rolling(table) or path[0] == "optimise" else _of_kind(path) or absent(path)
+    lacking = "" if is_rolling(table) or path[0] == "optimise" else _of_kind(table, path) or absent(path)
     if lacking or misspelt.startswith("did you mean"):
         return lacking or misspelt
     elsewhere = meant(last, [key for key in fields(SceneFile) if key not in ("loads", "links")])
     return _home(table, path) or (_home(table, (*path[:-1], elsewhere)) if elsewhere else "") or misspelt
 
 
-def _of_kind(path: Path) -> str:
-    """The kinds of loads that have a key, which this load does not have."""
-    if path[0] != "loads" or len(path) != 3:
+def _of_kind(table: Any, path: Path) -> str:
+    """The kinds of loads or motors that have a key, which this one does not have."""
+    key = str(path[-1])
+    if path[:-1] == ("motor",):
+        every = dict.fromkeys(MOTOR_KINDS.values())
+        kinds = [kind for kind in every if key in known_keys({"motor": {"kind": kind, key: None}}, path[:-1])]
+        own = shown(lookup(table, ("motor", "kind")))
+        remedy = f"take it out, or write all keys at once, motor = {{ kind = {own}, ... }}"
+    elif path[0] == "loads" and len(path) == 3:
+        kinds = [kind for kind, model in LOAD_TABLES.values() if kind and key in fields(model)]
+        remedy = f"write kind = {shown(kinds[0])}" if kinds else ""
+    else:
         return ""
-    kinds = [kind for kind, model in LOAD_TABLES.values() if kind and str(path[-1]) in fields(model)]
-    return (
-        f"only a load of the kind {' or '.join(map(shown, kinds))} has this key: write kind = {shown(kinds[0])}"
-        if (kinds)
-        else ""
-    )
+    return f"only a {_what(path)} of the kind {' or '.join(map(shown, kinds))} has this key: {remedy}" if kinds else ""
+
+
+def _what(path: Path) -> str:
+    return {"motor": "motor", "loads": "load"}.get(str(path[0]), "group")
 
 
 def _home(table: Any, path: Path) -> str:

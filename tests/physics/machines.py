@@ -35,6 +35,8 @@ from linkjax.groups import Belt, Gear, General, Pinion, Rack, Slot, Teeth
 from linkjax.kinematics import min_margin
 
 BUILT_IN = ("hay-press", "hay-press-slider", "slider-crank", "four-bar", "quick-return", "scotch-yoke")
+# of these and the next, those whose parts others have
+ALIKE = ("hay-press-slider", "quick-return", "two-on-one-crank", "coupler-points", "rolling")
 COMPOSED = (
     "two-on-one-crank",
     "coupler-points",

@@ -32,7 +32,8 @@ def batches(numbers: range) -> list[range]:
     return [numbers[i : i + BATCH] for i in range(0, len(numbers), BATCH)]
 
 
-EVERY = [*batches(SOON), *(pytest.param(each, marks=pytest.mark.slow) for each in batches(LATER))]
+FIRST, *OTHERS = [*batches(SOON), *batches(LATER)]
+EVERY = [FIRST, *(pytest.param(each, marks=pytest.mark.slow) for each in OTHERS)]
 
 
 @pytest.mark.parametrize("numbers", EVERY, ids=lambda numbers: f"{numbers[0]}-{numbers[-1]}")
@@ -83,7 +84,7 @@ def test_a_drawing_moved_or_mirrored_is_the_same_machine(numbers):
                 assert abs(after[name] - there(complex(before[name]))) < 1e-7 * drawing.size(), (number, name)
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_linkjax_puts_them_there(number):
     """The same for the pose that linkjax itself computes."""
     drawing = drawn(number)

@@ -43,7 +43,7 @@ def press(belt: bool) -> lj.Scene:
     return dataclasses.replace(scene, mechanism=made, loads=(spring,))
 
 
-@pytest.fixture(scope="module", params=[False, True], ids=["gears", "belt"])
+@pytest.fixture(scope="module", params=[pytest.param(False, marks=pytest.mark.slow), True], ids=["gears", "belt"])
 def one(request):
     return press(request.param)
 

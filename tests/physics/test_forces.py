@@ -18,10 +18,10 @@ from linkjax._compile import compiled_soon
 from linkjax.forces import Forces, kinetostatics, other_sides
 from linkjax.measures import peak_names
 from tests.physics import newton_euler, oracle
-from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine
+from tests.physics.machines import ALIKE, BUILT_IN, COMPOSED, PRESCRIBED, machine
 
 EVERY = (*BUILT_IN, *COMPOSED, *PRESCRIBED)
-MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name == "rolling" else name for name in EVERY]
+MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name in ALIKE else name for name in EVERY]
 ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
 STATES = {"constant speed": (1.0, 0.0), "speeding up": (0.8, 0.6), "slowing down": (1.1, -0.9)}  # times ω, ω²
 

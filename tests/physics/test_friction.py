@@ -19,10 +19,10 @@ from linkjax.machine import ready
 from tests.physics import rubbed
 from tests.physics.machines import machine
 
-MACHINES = ("four-bar", "hay-press", "hay-press-slider", "quick-return", "scotch-yoke", "two-on-one-crank",
-            "slotted-levers", "clockwise",
-            *(pytest.param(name, marks=pytest.mark.slow) for name in ("moving-guides", "triad", "geared", "rolling")),
-            )  # fmt: skip
+FIRST = ("four-bar", "hay-press", "quick-return", "scotch-yoke")
+LATER = ("hay-press-slider", "two-on-one-crank", "clockwise", "slotted-levers",
+         "moving-guides", "triad", "geared", "rolling")  # fmt: skip
+MACHINES = (*FIRST, *(pytest.param(name, marks=pytest.mark.slow) for name in LATER))
 ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)
 STATES = ((1.0, 0.0), (0.8, 0.6), (1.1, -0.9))  # speeds times ω, accelerations times ω²
 

@@ -108,6 +108,17 @@ def test_a_loss_in_one_pin_alone():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("force", ["25 kN", "20 kN"])
+def test_losses_where_more_forces_almost_vanish(force):
+    """More pins than places with panels of their own, the last of them after many extremes of the same force."""
+    scene = lj.load("press-with-friction", {"loads.hay.force": force})
+    names = [f"loss_constant_speed.{joint}" for joint in "ABDEFG"]
+    few, many = (lj.measures.evaluate(scene, names, nodes) for nodes in (96, 1500))
+    for name in names:
+        assert float(few[name]) == pytest.approx(float(many[name]), rel=1e-9), name
+
+
+@pytest.mark.slow
 def test_gradients_where_forces_of_pins_almost_vanish():
     """Losses of two pins of the hay press, whose forces fall to 0.0001 and 0.0015 of their largest."""
     scene = lj.load("press-with-friction")

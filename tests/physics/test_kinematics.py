@@ -22,11 +22,11 @@ from linkjax._compile import compiled_soon
 from linkjax.groups import Gear, General, LinkState, Pinion, PointState, Rack
 from linkjax.kinematics import dead_centres, margins, pose, strokes, transmission_angles
 from tests.physics import oracle
-from tests.physics.machines import BUILT_IN, COMPOSED, PRESCRIBED, machine, mirrored, moved, resized
+from tests.physics.machines import ALIKE, BUILT_IN, COMPOSED, PRESCRIBED, machine, mirrored, moved, resized
 
 EVERY = (*BUILT_IN, *COMPOSED, *PRESCRIBED)
-MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name == "rolling" else name for name in EVERY]
-SOON = [pytest.param(name, marks=pytest.mark.slow) if name in ("rolling", "triad") else name for name in EVERY]
+MACHINES = [pytest.param(name, marks=pytest.mark.slow) if name in ALIKE else name for name in EVERY]
+SOON = [pytest.param(name, marks=pytest.mark.slow) if name in (*ALIKE, "triad") else name for name in EVERY]
 ANGLES = np.linspace(-3.0, 9.0, 25)
 EPS = np.finfo(float).eps
 

@@ -32,6 +32,7 @@ R, L, F = 0.1, 0.3, 200.0  # crank and rod of `crank_slider` (m), and a force th
 ANGLES = np.radians([10.0, 40.0, 75.0, 100.0, 150.0, 200.0, 260.0, 330.0])
 
 
+@pytest.mark.slow
 def test_useful_loads_that_drive_do_no_useful_work():
     """A load that helps the crank round: the machine does nothing useful, and the efficiency is zero, with a remark."""
     scene = crank_slider(friction=(PinFriction("A", 0.1, 0.02),))
@@ -236,6 +237,7 @@ def published() -> lj.Cycle:
     return lj.analyse(scene, angles=72, constant_speed=True)
 
 
+@pytest.mark.slow
 def test_work_lost_in_a_turn():
     """By the sum of many torques and as published, 4.957994 J, where the last digit
     is that of a coarser sum. The drive gives what friction takes, since a constant force does no work in a turn."""

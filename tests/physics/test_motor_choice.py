@@ -63,6 +63,7 @@ def test_harmonics_of_an_analysis():
         assert found["mean"] == pytest.approx(series[0].real, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_energy_mass_diagram():
     """Against the work of all torques, integrated by another method; the tangents bound the curve."""
     scene, cycle, data = pump()

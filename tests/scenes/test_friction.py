@@ -148,6 +148,7 @@ def test_materials_may_have_dashes():
     assert same(scenes[0], scenes[1]) and same(scenes[0], scenes[2])
 
 
+@pytest.mark.slow
 def test_a_machine_that_locks_ends_with_an_error(monkeypatch, capsys, tmp_path):
     """Everything is written, and the exit code says that the machine does not move."""
     rough = ("--set", 'friction={coefficient=3, radius="90 mm"}', "--constant-speed", "--quiet", "--angles", "12")
