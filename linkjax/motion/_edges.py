@@ -16,19 +16,21 @@ ONE = 1e-13  # of the cycle: breakpoints so close are one
 SAME = 1e-7  # rad: closer breakpoints are merged; a kink with this error of position costs (1e-7)^2
 KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on either side
 REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
+EXTRA = 8  # panels per crank turn near singularities beside the real axis
+NEAREST = 0.03  # rad: closer ones count as so far away, otherwise one of them would take all of these
 UNROLLED = 12  # the most panels that are halved without a loop
 
 
 class Candidates(NamedTuple):
-    """Breakpoints with the distance of their singularity from the real axis (0: a kink; inf: no breakpoint)."""
+    """Places with the distance of their singularity from the real axis (0: a kink; inf: no breakpoint)."""
 
     angle: Array
     distance: Array
 
 
 class Kinks(NamedTuple):
-    """Crank angles where the motion itself has kinks (rad), infinite where there are fewer; and singularities beside
-    the real axis without a breakpoint of their own, with which panels nearby are difficult."""
+    """Crank angles at which panels end because of the motion itself (rad), infinite where there are fewer; and
+    singularities beside the real axis, near which panels are halved once more."""
 
     ends: Array
     beside: Candidates
@@ -45,6 +47,11 @@ def nearest(found: Candidates, most: int) -> tuple[Candidates, Array]:
     return Candidates(*(taken(part, order) for part in found)), jnp.sum(found.distance <= KINK) > most
 
 
+def extra(beside: Candidates | None, cycle: float) -> int:
+    """How many panels are for singularities beside the real axis."""
+    return 0 if beside is None or not beside.angle.size else EXTRA * round(cycle / (2 * np.pi))
+
+
 def pick(mask: Array, values: Array) -> Array:
     """The largest masked value along the last axis; a maximum is much cheaper than a gather on a CPU."""
     return jnp.max(jnp.where(mask, values, -jnp.inf), axis=-1)
@@ -54,9 +61,9 @@ def edges_of(
     fixed: list[Array], kinks: Candidates, beside: Candidates | None, panels: int, cycle: float, rolled: bool, sure: int
 ) -> Array:  # fmt: skip
     """Edges of so many panels (rad), sorted, from `fixed` breakpoints and kinks. Of breakpoints closer than `SAME` the
-    first is kept; each spare edge halves the panel that is widest relative to its distance from a singularity, of a
-    kink or `beside` them, in a loop if `rolled`. Fixed breakpoints may be infinite, that is unused, except `sure` of
-    them."""
+    first is kept; each spare edge halves the panel that is widest relative to its distance from a singularity, in a
+    loop if `rolled`. The last `EXTRA` per turn also know the singularities `beside` the axis: before, these would take
+    all of them. Fixed breakpoints may be infinite, that is unused, except `sure` of them."""
     angle = kinks.angle
     given = jnp.stack(fixed) if fixed else jnp.zeros(0)
     far = kinks.distance > REACH
@@ -70,14 +77,18 @@ def edges_of(
     start = jnp.where(jnp.isfinite(edges[0]), edges[0], 0.0)
     edges = jnp.where(jnp.isfinite(edges), edges, start + cycle)
     edges = jnp.concatenate([edges.at[0].set(start), (start + cycle)[None]])
-    rounds = panels - max(1, sure)
-    kinks = kinks if beside is None else together(kinks, beside)
+    kept = extra(beside, cycle)
+    rounds = panels - max(1, sure) - kept
     split = _Split(jax.lax.stop_gradient(edges), jnp.arange(edges.size), _hardness(edges[:-1], edges[1:], kinks, cycle))
     if rounds <= UNROLLED and not rolled:
         for _ in range(rounds):
-            split = _halved(split, kinks, cycle)
+            split = _halved(split, kinks, cycle, kept)
     else:
-        split = jax.lax.fori_loop(0, rounds, lambda _, split: _halved(split, kinks, cycle), split)
+        split = jax.lax.fori_loop(0, rounds, lambda _, split: _halved(split, kinks, cycle, kept), split)
+    if kept and beside is not None:
+        every = together(kinks, beside._replace(distance=jnp.maximum(beside.distance, NEAREST)))
+        split = split._replace(hard=_hardness(split.edges[:-1], split.edges[1:], every, cycle))
+        split = jax.lax.fori_loop(0, kept, lambda _, split: _halved(split, every, cycle), split)
     return once(jnp.where(split.origin < 0, split.edges, taken(edges, jnp.maximum(split.origin, 0))))
 
 
@@ -102,8 +113,8 @@ def _hardness(low: Array, high: Array, kinks: Candidates, cycle: float) -> Array
     return width * width / squared
 
 
-def _halved(split: _Split, kinks: Candidates, cycle: float) -> _Split:
-    """Use one spare edge, an empty panel at the end, to halve the hardest panel."""
+def _halved(split: _Split, kinks: Candidates, cycle: float, kept: int = 0) -> _Split:
+    """Use one spare edge, an empty panel at the end, to halve the hardest panel, unless only those `kept` are left."""
     edges, origin, hard = split
     number = jnp.arange(edges.size)
     panel = jnp.max(jnp.where(highest(hard), number[:-1], 0))
@@ -118,7 +129,7 @@ def _halved(split: _Split, kinks: Candidates, cycle: float) -> _Split:
 
     new = inserted(hard, halves[1])
     new = jnp.where(number[:-1] == panel, halves[0], new)
-    free = edges[-2] >= edges[-1]
+    free = edges[-2 - kept] >= edges[-1]
     made = _Split(inserted(edges, cut), inserted(origin, -1), new)
     return jax.tree.map(lambda one, two: jnp.where(free, one, two), made, split)
 

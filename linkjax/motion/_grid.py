@@ -31,6 +31,7 @@ from linkjax.motion._edges import (
     Candidates,
     Kinks,
     edges_of,
+    extra,
     nearest,
     not_there,
     pick,
@@ -193,15 +194,15 @@ def grid_of(
     breaks: tuple[float, ...] = (), driven: Kinks | None = None,
 ) -> Grid:  # fmt: skip
     """The grid of a machine that is evaluated in batches; `scanned` are samples at `points` angles per turn, a multiple
-    of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad), and at `driven`, the kinks of the
-    motion itself; infinite ones are not used."""
+    of `GRID_SCAN`, if known. Panels also end at the crank angles `breaks` (rad), and those of `driven`, near
+    whose singularities they are smaller; infinite ones are not used."""
     scene, turns = machine.scene, machine.scene.cycle_turns
     opposing, rough = [load for load in scene.loads if load.opposing], reversing(scene.mechanism, scene.friction)
     kinks, groups = (*_kinks(scene), *breaks), list(named_groups(scene.mechanism))[1:]
     windows, crossed = sum(how_many(load.window, turns) for load in scene.loads), crossings_of(machine.ready)
     looked = evaluated([load.window for load in scene.loads if isinstance(load.window, Passage)] + crossed, turns)
     slots, passed_by = REVERSALS * turns, sum(kinks_at_most(each, turns) for each in crossed)
-    more = 0 if driven is None else driven.ends.shape[0]
+    more = 0 if driven is None else driven.ends.shape[0] + extra(driven.beside, scene.cycle)
     rubs = RUBS * turns * len(rough)
     count = 2 * windows + passed_by + len(kinks) + slots * len(opposing) + rubs + len(groups) * turns
     count = max(6 * turns, count)

@@ -1,6 +1,6 @@
 """Crank angles where the motion itself has a kink: the power in a lossy transmission changes its direction, the motor
 passes a knot of its characteristic, or the force of a guide with friction changes its side. At constant speed, only the
-first and the last.
+first and the last. Panels also end around places where the force of a pin with friction almost vanishes.
 
 They depend on the motion, and the motion on the grid whose panels should end there. So both are found in turn. A kink
 that is off by d from the end of a panel costs d² where the slope of the torque jumps, as with a lossy transmission, and
@@ -27,7 +27,7 @@ from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import moving_at_nodes
-from linkjax.motion._edges import KINK, REACH, Candidates, Kinks, nearest, together
+from linkjax.motion._edges import KINK, REACH, SAME, Candidates, Kinks, nearest, together
 from linkjax.motion._flow import Begun, Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
 from linkjax.motion._guess import guessed, rubbing_joints, unknown
@@ -38,10 +38,11 @@ from linkjax.reduction import Reduced
 from linkjax.sampling import Sample, Sampler
 
 CHANGES = 6  # the most kinks of one cause per crank turn
-MINIMA = 2  # for one of these, minima of the force of a pin
+MINIMA = 2  # for one of these, the lowest minima of the force of a pin
 # the least places per crank turn where the force of a pin almost vanishes; and joints with friction for one of them
 LEAST_SOFT, SOFT = 2, 2
-BESIDE = 3  # for one of these, more such places: they have no ends of their own, but panels there are halved first
+BESIDE = 3  # for one of these, more such places: they have no ends of their own, but extra panels
+ALIKE = 0.2  # of the distance: places of pins that differ by less are one
 AROUND = 1.0, 8.0, 64.0  # times the distance of the singularity there: how far from such a place panels end
 # rounds of finding the motion and its kinks: at knots alone, with friction, and with a lossy transmission
 ROUNDS, RUBBED_ROUNDS, LOSSY_ROUNDS = 1, 2, 3
@@ -57,7 +58,7 @@ JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a j
 
 def kinked(scene: Scene) -> bool:
     """Whether the steady-state motion of a scene may have kinks of its own."""
-    return speed_dependent(scene) and bool(_causes(scene) or guide_kinks(scene))
+    return speed_dependent(scene) and bool(_causes(scene) or scene.friction)
 
 
 def grid_with_kinks(
@@ -77,7 +78,7 @@ def grid_with_kinks(
     most = CHANGES * scene.cycle_turns
     soft = max(LEAST_SOFT, -(-len(scene.friction) // SOFT)) * scene.cycle_turns if scene.friction else 0
     more = most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft * 2 * len(AROUND)
-    seen = (1 + kinks) * BESIDE * soft
+    seen = (1 + kinks) * (1 + BESIDE) * soft
     found = Kinks(jnp.full(more, jnp.inf), Candidates(jnp.zeros(seen), jnp.full(seen, jnp.inf)))
     grid, none = grid_of(*given, found), jax.tree.map(lambda part: part[:0], found)
     at = at_nodes(machine, grid, edges=kinks)
@@ -129,7 +130,7 @@ def guide_kinks(scene: Scene) -> int:
 
 
 def _rubbing(machine: Sampler, grid: Grid, at: AtNodes, begun: Begun | None, most: int, soft: int) -> Any:
-    """Crank angles (rad) of the kinks of friction, in a motion, or at constant speed without one."""
+    """The kinks of friction, in a motion, or at constant speed without one."""
     if has_linear_reactions(machine.mechanism):
         given = whole(machine), grid, at.here, at.sample.pose
         return machine.run(_changes_at_nodes, *given, begun, most=most, soft=soft)
@@ -204,7 +205,7 @@ def _rubs_change(
     grid: Grid, switches: Sequence[tuple[Array, ...]], squares: Sequence[Array | None], most: int, soft: int
 ) -> Kinks:  # fmt: skip
     """Where the friction of guides has a kink, and around the nearest of so many places where forces of pins almost
-    vanish; and more such places, without ends of their own."""
+    vanish; and more such places."""
     found = [row for one in switches for row in _no_noise(one)]
     ends = [jnp.zeros(0)]
     if found:
@@ -216,10 +217,22 @@ def _rubs_change(
     if squares:
         rows = jax.lax.stop_gradient(jnp.stack(squares)).reshape((-1, *grid.nodes.shape))
         places = jax.vmap(lambda row: _almost_zero(grid, row, MINIMA * most))(rows)
-        least, _ = nearest(together(least, Candidates(*(part.ravel() for part in places))), seen)
+        largest = jnp.max(rows, axis=(1, 2))
+        loaded = (largest > IDLE**2 * jnp.max(largest))[:, None]  # else all of its minima are rounding errors
+        places = places._replace(distance=jnp.where(loaded, places.distance, jnp.inf))
+        least, _ = nearest(together(least, _once(*(part.ravel() for part in places))), seen)
     least = least._replace(angle=jnp.where(jnp.isfinite(least.distance), least.angle, 0.0))
-    own, beside = (Candidates(*(part[which] for part in least)) for which in (slice(soft), slice(soft, None)))
-    return Kinks(jnp.concatenate([*ends, _around(own).ravel()]), beside)
+    return Kinks(jnp.concatenate([*ends, _around(Candidates(*(part[:soft] for part in least))).ravel()]), least)
+
+
+def _once(angle: Array, distance: Array) -> Candidates:
+    """Places and their distances; of those that are alike, as of pins of one rod, the nearest alone."""
+    number = np.arange(angle.size)
+    gap = jnp.abs(jnp.where(jnp.isfinite(angle), angle, 0.0)[:, None] - angle[None])
+    same = distance[None] == distance[:, None]
+    before = (distance[None] < distance[:, None]) | (same & (number[None] < number[:, None]))
+    alike = (gap < SAME + ALIKE * distance[None]) & (distance[:, None] < SAME + (1 + ALIKE) * distance[None])
+    return Candidates(angle, jnp.where(jnp.any(before & alike, axis=1), jnp.inf, distance))
 
 
 def _around(soft: Candidates) -> Float[Array, "places ends"]:
@@ -244,7 +257,7 @@ def _almost_zero(grid: Grid, square: Float[Array, "panels n"], most: int) -> Can
     rule = grid.rule
     slope = jnp.asarray(rule.slope_at_points[1:-1, : grid.n] @ rule.series)
     first, second = square @ slope.T, square @ slope.T @ slope.T
-    found = sign_changes(grid, first, most, rising=True)
+    found = sign_changes(grid, first, most, square)
     value, bend = (
         series_sum(taken(part @ jnp.asarray(rule.series.T), found.panel), found.x) for part in (square, second)
     )
@@ -301,8 +314,11 @@ class Changes(NamedTuple):
         return jnp.where(self.used, taken(grid.middle, self.panel) + taken(grid.half, self.panel) * self.x, jnp.inf)
 
 
-def sign_changes(grid: Grid, values: Float[Array, "panels n"], most: int, rising: bool = False) -> Changes:
-    """Where a function known at the nodes changes its sign, in order; or where it does so `rising`, alone."""
+def sign_changes(
+    grid: Grid, values: Float[Array, "panels n"], most: int, height: Float[Array, "panels n"] | None = None
+) -> Changes:
+    """Where a function known at the nodes changes its sign, in order. With `height`, of which it is the slope: the
+    lowest of its minima."""
     rule, size = grid.rule, jnp.max(jnp.abs(values))
     first, last = jnp.moveaxis(values @ jnp.asarray(rule.ends.T), -1, 0)
     # one value at an edge, so that a root at an edge is found once: the two panels' own values there differ by rounding
@@ -311,10 +327,16 @@ def sign_changes(grid: Grid, values: Float[Array, "panels n"], most: int, rising
     last, first = last - joined, first + jnp.roll(joined, 1)
     every = jnp.concatenate([first[:, None], values, last[:, None]], axis=1)
     negative = every < -NOISE * size  # in a dwell there is rounding alone
-    changes = negative[:, :-1] & ~negative[:, 1:] if rising else negative[:, :-1] != negative[:, 1:]
-    flat = changes.ravel()
-    place = jnp.sort(jnp.where(flat, jnp.arange(flat.size), flat.size))[:most]
-    used, place = place < flat.size, jnp.minimum(place, flat.size - 1)
+    if height is None:
+        flat = (negative[:, :-1] != negative[:, 1:]).ravel()
+        place = jnp.sort(jnp.where(flat, jnp.arange(flat.size), flat.size))[:most]
+        used, place = place < flat.size, jnp.minimum(place, flat.size - 1)
+    else:
+        flat = (negative[:, :-1] & ~negative[:, 1:]).ravel()
+        beside = jnp.pad(height, ((0, 0), (1, 1)), constant_values=jnp.inf)
+        low = jnp.minimum(beside[:, :-1], beside[:, 1:]).ravel()
+        place = jnp.argsort(jnp.where(flat, low, jnp.inf))[:most]
+        used = taken(flat, place)
     panel, step = place // (grid.n + 1), place % (grid.n + 1)
     x = np.concatenate([[-1.0], rule.x, [1.0]])
     low, high = taken(jnp.asarray(x), step), taken(jnp.asarray(x), step + 1)

@@ -112,10 +112,11 @@ def _of_kind(table: Any, path: Path) -> str:
     """The kinds of loads or motors that have a key, which this one does not have."""
     key = str(path[-1])
     if path[:-1] == ("motor",):
-        every = dict.fromkeys(MOTOR_KINDS.values())
-        kinds = [kind for kind in every if key in known_keys({"motor": {"kind": kind, key: None}}, path[:-1])]
-        own = shown(lookup(table, ("motor", "kind")))
-        remedy = f"take it out, or write all keys at once, motor = {{ kind = {own}, ... }}"
+        own, every = lookup(table, ("motor", "kind")), dict.fromkeys(MOTOR_KINDS.values())
+        others = [kind for kind in every if kind != own]
+        kinds = [kind for kind in others if key in known_keys({"motor": {"kind": kind, key: None}}, path[:-1])]
+        write = f"write kind = {shown(kinds[0])}" if kinds else ""
+        remedy = f"{write}, or all keys of this kind at once, motor = {{ kind = {shown(own)}, ... }}"
     elif path[0] == "loads" and len(path) == 3:
         kinds = [kind for kind, model in LOAD_TABLES.values() if kind and key in fields(model)]
         remedy = f"write kind = {shown(kinds[0])}" if kinds else ""

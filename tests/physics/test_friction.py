@@ -19,8 +19,8 @@ from linkjax.machine import ready
 from tests.physics import rubbed
 from tests.physics.machines import machine
 
-FIRST = ("four-bar", "hay-press", "quick-return", "scotch-yoke")
-LATER = ("hay-press-slider", "two-on-one-crank", "clockwise", "slotted-levers",
+FIRST = ("four-bar", "hay-press", "quick-return", "scotch-yoke", "clockwise")
+LATER = ("hay-press-slider", "two-on-one-crank", "slotted-levers",
          "moving-guides", "triad", "geared", "rolling")  # fmt: skip
 MACHINES = (*FIRST, *(pytest.param(name, marks=pytest.mark.slow) for name in LATER))
 ANGLES = np.radians(np.arange(12) * 30.0 + 7.0)

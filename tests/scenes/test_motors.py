@@ -159,7 +159,7 @@ def test_numbers_are_design_variables():
         ('kind = "torque"\ntorque = 3\nefficiency = 1.2', "motor.efficiency", "above one; write e.g. 0.95"),
         ('kind = "torque"\ntorque = 3\ncreep = 1', "motor.creep", "write a part of the speed"),
         ('kind = "torque"\ntorque = 3\nratio = 0', "motor.ratio", "must be greater than zero"),
-        ('kind = "balance"\ntorque = "3 N m"', "motor.torque", 'only a motor of the kind "torque" has this key: take'),
+        ('kind = "balance"\ntorque = "3 N m"', "motor.torque", 'only a motor of the kind "torque" has this key: write'),
         ('kind = "torque"\ntorque = 3\ngear_ratio = 2', "motor.gear_ratio", "did you mean 'ratio'?"),
         ('kind = "torque"\ntorque = 3\ngd2 = 3', "motor.gd2", "GD² without a unit"),
         ('kind = "torque"\ntorque = 3\ngd2 = "3 kg"', "motor.gd2", "24 N m^2"),
