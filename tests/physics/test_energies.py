@@ -55,14 +55,13 @@ def closes(cycle: Any) -> float:
     return abs(float(sum(work.net for work in works))) / largest
 
 
-PUMP = [pytest.param("pump", marks=pytest.mark.slow)]
 SLOW = [
     pytest.param(kind, marks=pytest.mark.slow)
     for kind in ("press", "motor", "still with a motor", "driven", "cylinder")
 ]
 
 
-@pytest.mark.parametrize("kind", ["still", *PUMP, *SLOW])
+@pytest.mark.parametrize("kind", ["pump", "still", *SLOW])
 def test_all_that_is_supplied_is_absorbed(kind):
     cycle = analysed(kind)
     assert closes(cycle) < 1e-9
@@ -71,7 +70,7 @@ def test_all_that_is_supplied_is_absorbed(kind):
     assert list(cycle.loads) == ["gravity", *(load.name for load in cycle.scene.loads)]
 
 
-@pytest.mark.parametrize("kind", [*PUMP, *SLOW[:2]])
+@pytest.mark.parametrize("kind", ["pump", *SLOW[:2]])
 def test_the_motor_by_another_quadrature(kind):
     """The kinetostatic drive torque, with rotor and losses, has the same works."""
     cycle = analysed(kind)

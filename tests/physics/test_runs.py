@@ -56,7 +56,6 @@ def damped_four_bar() -> lj.Scene:
     return lj.Scene(lj.Mechanism(pins, links, groups), loads, gravity=lj.Vec(0.0, -9.80665), speed=10.0)
 
 
-@pytest.mark.slow
 def test_a_pump_from_rest():
     """Published: the slider-crank S with T = 2 (1 - ω/40) and -5 v on the piston, by two methods."""
     scene = slider_crank(line())
