@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax._lapack import solve, svd
@@ -29,8 +30,9 @@ LEAST, MOST = 1e-6, 1e3  # the range of factors; close to a dead centre larger o
 FIRST, LONGER, SHORTER = 2.0, 1.5, 0.3  # the first step of its logarithm; the next after a solution, and without one
 STEPS, NEWTON = 120, 8  # of the factor; of Newton's method, from the solution before
 LEFT = 4e5  # roundings of the largest friction: what is left of the equations of a solution
-ROUNDS = 3  # of Newton's method where two solutions meet
+ROUNDS = 3  # of Newton's method for the end of the solution
 NEAR = 1e-6, 0.1  # relative: how far they lead from where the steps end, for the factor and the frictions
+GROWS, BEYOND = 1e-6, 1e8  # frictions above this share of the largest grow without bound; they are set to so much
 
 
 class Locking(NamedTuple):
@@ -83,9 +85,8 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
     begin = jnp.log(least), jnp.asarray(FIRST), jnp.where(found, first, 0.0)
     low, _, values = fixed(jax.lax.fori_loop(0, STEPS, step, begin))
     limit = jnp.exp(low)
-    power = jnp.abs(values * paces)
-    values, limit, w = jax.tree.map(fixed, _met(lambda c, factor: left(quiet, c, factor), values, limit))
-    size = jnp.max(jnp.abs(values))
+    values, limit, w = jax.tree.map(fixed, _end(lambda c, factor: left(quiet, c, factor), values, limit))
+    power, size = jnp.abs(values * paces), jnp.max(jnp.abs(values))
     by_factor = fixed(jax.jvp(lambda factor: left(quiet, values, factor), (limit,), (jnp.ones_like(limit),))[1])
     unit = jnp.where(size > 0, size, 1.0)
     moved = safe_divide(w @ (left(reactions, values, limit) / unit), w @ (by_factor / unit))
@@ -94,30 +95,43 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
     return Locking(inverse, fixed(safe_divide(power, jnp.sum(power) * jnp.ones_like(power))))
 
 
-def _met(left: Callable[[Array, Array], Array], values: Array, limit: Array) -> tuple[Array, Array, Array]:
-    """The frictions and the factor at which two solutions meet, close to where the steps end: there an error of the
-    factor is the square of one of the frictions; and the left null vector of the matrix. Where frictions grow without
-    bound instead they stay: there the factor has its digits."""
-    unit = jnp.where(values == 0, 1.0, jnp.abs(values))
+def _end(left: Callable[[Array, Array], Array], values: Array, limit: Array) -> tuple[Array, Array, Array]:
+    """The frictions and the factor where the solution ends, close to where the steps do; and the left null vector of
+    the matrix there.
 
-    def scaled(x: Array) -> Array:
+    Either two solutions meet: where the steps end, an error of the factor is the square of one of the frictions. Or
+    frictions grow without bound: where the steps end, the loads still count for 1e-10 of them and of the factor, which
+    moved the least factor of a cycle by 2e-7. So these frictions are set to many times their values. Where neither end
+    is found, frictions and factor stay."""
+    sizes, unit = jnp.abs(values), jnp.where(values == 0, 1.0, jnp.abs(values))
+    most, largest = jnp.max(sizes), jnp.arange(values.size) == jnp.argmax(sizes)
+
+    def scaled(x: Array, unit: Array) -> Array:
         return left(x[:-1] * unit, x[-1] * limit) / unit
 
-    def nulls(x: Array) -> tuple[Array, Array]:
-        u, _, v = svd(jax.jacfwd(scaled)(x)[:, :-1])
+    def nulls(x: Array, unit: Array) -> tuple[Array, Array]:
+        u, _, v = svd(jax.jacfwd(scaled)(x, unit)[:, :-1])
         return u[:, -1], v[-1]
 
-    def nearer(_, x: Array) -> Array:
-        w, v = nulls(x)
+    def nearer(begin: Array, unit: Array, grows: Array) -> tuple[Array, Array]:
+        def step(_, x: Array) -> Array:
+            w, v = nulls(x, unit)
 
-        def system(x: Array) -> Array:
-            left, along = jax.jvp(scaled, (x,), (jnp.append(v, jnp.zeros(())),))
-            return jnp.append(left, w @ along)
+            def system(y: Array) -> Array:
+                left, along = jax.jvp(lambda y: scaled(y, unit), (y,), (jnp.append(v, jnp.zeros(())),))
+                kept = jnp.sum(jnp.where(largest, (y - x)[:-1], 0.0))
+                return jnp.append(left, jnp.where(grows, kept, w @ along))
 
-        return x - solve(jax.jacfwd(system)(x), system(x))
+            return x - solve(jax.jacfwd(system)(x), system(x))
 
-    begin = jnp.append(values / unit, jnp.ones(()))
-    found = jax.lax.fori_loop(0, ROUNDS, nearer, begin)
-    close = jnp.abs(found - begin) < jnp.where(jnp.arange(begin.size) < values.size, NEAR[1], NEAR[0])
-    found = jnp.where(jnp.all(close), found, begin)
-    return found[:-1] * unit, found[-1] * limit, nulls(found)[0] / unit
+        found = jax.lax.fori_loop(0, ROUNDS, step, begin)
+        close = jnp.abs(found - begin) < jnp.where(jnp.arange(begin.size) < values.size, NEAR[1], NEAR[0])
+        return found, jnp.all(close)
+
+    grown = jnp.where(sizes > GROWS * most, BEYOND * values, values)
+    units = jnp.stack([unit, jnp.maximum(jnp.abs(grown), jnp.where(most == 0, 1.0, GROWS * BEYOND * most))])
+    begin = jnp.append(jnp.stack([values, grown]) / units, jnp.ones((2, 1)), axis=1)
+    found, close = jax.vmap(nearer)(begin, units, np.asarray([False, True]))
+    unit = jnp.where(close[1] & ~close[0], units[1], units[0])
+    x = jnp.where(close[0], found[0], jnp.where(close[1], found[1], begin[0]))
+    return x[:-1] * unit, x[-1] * limit, nulls(x, unit)[0] / unit
