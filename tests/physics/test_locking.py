@@ -209,18 +209,70 @@ def test_both_sides_of_the_limit_with_gears():
             assert np.isfinite(torque[0]) == (side < 1)
 
 
-def test_a_factor_has_exact_derivatives():
-    """By coefficient, radius and lengths: forward as reverse, and as differences."""
-    scene = resisted()
-    scene = dataclasses.replace(scene, friction=everywhere(scene.mechanism, 0.1, 0.01, 0.3))
-    names = ("joints.B.coefficient", "joints.D.radius", "joints.slider.guide.coefficient", "links.rod.length")
+def pushed(force: lj.Vec, masses: tuple[float, float, float], friction: tuple[Any, ...]) -> lj.Scene:
+    """The slider-crank with weights and a constant force on its slider."""
+    scene = dataclasses.replace(crank_slider(masses=masses), gravity=lj.Vec(0.0, -9.81))
+    return dataclasses.replace(scene, loads=(lj.Force("push", "slider", "D", force=force),), friction=friction)
+
+
+@pytest.mark.parametrize(
+    ("masses", "load", "coefficient", "radius", "limit"),
+    [
+        ((24.5, 24.7, 16.9), 298.0, (0.19, 0.19, 0.19, 0.2029), (0.03, 0.0868, 0.0185), (6.18719, 9.952544003142632)),
+        ((4.63, 3.98, 0.205), 60.48, (0.1, 0.171, 0.162, 0.0636), (0.01, 0.0067, 0.022), (3.6018, 52.68439530812407)),
+    ],
+)
+def test_no_solution_beyond_the_end_counts(masses, load, coefficient, radius, limit):
+    """Beyond the factor at which the machine locks the equations have other solutions, which the steps from factor to
+    factor must not reach. Numbers by a continuation in small steps of equations written by hand."""
+    pins = (PinFriction(each, f, r) for each, f, r in zip("ABD", coefficient, radius, strict=False))
+    scene = pushed(lj.Vec(load, 0.0), masses, (*pins, GuideFriction("slider", coefficient[3])))
+    angle, expected = limit
+    found = factor(scene, [angle])[0]
+    assert found == pytest.approx(expected, rel=1e-9)
+    for side in (1 - 1e-6, 1 + 1e-6):
+        more = tuple(dataclasses.replace(r, coefficient=r.coefficient * found * side) for r in scene.friction)
+        _, moves = torques(dataclasses.replace(scene, friction=more), jnp.asarray([angle]), jnp.asarray(0.0))
+        assert bool(moves[0]) is (side < 1)
+
+
+def with_end(end: str) -> tuple[lj.Scene, float, tuple[str, ...]]:
+    """A slider-crank whose solution has such an end at a crank angle, and the names of numbers."""
+    light, rod = resisted(), "links.rod.length"
+    if end == "two solutions meet":
+        names = ("joints.B.coefficient", "joints.D.radius", "joints.slider.guide.coefficient", rod)
+        return dataclasses.replace(light, friction=everywhere(light.mechanism, 0.1, 0.01, 0.3)), 0.3, names
+    load = lj.OpposingForce("push", "slider", "D", magnitude=300.0)
+    heavy = pushed(lj.Vec(0.0, 0.0), (20.0, 20.0, 20.0), everywhere(light.mechanism, 0.1, 0.05))
+    return dataclasses.replace(heavy, loads=(load,)), 4.7653, ("joints.B.radius", "links.slider.mass", rod)
+
+
+def test_a_load_that_friction_holds_alone():
+    """Links without mass, and a load on the slider that drives it: where the friction of its guide is as large as the
+    load, no pin has a force any more, whatever the crank angle and their own friction."""
+
+    def inverse(given):
+        along, across, guide, radius = given
+        friction = everywhere(crank_slider().mechanism, 0.1, radius, guide)
+        scene = pushed(lj.Vec(along, across), (0.0, 0.0, 0.0), friction)
+        return lockings.function(scene, jnp.asarray([1.5427])).inverse[0]
+
+    numbers = jnp.asarray([-425.0, 38.0, 0.26, 0.01])
+    value, slope = compiled_soon(jax.value_and_grad(inverse))(numbers)
+    assert value == pytest.approx(0.26 * 38 / 425, rel=1e-12)
+    np.testing.assert_allclose(slope * numbers / value, [-1.0, 1.0, 1.0, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("end", ["two solutions meet", "the guide force changes its side"])
+def test_a_factor_has_exact_derivatives(end):
+    """By coefficient, radius, lengths and masses: forward as reverse, and as differences."""
+    scene, angle, names = with_end(end)
     known = numbers(scene)
     first = jnp.stack([known[name].read(scene) for name in names])
 
     def value(given):
-        return jnp.log(lockings.function(changed(scene, dict(zip(names, given, strict=True))), jnp.asarray([0.3]))[0])[
-            0
-        ]
+        there = changed(scene, dict(zip(names, given, strict=True)))
+        return jnp.log(lockings.function(there, jnp.asarray([angle])).inverse[0])
 
     slopes = compiled_soon(lambda x: (jax.jacfwd(value)(x), jax.grad(value)(x)))
     ahead, back = (np.asarray(each) for each in slopes(first))
