@@ -29,7 +29,8 @@ NODES = 96  # default number of nodes per crank turn on the cycle grid
 class Parts:
     """A scene, or the machine that evaluates it, on a cycle grid of about `nodes` nodes per crank turn; attributes are
     computed on first use and kept. `grid`, node values `at` and the `steady` motion may be given; panels of a grid that
-    is made also end at the crank angles `breaks` (rad).
+    is made also end at the crank angles `breaks` (rad). It serves the actual motion if that `moves`, and constant speed
+    if that is asked for, as `still`. Outside of jax transformations it serves both, with the programs of an analysis.
     """
 
     def __init__(
@@ -40,10 +41,13 @@ class Parts:
         at: AtNodes | None = None,
         breaks: tuple[float, ...] = (),
         steady: Steady | None = None,
+        moves: bool = True,
+        still: bool = True,
     ):
         self.machine = scene if isinstance(scene, Sampler) else Sampler(ready(scene))
         self.nodes, self._grid, self._at, self._breaks = nodes, grid, at, breaks
         self.steady_known = steady
+        self._moves, self._still = moves or not self.machine.traced, still
         self._made: dict[Any, Any] = {}
 
     @property
@@ -63,7 +67,8 @@ class Parts:
 
     def grid_with(self, added: Any) -> Grid:
         """The cycle grid for the motion with a flywheel inertia (kg m²) that the machine does not have."""
-        return grid_with_kinks(self.machine, self.nodes, breaks=self._breaks, added=added)
+        asked = {"breaks": self._breaks, "moves": self._moves, "still": self._still}
+        return grid_with_kinks(self.machine, self.nodes, added=added, **asked)
 
     @functools.cached_property
     def at(self) -> AtNodes:
@@ -78,6 +83,7 @@ class Parts:
     @functools.cached_property
     def steady(self) -> Steady:
         """The steady-state motion."""
+        assert self._moves, "the grid does not serve the actual motion"
         return self.steady_known or steady_on(self.machine, self.grid, self.at)
 
     @functools.cached_property

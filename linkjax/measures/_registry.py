@@ -169,6 +169,13 @@ def of_family(name: str) -> Measure:
     return MEASURES[name]
 
 
+def needs_of(measures: Iterable[Measure]) -> dict[str, bool]:
+    """What measures need of the grid, see `Parts`; those of users may need everything."""
+    asked = list(measures)
+    own = not all(one.built_in for one in asked)
+    return {"moves": own or any(one.motion for one in asked), "still": own or not all(one.motion for one in asked)}
+
+
 def evaluate(scene: Scene | ReadyScene, measures: Iterable[Measure | str], nodes: int = NODES) -> dict[str, Array]:
     """Several measures of one scene, themselves or their names, by name. They share grid and node values, and all
     extremes are found together, so they cost little more than one. Where no steady-state motion exists
@@ -182,7 +189,7 @@ def evaluate(scene: Scene | ReadyScene, measures: Iterable[Measure | str], nodes
         one.check(scene)
     plain, tokens = nameless(scene) if all(one.built_in for one in asked) else (scene, None)
     breaks = tuple(dict.fromkeys(angle for one in asked for angle in one.breaks))
-    parts: Any = Parts(plain, nodes, breaks=breaks)
+    parts: Any = Parts(plain, nodes, breaks=breaks, **needs_of(asked))
     inside = [one.without_names(plain, tokens) for one in asked]
     of_families = [one.asked for one in inside if one.asked is not None]
     found = iter(values_of(parts, of_families) if of_families else ())

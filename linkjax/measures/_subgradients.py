@@ -13,7 +13,7 @@ from linkjax._batches import Whole
 from linkjax._compile import compiled_soon
 from linkjax.machine import Scene, nameless
 from linkjax.measures._parts import NODES, Parts
-from linkjax.measures._registry import Measure, named
+from linkjax.measures._registry import Measure, named, needs_of
 from linkjax.motion import Rows, every_row
 
 TIED = 1e-9  # relative: values this close are equal
@@ -64,7 +64,7 @@ def _weighted(scene: Scene, weights: Array, measure: Any, nodes: int) -> tuple[R
     asked = named(measure) if isinstance(measure, str) else measure
 
     def rows(scene: Scene) -> Rows:
-        parts = Parts(scene, nodes, breaks=asked.breaks)
+        parts = Parts(scene, nodes, breaks=asked.breaks, **needs_of([asked]))
         if asked.rows is None:
             return Rows(asked.function(parts).reshape((1, 1)), jnp.full(1, jnp.nan), signed=True)
         return every_row([asked.rows(parts)])[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -36,11 +37,11 @@ def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 
     number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
     motion law."""
     machine = Sampler(ready(scene))
-    given = (machine, nodes)
-    grid = grid_with_kinks(*given)
+    regrid = functools.partial(grid_with_kinks, machine, nodes, still=False)
+    grid = regrid()
     delta = jnp.asarray(delta, dtype=machine.scene.speed.dtype)
     at = at_nodes(machine, grid, edges=False)
-    return flywheel_on(machine, delta, grid, at, lambda added: grid_with_kinks(*given, added=added)).inertia
+    return flywheel_on(machine, delta, grid, at, lambda added: regrid(added=added)).inertia
 
 
 class Sized(NamedTuple):

@@ -42,7 +42,7 @@ def steady_states(
     starts = periodic_starts(machine, grid, at_nodes(machine, grid, edges=False), np.geomspace(low, high, TRIED))
     states = []
     for start in map(jnp.asarray, starts):
-        grid = grid_with_kinks(machine, nodes, start=start)
+        grid = grid_with_kinks(machine, nodes, start=start, still=False)
         at = at_nodes(machine, grid)
         states.append(conclude(machine, *begun_by_speed(machine, grid, at, start=start)))
     return tuple(sorted(states, key=lambda each: float(each.mean_speed)))

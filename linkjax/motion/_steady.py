@@ -128,7 +128,7 @@ def steady_motion(scene: Scene | ReadyScene, nodes: int = 96) -> Steady:
     Never raises: if no steady-state motion exists, `steady_state_margin` is negative and every value is finite.
     """
     machine = Sampler(ready(scene))
-    grid = grid_with_kinks(machine, nodes)
+    grid = grid_with_kinks(machine, nodes, still=False)
     return steady_on(machine, grid, at_nodes(machine, grid))
 
 

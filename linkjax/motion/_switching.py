@@ -63,32 +63,37 @@ def kinked(scene: Scene) -> bool:
 
 def grid_with_kinks(
     machine: Sampler, nodes: int, scanned: Sample | None = None, points: int = GRID_SCAN,
-    breaks: tuple[float, ...] = (), start: Any = None, moves: bool = True, added: Any = 0.0,
+    breaks: tuple[float, ...] = (), start: Any = None, moves: bool = True, added: Any = 0.0, still: bool = True,
 ) -> Grid:  # fmt: skip
     """The grid of a machine as by `grid_of`, whose panels also end at the kinks of its own steady-state motion, if it
     `moves`: the one near the speed `start` (rad/s) at the first edge, if given, and with a flywheel inertia `added`
-    (kg m²) that the machine does not have. With a lossy transmission they also end
-    where the power changes its direction at constant speed, or in the motion that a law gives."""
+    (kg m²) that the machine does not have. And they end at its kinks at constant speed, or in the motion that a law
+    gives; not if that is not asked for, without `still`, and the machine is traced (otherwise every grid of a machine
+    has the same programs)."""
     scene, motor = machine.scene, machine.scene.motor
     loses, rubs = motor is not None and motor.transmission.loses, guide_kinks(scene)
     given, kinks = (machine, nodes, scanned, points, breaks), moves and kinked(scene)
+    still = still or not (kinks and machine.traced)
     if not (kinks or loses or scene.friction):
         return grid_of(*given)
     # the first grid has panels for the kinks, so that one program serves every round and the motion itself
     most = CHANGES * scene.cycle_turns
     soft = max(LEAST_SOFT, -(-len(scene.friction) // SOFT)) * scene.cycle_turns if scene.friction else 0
-    more = most * (loses + rubs + kinks * (len(_causes(scene)) + rubs)) + (1 + kinks) * soft * 2 * len(AROUND)
-    seen = (1 + kinks) * (1 + BESIDE) * soft
+    motions = kinks + still
+    more = most * (still * loses + motions * rubs + kinks * len(_causes(scene))) + motions * soft * 2 * len(AROUND)
+    seen = motions * (1 + BESIDE) * soft
     found = Kinks(jnp.full(more, jnp.inf), Candidates(jnp.zeros(seen), jnp.full(seen, jnp.inf)))
     grid, none = grid_of(*given, found), jax.tree.map(lambda part: part[:0], found)
     at = at_nodes(machine, grid, edges=kinks)
 
     def at_constant_speed(machine: Sampler, grid: Grid, at: AtNodes) -> Any:
         ends = none
+        if not still:
+            return ends
         if loses:
             poses = at.sample.pose if on_pose(scene) else None
-            still = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
-            ends = none._replace(ends=still)
+            turning = machine.run(_still, whole(machine), grid, at.here, at.sample.dynamics[1], poses, most=most)
+            ends = none._replace(ends=turning)
         return machine.run(_joined, ends, _rubbing(machine, grid, at, None, most, soft)) if scene.friction else ends
 
     rounds = LOSSY_ROUNDS if loses else RUBBED_ROUNDS if scene.friction else ROUNDS

@@ -102,7 +102,7 @@ class Rubs(Table):
         for one, other in (("coefficient", "material"), ("radius", "mean_diameter")):
             if getattr(self, one) is not None and getattr(self, other) is not None:
                 yield (*path, other), f"given, and {one} too", f"delete {other}, or {one}"
-        if self.mean_diameter is not None and self.bearing is not None:
+        if self.mean_diameter is not None and self.bearing not in (None, "given"):
             problem = "has no effect: the coefficient of a rolling bearing is not that of a worn journal"
             yield (*path, "bearing"), problem, "delete bearing, or mean_diameter"
         if self.lubricated is not None and self.material is None:

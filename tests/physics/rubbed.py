@@ -72,6 +72,7 @@ def _size(friction: Any, force: np.ndarray, couple: np.ndarray) -> np.ndarray:
         return FACTORS[friction.bearing] * f * float(friction.radius) * np.abs(force) + thrust
     assert isinstance(friction, GuideFriction)
     f = f if friction.groove is None else f / math.sin(float(friction.groove))
+    f = f if friction.seat is None else f * float(friction.seat)
     if friction.length is None:
         return f * np.abs(force)
     half = float(friction.length) / 2  # two edges, which are loaded on opposite sides where the block tilts

@@ -207,7 +207,7 @@ def with_friction(name: str) -> lj.Scene:
         if isinstance(each, MeshFriction):
             kinds = (dataclasses.replace(each, efficiency=0.99 - 0.03 * (i % 5)),) * 3
         elif isinstance(each, GuideFriction):
-            kinds = (GuideFriction(each.link, 0.06 + 0.01 * i), GuideFriction(each.link, 0.04, groove=0.6),
+            kinds = (GuideFriction(each.link, 0.06 + 0.01 * i, seat=1.2), GuideFriction(each.link, 0.04, groove=0.6),
                      GuideFriction(each.link, 0.05, length=0.3 * size))  # fmt: skip
         else:
             thrust = Thrust(20.0 + i, 0.05 * size, 0.1, 0.02 * size, "run-in" if i % 2 else "unworn")

@@ -17,6 +17,7 @@ from linkjax._compile import compiled_soon
 from linkjax.design import changed
 from linkjax.friction import GuideFriction, PinFriction, everywhere
 from linkjax.machine import ReadyScene, Scene, ready
+from linkjax.measures import Parts
 from linkjax.motion import Steady, make_grid
 from tests.physics import driven, rubbed
 
@@ -96,6 +97,27 @@ def test_panels_end_around_the_place_where_the_force_of_a_pin_is_least():
     off = np.abs(force[least] / np.gradient(force, fine)[least])
     for sense in (-1, 1):
         assert np.min(np.abs(np.asarray(found.grid.edges) - fine[least] - sense * off)) < 0.1 * off
+
+
+@pytest.mark.slow
+def test_panels_are_for_what_is_asked_for():
+    """Traced, a grid has panels for the kinks of the actual motion, of that at constant speed, or of both."""
+    rubs = PinFriction("B", 0.1, 0.01), GuideFriction("slider", 0.1)
+    scene = dataclasses.replace(MACHINES["motor and pump"](0.1), friction=rubs)
+
+    def panels(**asked: bool) -> int:
+        return jax.eval_shape(lambda s: Parts(s, **asked).grid.half, scene).size
+
+    assert panels(still=False) < panels() > panels(moves=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["delta", "loss.D", "loss_constant_speed.D", "peak_reaction_constant_speed.D.rod"])
+def test_a_measure_alone(name):
+    """It is the same as with all kinks of both motions."""
+    machine = MACHINES["motor and pump"](0.1)
+    alone = jax.jit(lambda scene: lj.measures.evaluate(scene, [name])[name])(machine)
+    assert float(alone) == pytest.approx(float(lj.measures.evaluate(machine, [name])[name]), rel=1e-10)
 
 
 def test_a_loss_in_one_pin_alone():

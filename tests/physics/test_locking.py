@@ -383,6 +383,7 @@ def test_a_locked_machine_is_a_result():
     assert data["result"]["code"] == Result.LOCKED
     first = math.degrees(float(cycle.angles[int(np.argmax(beyond))]))
     assert f"locks the machine at {first:.3f}°" in data["result"]["message"]
+    assert f"torque on {cycle.scene.mechanism.driving_link} keeps" in data["result"]["message"]
     assert "slider.guide" in data["result"]["message"] and str(cycle).startswith("Scene: friction locks")
     assert cycle.energies is None and data["efficiency"] == 0
     lost = data["forces_constant_speed"]["reactions"]["B"]["rod"]["fx"]

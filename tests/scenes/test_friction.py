@@ -53,6 +53,7 @@ def test_what_a_joint_takes_from_all_joints():
     """That the materials are lubricated; but a rolling bearing has no worn journal."""
     common = {"material": "steel-steel", "lubricated": True, "radius": "10 mm", "bearing": "run-in"}
     joints = {"C": {"material": "steel-bronze"}, "P": {"coefficient": 0.0015, "mean_diameter": "46 mm"}}
+    joints["P"]["bearing"] = "given"  # as it is anyway
     first, second, rolling, _ = lj.load("slider-crank", {"friction": common, "joints": joints}).friction
     assert isinstance(first, PinFriction) and isinstance(second, PinFriction) and isinstance(rolling, PinFriction)
     assert float(second.coefficient) == material_friction("steel-bronze", lubricated=True)
