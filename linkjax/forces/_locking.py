@@ -30,7 +30,7 @@ from linkjax.machine import Scene
 LEAST, MOST = 1e-6, 1e3  # the range of factors; close to a dead centre larger ones have few digits
 FIRST, LONGER, SHORTER = 2.0, 1.5, 0.3  # the first step of its logarithm; the next after a solution, and without one
 STEPS, NEWTON = 120, 8  # of the factor; of Newton's method, from the solution before
-LEFT = 4e5  # roundings of the largest friction: what is left of the equations of a solution
+LEFT = 4e3  # roundings of the largest friction: what is left of the equations of a solution
 CLOSER, JUMP = 0.1, 0.01  # of a step of Newton's method: a longer next one leads to no solution that is so far away
 ROUNDS = 4  # of Newton's method for the end of the solution
 MET, GROWN, BENT = range(3)  # how a solution ends: it meets another one, grows without bound, or at a kink
@@ -76,9 +76,9 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
         return jnp.stack(found)
 
     def solved(c: Array, factor: Array) -> tuple[Array, Array]:
-        """The frictions at a factor, from those at a smaller one, and whether they continue them. Those far away do
-        only if every step of Newton's method was much shorter than the one before: there are other solutions beyond
-        the end of this one."""
+        """The frictions at a factor, from those expected there, and whether they continue the solution. Those far away
+        do only if every step of Newton's method was much shorter than the one before: there are other solutions
+        beyond the end of this one."""
 
         def again(_, state: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
             c, before, slow, _ = state
@@ -92,17 +92,18 @@ def locking_of_pose(scene: Scene, here: Pose, at: Instant, active: Array) -> Loc
         far = jnp.max(jnp.abs(new - c)) > JUMP * jnp.max(jnp.abs(new))
         return new, is_last(last) & (sign > 0) & close & ~(slow & far)
 
-    def step(_, state: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
-        low, by, values, earlier = state
+    def step(_, state: tuple[Array, Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array, Array]:
+        low, by, values, slope, earlier = state
         new = jnp.minimum(low + by, jnp.log(MOST))
-        c, found = solved(values, jnp.exp(new))
+        c, found = solved(values + (new - low) * slope, jnp.exp(new))
+        slope = jnp.where(found, safe_divide(c - values, (new - low) * jnp.ones_like(c)), slope)
         earlier = jnp.where(found & (by > BEFORE), values, earlier)
         by = by * jnp.where(found, LONGER, SHORTER)
-        return jnp.where(found, new, low), by, jnp.where(found, c, values), earlier
+        return jnp.where(found, new, low), by, jnp.where(found, c, values), slope, earlier
 
     free = jnp.zeros_like(senses)
-    begin = jnp.log(jnp.asarray(LEAST)), jnp.asarray(FIRST), free, free
-    low, _, values, earlier = fixed(jax.lax.fori_loop(0, STEPS, step, begin))
+    begin = jnp.log(jnp.asarray(LEAST)), jnp.asarray(FIRST), free, free, free
+    low, _, values, _, earlier = fixed(jax.lax.fori_loop(0, STEPS, step, begin))
     before, found = fixed(solved(earlier, (1 - BEFORE) * jnp.exp(low)))
     before = jnp.where(found, before, values)
     way = fixed(_direction(*quiet(before, none)[:2]))
