@@ -175,8 +175,8 @@ def locked_text(cycle: Any) -> str:
             joint = f", and most power goes into the friction of {run.joints[int(run.locking_joint[worst])]}"
     driver = cycle.scene.mechanism.driving_link
     return (
-        f"friction locks the machine {where}: no finite force or torque on {driver} keeps up the motion{joint}. Lower its "
-        "coefficient or radius, improve the transmission angle, or drive another link."
+        f"friction locks the machine {where}: no finite force or torque on {driver} keeps up the motion{joint}. "
+        "Lower its coefficient or radius, improve the transmission angle, or drive another link."
     )
 
 
