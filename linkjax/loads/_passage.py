@@ -34,14 +34,15 @@ class Passage(eqx.Module):
     """The part of its ways on which a `point` (or a `link`) lets a load act, the window of a load.
 
     A way leads from one dead centre to the next (of a link: from one limit position to the next). The load acts on the
-    `first` or `last` part of each way, or while the coordinate is `between` two values, low and high. Exactly one of
-    the three is given; on a way shorter than `first` or `last` the load acts all the time. `going` restricts it to ways
-    in one sense: "+" or "-" for a point, "ccw" or "cw" for a link.
+    `first` or `last` part of each way, or while the coordinate is `between` two values, low and high. On a way shorter
+    than `first` or `last` the load acts all the time. `going` restricts it to ways in one sense: "+" or "-" for a
+    point, "ccw" or "cw" for a link; it may be all that is given, for whole ways.
 
     The coordinate of a point of a slider is that along its guide, from the guide's point (m); that of any point with a
     `direction` (rad, from the x axis) is its component in this direction, from the origin of the frame (m); that of a
     link is its angle (rad), where whole turns make no difference.
-    Raises `ValueError` unless one element and one part are given, lengths are positive, and low is less than high.
+    Raises `ValueError` unless one element is given with at most one part, and with that or `going`; unless lengths are
+    positive, and low is less than high.
     """
 
     point: str = eqx.field(static=True, default="", kw_only=True)
@@ -57,17 +58,24 @@ class Passage(eqx.Module):
             problem = f"names {'both a point and a link' if self.point else 'neither a point nor a link'}"
             raise ValueError(f"a window that is no range of crank angle {problem}; name one point or one link")
         given = [part for part in PARTS if getattr(self, part) is not None]
-        if len(given) != 1:
-            problem = f"has {' and '.join(given)}" if given else "says nothing about the part of the way"
-            raise ValueError(f"the window of {self.of!r} {problem}; write one of first, last and between")
         senses = SENSES["point" if self.point else "link"]
+        if len(given) > 1:
+            raise ValueError(
+                f"the window of {self.of!r} has {' and '.join(given)}; write one of first, last and between"
+            )
+        if not given and not self.going:
+            raise ValueError(
+                f"the window of {self.of!r} says nothing about its way; write one of first, last and between, or "
+                f'going = "{senses[0]}" or "{senses[1]}" alone for its whole way in one sense'
+            )
         if self.going not in ("", *senses):
             which = f"the {'point' if self.point else 'link'} {self.of!r}"
             remedy = f'write "{senses[0]}" or "{senses[1]}", or omit it for both'
             raise ValueError(f"going is {self.going!r}, but the window is about {which}; {remedy}")
         if self.link and self.direction is not None:
             raise ValueError(f"direction is given for the link {self.link!r}; delete it, or name a point")
-        self._check_numbers(given[0])
+        for part in given:
+            self._check_numbers(part)
 
     def _check_numbers(self, part: str) -> None:
         values = [known(value) for value in (self.between or (getattr(self, part),))]

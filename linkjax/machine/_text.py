@@ -122,11 +122,11 @@ def when_text(show: Numbers, window: Window | Passage | None) -> str:
 
 def passage_text(show: Numbers, window: Passage) -> str:
     """A window that is given by what happens: "last 8 mm of D, going -"."""
-    if window.between is None:
-        part, size = ("first", window.first) if window.last is None else ("last", window.last)
-        assert size is not None  # one of the three is given
-        text = f"{part} {show.bound(size, window.unit)} of {window.of}"
-    else:
+    text = f"whole way of {window.of}"
+    for part, size in (("first", window.first), ("last", window.last)):
+        if size is not None:
+            text = f"{part} {show.bound(size, window.unit)} of {window.of}"
+    if window.between is not None:
         low, high = (show.bound(value, window.unit) for value in window.between)
         text = f"{window.of} between {low} and {high}"
     along = "" if window.direction is None else f" along {show.bound(window.direction, 'rad')}"

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, once, safe_divide, safe_sqrt, taken, wrapped
@@ -254,13 +254,9 @@ def _ways(seen: Watched, size: Size) -> Ways:
         lift = TURN * jnp.round((s1 - taken(value, end)) / TURN)
     if window.cuts:
         level = TURN * jnp.round((0.5 * (s0 + s1) - _middle(window)) / TURN)
-    targets = _targets(window, s0, s1, sense, level)
-    if isinstance(window, Crossings):
-        every = jnp.stack(targets)
-        begins, widths, senses = (jnp.broadcast_to(part[None], every.shape) for part in (start, width, sense))
-        cross = curve.passage(begins, widths, senses, every)
-    else:
-        cross = jnp.stack([curve.passage(start, width, sense, target) for target in targets])
+    every = _targets(window, s0, s1, sense, level)
+    begins, widths, senses = (jnp.broadcast_to(part[None], every.shape) for part in (start, width, sense))
+    cross = curve.passage(begins, widths, senses, every)
     turn = jnp.where(jnp.isfinite(turn), turn, 0.0)
     cut = jnp.where(jnp.isfinite(cut), cut, 0.0)
     return Ways(
@@ -294,7 +290,7 @@ def _refined(seen: Watched, ways: Ways, first: int, size: Size) -> _Refined:
     low, high = taken(values, ways.begin), taken(values, ways.end) + ways.lift
     value, d, dd = (part[slots:].reshape(ways.cross.shape) for part in here)
     # the root of f + d x + dd x²/2 at which the slope has the sense of the way
-    f = value - jnp.stack(_targets(window, low, high, ways.sense, ways.level))
+    f = value - _targets(window, low, high, ways.sense, ways.level)
     f = nearest_turn(f, TURN) if window.link else f
     slope = jax.lax.stop_gradient(ways.sense[None] * safe_sqrt(d * d - 2 * f * dd))
     move = jnp.clip(safe_divide(-2 * f, d + slope), -step, step)
@@ -317,8 +313,11 @@ def _window(window: Passage, ways: Ways, new: _Refined, size: Size) -> Window:
         inside = start + jnp.clip(along, 0.0, width)
         inside = jnp.where(ways.whole, inside, jnp.where(ahead <= 0, start, jnp.where(ahead >= room, stop, inside)))
         passages.append(inside)
-    on, off = passages[0], passages[-1]
-    on, off = (start, off) if window.first is not None else (on, stop) if window.last is not None else (on, off)
+    on, off = passages if window.between is not None else (start, stop)
+    if window.last is not None:
+        on = passages[0]
+    elif window.first is not None:
+        off = passages[0]
     # not even by rounding does a range end before it begins: it would be the whole cycle
     rounding = 8 * jnp.finfo(on.dtype).eps * size.cycle
     ended = ways.used & (jnp.abs(nearest_turn(off - on, size.cycle)) > rounding)
@@ -329,7 +328,7 @@ def _crossed(each: Crossings, ways: Ways, new: _Refined, size: Size) -> Array:
     """The crank angles of the crossings, and of the begins of ways; infinite where there is none."""
     start, stop = taken(new.ends, ways.begin), taken(new.ends, ways.end)
     width, room = _width(start, stop, ways.whole, size.cycle), ways.sense * (new.high - new.low)
-    targets = jnp.stack(_targets(each, new.low, new.high, ways.sense, ways.level))
+    targets = _targets(each, new.low, new.high, ways.sense, ways.level)
     ahead, near = ways.sense[None] * (targets - new.low[None]), BESIDE * room[None]
     there = (ways.used & ~ways.whole)[None] & (ahead > near) & (ahead < room[None] - near)
     there |= (ways.used & ways.whole)[None]
@@ -338,24 +337,25 @@ def _crossed(each: Crossings, ways: Ways, new: _Refined, size: Size) -> Array:
     return jnp.concatenate([jnp.where(ways.used, start, jnp.inf), jnp.where(there, inside, jnp.inf).ravel()])
 
 
-def _targets(window: Any, low: Array, high: Array, sense: Array, level: Array) -> list[Array]:
+def _targets(window: Any, low: Array, high: Array, sense: Array, level: Array) -> Float[Array, "values ways"]:
     """The values that the coordinate passes on ways from `low` to `high`, in the order in which it passes them; those
     at which a load has a kink are in their own order."""
     if isinstance(window, Crossings):
-        return [value + level for value in window.values()]
+        return jnp.stack([value + level for value in window.values()])
     if window.first is not None:
-        return [low + sense * window.first]
+        return (low + sense * window.first)[None]
     if window.last is not None:
-        return [high - sense * window.last]
-    assert window.between is not None  # one of the three is given
+        return (high - sense * window.last)[None]
+    if window.between is None:
+        return jnp.zeros((0, *low.shape))
     a, b = window.between
-    return [jnp.where(sense > 0, a, b) + level, jnp.where(sense > 0, b, a) + level]
+    return jnp.stack([jnp.where(sense > 0, a, b), jnp.where(sense > 0, b, a)]) + level[None]
 
 
 def _values(window: Any) -> int:
     if isinstance(window, Crossings):
         return window.load.level_count()
-    return 1 if window.between is None else 2
+    return sum(part is not None for part in (window.first, window.last, *(window.between or ())))
 
 
 def _middle(window: Any) -> Array:

@@ -20,7 +20,8 @@ Direction = Annotated[
 
 
 class PointWindow(Table):
-    """A window by the position of a point: the first or last part of each of its ways, or between two positions."""
+    """A window by the position of a point: the first or last part of each of its ways, between two positions, or whole
+    ways in one sense."""
 
     point: Name = Field(description="the point whose position matters", examples=["D"])
     first: Part | None = Field(None, description="length of its way after a dead centre", examples=["8 mm"])
@@ -48,7 +49,8 @@ class OfLink(Table):
 
 
 class LinkWindow(OfLink):
-    """A window by the angle of a link: the first or last part of each of its ways, or between two angles."""
+    """A window by the angle of a link: the first or last part of each of its ways, between two angles, or whole ways in
+    one sense."""
 
     link: Name = Field(description="the link whose angle matters", examples=["rocker"])
     first: Swing | None = Field(None, description="angle of its way after a limit position", examples=["5 deg"])

@@ -111,6 +111,26 @@ def test_a_tiny_part_of_the_way_between_two_places_of_the_scan():
         np.testing.assert_allclose(used(press(offset=0.02, window=window))[0], want, rtol=0, atol=FINE + rounding)
 
 
+@pytest.mark.parametrize("offset", [0.02, -0.05])
+def test_a_whole_way_in_one_sense(offset):
+    """Between the dead centres, where crank and rod are in line; work = force times stroke."""
+
+    def acts(offset):
+        window = at_crank_angles(press(offset=offset, window=lj.Passage(point="D", going="-"))).loads[0].window
+        return jnp.stack([window.on, window.off], axis=-1).ravel()
+
+    out, back = math.asin(offset / (ROD + CRANK)), math.pi + math.asin(offset / (ROD - CRANK))
+    found, slopes = jax.jvp(acts, (jnp.asarray(offset),), (jnp.ones(()),))
+    on_off = np.asarray(found)[np.asarray(slopes) != 0]
+    np.testing.assert_allclose(np.sin(on_off), np.sin([out, back]), rtol=0, atol=FINE)
+    np.testing.assert_allclose(np.cos(on_off), np.cos([out, back]), rtol=0, atol=FINE)
+    rates = [1 / math.sqrt((ROD + sense * CRANK) ** 2 - offset**2) for sense in (1, -1)]
+    np.testing.assert_allclose(np.asarray(slopes)[np.asarray(slopes) != 0], rates, rtol=1e-10)
+    stroke = math.sqrt((ROD + CRANK) ** 2 - offset**2) - math.sqrt((ROD - CRANK) ** 2 - offset**2)
+    work = works(press(offset=offset, window=lj.Passage(point="D", going="-")))
+    assert work["punch"] == pytest.approx(-PUNCH * stroke, rel=1e-10)
+
+
 def ends(values) -> jax.Array:
     """Where the punch begins and ends to act (rad), from crank, rod, offset and the last part of the way (m)."""
     crank, rod, offset, last = values
@@ -221,6 +241,7 @@ def test_why_a_load_never_acts():
     for window, why in (
         (lj.Passage(point="D", first=0.01, direction=math.pi / 2), "D does not move in this direction"),
         (lj.Passage(link="crank", last=0.1), "crank has no such limit position"),
+        (lj.Passage(link="crank", going="ccw"), "its window is whole way of crank, going ccw, but crank has no such"),
     ):
         with pytest.warns(UserWarning, match=why):
             lj.analyse(press(window=window), angles=8)

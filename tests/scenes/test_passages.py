@@ -82,6 +82,8 @@ def test_windows_are_read_in_si_units():
     '{ point = "B", between = ["-1 cm", "1 cm"], going = "+", direction = "17 deg" }',
     '{ link = "rod", between = ["-0.7 deg", "5 deg"], going = "cw" }',
     '{ link = "rod", last = "0.1 rad" }',
+    '{ point = "D", going = "+" }',
+    '{ link = "rod", going = "cw" }',
 ])  # fmt: skip
 def test_what_is_written_is_read_again_to_the_last_bit(window):
     scene = loads_text(PRESS + window)
@@ -130,7 +132,7 @@ BAD = {  # window, key, part of the problem, part of the remedy
         'write "ccw" or "cw"'),
     "two parts": ('{ point = "D", last = "8 mm", between = ["1 mm", "2 mm"] }', "", "has last and between",
         "write one of first, last and between"),
-    "no part": ('{ point = "D" }', "", "says nothing about the part of the way", "write one of first, last"),
+    "no part": ('{ point = "D" }', "", "says nothing about its way", 'going = "+" or "-" alone for its whole way'),
     "no point": ('{ last = "8 mm" }', ".point", "missing", 'add point = "D"'),
     "point and link": ('{ point = "D", link = "rod", last = "8 mm" }', "", "names both a point and a link",
         "name one point or one link"),
