@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 import linkjax as lj
-from linkjax.analysis import document, measure_scales, peak_shown
+from linkjax.analysis import document, measure_scales, peak_names, peak_shown
 from linkjax.report import _tables
 from linkjax.report._cells import Cells
 from linkjax.scenes import loads_text
@@ -47,6 +47,16 @@ def test_peaks():
     assert told("peak_drive_torque", 5.0, 1.0, 0.0, 360.0, -360.0) == (360.0, False)
     assert told("peak_drive_torque", 5.0, 1.0, 0.0, 360.0, 359.0) == (360.0, True)
     assert told("peak_drive_torque", 5.0, 1.0, 0.0, 1e-14, 1e-14) == (0.0, False)
+
+
+def test_what_cannot_shake_has_no_peaks_of_shaking():
+    names = ("peak_shaking_force", "max_shaking_moment", "peak_drive_torque")
+    for inertia, force, number in ((0.0, 0.0, 1), (1.0, 0.0, 3), (0.0, 5.0, 3)):  # the last at dead centres alone
+        data = synthetic(5.0, 1e-6, 1.0) | {"reduced": {"inertia": np.full(12, inertia)}}
+        data["peaks"] = {name: {"value": 0.0, "angle": 1.0, "error": 0.0} for name in names}
+        data["peaks"]["peak_shaking_force"]["value"] = force
+        data["forces"]["shaking"] = {"fx": np.linspace(0.0, force, 12), "fy": np.zeros(12), "moment": np.zeros(12)}
+        assert len(peak_names(data)) == number
 
 
 def test_measures_of_an_optimisation():

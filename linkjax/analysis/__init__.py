@@ -39,6 +39,7 @@ from linkjax.analysis._tidy import acts_text as acts_text
 from linkjax.analysis._tidy import force_scale as force_scale
 from linkjax.analysis._tidy import measure_scales as measure_scales
 from linkjax.analysis._tidy import peak_motions as peak_motions
+from linkjax.analysis._tidy import peak_names as peak_names
 from linkjax.analysis._tidy import peak_place as peak_place
 from linkjax.analysis._tidy import peak_shown as peak_shown
 from linkjax.analysis._tidy import power_scale as power_scale

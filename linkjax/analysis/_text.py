@@ -13,6 +13,7 @@ from linkjax.analysis._overload import overload_rows
 from linkjax.analysis._tidy import (
     acts_text,
     peak_motions,
+    peak_names,
     peak_place,
     peak_shown,
     power_scale,
@@ -22,7 +23,7 @@ from linkjax.analysis._tidy import (
 )
 from linkjax.analysis._words import peak_label, peak_unit
 from linkjax.loads import Passage
-from linkjax.measures import in_motion, motion_of
+from linkjax.measures import in_motion
 
 SHOW = Numbers()
 DELTA = "coefficient of speed fluctuation δ"
@@ -166,7 +167,7 @@ def _peaks(data: Data) -> Rows:
     """Peaks by name in the motions that differ, each with its crank angle."""
     motions = peak_motions(data)
     rows: Rows = [("peak", *(cell for motion in motions for cell in (motion, "at")))]
-    for name in dict.fromkeys(motion_of(key)[0] for key in data["peaks"]):
+    for name in peak_names(data):
         cells = [peak_label(name)]
         for key in (in_motion(name, constant) for constant in motions.values()):
             value, angle, _ = peak_shown(data, key) if key in data["peaks"] else (float("nan"),) * 3

@@ -17,7 +17,7 @@ from linkjax.analysis._words import peak_unit
 from linkjax.measures import in_motion, motion_of
 
 Data = dict[str, Any]
-CONSTANT = "_constant_speed"
+CONSTANT, SHAKING = "_constant_speed", "_shaking_"
 ENOUGH = 8  # the least number of crank angles at which a quantity must be the same to count as constant
 SUMS = ("N", "N m", "W")  # units of measures that are sums of forces and may be zero
 
@@ -58,6 +58,14 @@ def peak_motions(data: Data) -> dict[str, bool]:
     return {
         name: constant for name, constant in (("actual motion", False), ("constant speed", True)) if constant in found
     }
+
+
+def peak_names(data: Data) -> list[str]:
+    """The quantities whose peaks are shown, without their motion; those of shaking only if something has a mass."""
+    found = dict.fromkeys(motion_of(key)[0] for key in data["peaks"])
+    shaking = [key for key in data["peaks"] if SHAKING in key]
+    still = not np.any(data["reduced"]["inertia"]) and all(peak_shown(data, key)[0] == 0 for key in shaking)
+    return [name for name in found if not (still and SHAKING in name)]
 
 
 def peak_shown(data: Data, key: str) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from linkjax.analysis import (
     moves,
     peak_label,
     peak_motions,
+    peak_names,
     peak_place,
     peak_shown,
     peak_unit,
@@ -32,7 +33,7 @@ from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes, crank_ranges
 from linkjax.loads import Passage, Window
 from linkjax.machine import Scene, load_place, load_size, speed_text, when_text
-from linkjax.measures import in_motion, measure_remark, motion_of
+from linkjax.measures import in_motion, measure_remark
 from linkjax.mechanism import Mechanism
 from linkjax.topology import Structure
 
@@ -228,7 +229,7 @@ def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
     motions = peak_motions(data)
     heads = [cell for motion in motions for cell in (motion, "at")]
     table = Table("peak", *heads, box=None, pad_edge=False)
-    for name in dict.fromkeys(motion_of(name)[0] for name in data["peaks"]):
+    for name in peak_names(data):
         keys = [in_motion(name, constant) for constant in motions.values()]
         values = [show.quantity(peak_shown(data, key)[0], peak_unit(name), 6) for key in keys]
         angles = [peak_place(data, key, show) for key in keys]

@@ -16,6 +16,7 @@ from linkjax.analysis import (
     moves,
     peak_label,
     peak_motions,
+    peak_names,
     peak_place,
     peak_shown,
     peak_unit,
@@ -28,7 +29,7 @@ from linkjax.analysis import (
 from linkjax.drives import drive_numbers
 from linkjax.loads import Passage
 from linkjax.machine import PERMANENT, Scene, load_place, load_size, passage_text
-from linkjax.measures import in_motion, measure_remark, motion_of
+from linkjax.measures import in_motion, measure_remark
 from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
 
@@ -138,7 +139,7 @@ def nominal(show: Cells, scene: Scene) -> str:
 def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     """Peak magnitudes over the continuous cycle, in each motion: side by side, or before and after."""
     found, motions = data.get("peaks", {}), peak_motions(data)
-    names = list(dict.fromkeys(motion_of(name)[0] for name in found))
+    names = peak_names(data) if found else []
     if before is None:
         rows = [
             [words(peak_name(n)), *(cell for c in motions.values() for cell in _peak(show, data, in_motion(n, c)))]
