@@ -1,6 +1,7 @@
 """Array aliases: every physical quantity at one crank angle is a scalar array; axes come only from `vmap`."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
@@ -21,6 +22,14 @@ def known(value: Any) -> np.ndarray | None:
     if isinstance(value, Tracer) or not isinstance(value, jax.Array | np.ndarray):
         return None
     return np.asarray(value)
+
+
+def not_finite(tree: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Numbers of a tree that are not finite, with their places, as `links.rod.mass`; traced ones are not seen."""
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        value = known(leaf)
+        if value is not None and not np.all(np.isfinite(value)):
+            yield re.sub(r"\['([^']*)'\]", r".\1", jax.tree_util.keystr(path)).lstrip("."), value
 
 
 def as_float(value: Any) -> Any:

@@ -5,9 +5,14 @@ import subprocess
 import sys
 
 PROGRAM = """
+import dataclasses
+import equinox as eqx
+import jax.numpy as jnp
 import linkjax as lj
 from linkjax import Force, Link, OpposingForce, Scene, Torque, Vec, Window
 lj.enable_x64()
+def with_(mechanism, where, value):
+    return dataclasses.replace(eqx.tree_at(where, mechanism, jnp.asarray(value)))
 mechanism, at = lj.load("four-bar").mechanism, ("work", "rocker", "C")
 for wrong in (
     lambda: Link(length="300 mm"),
@@ -32,6 +37,16 @@ for wrong in (
     lambda: Scene(mechanism, motor=lj.NoMotor()),
     lambda: lj.MotorDrive(24.0),
     lambda: lj.MotorDrive(lj.NoMotor(), 5.0),
+    lambda: with_(mechanism, lambda m: m.links["coupler"].mass, float("nan")),
+    lambda: with_(mechanism, lambda m: m.fixed["A"].x, float("inf")),
+    lambda: Scene(mechanism, gravity=Vec(0.0, float("nan"))),
+    lambda: Scene(mechanism, (Torque("work", "rocker", torque=1.0, window=Window(float("nan"), 1.0)),)),
+    lambda: lj.RRR(("coupler",), "B", "D", "C"),
+    lambda: lj.LinearDriver("crank", "B", "A", None),
+    lambda: lj.structure(Scene(mechanism)),
+    lambda: lj.dead_centres(mechanism, 0),
+    lambda: lj.crank_ranges(mechanism, 0),
+    lambda: lj.flywheel_for(Scene(mechanism), -0.1),
 ):
     try:
         wrong()
@@ -63,6 +78,16 @@ TypeError: a Mechanism is needed, not str; write a Mechanism, e.g. from lj.libra
 StructureError: motor: is NoMotor; write a MotorDrive, e.g. MotorDrive(DCMotor(24.0, 0.5, 0.1))
 TypeError: motor of a MotorDrive is 24.0; write e.g. DCMotor(24.0, 0.5, 0.1)
 TypeError: transmission of a MotorDrive is 5.0; write e.g. Transmission(ratio=5.0, efficiency=0.95)
+StructureError: links.coupler.mass: is nan; write a finite number
+StructureError: fixed.A.x: is inf; write a finite number
+StructureError: gravity.y: is nan; write a finite number
+StructureError: loads[0].window.on: is nan; write a finite number
+ValueError: an RRR needs two links, but has ('coupler',)
+TypeError: the linear driver 'crank' needs a motion law; write a Harmonic, a Spline or Moves
+TypeError: a Mechanism is needed, not Scene; of a scene write scene.mechanism
+ValueError: cycle_turns is 0; write an integer of 1 or more
+ValueError: cycle_turns is 0; write an integer of 1 or more
+ValueError: delta is -0.1; write a coefficient of speed fluctuation above zero, e.g. 0.05
 """
 
 

@@ -116,8 +116,9 @@ class GuideFriction(AbstractFriction):
     guide is carried by its edges, and the force that rubs is max(|N|, 2 |M| / L): where the couple tilts the block,
     both sides are loaded. Without a length the couple is assumed to be carried by one face, whose friction depends on N
     alone. The coefficient of `static` friction, for starting, is by default the same. Raises `ValueError` for a
-    negative coefficient, an angle that is not above 0 and below 90°, a length that is
-    not above zero, a factor outside of 1 to π/2, and for both a groove and a seat.
+    negative coefficient, an angle that is not above 0 and below 90°, a length that is not above zero, a factor outside
+    of 1 to π/2, and for both a groove and a seat. Source: as for `elements.slider`; Artobolevsky, Theory of Mechanisms
+    and Machines, 1988, ch. 11.
     """
 
     link: str = eqx.field(static=True)
@@ -173,11 +174,10 @@ class MeshFriction(AbstractFriction):
     relative to the link that carries both, it loses the share 1 - η, with the `efficiency` η in either direction.
 
     It is the mesh of the gear or rack `link`; where that is in several meshes of one group, that with the link `to`.
-    The loss is a couple between the gear and its carrier, or a force
-    between the rack and its guide, against the relative motion: (1 - η) of what drives it, and (1/η - 1) of what it
-    drives. Tooth forces are those without friction. Source: the textbook's efficiency of gears in series and on a
-    moving carrier; Artobolevsky, Theory of Mechanisms and Machines, 1988, ch. 14. Raises `ValueError` for an efficiency
-    that is not above zero and up to one.
+    The loss is a couple between the gear and its carrier, or a force between the rack and its guide, against the
+    relative motion: (1 - η) of what drives it, and (1/η - 1) of what it drives. Tooth forces are those without
+    friction. Raises `ValueError` for an efficiency that is not above zero and up to one. Source: Artobolevsky, Theory
+    of Mechanisms and Machines, 1988, ch. 14, for gears in series and on a moving carrier.
     """
 
     link: str = eqx.field(static=True)

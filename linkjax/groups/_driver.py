@@ -115,7 +115,8 @@ class LinearDriver(AbstractDriver):
     """A driving `link` that moves along a `guide` of the frame: the rod of a hydraulic cylinder, a rack.
 
     `guide` may be the name of a frame point; the guide then passes through this point, parallel to x.
-    Its own point `end`, the origin of its axes, is `law(φ)` (m) ahead of the foot of `through` on the path.
+    Its own point `end`, the origin of its axes, is `law(φ)` (m) ahead of the foot of `through` on the path. Raises
+    `TypeError` for anything but a motion law.
     """
 
     kind: ClassVar[str] = "linear_driver"
@@ -127,6 +128,8 @@ class LinearDriver(AbstractDriver):
 
     def __check_init__(self):
         check_law(self.law)
+        if self.law is None:
+            raise TypeError(f"the linear driver {self.link!r} needs a motion law; write a Harmonic, a Spline or Moves")
 
     def follows(self):
         return self.law

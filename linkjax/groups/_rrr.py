@@ -41,6 +41,8 @@ class RRR(AbstractGroup):
         check_side(self.kind, self.side)
         check_branch(self.kind, self.branch)
         check_apart(self.kind, self.from_, self.to)
+        if isinstance(self.links, str) or len(self.links) != 2:
+            raise ValueError(f"an RRR needs two links, but has {self.links!r}")
 
     def link_names(self):
         return self.links

@@ -33,6 +33,7 @@ from linkjax.groups import BEYOND, AbstractLaw, Margin, ReferencePath
 from linkjax.kinematics._pose import (
     Pose,
     Prepared,
+    check_cycle,
     margins,
     margins_of_pose,
     named_groups,
@@ -88,8 +89,10 @@ def dead_centres(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> dict[
     frame, except a crank that drives without a motion law. Crank angles are in rad, accurate to rounding, in
     8 `cycle_turns` slots each and one for each stop of a motion law; `Reversals.true` selects the used ones. Where a
     law rests before it turns back, the angle is that at which it stops. If the mechanism cannot be assembled over the
-    whole cycle, the values are finite but meaningless. Differentiable with respect to the design.
+    whole cycle, the values are finite but meaningless. Differentiable with respect to the design. Raises `ValueError`
+    for a number of turns below one.
     """
+    check_cycle(cycle_turns)
     return find_dead_centres(Positioned(prepared(mechanism, cycle_turns)), cycle_turns)
 
 

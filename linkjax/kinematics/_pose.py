@@ -134,6 +134,12 @@ def plain(given: Mechanism | Prepared) -> Mechanism:
     return mechanism
 
 
+def check_cycle(cycle_turns: int) -> None:
+    """Raise `ValueError` unless the number of crank turns in a cycle is an integer of one or more."""
+    if not isinstance(cycle_turns, int) or cycle_turns < 1:
+        raise ValueError(f"cycle_turns is {cycle_turns!r}; write an integer of 1 or more")
+
+
 def prepared(mechanism: Mechanism | Prepared, cycle_turns: int | None = None) -> Prepared:
     """The mechanism with reference paths over `cycle_turns` turns of the crank; unchanged if it has them.
 

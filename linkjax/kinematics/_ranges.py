@@ -13,7 +13,7 @@ from linkjax._search import RANGE_SCAN, scan_angles
 from linkjax.groups import AbstractGroup, General, ReferencePath, closed_to
 from linkjax.kinematics._crossings import crossings, margins_at, sound
 from linkjax.kinematics._fold import folded
-from linkjax.kinematics._pose import Prepared, named_groups, plain, prepared
+from linkjax.kinematics._pose import Prepared, check_cycle, named_groups, plain, prepared
 from linkjax.mechanism import Mechanism
 
 CLOSE = 1e-5  # rad: inside a range, where the search for the fold of a group of higher class begins
@@ -64,10 +64,12 @@ def crank_ranges(mechanism: Mechanism | Prepared, cycle_turns: int = 1) -> tuple
     Gaps narrower than 1e-6 rad do not count, nor do gaps of a group of higher class with a closure error below 4e-10 of
     its size, about 1e-4 rad wide. Ranges of other groups narrower than a thousandth of a turn may be missed. Whether
     the machine returns to its initial position is not checked. Not for use under JAX transformations: returns floats.
+    Raises `ValueError` for a number of turns below one.
     Source: Grashof's rule says which cranks rotate fully, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
     ch. 2.
     """
     mechanism = plain(mechanism)
+    check_cycle(cycle_turns)
     driver, law, begin = mechanism.driver, mechanism.driver.follows(), 0.0
     crank = None if (sense := driver.shaft()) is None else driver.turning(sense)
     if crank is not None and law is not None:

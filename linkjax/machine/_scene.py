@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from linkjax._tree import node
-from linkjax._types import as_float, known
+from linkjax._types import as_float, known, not_finite
 from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.drives import MotorDrive, Servo
@@ -63,6 +63,8 @@ class Scene(eqx.Module):
         if not isinstance(self.mechanism, Mechanism):
             problem = f"is {type(self.mechanism).__name__}"
             raise StructureError("mechanism", problem, "write a Mechanism, e.g. from lj.library")
+        for place, value in not_finite(self):
+            raise StructureError(place, f"is {value}", "write a finite number")
         if self.mean not in ("time", "midrange"):
             raise StructureError("mean", f"is {self.mean!r}", 'write "time" or "midrange"')
         if not isinstance(self.cycle_turns, int) or self.cycle_turns < 1:

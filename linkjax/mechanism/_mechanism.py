@@ -9,6 +9,7 @@ import equinox as eqx
 import numpy as np
 
 from linkjax._types import known as number_of
+from linkjax._types import not_finite
 from linkjax._units import nearest
 from linkjax._vec import Vec
 from linkjax.groups import FRAME, AbstractGroup, Guide
@@ -30,7 +31,8 @@ class Mechanism(eqx.Module):
 
     `fixed` holds the points of the frame, `links` the links by name, `groups` the driver and the Assur groups in their
     order of attachment. A gradient with respect to a mechanism is a mechanism.
-    Raises `StructureError` when a group refers to a link or point that does not exist yet, or a name is used twice.
+    Raises `StructureError` when a group refers to a link or point that does not exist yet, a name is used twice, or a
+    number is not finite.
     """
 
     fixed: dict[str, Vec]
@@ -50,6 +52,8 @@ class Mechanism(eqx.Module):
         named = {name: _with_ends(link, ends.get(name, ())) for name, link in named.items()}
         self.links, self.link_names = dict(sorted(named.items())), tuple(named)
         check_structure(self)
+        for place, value in not_finite(self):
+            raise StructureError(place, f"is {value}", "write a finite number")
 
     def __str__(self) -> str:
         return structure_text(structure(self))
@@ -107,7 +111,11 @@ def links_of(mechanism: Mechanism, group: AbstractGroup) -> dict[str, Link]:
 
 
 def structure(mechanism: Mechanism) -> Structure:
-    """Links, pairs, mobility and groups of a mechanism."""
+    """Links, pairs, mobility and groups of a mechanism. Raises `TypeError` for anything else, such as a scene. Source:
+    Chebyshev's mobility W = 3n - 2p and Assur's groups, e.g. Artobolevsky, Theory of Mechanisms and Machines, 1988,
+    ch. 2 and 3."""
+    if not isinstance(mechanism, Mechanism):
+        raise TypeError(f"a Mechanism is needed, not {type(mechanism).__name__}; of a scene write scene.mechanism")
     return structure_of(mechanism.link_names, mechanism.groups, mechanism.owners())
 
 

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import root, safe_divide, smallest
-from linkjax._types import Scalar, Tracer
+from linkjax._types import Scalar, Tracer, known
 from linkjax.machine import ReadyScene, Scene, ready
 from linkjax.mechanism import Flywheel
 from linkjax.motion._by_speed import speed_dependent
@@ -35,7 +36,11 @@ def with_flywheel(scene: Scene, inertia: Scalar) -> Scene:
 def flywheel_for(scene: Scene | ReadyScene, delta: Scalar | float, nodes: int = 96) -> Array:
     """Flywheel inertia (kg m²) that makes δ of the actual motion exactly `delta`, all else unchanged; `nodes` is the
     number of grid nodes per crank turn. Negative if δ is smaller even without a flywheel; zero if the driver has a
-    motion law."""
+    motion law. Raises `ValueError` for a `delta` that is not above zero. Source: the energy
+    equation, as in `steady_motion`."""
+    wanted = known(jnp.asarray(delta))
+    if wanted is not None and not np.all(wanted > 0):
+        raise ValueError(f"delta is {wanted}; write a coefficient of speed fluctuation above zero, e.g. 0.05")
     machine = Sampler(ready(scene))
     regrid = functools.partial(grid_with_kinks, machine, nodes, still=False)
     grid = regrid()

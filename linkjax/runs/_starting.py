@@ -36,9 +36,8 @@ def starting_torque(scene: Scene | ReadyScene) -> Starting:
     The margin is the motor's torque at rest, on the crank with the losses of the transmission, over the greatest static
     load torque, less one: below zero the machine does not start from there. It is infinite where no load resists. All
     opposing loads resist with their full magnitude, friction is static, and where it locks the machine the torque is
-    infinite; loads that depend on the speed are those at rest. Its
-    derivatives with respect to the design are exact. Raises `StructureError` for a scene without a motor, and if the
-    driver follows a motion law.
+    infinite; loads that depend on the speed are those at rest. Its derivatives with respect to the design are exact.
+    Raises `StructureError` for a scene without a motor, and if the driver follows a motion law.
     """
     made = ready(scene)
     if made.scene.mechanism.prescribed:
