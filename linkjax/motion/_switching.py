@@ -52,7 +52,7 @@ NEARLY = (
 )
 AGAIN = 1  # repeats of the motion in every round, where the mean of the extremes is wanted
 NOISE = 1e-13  # of the largest value: less than this below zero counts as zero
-HALVINGS = 30  # bisections of a step between nodes: 1e-9 of it, of which the square counts
+HALVINGS = 40  # bisections of a step between nodes: 1e-12 of it; a force may be least at a kink, where all of it counts
 JUMP = 1e-3  # of the largest value: a greater step at the end of a panel is a jump, where panels end anyway
 
 
