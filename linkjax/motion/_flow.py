@@ -90,6 +90,8 @@ class Spots(NamedTuple):
 
 
 SIGNS = np.asarray([1.0, 1.0, -1.0, -1.0, -1.0])  # a maximum or a minimum
+# of the first step: a longer second one is not taken; the inertia beside a change point is no parabola
+SHORTER = 1.0, 1.0, 1.0, 1.0, 0.1
 
 
 class Ends(NamedTuple):
@@ -297,20 +299,22 @@ class Flow:
         derivative is correct.
         """
         at, own = (jax.tree.map(lambda leaf: leaf[:4], part) for part in (place, here))
-        moving = first_of(moving, 4)
-        sign, bend, move = jnp.asarray(SIGNS[:4], tilt.dtype), bend[:4], move[:4]
-        height, slope, inertia = self.tilt(at.panel, at.x, energy, own, moving)
-        secant = sign * safe_divide(tilt[:4] - jax.lax.stop_gradient(slope), move)
+        height, slope, inertia = self.tilt(at.panel, at.x, energy, own, first_of(moving, 4))
+        half = taken(self.grid.half, place.panel)
+        slope = jnp.concatenate([slope, (half * here.slope)[4:]])
+        sign, most = jnp.asarray(SIGNS, tilt.dtype), jax.lax.stop_gradient(jnp.abs(move))
+        secant = sign * safe_divide(tilt - jax.lax.stop_gradient(slope), move)
         bend = jnp.where((secant > 0.3 * bend) & (secant < 3 * bend), secant, bend)
-        last = jnp.clip(newton(at.x, sign * slope, bend), -jnp.abs(move), jnp.abs(move))
-        gain = slope * last - 0.5 * sign * bend * last**2
-        reached = at._replace(x=at.x + last, phi=at.phi + taken(self.grid.half, at.panel) * last)
-        left = jax.lax.stop_gradient(jnp.abs(gain))
-        found = Ends(reached, height + gain, inertia, own.slope, left, at.phi)
-        tops = jax.lax.stop_gradient(sign * found.height)  # compared on the mechanism itself
+        last = jnp.clip(newton(place.x, sign * slope, bend), -most, most)
+        last = jnp.where(jnp.abs(last) <= np.asarray(SHORTER) * most, last, 0.0)
+        gain, moved = slope * last - 0.5 * sign * bend * last**2, place.phi + half * last
+        reached = at._replace(x=at.x + last[:4], phi=moved[:4])
+        left = jax.lax.stop_gradient(jnp.abs(gain[:4]))
+        found = Ends(reached, height + gain[:4], inertia, own.slope, left, at.phi)
+        tops = jax.lax.stop_gradient(sign[:4] * found.height)  # compared on the mechanism itself
         second, first = jnp.where(tops[1::2] > tops[::2], 1, 0), np.asarray([0, 2])
         chosen = jax.tree.map(lambda leaf: taken(leaf, first + second), found)
-        light = self._lightest(place.phi[4], here.inertia[4])
+        light = self._lightest(moved[4], here.inertia[4] + gain[4])
         return chosen._replace(other=taken(at.phi, first + 1 - second)), light
 
     def _lightest(self, phi: Array, found: Array) -> tuple[Array, Array]:
