@@ -52,9 +52,9 @@ def test_peaks():
 def test_what_cannot_shake_has_no_peaks_of_shaking():
     names = ("peak_shaking_force", "max_shaking_moment", "peak_drive_torque")
     for inertia, force, number in ((0.0, 0.0, 1), (1.0, 0.0, 3), (0.0, 5.0, 3)):  # the last at dead centres alone
-        data = synthetic(5.0, 1e-6, 1.0) | {"reduced": {"inertia": np.full(12, inertia)}}
-        data["peaks"] = {name: {"value": 0.0, "angle": 1.0, "error": 0.0} for name in names}
-        data["peaks"]["peak_shaking_force"]["value"] = force
+        peaks = {name: {"value": 0.0, "angle": 1.0, "error": 0.0} for name in names}
+        peaks["peak_shaking_force"]["value"] = force
+        data = synthetic(5.0, 1e-6, 1.0) | {"reduced": {"inertia": np.full(12, inertia)}, "peaks": peaks}
         data["forces"]["shaking"] = {"fx": np.linspace(0.0, force, 12), "fy": np.zeros(12), "moment": np.zeros(12)}
         assert len(peak_names(data)) == number
 

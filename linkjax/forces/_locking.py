@@ -181,7 +181,7 @@ def _end(
     away = jnp.where(size > 0, safe_divide(jnp.abs(bent(begin[BENT], units[BENT])), size), jnp.inf)
     share = jnp.where(jnp.arange(size.size) == jnp.argmin(away), safe_divide(jnp.ones_like(size), size), 0.0)
 
-    found, close, matrix = jax.vmap(nearer)(begin, units, np.arange(3))
+    found, close, matrix = jax.vmap(nearer)(begin, units, jnp.arange(3))
     kind = jnp.argmax(close)  # the first that is found
     unit, x = units[kind], jnp.where(jnp.any(close), found[kind], begin[MET])
     near = jnp.where(kind == BENT, begin[BENT], x)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, TypedDict
 
 from jaxtyping import Array
 
@@ -169,7 +169,14 @@ def of_family(name: str) -> Measure:
     return MEASURES[name]
 
 
-def needs_of(measures: Iterable[Measure]) -> dict[str, bool]:
+class Needs(TypedDict):
+    """What is needed of the grid, arguments of `Parts`."""
+
+    moves: bool
+    still: bool
+
+
+def needs_of(measures: Iterable[Measure]) -> Needs:
     """What measures need of the grid, see `Parts`; those of users may need everything."""
     asked = list(measures)
     own = not all(one.built_in for one in asked)

@@ -105,8 +105,8 @@ def test_panels_are_for_what_is_asked_for():
     rubs = PinFriction("B", 0.1, 0.01), GuideFriction("slider", 0.1)
     scene = dataclasses.replace(MACHINES["motor and pump"](0.1), friction=rubs)
 
-    def panels(**asked: bool) -> int:
-        return jax.eval_shape(lambda s: Parts(s, **asked).grid.half, scene).size
+    def panels(moves: bool = True, still: bool = True) -> int:
+        return jax.eval_shape(lambda s: Parts(s, moves=moves, still=still).grid.half, scene).size
 
     assert panels(still=False) < panels() > panels(moves=False)
 

@@ -226,12 +226,13 @@ def test_no_solution_beyond_the_end_counts(masses, load, coefficient, radius, li
     """Beyond the factor at which the machine locks the equations have other solutions, which the steps from factor to
     factor must not reach. Numbers by a continuation in small steps of equations written by hand."""
     pins = (PinFriction(each, f, r) for each, f, r in zip("ABD", coefficient, radius, strict=False))
-    scene = pushed(lj.Vec(load, 0.0), masses, (*pins, GuideFriction("slider", coefficient[3])))
+    rubs = (*pins, GuideFriction("slider", coefficient[3]))
+    scene = pushed(lj.Vec(load, 0.0), masses, rubs)
     angle, expected = limit
-    found = factor(scene, [angle])[0]
+    found = factor(scene, np.asarray([angle]))[0]
     assert found == pytest.approx(expected, rel=1e-9)
     for side in (1 - 1e-6, 1 + 1e-6):
-        more = tuple(dataclasses.replace(r, coefficient=r.coefficient * found * side) for r in scene.friction)
+        more = tuple(dataclasses.replace(r, coefficient=r.coefficient * found * side) for r in rubs)
         _, moves = torques(dataclasses.replace(scene, friction=more), jnp.asarray([angle]), jnp.asarray(0.0))
         assert bool(moves[0]) is (side < 1)
 

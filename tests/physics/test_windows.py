@@ -117,6 +117,7 @@ def test_a_whole_way_in_one_sense(offset):
 
     def acts(offset):
         window = at_crank_angles(press(offset=offset, window=lj.Passage(point="D", going="-"))).loads[0].window
+        assert isinstance(window, lj.Window)
         return jnp.stack([window.on, window.off], axis=-1).ravel()
 
     out, back = math.asin(offset / (ROD + CRANK)), math.pi + math.asin(offset / (ROD - CRANK))
