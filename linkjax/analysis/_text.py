@@ -137,7 +137,7 @@ def _no_use(data: Data) -> str:
         return ""
     driven = works.get("motor") or works.get("drive")
     if driven is not None and driven["supplied"] <= driven["absorbed"]:
-        return " (over the cycle the drive does no net work, loads drive the machine: check their signs and windows)"
+        return " (over the cycle the drive does no net work: loads drive the machine, or do none; check their windows)"
     return " (over the cycle the useful loads drive the machine, or do no work: check their signs and windows)"
 
 

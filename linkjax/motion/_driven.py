@@ -16,6 +16,7 @@ from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import BySpeed, Driven, FrictionTorque, moving_at, near_by, on_pose, torques_of, whole
 from linkjax.motion._collocation import CLOSED, Orbit, Panels, gained, implicit, lasting, settled
+from linkjax.motion._edges import has_width
 from linkjax.motion._flow import LEAST, Begun, Duty, Flow, duty_of, inertia_floor, primitive, spotted
 from linkjax.motion._grid import Grid
 from linkjax.motion._guess import Guess
@@ -277,7 +278,8 @@ def _begun(
     full, rubbed = torques.with_friction(data.here, data.moving, speeds, orbit.constant, panels.near)
     frictions = None
     if rubbed is not None:
-        found &= jnp.all(rubbed.moves)
+        # without a width a panel may be the very place where all forces vanish, so that nothing is left to judge by
+        found &= jnp.all(rubbed.moves | ~has_width(grid.half, grid.length)[:, None])
         frictions = _where_it_moves(rubbed, small)
     multiplier = jnp.where(found, multiplier, 1.0)  # without a motion it may be infinite
     mean = -jnp.sum(panels.weights * full.torque) / duty.cycle

@@ -18,6 +18,7 @@ KINK = 1e-6  # rad: a reversal with a closer singularity is a kink, smooth on ei
 REACH = 0.35  # rad: singularities farther than this from the real axis need no breakpoint
 EXTRA = 8  # panels per crank turn near singularities beside the real axis
 NEAREST = 0.03  # rad: closer ones count as so far away, otherwise one of them would take all of these
+ROUNDED = 256  # roundings of a cycle: panels as narrow as this have no width
 UNROLLED = 12  # the most panels that are halved without a loop
 
 
@@ -34,6 +35,12 @@ class Kinks(NamedTuple):
 
     ends: Array
     beside: Candidates
+
+
+def has_width(half: Array, cycle: float) -> Array:
+    """Whether panels of these half widths (rad) have a width. The nodes of one without are a single place, where
+    several breakpoints meet, and signs of what reverses there are rounding errors."""
+    return half > ROUNDED * jnp.finfo(half.dtype).eps * cycle
 
 
 def together(one: Candidates, two: Candidates) -> Candidates:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from linkjax._compile import compiled_soon
 from linkjax._numerics import nearest_turn, once, safe_divide, safe_sqrt, taken, wrapped
+from linkjax.motion._edges import has_width
 from linkjax.motion._extremum import Held, Summit, climb, search, settle, summit_heights
 from linkjax.motion._grid import Grid, Place
 from linkjax.motion._nodes import node_places
@@ -98,6 +99,8 @@ def _two_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Arra
     """The highest summits of every quantity, the squared lengths on the search grid, and by how much the interpolants
     may hide another summit: by as much as their last terms."""
     heights, series = interpolated(grid, jax.lax.stop_gradient(at_nodes))
+    wide = has_width(grid.half, grid.length)
+    heights = jnp.where(wide[None, :, None], heights, 0.0)
 
     def best(height, rows):
         fine, number = jnp.asarray(grid.rule.fine), jnp.arange(grid.panels, dtype=jnp.int32)
@@ -114,6 +117,7 @@ def _two_summits(grid: Grid, at_nodes: Array, rolled: bool) -> tuple[Spots, Arra
 
     last = at_nodes @ jnp.asarray(grid.rule.spectrum[-2:].T)
     hidden = jnp.sqrt(jnp.sum(jnp.sum(jnp.abs(jax.lax.stop_gradient(last)), axis=-1) ** 2, axis=1))
+    hidden = jnp.where(wide[None], hidden, 0.0)
     return spots_at(grid, *jax.vmap(best)(heights, series)), heights, hidden
 
 

@@ -27,7 +27,7 @@ from linkjax.kinematics import Pose
 from linkjax.machine import ReadyScene, Scene
 from linkjax.motion._by_speed import on_pose, speed_dependent, torques_of, whole
 from linkjax.motion._driven import moving_at_nodes
-from linkjax.motion._edges import KINK, REACH, SAME, Candidates, Kinks, nearest, together
+from linkjax.motion._edges import KINK, REACH, SAME, Candidates, Kinks, has_width, nearest, together
 from linkjax.motion._flow import Begun, Flow
 from linkjax.motion._grid import GRID_SCAN, Grid, Place, grid_of
 from linkjax.motion._guess import guessed, rubbing_joints, unknown
@@ -332,12 +332,13 @@ def sign_changes(
     last, first = last - joined, first + jnp.roll(joined, 1)
     every = jnp.concatenate([first[:, None], values, last[:, None]], axis=1)
     negative = every < -NOISE * size  # in a dwell there is rounding alone
+    wide = has_width(grid.half, grid.length)[:, None]
     if height is None:
-        flat = (negative[:, :-1] != negative[:, 1:]).ravel()
+        flat = (wide & (negative[:, :-1] != negative[:, 1:])).ravel()
         place = jnp.sort(jnp.where(flat, jnp.arange(flat.size), flat.size))[:most]
         used, place = place < flat.size, jnp.minimum(place, flat.size - 1)
     else:
-        flat = (negative[:, :-1] & ~negative[:, 1:]).ravel()
+        flat = (wide & negative[:, :-1] & ~negative[:, 1:]).ravel()
         beside = jnp.pad(height, ((0, 0), (1, 1)), constant_values=jnp.inf)
         low = jnp.minimum(beside[:, :-1], beside[:, 1:]).ravel()
         place = jnp.argsort(jnp.where(flat, low, jnp.inf))[:most]

@@ -290,12 +290,15 @@ def _refined(seen: Watched, ways: Ways, first: int, size: Size) -> _Refined:
     low, high = taken(values, ways.begin), taken(values, ways.end) + ways.lift
     value, d, dd = (part[slots:].reshape(ways.cross.shape) for part in here)
     # the root of f + d x + dd x²/2 at which the slope has the sense of the way
-    f = value - _targets(window, low, high, ways.sense, ways.level)
+    targets = _targets(window, low, high, ways.sense, ways.level)
+    ahead = ways.sense[None] * (targets - low[None])
+    there = ways.used[None] & (ways.whole | ((ahead > 0) & (ahead < (ways.sense * (high - low))[None])))
+    f = value - targets
     f = nearest_turn(f, TURN) if window.link else f
     slope = jax.lax.stop_gradient(ways.sense[None] * safe_sqrt(d * d - 2 * f * dd))
     move = jnp.clip(safe_divide(-2 * f, d + slope), -step, step)
     moved = jnp.abs(jax.lax.stop_gradient(move))
-    left = jnp.where(ways.used[None], jnp.minimum(moved, BEND * moved**2), 0.0).ravel()
+    left = jnp.where(there, jnp.minimum(moved, BEND * moved**2), 0.0).ravel()
     left = jnp.concatenate([jnp.where(turns.present[0], turns.left[0], 0.0), left])
     cross = ways.cross + jax.lax.stop_gradient(move) - safe_divide(f - jax.lax.stop_gradient(f), slope)
     return _Refined(ends, values, low, high, cross, jax.lax.stop_gradient(left))

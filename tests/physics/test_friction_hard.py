@@ -73,6 +73,40 @@ def test_a_dead_centre_under_load(dead, side):
     assert found.drive_torque == pytest.approx(sum(losses), rel=1e-6)
 
 
+def pump(**keys) -> lj.Scene:
+    """A massless crank and rod, and a plunger with a load that begins and ends exactly at the dead centres, where it
+    reverses; without weight all forces vanish where the plunger is not accelerated."""
+    links = {"slider": lj.Link(mass=3.0)}
+    mechanism = lj.slider_crank(0.04, 0.16, links=links, flywheel=28.0)
+    load = lj.OpposingForce("water", "slider", "D", lj.Window(math.pi, 2 * math.pi), magnitude=2e3)
+    rough = everywhere(mechanism, 0.07, 0.015)
+    return lj.Scene(mechanism, (load,), lj.Vec(0.0, 0.0), 4 * math.pi, friction=rough, **keys)
+
+
+def test_peaks_of_a_load_that_switches_at_a_dead_centre():
+    """Several panels end there, and those between them have no width: their nodes are one place, where senses are
+    rounding errors. The largest force is in the middle of the stroke, where the rod reverses and friction jumps."""
+    middle = 1.5 * math.pi
+    angles = np.sort(np.append(np.linspace(0.01, 6.27, 60), [middle - 1e-9, middle + 1e-9]))
+    cycle = lj.analyse(pump(), angles=angles, constant_speed=True)
+    peaks, force = lj.analysis.document(cycle)["peaks"], cycle.forces_constant_speed.reactions["B"]["rod"]
+    largest = float(np.max(np.hypot(force.fx, force.fy)))
+    for name in ("A.crank", "B.rod", "D.rod"):
+        peak = peaks[f"peak_reaction_constant_speed.{name}"]
+        assert peak["value"] == pytest.approx(largest, rel=1e-6) and peak["error"] < 1e-5 * largest
+        assert peak["angle"] == pytest.approx(middle, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_motor_where_all_forces_vanish_at_a_place():
+    """A motion with friction is found although at one place there is no force to judge the frictions by."""
+    motor = lj.InductionMotor(550.0, 1380 * math.pi / 30, 1500 * math.pi / 30, 2.2, 1.8)
+    drive = lj.MotorDrive(motor, lj.Transmission(11.5, 0.95), 0.0014)
+    found = lj.motion.steady_motion(pump(motor=drive))
+    assert found.driven is not None and bool(found.driven.found)
+    assert float(found.mean_speed) == pytest.approx(12.93, abs=0.02)  # 68 % of the rated torque
+
+
 def test_a_change_point_is_a_clear_result():
     """Where a parallelogram is flat, forces at its joints and thus friction are not known; beside it they are."""
     links = {name: lj.Link(length=long, mass=1.0, inertia=0.01) for name, long in

@@ -224,6 +224,16 @@ def test_a_way_shorter_than_the_last_part_is_used_as_a_whole():
     np.testing.assert_allclose(works(press(offset=0.02, window=both))["punch"], -2 * PUNCH * stroke, rtol=1e-10)
 
 
+def test_a_position_that_is_never_reached_leaves_no_doubt():
+    """Neither of one end of a window nor of both: the range ends with the way, and δ is that of the same ways."""
+    whole = steady_motion(press(load=100.0, window=lj.Passage(point="D", going="-")))
+    for between in ((0.2, 0.8), (0.7, 0.8)):
+        found = steady_motion(press(load=100.0, window=lj.Passage(point="D", between=between, going="-")))
+        assert float(found.delta_error) < 1e-9
+        if between[0] < 0.24:
+            assert float(found.delta) == pytest.approx(float(whole.delta), rel=1e-12)
+
+
 @pytest.mark.slow
 def test_a_position_that_is_never_reached_is_reported_and_finite():
     window = lj.Passage(point="D", between=(0.7, 0.8))
