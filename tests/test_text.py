@@ -282,3 +282,15 @@ def test_names_of_columns_are_words_that_numpy_keeps(still, tmp_path):
         several(still).table()
     with pytest.raises(TypeError):
         compiled_soon(lambda it: it.table()["x_A"])(still)
+
+
+def test_a_table_is_empty_where_the_machine_cannot_be_assembled():
+    """A rod shorter than the crank: where sin φ is too large the columns are NaN, and the others hold true lengths."""
+    links = {"crank": lj.Link(length=0.04), "rod": lj.Link(length=0.039), "slider": lj.Link(mass=1.0)}
+    groups = [lj.Crank("crank", "A", "B"), lj.RRP("rod", "slider", "B", "D", lj.Guide("A"))]
+    scene = lj.Scene(lj.Mechanism({"A": lj.Vec(0.0, 0.0)}, links, groups), speed=1.0)
+    table = lj.analyse(scene, angles=72, throw=False).table()
+    apart = 40 * np.abs(np.sin(table["crank_angle"])) > 39
+    assert apart.any() and np.all(np.isnan(table["x_D"]) == apart)
+    rod = np.hypot(table["x_D"] - table["x_B"], table["y_D"] - table["y_B"])
+    np.testing.assert_allclose(rod[~apart], 0.039, rtol=1e-12)

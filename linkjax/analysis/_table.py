@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from linkjax._results import Result
 from linkjax.analysis._document import document
 from linkjax.analysis._tidy import CONSTANT
 from linkjax.mechanism import StructureError
@@ -35,10 +36,12 @@ def table_of(cycle: Any) -> Columns:
 
 
 def columns(data: dict[str, Any]) -> dict[str, Columns]:
-    """Columns of a document by kind, the crank angle (rad) first; of a kind that has none there is no entry.
+    """Columns of a document by kind, the crank angle (rad) first; of a kind that has none there is no entry. Where the
+    machine cannot be assembled all but the angle are NaN.
 
     Raises `StructureError` where two columns have the same name, as those of points `a-b` and `a_b`.
     """
+    apart = np.asarray(data["result"]["per_angle"]) != Result.SUCCESS
     found: dict[str, Columns] = {}
     taken: dict[str, str] = {}
     for kind in KINDS:
@@ -48,7 +51,7 @@ def columns(data: dict[str, Any]) -> dict[str, Columns]:
             if name in taken:
                 problem = f"has the column name {name!r}, as {taken[name]} has"
                 raise StructureError(where, problem, "rename one of the points, links or loads")
-            taken[name], named[name] = where, values
+            taken[name], named[name] = where, np.where(apart, np.nan, values) if apart.any() else values
         if named:
             found[kind] = {ANGLE: data["angles"], **named}
     return found

@@ -8,6 +8,7 @@ interrupted (the best design is written).
 from __future__ import annotations
 
 import sys
+import warnings
 
 from linkjax._compile import stop
 from linkjax._results import MachineError
@@ -26,6 +27,7 @@ from linkjax.scenes import SceneError
 
 def main() -> None:
     """Entry point of `linkjax`."""
+    warnings.showwarning = warned
     try:
         app(standalone_mode=True)
     except (DesignError, QuantityError, SceneError, StructureError) as error:
@@ -39,6 +41,11 @@ def main() -> None:
         sys.exit(1)
     finally:
         stop()  # after an interrupt, do not wait for pending compilations
+
+
+def warned(message: Warning | str, *_: object) -> None:
+    """Print a warning in one line, without the place in the code."""
+    complain(f"WARNING: {message}")
 
 
 def complain(message: str) -> None:

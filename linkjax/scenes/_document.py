@@ -82,10 +82,18 @@ def _unreadable(name: str, path: Path) -> SceneError:
     if name and os.path.exists(path):  # os.path.exists does not raise, unlike pathlib
         problem = "cannot be read: a folder" if os.path.isdir(path) else "cannot be read"
     beside = f"{name}.toml"
-    close = [beside] if name and os.path.isfile(beside) else difflib.get_close_matches(name, known, n=1)
+    close = [beside] if name and os.path.isfile(beside) else difflib.get_close_matches(name, known + _near(path), n=1)
     ways = f"give the path of a .toml file, or a built-in scene: {', '.join(known)}"
     remedy = f"did you mean {close[0]!r}? ({ways})" if close else ways
     return SceneError(name or '""', "", None, problem, remedy)
+
+
+def _near(path: Path) -> tuple[str, ...]:
+    """Scene files in the folder of a path."""
+    try:
+        return tuple(str(each) for each in path.parent.glob("*.toml"))
+    except (OSError, ValueError):
+        return ()
 
 
 def load_document(name_or_path: str | os.PathLike[str]) -> Document:
@@ -121,9 +129,11 @@ def _syntax(message: str, text: str, source: str) -> SceneError:
         remedy = 'put a quantity in double quotes, e.g. length = "300 mm"'
     elif "overwrite" in message or "twice" in message or "mutate" in message:
         remedy = "write every key and table once"
+        if listed := re.match(r"\[{1,2}([\w-]+)\]{1,2}", line):
+            remedy += f"; the tables of a list have double brackets, e.g. [[{listed[1]}]]"
     elif "nterminated" in message or "llegal character" in message or "Expected" in message:
         remedy = "close every quote and bracket on its own line"
-    problem = message.split(" (at ")[0]
+    problem = re.sub(r"\('([^']*)',\)", r"\1", message.split(" (at ")[0])
     return SceneError(
         source, f"line {number}", line or None, f"not valid TOML: {problem[:1].lower()}{problem[1:]}", remedy
     )
