@@ -41,6 +41,8 @@ for wrong in (
     lambda: with_(mechanism, lambda m: m.fixed["A"].x, float("inf")),
     lambda: Scene(mechanism, gravity=Vec(0.0, float("nan"))),
     lambda: Scene(mechanism, (Torque("work", "rocker", torque=1.0, window=Window(float("nan"), 1.0)),)),
+    lambda: Scene(mechanism, (Torque("work", "rocker", torque=1.0, window=Window(180.0, 360.0)),)),
+    lambda: lj.Counterweight(mass=-1.0),
     lambda: lj.RRR(("coupler",), "B", "D", "C"),
     lambda: lj.LinearDriver("crank", "B", "A", None),
     lambda: lj.structure(Scene(mechanism)),
@@ -82,6 +84,9 @@ StructureError: links.coupler.mass: is nan; write a finite number
 StructureError: fixed.A.x: is inf; write a finite number
 StructureError: gravity.y: is nan; write a finite number
 StructureError: loads[0].window.on: is nan; write a finite number
+StructureError: loads[0] (work): its window is at 360 rad, far outside of the cycle of 6.28319 rad; write radians, \
+e.g. math.radians(180)
+ValueError: mass of a counterweight must not be negative, but is -1.0; write zero or more
 ValueError: an RRR needs two links, but has ('coupler',)
 TypeError: the linear driver 'crank' needs a motion law; write a Harmonic, a Spline or Moves
 TypeError: a Mechanism is needed, not Scene; of a scene write scene.mechanism

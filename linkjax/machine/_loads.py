@@ -29,6 +29,9 @@ def check_loads(mechanism: Mechanism, loads: Sequence[AbstractLoad], cycle: floa
         elif load.window is not None and _whole(load.window, cycle):
             remedy = "omit `window` for a permanent load, or delete a load that never acts"
             raise StructureError(element, "window start and end coincide", remedy)
+        elif load.window is not None and (far := _far(load.window, cycle)):
+            problem = f"its window is at {far:.6g} rad, far outside of the cycle of {cycle:.6g} rad"
+            raise StructureError(element, problem, "write radians, e.g. math.radians(180)")
         ends = load.attachments()
         for link in (load.link, *(link for link, _ in ends if link != FRAME)):
             if link not in mechanism.links:
@@ -68,6 +71,14 @@ def _moves(mechanism: Mechanism, link: str, point: str) -> bool:
     if point:
         return point not in mechanism.fixed
     return link != FRAME and link not in {name for group in mechanism.groups for name in group.translating()}
+
+
+def _far(window: Window, cycle: float) -> float:
+    """An end of a window that is more than two cycles from zero, as numbers in degrees are; zero if there is none."""
+    ends = [np.ravel(end) for part in (window.on, window.off) if (end := known(part)) is not None]
+    every = np.concatenate(ends) if ends else np.zeros(1)
+    most = every[np.argmax(np.abs(every))] if every.size else 0.0
+    return float(most) if abs(most) > 2 * cycle else 0.0
 
 
 def _whole(window: Window, cycle: float) -> bool:

@@ -26,7 +26,8 @@ class Counterweight(eqx.Module):
     Its own inertia (kg m²) is given as `inertia`, or is that of a disc of `thickness` (m) and `density` (kg/m³),
     m² / (2π thickness density); with neither it is a point mass. An `ideal` counterweight adds the product
     mass · position only: no mass, no inertia; its link must turn about a point of the frame. The position does not
-    change with the length of the link. Raises `ValueError` when the inertia is given twice or incompletely.
+    change with the length of the link. Raises `ValueError` when the inertia is given twice or incompletely, and for
+    negative numbers.
     """
 
     mass: Array = eqx.field(converter=as_float, default=0.0)
@@ -39,6 +40,10 @@ class Counterweight(eqx.Module):
     def __check_init__(self):
         if not isinstance(self.at, Vec) and isinstance(self.at, str | int | float | tuple | list):
             raise TypeError(f"the position of a counterweight must be a Vec, but is {self.at!r}; write Vec(x, y)")
+        for name in ("mass", "inertia", "thickness", "density"):
+            value = known(getattr(self, name))
+            if value is not None and np.any(value < 0):
+                raise ValueError(f"{name} of a counterweight must not be negative, but is {value}; write zero or more")
         if (self.thickness is None) != (self.density is None):
             raise ValueError("a disc counterweight needs thickness and density; give both")
         given = [name for name in ("inertia", "thickness") if getattr(self, name) is not None]
