@@ -32,7 +32,7 @@ from linkjax.cli._console import console
 from linkjax.groups import Harmonic
 from linkjax.kinematics import AssemblyModes, crank_ranges
 from linkjax.loads import Passage, Window
-from linkjax.machine import Scene, load_place, load_size, speed_text, when_text
+from linkjax.machine import Scene, friction_text, load_place, load_size, motor_text, speed_text, when_text
 from linkjax.measures import in_motion, measure_remark
 from linkjax.mechanism import Mechanism
 from linkjax.topology import Structure
@@ -54,6 +54,7 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
         "flywheel": f"{show.shown(mechanism.flywheel.inertia, 'kg·m²')}{target}",
         "frame": frame,
         "drive": _drive(mechanism, show) + "*" * (("drive",) in sketched),
+        **({} if machine.motor is None else {"motor": motor_text(machine.motor, show)}),
     }.items():
         console.print(f"{key:10s} {value}", highlight=False, markup=False)
     if limits := _limits(machine, show):
@@ -72,6 +73,9 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
             show.shown(body.inertia, "kg·m²"), points,
         )  # fmt: skip
     console.print(table)
+    for name in _at_first_pins(mechanism):
+        line = f"{name}: its mass is at its first pin, without inertia; give centre and inertia, or uniform = true"
+        console.print(f"note       {line}", highlight=False, markup=False)
     if sketched:
         console.print("* taken from the sketch", highlight=False, markup=False)
     for name in mechanism.link_names:
@@ -84,6 +88,21 @@ def print_scene(machine: Scene, name: str, show: Numbers, sketched: Collection[t
         when = f"from {when}" if isinstance(load.window, Window) else when
         told = f"load       {load.name}: {load_size(show, load)}, on {load_place(load)}, {when}"
         console.print(told, highlight=False, markup=False)
+    for friction in machine.friction:
+        joint, coefficient, more = friction_text(friction, show)
+        coefficient = "" if coefficient == NONE else f"coefficient {coefficient}, "
+        console.print(f"friction   {joint}: {coefficient}{more}", highlight=False, markup=False)
+
+
+def _at_first_pins(mechanism: Mechanism) -> list[str]:
+    """Bars with a mass that nothing places: it is at their first pin, as a point."""
+    found = []
+    for name, link in mechanism.links.items():
+        body = link.actual()
+        placed = float(body.centre.x) or float(body.centre.y) or float(body.inertia) or link.counterweights
+        if float(link.length) > 0 and float(body.mass) > 0 and not placed:
+            found.append(name)
+    return [name for name in mechanism.link_names if name in found]
 
 
 def _drive(mechanism: Mechanism, show: Numbers) -> str:

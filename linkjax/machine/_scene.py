@@ -77,9 +77,8 @@ class Scene(eqx.Module):
         for name in ("speed", "target_delta"):
             value = known(getattr(self, name))
             if value is not None and not np.all(value > 0):
-                raise StructureError(
-                    name, f"is {value}", 'write a number above zero; Crank(rotation="cw") turns clockwise'
-                )
+                also = '; Crank(rotation="cw") turns clockwise' if name == "speed" else ", e.g. 0.05"
+                raise StructureError(name, f"is {value}", f"write a number above zero{also}")
         law = self.mechanism.driver.follows()
         if law is not None and abs(self.cycle / law.period() - round(self.cycle / law.period())) > 1e-9:
             problem = (

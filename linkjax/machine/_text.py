@@ -65,7 +65,7 @@ def _lines(scene: Any) -> list[str]:
         weights.append((name, link, SHOW.shown(piece.mass, "kg"), SHOW.place((piece.at.x, piece.at.y)), own))
     loads = [("load", "size", "on", "crank angle"), *map(_load, scene.loads)] if scene.loads else [("load", NONE)]
     rubs = (
-        [("friction in", "coefficient", "pin, guide or mesh"), *map(_friction, scene.friction)]
+        [("friction in", "coefficient", "pin, guide or mesh"), *(friction_text(each, SHOW) for each in scene.friction)]
         if scene.friction
         else []
     )
@@ -86,15 +86,15 @@ def _links(mechanism: Mechanism) -> list[tuple[str, ...]]:
     return rows
 
 
-def _friction(friction: AbstractFriction) -> tuple[str, str, str]:
+def friction_text(friction: AbstractFriction, show: Numbers) -> tuple[str, str, str]:
     """A joint with friction, its coefficient, and what else its friction depends on."""
     if isinstance(friction, PinFriction):
-        more = [f"radius {SHOW.shown(friction.radius, 'm')}"]
+        more = [f"radius {show.shown(friction.radius, 'm')}"]
         more += [] if friction.bearing == "given" else [f"{friction.bearing} bearing"]
-        more += [] if friction.thrust is None else [f"thrust face under {SHOW.shown(friction.thrust.force, 'N')}"]
+        more += [] if friction.thrust is None else [f"thrust face under {show.shown(friction.thrust.force, 'N')}"]
     elif isinstance(friction, GuideFriction):
         given = (("groove of", friction.groove, "rad"), ("length", friction.length, "m"))
-        more = [f"{name} {SHOW.shown(value, unit)}" for name, value, unit in given if value is not None]
+        more = [f"{name} {show.shown(value, unit)}" for name, value, unit in given if value is not None]
         more += [] if friction.seat is None else [f"curved seat, factor {float(friction.seat):g}"]
     elif isinstance(friction, MeshFriction):
         return friction.joint, NONE, f"efficiency {100 * float(friction.efficiency):g} %"

@@ -96,11 +96,20 @@ def _values(show: Cells, data: Data) -> dict[str, str]:
         found["flywheel inertia for target δ"] = show.quantity(need, "kg·m²") if need > 0 else "none"
     if wheel.get("textbook") is not None:
         found["flywheel inertia by ΔA/(δω²)"] = show.quantity(float(wheel["textbook"]), "kg·m²")
-    found |= dict(efficiency_rows(data, show))
+    found |= {name: value for name, (value, _) in _efficiency(show, data).items()}
     if motion.get("steady_state_margin") is not None:
         found["steady-state margin"] = show.quantity(float(motion["steady_state_margin"]), digits=4)
     if motion.get("speed") is None and motion.get("min_mean_speed") is not None:
         found["min mean speed"] = show.speed(motion["min_mean_speed"])
+    return found
+
+
+def _efficiency(show: Cells, data: Data) -> dict[str, tuple[str, str]]:
+    """Value and remark of the efficiency, and of the factor at which friction locks the machine."""
+    found = {}
+    for name, told in efficiency_rows(data, show):
+        value, _, more = told.replace(" (", ", ", 1).partition(", ")
+        found[name] = value, more.removesuffix(")")
     return found
 
 
@@ -115,7 +124,7 @@ def _remarks(show: Cells, data: Data, scene: Scene) -> dict[str, str]:
     constant = scene.motor is None and data.get("model", {}).get("method") != "prescribed"
     exact = f"δ = {float(wanted):g}" if wanted is not None else ""
     exact = f"exact value for {exact}" if need > 0 else f"not required for {exact}: δ is smaller without it"
-    return {
+    return {name: remark for name, (_, remark) in _efficiency(show, data).items()} | {
         "coefficient of speed fluctuation δ": f"{error}, based on the {mean}",
         "mean crank speed": f"{mean}; {Cells().quantity(float(motion['mean_speed']), '', 6)} rad/s" if runs else "",
         "max crank speed": f"at {show.turned(motion['angle_of_max'])}" if runs and uneven(data) else "",
