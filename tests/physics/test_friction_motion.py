@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import linkjax as lj
+from benchmarks import error_bound
 from linkjax._compile import compiled_soon
 from linkjax.design import changed
 from linkjax.friction import GuideFriction, PinFriction, everywhere
@@ -285,3 +286,10 @@ def test_a_machine_that_stalls_is_checked_at_constant_speed():
     cycle = lj.analyse(slider_crank(0.1, loads=cut, motor=MOTOR), angles=12, nodes=48)
     assert cycle.steady is None and cycle.missing is not None
     assert 0 <= float(cycle.checks.virtual_power) < 1e-14 and float(cycle.checks.force_balance) < 1e-14
+
+
+@pytest.mark.slow
+def test_the_stated_error_is_honest_for_random_machines():
+    """30 slider-cranks with random lengths, masses and frictions, against 1500 nodes; more in the benchmark."""
+    for ratios in error_bound.measured("friction, cut", 30):
+        assert ratios.size >= 15 and np.min(ratios) >= 1  # others have no motion, or errors of rounding
