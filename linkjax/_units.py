@@ -188,6 +188,8 @@ def _read(text: str, wanted: Dimension) -> float:
         comma = " (decimal point, no comma)" if "," in text else ""
         raise QuantityError("cannot be read as a number and a unit", _example(wanted) + comma)
     number, unit = match[1], match[2].strip()
+    if not wanted.unit and (plain := _plain(number, unit)):
+        raise QuantityError("not a plain number", f"write {plain}")
     try:
         with decimal.localcontext(decimal.Context(prec=34)):
             amount = decimal.Decimal(number)
@@ -197,6 +199,18 @@ def _read(text: str, wanted: Dimension) -> float:
             return float(amount * _factor(unit, wanted)) if unit else float(amount)
     except (decimal.DecimalException, OverflowError):
         return math.inf
+
+
+def _plain(number: str, rest: str) -> str:
+    """The value of a percentage or of a fraction such as "1/50"; empty for anything else."""
+    divisor = NUMBER.fullmatch(rest[1:].strip()) if rest.startswith("/") else None
+    if rest == "%":
+        below = 100.0
+    elif divisor and not divisor[2]:
+        below = float(divisor[1])
+    else:
+        return ""
+    return f"{float(number) / below:.12g}" if below else ""
 
 
 def _factor(unit: str, wanted: Dimension) -> decimal.Decimal:
@@ -222,8 +236,9 @@ def _resolve(unit: str, wanted: Dimension) -> tuple[decimal.Decimal, dict[str, i
         unit_found = _unit(match["name"])
         if unit_found is None:
             known = wanted.units or tuple(u for d in DIMENSIONS.values() for u in d.units)
-            hint = nearest(match["name"], known)
-            raise QuantityError(f"unknown unit {match['name']!r}", f"{hint} ({_example(wanted)})")
+            hint = nearest(match["name"], known) if wanted.units else similar(match["name"], known)
+            remedy = f"{hint} ({_example(wanted)})" if hint else _example(wanted)
+            raise QuantityError(f"unknown unit {match['name']!r}", remedy)
         factor *= unit_found[0] ** power
         for base, exponent in unit_found[1].items():
             dimension[base] = dimension.get(base, 0) + exponent * power
@@ -282,7 +297,8 @@ def display_units(text: str) -> dict[str, tuple[float, str]]:
             factor, dimension = _resolve(name.translate(TIDY), DIMENSIONS["number"])
         except QuantityError as error:
             names = [unit for d in DIMENSIONS.values() for unit in d.units] + ["J", "kW", "W", "s", "ms", "Pa", "MPa"]
-            raise QuantityError(error.problem, f"{nearest(name, names)} ({example})") from None
+            hint = similar(name, names)
+            raise QuantityError(error.problem, f"{hint} ({example})" if hint else example) from None
         phrase = next((p for p, base in _dimensions().items() if p in known and base == dimension), None)
         if phrase is None:
             raise QuantityError(f"{name!r} belongs to no quantity that is shown", example)

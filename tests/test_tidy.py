@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 import linkjax as lj
-from linkjax.analysis import document, measure_scales, peak_names, peak_shown
+from linkjax.analysis import acts_text, document, measure_scales, peak_names, peak_shown
 from linkjax.report import _tables
 from linkjax.report._cells import Cells
 from linkjax.scenes import loads_text
@@ -34,6 +34,15 @@ def told(key: str, *numbers: float) -> tuple[float, bool]:
     """The reported value of a peak, and whether it has an angle."""
     value, angle, _ = peak_shown(synthetic(*numbers), key)
     return value, math.isfinite(angle)
+
+
+def test_a_range_ends_at_the_end_of_the_cycle():
+    """A range that ends at crank angle zero is told with 360°; one that goes on beyond it is not."""
+    two_turns = {"angles": np.arange(12) * math.pi / 3}
+    for ranges, text in (((3.0, 0.0), "171.887° to 720.000°"), ((3.0, 1.0), "171.887° to 57.296°")):
+        assert acts_text(two_turns | {"windows": {"push": [ranges]}}, "push", Cells()) == text
+    one_turn = {"angles": np.arange(12) * math.pi / 6, "windows": {"push": [(0.0, 0.0)]}}
+    assert acts_text(one_turn, "push", Cells()) == "0.000° to 360.000°"
 
 
 def test_peaks():

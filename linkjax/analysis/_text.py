@@ -122,9 +122,10 @@ def efficiency_rows(data: Data, show: Numbers) -> list[tuple[str, str]]:
         factors = np.asarray(run["locking_factor"], float)
         worst = int(np.argmin(factors))
         if np.isfinite(factors[worst]):
-            place = f"at {show.turned(data['angles'][worst])} of the angles shown"
+            place = f"first at {show.turned(data['angles'][worst])} of the angles shown"
             place += f", most of the power in {run['locking_joint'][worst]}"
-            rows.append(("friction locks at", f"{factors[worst]:.4g} times its coefficients, {place}"))
+            multiple = "the multiple of all coefficients of friction at which the machine locks"
+            rows.append(("locking factor", f"{factors[worst]:.4g}, {multiple}, {place}"))
     return rows
 
 

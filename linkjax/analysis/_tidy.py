@@ -24,8 +24,11 @@ SUMS = ("N", "N m", "W")  # units of measures that are sums of forces and may be
 
 def acts_text(data: Data, load: str, show: Numbers) -> str:
     """The ranges of crank angle in which a load with a window acts, as found by the analysis."""
-    found = (data.get("windows") or {}).get(load, ())
-    return ", ".join(f"{show.turned(float(on))} to {show.turned(float(off))}" for on, off in found) or "never"
+    angles = np.asarray(data["angles"], float)
+    end = angles[1] * angles.size if angles.size > 1 else 2 * np.pi
+    found = [(float(on), float(off)) for on, off in (data.get("windows") or {}).get(load, ())]
+    texts = [f"{show.turned(on)} to {show.turned(end if abs(off) < 1e-9 else off)}" for on, off in found]
+    return ", ".join(texts) or "never"
 
 
 def force_scale(data: Data, suffix: str = "") -> float:

@@ -111,12 +111,13 @@ def _check_counterweight(scene: Scene, name: str) -> None:
     link = found and scene.mechanism.links.get(found[1])
     if not found or link is None or found[2] in link.counterweights:
         return
+    piece = found[2]
     others = f" (it has {', '.join(map(repr, link.counterweights))})" if link.counterweights else ""
+    key = f"links.{found[1]}.counterweights.{piece}"
     raise DesignError(
-        name, f"link {found[1]!r} has no counterweight {found[2]!r}{others}",
-        f'add it: in Python Link(..., counterweights={{"{found[2]}": Counterweight(0.0, '
-        f'Vec(-0.1, 0.0))}}); in the scene file "links.{found[1]}.counterweights.{found[2]}" = {{ mass = 0, '
-        f'at = "-100 mm" }} in [optimise.changes], or a table [links.{found[1]}.counterweights.{found[2]}]',
+        name, f"link {found[1]!r} has no counterweight {piece!r}{others}",
+        f"add it: --set '{key}={{mass = 0, at = \"-100 mm\"}}', a table [{key}] in the scene file, "
+        f'or in Python Link(..., counterweights={{"{piece}": Counterweight(0.0, Vec(-0.1, 0.0))}})',
     )  # fmt: skip
 
 

@@ -149,7 +149,7 @@ def _timing(name: str, angles: Angles, start: str | None, count: int) -> _Timing
     given = [amount(each, "rad", f"{name}: angles[{i}]") for i, each in enumerate(angles)]
     if len(given) != count:
         problem = f"has {len(given)} crank angles for {count} wanted values"
-        raise DesignError(f"{name}: angles", problem, f"write {count} angles")
+        raise DesignError(f"{name}: angles", problem, "write one angle for each value")
     fixed = jnp.asarray(given, dtype=float)
     return _Timing(
         lambda of: fixed if start is None else fixed + own_of(of)[start.removeprefix(OWN)],

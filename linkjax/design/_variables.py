@@ -26,7 +26,9 @@ OWN = "own."  # the names of own numbers begin so
 class Variable:
     """A design variable: its name, its bounds (SI, or in `optimise` strings with units), and the names of parameters
     that keep their ratio to it. A number of one's own (`own.NAME`) also has an initial value, by default the middle of
-    its range, and an SI unit, by default that of its bounds."""
+    its range, and an SI unit, by default that of its bounds. `optimise` raises `DesignError` for an unknown name, and
+    for bounds that are no range of this parameter.
+    """
 
     name: str
     lower: float | str

@@ -7,7 +7,9 @@ from linkjax.forces._basis import basis_of_pose as basis_of_pose
 from linkjax.forces._basis import contacts_of as contacts_of
 from linkjax.forces._friction import Contacts as Contacts
 from linkjax.forces._friction import JointFriction as JointFriction
+from linkjax.forces._friction import Linear as Linear
 from linkjax.forces._friction import frictions_of as frictions_of
+from linkjax.forces._friction import specks as specks
 from linkjax.forces._kinetostatics import Forces as Forces
 from linkjax.forces._kinetostatics import JointForce as JointForce
 from linkjax.forces._kinetostatics import at_change_point as at_change_point

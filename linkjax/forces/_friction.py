@@ -29,6 +29,7 @@ SMALL = 1e-10  # relative: after a step of Newton's method as small as this the 
 MORE = 2  # steps of which the size is small
 NEARER = 0.1  # relative: a single step that leads nearer to a solution
 NEAR, ROUNDINGS = 1e-6, 1e2  # relative, or roundings: a last step that found a solution
+SPECK = 1e-6  # of the largest: a step is not measured by anything smaller
 
 
 Transmitted = tuple[Array, Array, Array]  # forces fx and fy (N) and moments (N m), each of shape (joints,)
@@ -170,12 +171,22 @@ def _step_rule(given: tuple, moving: tuple) -> tuple[tuple[Array, Array], tuple[
     return (near[0] + move, near[1] + more), contacts.moved(advance, *near, push)[:2]
 
 
+def specks(near: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Sizes of frictions and of the acceleration, a small part of the largest at all places, below which a step of
+    Newton's method need not be smaller still: see `frictions_of`."""
+    eps = float(jnp.finfo(near[1].dtype).eps)
+    part = max(SPECK, 10 * eps / max(NEAR, ROUNDINGS * eps))
+    return part * jnp.max(jnp.abs(near[0])), part * jnp.max(jnp.abs(near[1]))
+
+
 def frictions_of(
-    contacts: Contacts, advance: Advance, near: tuple[Array, Array] | None = None, linearised: bool = False
-) -> Frictions:
+    contacts: Contacts, advance: Advance, near: tuple[Array, Array] | None = None, linearised: bool = False,
+    least: tuple[Array, Array] | None = None,
+) -> Frictions:  # fmt: skip
     """The frictions that follow from the reactions that they change, with the acceleration that the torque of friction
     leaves: `advance`, a pytree. With frictions and an acceleration `near` it takes one step of Newton's method from
-    there, and keeps these where that leads far away; otherwise it takes as many steps as it needs. Where one is
+    there, and keeps these where that leads far away; otherwise it takes as many steps as it needs. A step is measured
+    by what it leads to, or by `least` where that is larger: where all forces vanish rounding is not small. Where one is
     `linearised`, derivatives are those of its linear equations: so a search that has other unknowns as well takes one
     step for all."""
     if near is not None and linearised:
@@ -187,8 +198,11 @@ def frictions_of(
         some = at.part(part)
         move, more, sign = some.moved(ahead, c, rate, some.left(ahead, c, rate))
         c, rate = c + move, rate + more
-        last = jnp.max(safe_divide(jnp.abs(move), jnp.max(jnp.abs(c), axis=0)[None] * jnp.ones_like(c)), axis=0)
-        return c, rate, jnp.maximum(last, safe_divide(jnp.abs(more), jnp.abs(rate))), sign
+        sizes = jnp.max(jnp.abs(c), axis=0), jnp.abs(rate)
+        if least is not None:
+            sizes = jax.tree.map(jnp.maximum, sizes, least)
+        last = jnp.max(safe_divide(jnp.abs(move), sizes[0][None] * jnp.ones_like(c)), axis=0)
+        return c, rate, jnp.maximum(last, safe_divide(jnp.abs(more), sizes[1])), sign
 
     if near is not None:
         c, rate, last, sign = step(*near, jnp.ones_like(near[1]))

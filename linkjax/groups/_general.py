@@ -51,8 +51,9 @@ class General(AbstractChain):
     at its length, others are coupler points. A point of two members is a pin between them; `outer` are the points that
     exist already. `slots` are the sliding joints: a block has one point, its origin, and the axes of its guide. `gears`
     are the gears and racks whose `link` is a member, written as separate groups; a rack is the block of a slot.
-    `sketch` selects the assembly mode by approximate positions at crank angle zero: two points of every link, one of a
-    block, and one of a gear that is pinned once and not driven. A group with a `drive` comes first.
+    `sketch` selects the assembly mode by approximate positions (m) at crank angle zero: two points of every link, one
+    of a block, and one of a gear that is pinned once and not driven. A group with a `drive` comes first. Raises
+    `ValueError` where members, joints and drive do not remove all degrees of freedom, and for an incomplete sketch.
     """
 
     kind: ClassVar[str] = "general"

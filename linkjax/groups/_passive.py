@@ -104,7 +104,7 @@ class RedundantSlider(AbstractGroup):
     """A `block` pinned to the existing point `from_`, which always stays on the `guide`.
 
     The guide only transmits a couple, so the block carries only its own weight, inertia and loads. Where the point
-    leaves the guide, its margin `fits` is negative.
+    leaves the guide, its margin `fits` is negative. A `Mechanism` raises `StructureError` unless both exist.
     """
 
     kind: ClassVar[str] = "redundant_slider"

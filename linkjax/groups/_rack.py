@@ -36,8 +36,8 @@ class Rack(AbstractGroup):
     The gear's centre is a point of the link (or frame) that carries the guide. It is to the left of the guide's
     direction for `side` +1, to the right for -1. The rack's own point `end`, the origin of its axes, is `start` (m)
     ahead of the foot of `through` on the path when the gear, relative to the carrier, is at zero. For a slider pulled
-    by a belt or cable, the `pressure_angle` is zero. Raises `ValueError` for an invalid radius, side or pressure
-    angle.
+    by a belt or cable, the `pressure_angle` (rad, default 20 degrees) is zero. Raises `ValueError` for an invalid
+    radius, side or pressure angle.
     """
 
     kind: ClassVar[str] = "rack"
@@ -152,7 +152,8 @@ class Pinion(AbstractWheel):
     rack's direction for `side` +1, to the right for -1. Relative to the carrier, the gear is at `phase` (rad) when the
     rack's point `at` is `start` (m) ahead of `through` along the rack. `through` is another point of the carrier, by
     default the pivot. The turns are counted as those of a `Gear`. `end` names a pin of the gear at its length, if it
-    has one. Raises `ValueError` for an invalid radius, side or pressure angle.
+    has one. `pressure_angle` (rad, default 20 degrees) is that of the teeth. Raises `ValueError` for an invalid radius,
+    side or pressure angle.
     """
 
     kind: ClassVar[str] = "pinion"

@@ -25,7 +25,8 @@ class RRR(AbstractGroup):
 
     `side` is +1 when `meet` lies to the left of the directed line from `from_` to `to`, -1 when to the right. With
     `branch` "continue", `side` applies just after crank angle zero; the motion continues smoothly through change
-    points, where the side changes.
+    points, where the side changes. Raises `ValueError` for another `side` or `branch`, unless there are two links, and
+    where both ends are the same point.
     """
 
     kind: ClassVar[str] = "RRR"

@@ -23,7 +23,8 @@ from linkjax.loads._passage import Passage
 class Window(eqx.Module):
     """Half-open range [on, off) of the crank angle (rad), modulo the cycle.
 
-    With arrays of one axis it is several ranges; those of zero width do not count.
+    `on` and `off` are numbers, or arrays of equal shape (ranges,) for several ranges, of which those of zero width do
+    not count. A `Scene` raises `StructureError` for angles beyond two cycles, which are probably degrees.
     """
 
     on: Array = eqx.field(converter=as_float)

@@ -31,10 +31,11 @@ from linkjax.mechanism import Mechanism, StructureError
 class Scene(eqx.Module):
     """A machine in operation: mechanism, loads, gravity (m/s²) and mean crank speed (rad/s).
 
-    `speed` is positive, and `mean` defines it: "time" (2π turns / period) or "midrange" ((max + min) / 2).
-    `target_delta` is the target coefficient of speed fluctuation δ, for which analyses find the flywheel; it may be
-    None. `cycle_turns` is the number of crank turns after which motion and loads repeat. With `constant_speed` the
-    crank turns at `speed` whatever the loads, and analyses omit the actual motion.
+    `speed` is positive (by default 1 rad/s, so that velocities equal kinematic coefficients), and `mean` defines it:
+    "time" (2π turns / period) or "midrange" ((max + min) / 2). `target_delta` is the target coefficient of speed
+    fluctuation δ, for which analyses find the flywheel; it may be None. `cycle_turns` is the number of crank turns
+    after which motion and loads repeat. With `constant_speed` the crank turns at `speed` whatever the loads, and
+    analyses omit the actual motion.
 
     `motor` is what drives the crank, with its transmission and rotor. With None the drive is a constant torque on the
     crank that balances the work of the loads over the cycle. A driver that follows a motion law has a `Servo` or None.

@@ -91,6 +91,8 @@ class Link(eqx.Module):
 
     For `linkage`, a link names its `pins`: the first is its origin, the second lies on its x axis at its length (unless
     it is in `points`), further pins are in `points`.
+
+    Raises `ValueError` for negative or incomplete numbers, and for an unknown `mass_properties`.
     """
 
     length: Array = eqx.field(converter=as_float, default=0.0)

@@ -19,7 +19,7 @@ from jaxtyping import Array
 from linkjax._numerics import safe_divide, taken
 from linkjax._tree import node
 from linkjax.drives import MotorDrive
-from linkjax.forces import Basis, Contacts, basis_of_pose, contacts_of, friction_of_pose, frictions_of
+from linkjax.forces import Basis, Contacts, basis_of_pose, contacts_of, friction_of_pose, frictions_of, specks
 from linkjax.kinematics import Pose
 from linkjax.loads import AbstractLoad
 from linkjax.machine import ReadyScene, Scene, ready
@@ -96,7 +96,8 @@ class BySpeed:
         if near is None and moving.near is not None:
             near = jax.lax.stop_gradient(self._friction(here, moving, speed, constant, moving.near, True).near)
             near = jax.tree.map(lambda new, old: jnp.where(jnp.isfinite(new), new, old), near, moving.near)
-        rubbed = functools.partial(self._friction, linearised=linearised)
+        least = None if near is None else specks(jax.lax.stop_gradient(near))
+        rubbed = functools.partial(self._friction, linearised=linearised, least=least)
         if jnp.ndim(speed) == 2:
             rubbed = jax.vmap(rubbed, (0, 0, 0, None, 0))
         found = rubbed(here, moving, speed, constant, near)
@@ -123,15 +124,16 @@ class BySpeed:
         return contacts_of(self.rough.scene, self.rough.instant, *given)
 
     def _friction(
-        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any, linearised: bool
-    ) -> FrictionTorque:
+        self, here: Reduced, moving: Moving, speed: Array, constant: Array | None, near: Any, linearised: bool,
+        least: tuple[Array, Array] | None = None,
+    ) -> FrictionTorque:  # fmt: skip
         """The frictions at places with one axis or none."""
         made, half = self.rough, 0.5 * here.slope * speed**2
         assert made is not None
         left = CrankAcceleration(self.motor, here.torque - half, here.inertia, speed, constant)
         if moving.basis is not None:
             contacts = self.contacts(moving, speed)
-            found = frictions_of(contacts, left, near, linearised)
+            found = frictions_of(contacts, left, near, linearised, least)
             return FrictionTorque(contacts.torque(found.values), found.found, (found.values, found.rate))
 
         def one(moving: Moving, torque: Array, inertia: Array, speed: Array) -> tuple[Array, Array]:

@@ -106,7 +106,7 @@ def write_report(
         + _tables.motor_load(show, data, before[0] if before else None)
         + energies(show, data, before[0] if before else None),
         "Machine": _tables.links(show, scene) + _tables.points(show, scene) + _tables.motor(show, scene)
-        + _tables.loads(show, data, scene),
+        + _tables.friction(show, scene) + _tables.loads(show, data, scene),
         "Peaks": _tables.peaks(show, data, before[0] if before else None) + _tables.measures(show, data)
         + harmonics_table(show, data),
         "Margins": _tables.groups(show, data) + _tables.dead_centres(show, data),

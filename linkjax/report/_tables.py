@@ -28,7 +28,7 @@ from linkjax.analysis import (
 )
 from linkjax.drives import drive_numbers
 from linkjax.loads import Passage
-from linkjax.machine import PERMANENT, Scene, load_place, load_size, passage_text
+from linkjax.machine import PERMANENT, Scene, friction_text, load_place, load_size, passage_text
 from linkjax.measures import in_motion, measure_remark
 from linkjax.mechanism import Link
 from linkjax.report._cells import Cell, Cells, table, words
@@ -245,6 +245,12 @@ def motor(show: Cells, scene: Scene) -> str:
         value = Cell(show.bound(number.where(scene.motor), number.unit), True)
         rows.append([words(number.key.replace("_", " ")), value])
     return table(["motor", ""], rows)
+
+
+def friction(show: Cells, scene: Scene) -> str:
+    """Coefficients and radii of the joints with friction; none without friction."""
+    rows = [[*map(words, friction_text(each, show))] for each in scene.friction]
+    return table(["friction in", "coefficient", "pin, guide or mesh"], rows) if rows else ""
 
 
 def groups(show: Cells, data: Data) -> str:

@@ -184,8 +184,9 @@ def _group(number: int, group: GroupTable, model: SceneFile) -> Iterator[Fault]:
         yield ("flywheel",), "there is no shaft for it: the driver is a slider", "delete it"
     for name in group.bars():
         if name in model.links and model.links[name].length == 0:
-            problem = f"the length is zero, but groups[{number}] needs a bar with two pins"
-            yield ("links", name, "length"), problem, 'write the distance between its pins, e.g. length = "300 mm"'
+            missing = "length" not in model.links[name].model_fields_set
+            problem = f"{'missing' if missing else 'zero'}, but groups[{number}] needs a bar with two pins"
+            yield ("links", name, "length"), problem, 'add the distance between its pins, e.g. length = "300 mm"'
     for name in group.sliding():
         if name in model.links and model.links[name].length > 0:
             problem = f"a length, but this link is the slider (block) of groups[{number}]"

@@ -45,7 +45,7 @@ class Document:
 
 
 def scene_names() -> tuple[str, ...]:
-    """Names of the built-in linkages; `load` reads them."""
+    """Names of the built-in linkages, which `load` reads; those of rolling bodies are in `rolling_names`."""
     return tuple(sorted(path.stem for path in BUILTIN.glob("*.toml")))
 
 

@@ -14,27 +14,29 @@ from linkjax.viz._style import GREY, INK, Data, closed, largest
 
 
 class Names(NamedTuple):
-    """Points of which curves are drawn: moving pins and coupler points, and mass centres that follow none of them."""
+    """Points of which curves are drawn, with what they are called: moving pins and coupler points, and mass centres. A
+    mass centre at the place of a pin is named with it, e.g. "D, S3"."""
 
-    pins: list[str]
-    centres: list[str]
+    pins: dict[str, str]
+    centres: dict[str, str]
 
 
 def moving(data: Data, scene: Scene) -> Names:
-    """Points that move; a mass centre with the same motion as a pin is omitted."""
+    """Points that move."""
     points = data["points"]
     where = {name: np.stack([closed(data, p["x"]), closed(data, p["y"])]) for name, p in points.items()}
     size = largest(where.values())
-    centres = {link.centre_name for link in scene.mechanism.links.values()}
+    own = [link.centre_name for link in scene.mechanism.links.values()]
     moves = [p for p, at in where.items() if largest([at - at[:, :1]]) > 1e-9 * size]
-    pins = [p for p in moves if p not in centres]
-
-    def follows(p: str, q: str) -> bool:
-        offset = where[p] - where[q]
-        return largest([offset - offset[:, :1]]) <= 1e-9 * size
-
-    own = [p for p in moves if p in centres and not any(follows(p, q) for q in pins)]
-    return Names(pins, own)
+    pins = {p: p for p in moves if p not in own}
+    centres = {}
+    for centre in (p for p in moves if p in own):
+        pin = next((p for p in pins if largest([where[centre] - where[p]]) <= 1e-9 * size), None)
+        if pin is None:
+            centres[centre] = centre
+        else:
+            pins[pin] += f", {centre}"
+    return Names(pins, centres)
 
 
 def frame_equal(ax: Axes, curves: list[np.ndarray]) -> None:

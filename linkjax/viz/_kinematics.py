@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -32,6 +34,7 @@ from linkjax.viz._style import (
 
 ORDERS = (("position", "m", "x", "y"), ("first coefficient", "m/rad", "dx", "dy"),
           ("second coefficient", "m/rad²", "ddx", "ddy"))  # fmt: skip
+LIMIT: dict[str, Any] = {"color": VERMILION, "linewidth": 0.8, "linestyle": (0, (2, 2))}  # of the transmission angle
 
 
 @styled
@@ -42,13 +45,15 @@ def points_figure(data: Data, scene: Scene, before: Data | None = None, units: U
 
 @styled
 def centres_figure(data: Data, scene: Scene, before: Data | None = None, units: Units | None = None) -> Figure:
-    """The same for the mass centres that do not move with a pin."""
+    """The same for the mass centres that are not at a pin."""
     return _points(data, scene, before, units, moving(data, scene).centres, "Mass centres")
 
 
-def _points(data: Data, scene: Scene, before: Data | None, units: Units | None, names: list[str], title: str) -> Figure:
+def _points(
+    data: Data, scene: Scene, before: Data | None, units: Units | None, names: dict[str, str], title: str
+) -> Figure:
     phi = degrees(data, scene)
-    keys = [key(name, **line(i)) for i, name in enumerate(names)]
+    keys = [key(text, **line(i)) for i, text in enumerate(names.values())]
     figure, axes = sheet(title, 3, 2, panel=1.55, keys=[*keys, *before_keys(before), *window_keys(data, scene)])
     for row, (quantity, unit, *components) in enumerate(ORDERS):
         curves = {(n, c): closed(data, data["points"][n][c]) for n in names for c in components}
@@ -76,6 +81,7 @@ def links_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
     looks = {name: line(i) | {"color": INK, "linewidth": 1.3} for i, name in enumerate(groups)}
     keys = [key(name, **line(i)) for i, name in enumerate(turning)]
     keys += [key(f"μ, {name}", **look) for name, look in looks.items()]
+    keys += [key("recommended limits of μ", **LIMIT)] if groups else []
     figure, axes = sheet("Links", 2, 2, panel=1.9, keys=[*keys, *before_keys(before), *window_keys(data, scene)])
     (angles, first), (transmission, second) = axes
     if before:
@@ -101,8 +107,8 @@ def links_figure(data: Data, scene: Scene, before: Data | None = None, units: Un
         over_crank([row[column] for row in axes], data, scene, columns=2)
     transmission.set_ylim(0, 180)
     transmission.set_yticks([0, 40, 90, 140, 180])
-    for limit in (40, 140):  # recommended range of the transmission angle
-        transmission.axhline(limit, color=VERMILION, linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+    for limit in (40, 140) if groups else ():
+        transmission.axhline(limit, zorder=1, **LIMIT)
     return figure
 
 
@@ -136,7 +142,7 @@ def acceleration_hodographs_figure(
 
 
 def _hodographs(data: Data, scene: Scene, before: Data | None, units: Units | None, order: int, title: str) -> Figure:
-    names = [name for group in moving(data, scene) for name in group]
+    names = {name: text for group in moving(data, scene) for name, text in group.items()}
     columns = 3
     rows = -(-len(names) // columns) or 1
     keys = [*mark_keys(scene), *before_keys(before)]
@@ -152,7 +158,7 @@ def _hodographs(data: Data, scene: Scene, before: Data | None, units: Units | No
             behind(ax, *curves[1])
         hodograph(ax, degrees(data, scene), curves[0], {"color": BLUE, "linewidth": 1.4})
         frame_equal(ax, curves)
-        ax.set_title(label(name, shown))
+        ax.set_title(label(names[name], shown))
     blank(cells[len(names) :])
     return figure
 

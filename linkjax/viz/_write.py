@@ -14,6 +14,7 @@ from linkjax._display import Units
 from linkjax._units import display_units
 from linkjax.analysis import moves
 from linkjax.machine import Scene
+from linkjax.viz._curves import moving
 from linkjax.viz._dynamics import loaded, speed_figure, torque_figure
 from linkjax.viz._forces import drive_figure, reaction_hodographs_figure, reactions_figure, shaking_figure
 from linkjax.viz._friction import friction_figure, rubs
@@ -44,7 +45,7 @@ class Picture(NamedTuple):
 PICTURES = (
     Picture("machine", "The machine to scale", machine_figure, "points"),
     Picture("points", "Positions and kinematic coefficients of pins and coupler points", points_figure, "points"),
-    Picture("mass-centres", "Positions and kinematic coefficients of the mass centres", centres_figure, "points"),
+    Picture("mass-centres", "Positions and kinematic coefficients of the mass centres", centres_figure, "centres"),
     Picture("links", "Angles and kinematic coefficients of the links, transmission angles", links_figure, "links"),
     Picture("velocity-hodographs", "Hodographs of the first kinematic coefficients",
             velocity_hodographs_figure, "points"),
@@ -112,6 +113,8 @@ def _has(data: Data, part: str, scene: Scene) -> bool:
         return moves(data) and not scene.mechanism.prescribed
     if part == "torques":
         return moves(data) or bool(loaded(data))
+    if part == "centres":
+        return bool(data.get("points")) and bool(moving(data, scene).centres)
     if part == "loop":
         return has_loop(data, scene)
     return bool(data.get(part) or (part == "forces" and data.get("forces_constant_speed")))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import linkjax as lj
+from linkjax.forces import Contacts, Linear, frictions_of, specks
 from linkjax.friction import GuideFriction, PinFriction, everywhere
 from tests.physics import rubbed
 from tests.physics.test_friction import crank_slider, forces, forces_at, friction_circles
@@ -95,6 +97,31 @@ def test_peaks_of_a_load_that_switches_at_a_dead_centre():
         peak = peaks[f"peak_reaction_constant_speed.{name}"]
         assert peak["value"] == pytest.approx(largest, rel=1e-6) and peak["error"] < 1e-5 * largest
         assert peak["angle"] == pytest.approx(middle, abs=1e-6)
+
+
+@pytest.mark.parametrize(("error", "found"), [(1e-13, True), (1e-9, False)])
+def test_rounding_where_all_forces_vanish_is_no_locking(error, found):
+    """At the second place the force is 1e-9 of that at the first. A step as long as a rounding error of the first is
+    long beside it; a longer one says that the frictions do not follow yet."""
+    pin, none = PinFriction("B", 0.07, 0.015), jnp.zeros((1, 2))
+    force = jnp.asarray([[1e3, 1e-6]])
+    pushed = Linear((force, none, none), (none[None],) * 3, (none,) * 3)
+    contacts = Contacts((pin,), jnp.ones((1, 2)), jnp.ones((1, 2)), pushed)
+    exact = -contacts.sizes((force, none, none))
+    near = exact + error * jnp.max(jnp.abs(exact)), jnp.ones(2)
+    ahead = jax.tree_util.Partial(jnp.ones_like)
+    there = frictions_of(contacts, ahead, near, least=specks(near))
+    np.testing.assert_array_equal(there.found, [True, found])
+    np.testing.assert_allclose(there.values, exact, rtol=1e-15)
+
+
+@pytest.mark.slow
+def test_a_light_plunger_without_weight_has_a_motion():
+    """Nodes are close to the place where all forces vanish; without friction the work of the load gives the torque."""
+    found = lj.motion.steady_motion(pump())
+    assert found.driven is not None and bool(found.driven.found)
+    work = 2e3 * 0.08
+    assert work < 2 * math.pi * float(found.driven.mean_torque) < 1.2 * work
 
 
 @pytest.mark.slow

@@ -309,3 +309,9 @@ def test_the_numbers_of_a_motor():
     for row in ("kind||induction motor, type plate", "rated power||3 kW", "rated speed||1435 rpm", "ratio||8.2"):
         assert row in text, text
     assert _tables.motor(Cells(), lj.load("slider-crank")) == ""
+
+
+def test_the_numbers_of_friction():
+    text = re.sub(r"<[^>]*>", "|", _tables.friction(Cells(), lj.load("friction-slider-crank")))
+    assert re.search(r"\|A\|+0\.1\|+radius 10 mm\|", text), text
+    assert _tables.friction(Cells(), lj.load("slider-crank")) == ""

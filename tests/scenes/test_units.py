@@ -71,6 +71,8 @@ WRONG = [  # value, dimension, parts of the message
     ("0,3 m", "length", "cannot be read", "decimal point"),
     ("three", "length", "cannot be read", '"300 mm"'),
     ("", "length", "cannot be read", '"300 mm"'),
+    ("1/50", "number", "not a plain number", "write 0.02"),
+    ("2 %", "number", "not a plain number", "write 0.02"),
     ("1/2 in", "length", "cannot read the unit '/2 in'", "divide by /"),
     ("3 m/", "length", "cannot read the unit", "divide by /"),
     ("3 * m", "length", "cannot read the unit", "divide by /"),

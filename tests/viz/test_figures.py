@@ -11,10 +11,12 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+import linkjax as lj
 from linkjax import viz
 from linkjax._display import number
 from linkjax._units import display_units
-from linkjax.viz._curves import hodograph
+from linkjax.analysis import positions
+from linkjax.viz._curves import hodograph, moving
 from linkjax.viz._forces import cases, joints
 from linkjax.viz._write import _has
 from tests.helpers import PACKAGE
@@ -264,3 +266,22 @@ def test_labels_stand_beside_a_straight_hodograph():
     assert len(beside) >= 3 and all(x == 0 and y > 8 for x, y in beside)
     outwards = [np.asarray(text.get_position()) @ np.asarray(text.xy) for text in circle.texts]
     assert len(outwards) == 4 and all(8 < out < 9 for out in outwards)
+
+
+def test_a_mass_centre_at_a_pin_has_the_curves_of_the_pin():
+    """One elsewhere has its own, also where it moves alike, as that of a piston beside its pin."""
+    aside = lj.load("slider-crank")
+    light = lj.Scene(lj.slider_crank(0.04, 0.16, links={"slider": lj.Link(mass=3.0)}))
+    names = {}
+    for case, scene in (("aside", aside), ("light", light)):
+        data = positions(scene)
+        names[case] = moving(data, scene)
+        assert _has(data, PICTURE["mass-centres"].needs, scene) == bool(names[case].centres)
+    assert names["aside"] == ({"C": "C", "P": "P"}, {"S1": "S1", "S2": "S2", "S3": "S3"})
+    assert names["light"] == ({"B": "B, S2", "D": "D, S3"}, {})
+
+
+def test_the_limits_of_the_transmission_angle_have_a_legend():
+    scene, data = analysed("hay-press")
+    texts = [text.get_text() for text in written(PICTURE["links"].draw(data, scene))]
+    assert "recommended limits of μ" in texts
