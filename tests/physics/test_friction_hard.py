@@ -105,7 +105,8 @@ def test_rounding_where_all_forces_vanish_is_no_locking(error, found):
     long beside it; a longer one says that the frictions do not follow yet."""
     pin, none = PinFriction("B", 0.07, 0.015), jnp.zeros((1, 2))
     force = jnp.asarray([[1e3, 1e-6]])
-    pushed = Linear((force, none, none), (none[None],) * 3, (none,) * 3)
+    unit = none[None]
+    pushed = Linear((force, none, none), (unit, unit, unit), (none, none, none))
     contacts = Contacts((pin,), jnp.ones((1, 2)), jnp.ones((1, 2)), pushed)
     exact = -contacts.sizes((force, none, none))
     near = exact + error * jnp.max(jnp.abs(exact)), jnp.ones(2)
