@@ -12,14 +12,12 @@ from pathlib import Path
 from sketches import sketches
 
 import linkjax as lj
-from linkjax.analysis import positions
-from linkjax.rolling import document
+from linkjax._display import Numbers
+from linkjax.cli._write import draw
 from linkjax.scenes import build, load_rolling, read_document, rolling_names
-from linkjax.viz import machine_figure, rolling_figure, svg
 
 HERE = Path(__file__).parent
 SCENES = HERE.parent / "linkjax/scenes"
-OTHERS = 6  # crank angles drawn in thin lines
 HEAD = """# Gallery
 
 Every built-in machine, drawn by `linkjax show NAME --out picture.svg`. `linkjax analyse NAME` analyses it, and
@@ -46,12 +44,6 @@ def gallery() -> str:
     return "\n".join(parts)
 
 
-def drawn(scene: lj.Scene, name: str) -> str:
-    """A machine at six crank angles, as SVG."""
-    others = [i * float(scene.cycle) / OTHERS for i in range(OTHERS)]
-    return svg(name, machine_figure(positions(scene), scene, others=others))
-
-
 def machine_of(page: str, name: str) -> lj.Scene:
     """The scene file `name` that a page shows."""
     text = (HERE / page).read_text(encoding="utf-8")
@@ -65,15 +57,19 @@ def write(folder: Path) -> None:
     for kind in ("gallery", "groups"):
         (folder / "images" / kind).mkdir(parents=True, exist_ok=True)
     (folder / "gallery.md").write_text(gallery(), encoding="utf-8")
-    pictures = {f"gallery/{name}": drawn(lj.load(name), name) for name in lj.scene_names()}
-    for name in rolling_names():
-        data = document(load_rolling(name), 4, name, lj.__version__)
-        pictures[f"gallery/{name}"] = svg(name, rolling_figure(data))
-    pictures["first-machine"] = drawn(machine_of("first-machine.md", "pump.toml"), "first-machine")
-    pictures["describe"] = drawn(machine_of("describe.md", "joints.toml"), "describe")
-    for name, text in {**pictures, **sketches()}.items():
-        text = re.sub(r"(\d\.\d\d)\d+", r"\1", text)  # hundredths of a point: small files
+    machines = {f"gallery/{name}": lj.load(name) for name in lj.scene_names()}
+    machines |= {f"gallery/{name}": load_rolling(name) for name in rolling_names()}
+    machines["first-machine"] = machine_of("first-machine.md", "pump.toml")
+    machines["describe"] = machine_of("describe.md", "joints.toml")
+    for name, machine in machines.items():
+        draw(machine, "Machine", folder / f"images/{name}.svg", [], Numbers())
+    drawings = sketches()
+    for name, text in drawings.items():
         (folder / f"images/{name}.svg").write_text(text, encoding="utf-8")
+    for name in (*machines, *drawings):
+        path = folder / f"images/{name}.svg"
+        text = re.sub(r"(\d\.\d\d)\d+", r"\1", path.read_text(encoding="utf-8"))
+        path.write_text(text, encoding="utf-8")  # hundredths of a point: small files
 
 
 if __name__ == "__main__":
