@@ -321,9 +321,81 @@ def rack() -> Sketch:
     return made
 
 
+def driving_slider() -> Sketch:
+    made = Sketch(9, 5)
+    a, turn, shift = np.asarray([1.8, 1.0]), 20, 1.0
+    foot = a + at(turn + 90, shift)
+    b = foot + at(turn, 4.4)
+    made.ground(a)
+    made.ax.plot(*zip(a, foot, strict=True), color=OTHER, linewidth=0.9, linestyle=":")
+    made.path(foot + at(turn, -0.9), foot + at(turn, 6.6))
+    made.block(b, turn)
+    made.pin(a, known=True)
+    made.pin(b)
+    made.size(foot + at(turn + 90, 0.7), b + at(turn + 90, 0.7), "law: the distance", (-0.3, 0.35))
+    made.word(a, "through", by=(-1.0, -0.1))
+    made.word(b, "end", by=(0.1, -0.5))
+    made.word(b + at(turn, 0.75), "link", by=(0.15, -0.35))
+    made.word(foot + at(turn, 6.2), "guide", PATH, by=(-0.1, 0.45))
+    return made
+
+
+def pinion() -> Sketch:
+    made = Sketch(10.5, 5)
+    d, r, x = np.asarray([4.4, 2.9]), 1.5, 1.4
+    made.circle(d, r)
+    made.path((0.6, x), (10.0, x))
+    for i in range(30):
+        made.ax.plot([2.6 + 0.2 * i, 2.7 + 0.2 * i, 2.8 + 0.2 * i], [x, x - 0.13, x], color=BAR, linewidth=0.9)
+    made.ax.plot([2.6, 8.6], [x - 0.3, x - 0.3], color=BAR, linewidth=2.4)
+    c, far = np.asarray([7.4, x]), d + at(55, 1.15)
+    made.bar(d, far)
+    made.pin(far)
+    made.pin(d, known=True)
+    made.pin(c, known=True)
+    made.angle(d, 0.75, 0, 55, "phase", 1.35)
+    made.ax.plot([d[0], d[0]], [d[1], 0.65], color=OTHER, linewidth=0.9, linestyle=":")
+    made.size((d[0], x - 0.75), c + at(-90, 0.75), "start", (0.0, 0.0))
+    made.size(d, d + at(165, r), "radius", (-0.1, -0.35))
+    made.word(d, "pivot", by=(-0.1, -0.45))
+    made.word(far, "end", by=(-0.45, 0.1))
+    made.word(d + at(130, r + 0.35), "link")
+    made.word(c, "at", by=(0, 0.42))
+    made.word((8.9, 0.95), "to")
+    made.word((8.4, 3.9), 'side = "left": the gear\nis left of the guide')
+    return made
+
+
+def redundant() -> Sketch:
+    made = Sketch(12, 4.6)
+    up, left, right, middle = at(55, 2.3), np.asarray([1.2, 1.2]), np.asarray([5.4, 1.2]), np.asarray([3.3, 1.2])
+    for foot in (left, right):
+        made.ground(foot)
+        made.bar(foot, foot + up, other=True)
+        made.pin(foot, other=True)
+        made.pin(foot + up, other=True)
+    made.ground(middle)
+    made.bar(left + up, right + up, other=True)
+    made.bar(middle, middle + up)
+    made.pin(middle, known=True)
+    made.pin(middle + up, known=True)
+    made.word(middle, "from", by=(-0.75, 0.15))
+    made.word(middle + up, "to", by=(0, 0.45))
+    made.word(middle + 0.5 * up, "link", by=(0.6, -0.1))
+    e = np.asarray([9.2, 2.3])
+    made.path((7.4, 2.3), (11.6, 2.3))
+    made.block(e, 0)
+    made.pin(e, known=True)
+    made.word(e, "from", by=(0, 0.62))
+    made.word(e, "block", by=(0, -0.6))
+    made.word((11.2, 2.7), "guide", PATH)
+    return made
+
+
 SKETCHES: dict[str, Callable[[], Sketch]] = {
     "crank": crank, "link": link, "RRP": rod_and_slider, "guide": guide, "RRR": two_links, "RPR": lever_and_slider,
     "RPP": yoke_and_block, "PRP": two_sliders, "gear": gears, "belt": belt, "rack": rack,
+    "linear_driver": driving_slider, "pinion": pinion, "redundant": redundant,
 }  # fmt: skip
 
 
