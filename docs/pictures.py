@@ -23,6 +23,15 @@ HEAD = """# Gallery
 Every built-in machine, drawn by `linkjax show NAME --out picture.svg`. `linkjax analyse NAME` analyses it, and
 `linkjax new MINE --like NAME` writes its file to start from.
 """
+PURPOSES = {
+    "presses": "punch-press two-slider-press toggle-press geared-press kozhevnikov-press hay-press hay-press-slider "
+               "press-with-motor press-with-friction",
+    "pumps and compressors": "slider-crank pump-with-motor oscillating-cylinder scotch-yoke two-cylinder",
+    "harvesters, tools, lifts and doors":
+        "combine-cutter combine-shoe quick-return toggle-clamp scissor-lift spring-door",
+    "examples of a kind of linkage": "four-bar stephenson-3 elliptic-trammel friction-slider-crank andrews-squeezer",
+    "rolling bodies": "rolling-eccentric rolling-prototype",
+}  # fmt: skip
 
 
 def about(name: str) -> str:
@@ -35,13 +44,25 @@ def about(name: str) -> str:
 
 def gallery() -> str:
     """The page with all machines."""
-    parts = [HEAD]
-    for name in (*lj.scene_names(), *rolling_names()):
+    every, titles = (*lj.scene_names(), *rolling_names()), {}
+    assert sorted(every) == sorted(" ".join(PURPOSES.values()).split()), "a machine has no purpose, or two"
+    parts: list[str] = []
+    for name in every:
         rolling = name in rolling_names()
         title = (load_rolling(name) if rolling else lj.load(name)).title
+        titles[name] = title
         link = f"../linkjax/scenes/{'rolling' if rolling else 'builtin'}/{name}.toml"
         parts.append(f"## {title}\n\n[`{name}`]({link}): {about(name)}\n\n![{title}](images/gallery/{name}.svg)\n")
-    return "\n".join(parts)
+    lines = [
+        f"* {purpose}: {', '.join(f'[{titles[name]}](#{anchor(titles[name])})' for name in names.split())}"
+        for purpose, names in PURPOSES.items()
+    ]
+    return "\n".join([HEAD, "\n".join(lines), "", *parts])
+
+
+def anchor(title: str) -> str:
+    """The anchor of a heading."""
+    return re.sub(r"[^\w -]", "", title.lower()).strip().replace(" ", "-")
 
 
 def machine_of(page: str, name: str) -> lj.Scene:

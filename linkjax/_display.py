@@ -169,7 +169,7 @@ def prefixed(size: float, unit: str, units: Units | None = None) -> tuple[float,
         return 1.0, unit
     power = 3 * math.floor(math.log10(size) / 3)
     if unit.startswith("kg") or unit in ("m²", "rad²"):
-        return (1.0, unit) if -3 <= power < 3 else (10.0**-power, f"10{superscript(power)} {unit}")
+        return (1.0, unit) if -3 <= power < 6 else (10.0**-power, f"10{superscript(power)} {unit}")
     power = min(max(power, -9), 9)
     prefix = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}[power]
     return 10.0**-power, prefix + unit

@@ -188,6 +188,8 @@ def _read(text: str, wanted: Dimension) -> float:
         comma = " (decimal point, no comma)" if "," in text else ""
         raise QuantityError("cannot be read as a number and a unit", _example(wanted) + comma)
     number, unit = match[1], match[2].strip()
+    if wanted.unit == "rad/s" and unit.translate(str.maketrans("", "", " ^U")) in ("1/min", "/min", "min-1"):
+        raise QuantityError("turns per minute are called rpm", f'write "{number} rpm"')
     if not wanted.unit and (plain := _plain(number, unit)):
         raise QuantityError("not a plain number", f"write {plain}")
     try:

@@ -34,6 +34,7 @@ from linkjax.analysis._table import columns as columns
 from linkjax.analysis._text import efficiency_rows as efficiency_rows
 from linkjax.analysis._text import energy_rows as energy_rows
 from linkjax.analysis._text import motor_rows as motor_rows
+from linkjax.analysis._text import still_rows as still_rows
 from linkjax.analysis._tidy import CONSTANT as CONSTANT
 from linkjax.analysis._tidy import acts_text as acts_text
 from linkjax.analysis._tidy import force_scale as force_scale

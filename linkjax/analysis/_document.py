@@ -251,13 +251,16 @@ def _vector(force: JointForce) -> dict[str, Any]:
 def _peaks(cycle: Any, peak: Peak | None, constant: bool) -> dict[str, Any]:
     if peak is None:
         return {}
-    names = peak_names(cycle.scene)
+    names, values = peak_names(cycle.scene), np.asarray(peak.value)
+    run = cycle.friction_constant_speed if constant else cycle.friction
+    none = np.isinf(values) & (run is not None and bool(run.locks))  # where it locks they are of no place
+    angles, errors, ties = (np.where(none, np.nan, part) for part in (peak.angle, peak.error, peak.tied))
     return {
         in_motion(name, constant): {
-            "value": float(peak.value[i]),
-            "angle": float(peak.angle[i]),
-            "error": float(peak.error[i]),
-            "tied": None if np.isnan(peak.tied[i]) else float(peak.tied[i]),
+            "value": float(values[i]),
+            "angle": float(angles[i]),
+            "error": float(errors[i]),
+            "tied": None if np.isnan(ties[i]) else float(ties[i]),
         }
         for i, name in enumerate(names)
     }

@@ -57,7 +57,7 @@ def _head(data: Data, scene: Any) -> Rows:
     if moves(data):
         rows += _motion(data)
     else:
-        rows.append(("crank speed", f"{SHOW.speed(float(scene.speed))}, constant"))
+        rows += still_rows(data, float(scene.speed), SHOW)
         rows += [(DELTA, NONE), ("mean drive torque", f"{NONE} (constant torque of the actual motion)")]
     rows += efficiency_rows(data, SHOW)
     acting = [load.name for load in scene.loads if isinstance(load.window, Passage)]
@@ -67,6 +67,18 @@ def _head(data: Data, scene: Any) -> Rows:
         need = flywheel["for_target_delta"]
         rows.append((f"flywheel for δ = {flywheel['target_delta']:g}",
                      SHOW.quantity(need, "kg·m²", 6) if need > 0 else "0 kg·m²"))  # fmt: skip
+    return rows
+
+
+def still_rows(data: Data, speed: float, show: Numbers) -> list[tuple[str, str]]:
+    """What is known at a constant crank speed (rad/s): this, and the mean power of the drive."""
+    rows = [("crank speed", f"{show.speed(speed)}, constant")]
+    works, angles = (data.get("energies") or {}).get("drive"), data["angles"]
+    if works is not None and len(angles) > 1:
+        period = len(angles) * float(angles[1] - angles[0]) / speed
+        rows.append(
+            ("mean power at constant speed", show.quantity((works["supplied"] - works["absorbed"]) / period, "W", 6))
+        )
     return rows
 
 
@@ -154,7 +166,7 @@ def energy_rows(data: Data, show: Numbers) -> Rows:
         return []
     sums = {way: sum(work[way] for work in found.values()) for way in ("supplied", "absorbed")}
     largest = max(sums.values())
-    rows: Rows = [("energy per cycle", *sums)]
+    rows: Rows = [("energy per cycle" if moves(data) else "energy per cycle, constant speed", *sums)]
     for name, work in (found | {"sum": sums}).items():
         if max(work.values()) > ROUNDING * largest:
             rows.append((name, *(show.quantity(work[way], "J", 6, largest) for way in sums)))

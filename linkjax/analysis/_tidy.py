@@ -73,9 +73,12 @@ def peak_names(data: Data) -> list[str]:
 
 def peak_shown(data: Data, key: str) -> tuple[float, float, float]:
     """A peak: its value, zero if it is below its error or only a rounding error; its crank angle, NaN if the quantity
-    is zero or constant; and its error, NaN if the value is only a rounding error."""
+    is zero or constant; and its error, NaN if the value is only a rounding error. Where friction locks the machine a
+    largest value is infinite, without an angle, and there is no smallest one."""
     peak, (name, constant) = data["peaks"][key], motion_of(key)
     value, error, suffix = float(peak["value"]), float(peak["error"]), CONSTANT * constant
+    if math.isinf(value) and (data.get(f"friction{suffix}") or {}).get("locks"):
+        return math.nan if name.startswith("min_") else value, math.nan, math.nan
     scale = (force_scale if peak_unit(name) == "N" else torque_scale)(data, suffix)
     if above(value, scale) == 0 or abs(value) <= error < math.inf:
         return 0.0, math.nan, error if above(error, scale) else math.nan

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from linkjax._compile import progress
 
+LONG = 10.0  # s
 WIDE = 140  # columns if the output is not a terminal
 console, complaints = Console(), Console(stderr=True)
 if not console.is_terminal and "COLUMNS" not in os.environ:
@@ -45,15 +46,17 @@ console.push_render_hook(_Trim())
 
 @contextmanager
 def elapsed(what: str) -> Iterator[None]:
-    """A line with what is done and the elapsed time, shown on a terminal after one second."""
+    """A line with what is done and the elapsed time, shown on a terminal after one second. Elsewhere one line on the
+    stream of errors, if compilation takes long."""
     start = time.perf_counter()
     status = console.status(what, spinner="dots") if console.is_terminal else None
-    if status is None:
-        yield
-        return
     done = threading.Event()
 
     def tick() -> None:
+        if status is None:
+            if not done.wait(LONG) and not console.quiet and compiling():
+                complaints.print(f"{what}{compiling()}, once for machines of this structure", highlight=False)
+            return
         if done.wait(1.0):
             return
         status.start()

@@ -12,11 +12,8 @@ SECTIONS = (  # a pattern of the message, and its section; the first that fits
     (r": missing; add ", "missing-key"),
     (r"\bgiven twice", "given-twice"),
     (r"an angle without a unit", "angle-without-a-unit"),
-    (
-        r"\ban? [a-z ]+ where an? [a-z ]+ is needed|unknown unit|a number without a unit|not a plain number",
-        "wrong-unit",
-    ),
-    (r"cannot (be read as a number|read the unit)", "wrong-unit"),
+    (r"\ban? [a-z ]+ where an? [a-z ]+ is needed|unknown unit|are called rpm", "wrong-unit"),
+    (r"cannot (be read as a number|read the unit)|a number without a unit|not a plain number", "wrong-unit"),
     (r"must not be negative", "negative"),
     (r"not a known kind of group", "not-a-kind-of-group"),
     (r"needs a bar with two pins", "length-missing"),

@@ -25,6 +25,7 @@ from linkjax.analysis import (
     peak_unit,
     power_scale,
     speed_error,
+    still_rows,
     torque_scale,
     uneven,
 )
@@ -194,7 +195,7 @@ def _print_motion(data: dict[str, Any], machine: Scene, show: Numbers) -> None:
     run, wheel = data["motion"], data["flywheel"]
     fastest, slowest = (f" at {show.turned(run[f'angle_of_{end}'])}" if uneven(data) else "" for end in ("max", "min"))
     table = Table(box=None, show_header=False, pad_edge=False)
-    rows = [("crank speed", f"{show.speed(float(machine.speed))}, constant")] if not moves(data) else [
+    rows = still_rows(data, float(machine.speed), show) if not moves(data) else [
         ("coefficient of speed fluctuation δ", " ".join(show.measured(run["delta"], run["delta_error"]))),
         ("mean crank speed", f"{show.speed(run['mean_speed'])} ({data['model']['mean']} mean)"),
         ("max crank speed", f"{show.speed(run['max_speed'], error=speed_error(data))}{fastest}"),

@@ -181,9 +181,7 @@ def _events(data: dict[str, Any], show: Numbers) -> dict[str, str]:
     if (starting := data["starting"]) is not None:
         margin = starting["margin"]
         worst = NONE if margin is None else f"{100 * margin:+.1f} %, least at {show.turned(starting['angle'])}"
-        starts = (
-            "it starts at every crank angle" if starting["everywhere"] else "it does not start at every crank angle"
-        )
+        starts = "starts at all crank angles" if starting["everywhere"] else "does not start from there"
         found["starting-torque margin"] = f"{'no load resists' if margin is None else worst}; {starts}"
     if (energies := data.get("energies")) is not None:
         parts = {"motor": energies["motor"], "losses": energies["losses"], **energies["loads"]}

@@ -22,7 +22,7 @@ from linkjax.friction import AbstractFriction
 
 STEPS, FEWER = 40, 8  # the most steps of Newton's method: for all friction, and for a part of it on the way there
 LONGER, SHORTER = 1.5, 0.3  # the next part of friction after a solution, and without one
-LEAST = 1e-9  # the least part: where it is smaller the machine locks
+LEAST, ROUGH = 1e-9, 1e-2  # the least part: where it is smaller the machine locks; and in the search for a motion
 CLOSER = 0.01  # of a step of Newton's method: a longer next one may lead to another solution
 JUMP = 0.01  # relative: another solution is farther away
 SMALL = 1e-10  # relative: after a step of Newton's method as small as this the next one has all digits
@@ -211,7 +211,7 @@ def frictions_of(
         return Frictions(*_implicit(contacts, advance, jax.lax.stop_gradient(state)), is_last(last) & (sign > 0))
 
     none = jnp.zeros_like(at.senses)
-    found, *state = continued(step, none, ahead(at.torque(none)), at.unique(ahead))
+    found, *state = continued(step, none, ahead(at.torque(none)), at.unique(ahead), ROUGH if linearised else LEAST)
     return Frictions(*_implicit(contacts, advance, (state[0], state[1])), found)
 
 
@@ -236,8 +236,9 @@ def is_last(step: Array) -> Array:
 
 
 def continued(
-    step: Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]], none: Array, free: Array, unique: Array
-) -> tuple[Array, Array, Array]:
+    step: Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]], none: Array, free: Array, unique: Array,
+    least: float = LEAST,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """By continuation: whether there are frictions and an acceleration that continue those without friction, `none` and
     `free`, and these; where there are none, those without friction. Newton's method tries all friction at once; where
     it finds nothing, a part of it, and from there a larger part. A solution far away to which the steps were not soon
@@ -246,7 +247,7 @@ def continued(
     determinant as well. Source: Deuflhard, Newton Methods for Nonlinear Problems, 2004, ch. 5."""
 
     def going(now: _Search) -> Array:
-        return (now.reached < 1) & (now.more > LEAST)
+        return (now.reached < 1) & (now.more > least)
 
     def again(now: _Search) -> _Search:
         part = jnp.minimum(now.reached + now.more, 1.0)

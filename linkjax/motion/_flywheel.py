@@ -68,17 +68,20 @@ def flywheel_on(
     scene = machine.scene
     if grid.prescribed:  # δ is zero
         return Sized(jnp.zeros_like(scene.speed), grid, at)
-    found = _searched(machine, delta, grid, at, known)
-    for _ in range(AGAIN if kinked(scene) else 0):
+    found, idle = _searched(machine, delta, grid, at, known)
+    for _ in range(AGAIN if kinked(scene) and not idle else 0):
         start, added = machine.run(_more, found, scene.mechanism.flywheel.inertia)
         grid = regrid(added)
         at = at_nodes(machine, grid, edges=False)
-        found = _searched(machine, delta, grid, at, start=start)
+        found, _ = _searched(machine, delta, grid, at, start=start)
     return Sized(found, grid, at)
 
 
-def _searched(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any = None, start: Any = None) -> Any:
-    """The flywheel inertia for the motion on one grid, searched from `start` or from the given one.
+def _searched(
+    machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any = None, start: Any = None
+) -> tuple[Any, bool]:
+    """The flywheel inertia for the motion on one grid, searched from `start` or from the given one; and, outside of jax
+    transformations, whether the search was given up because there is no motion.
 
     Solves 1/δ(J) = 1/δ_target; 1/δ is nearly linear in J. The root is differentiated implicitly. Positions and loads
     do not depend on the flywheel, so they are not computed again. Negative (down to minus half the least reduced
@@ -94,8 +97,9 @@ def _searched(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any 
         return machine.run(begin, duty, grid, at.here, added)
 
     def step(state):
-        got = fluctuation(machine, begun(state.added))
-        return machine.run(_step, state, got, delta, given, more)
+        now = begun(state.added)
+        runs = None if now.flow.driven is None else now.flow.driven.found
+        return machine.run(_step, state, fluctuation(machine, now), delta, given, more, runs)
 
     def excess(inertia):
         return step(state._replace(inertia=inertia, added=inertia - given)).excess
@@ -105,22 +109,25 @@ def _searched(machine: Sampler, delta: Any, grid: Grid, at: AtNodes, known: Any 
         return machine.until(_going, step, first, delta).inertia
 
     if machine.traced or isinstance(delta, Tracer):
-        return root(excess, state.inertia, solve)
+        return root(excess, state.inertia, solve), False
     if known is not None:
         state = machine.run(_step, state, known, delta, given, more)
-    return machine.until(_going, step, state, delta).inertia
+    last = machine.until(_going, step, state, delta)
+    return last.inertia, isinstance(last.idle, jax.Array) and bool(last.idle >= IDLE)
 
 
 AGAIN = 1  # searches on a grid whose panels end at the kinks of the motion with the flywheel found
 STEPS = 30  # secant steps for a flywheel
+IDLE = 3  # steps without a motion: it is given up where the drive cannot carry the loads with any flywheel
 SAME = 1e-9  # relative: a step as small as this is the last; its error is far smaller, as secant steps converge fast
 
 
 class Search(NamedTuple):
-    """A secant search: number of steps, inertia and what it adds to the given one, the inertia before, the excess of
-    1/δ there, and whether to go on."""
+    """A secant search: number of steps, and of those in which there was no motion, inertia and what it adds to the
+    given one, the inertia before, the excess of 1/δ there, and whether to go on."""
 
     steps: Array
+    idle: Array
     inertia: Array
     added: Array
     before: Array
@@ -143,20 +150,22 @@ def _search(given: Array, start: Array | None, here: Reduced) -> tuple[Search, t
     """The start of the search; the mean reduced inertia without a flywheel, and minus half the least one."""
     bare = here.inertia - given
     start = jax.lax.stop_gradient(jnp.maximum(given, 0.0) if start is None else start)
-    state = Search(jnp.asarray(0), start, start - given, start, jnp.zeros_like(start), jnp.asarray(True))
+    none = jnp.asarray(0)
+    state = Search(none, none, start, start - given, start, jnp.zeros_like(start), jnp.asarray(True))
     return state, (jnp.mean(bare), -0.5 * smallest(bare))
 
 
 @compiled_soon
-def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Array, Array]) -> Search:
-    """The next inertia, from the fluctuation that the present one gives."""
+def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Array, Array], runs: Any = None) -> Search:
+    """The next inertia, from the fluctuation that the present one gives; `runs` says whether it has a motion."""
     value = delta / jnp.maximum(got, 1e-9 * delta) - 1  # a δ near zero counts as 1e-9 of the target
     x, (mean, least) = state.inertia, more
     slope = safe_divide(value - state.excess, x - state.before)
     rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, mean + x))
     new = jnp.maximum(x - value / rising, least)
-    moved = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.steps < STEPS)
-    return Search(state.steps + 1, new, new - given, x, value, moved)
+    idle = state.idle if runs is None else state.idle + ~runs
+    moved = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.steps < STEPS) & (idle < IDLE)
+    return Search(state.steps + 1, idle, new, new - given, x, value, moved)
 
 
 def textbook_flywheel(steady: Steady, delta: Scalar) -> Array:

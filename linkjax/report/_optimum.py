@@ -130,7 +130,8 @@ def _change(
     beside = scales.get(unit, 0.0)
     old, new = (math.nan if value is None else above(float(value), beside) for value in (before, after))
     share = 100 * (new - old) / abs(old) if old and math.isfinite(old) and math.isfinite(new) else math.nan
-    text = NONE if math.isnan(share) else f"{share:+.1f} %".replace("-", "−")
+    text = f"{share:+.1f} %" if abs(share) >= 0.05 else "0.0 %"
+    text = NONE if math.isnan(share) else text.replace("-", "−")
     return [words(name), *show.several([before, after], unit, beside=beside), Cell(text, True), words(mark)]
 
 

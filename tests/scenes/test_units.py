@@ -72,6 +72,8 @@ WRONG = [  # value, dimension, parts of the message
     ("three", "length", "cannot be read", '"300 mm"'),
     ("", "length", "cannot be read", '"300 mm"'),
     ("1/50", "number", "not a plain number", "write 0.02"),
+    ("1430 1/min", "speed", "turns per minute are called rpm", 'write "1430 rpm"'),
+    ("1430 min^-1", "speed", "turns per minute are called rpm", 'write "1430 rpm"'),
     ("2 %", "number", "not a plain number", "write 0.02"),
     ("1/2 in", "length", "cannot read the unit '/2 in'", "divide by /"),
     ("3 m/", "length", "cannot read the unit", "divide by /"),
