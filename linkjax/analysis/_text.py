@@ -74,7 +74,7 @@ def still_rows(data: Data, speed: float, show: Numbers) -> list[tuple[str, str]]
     """What is known at a constant crank speed (rad/s): this, and the mean power of the drive."""
     rows = [("crank speed", f"{show.speed(speed)}, constant")]
     works, angles = (data.get("energies") or {}).get("drive"), data["angles"]
-    if works is not None and len(angles) > 1:
+    if works is not None and works["supplied"] != works["absorbed"] and len(angles) > 1:
         period = len(angles) * float(angles[1] - angles[0]) / speed
         rows.append(
             ("mean power at constant speed", show.quantity((works["supplied"] - works["absorbed"]) / period, "W", 6))
@@ -187,7 +187,7 @@ def _peaks(data: Data) -> Rows:
             place = peak_place(data, key, SHOW) if key in data["peaks"] else SHOW.turned(angle)
             cells += [SHOW.quantity(value, peak_unit(name), 6), place]
         rows.append(tuple(cells))
-    return rows
+    return rows if len(rows) > 1 else []
 
 
 def _strokes(data: Data) -> Rows:

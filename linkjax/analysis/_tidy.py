@@ -64,10 +64,14 @@ def peak_motions(data: Data) -> dict[str, bool]:
 
 
 def peak_names(data: Data) -> list[str]:
-    """The quantities whose peaks are shown, without their motion; those of shaking only if something has a mass."""
+    """The quantities whose peaks are shown, without their motion; those of shaking only if something has a mass, and
+    none where neither masses nor loads act, so that all are zero."""
     found = dict.fromkeys(motion_of(key)[0] for key in data["peaks"])
-    shaking = [key for key in data["peaks"] if SHAKING in key]
-    still = not np.any(data["reduced"]["inertia"]) and all(peak_shown(data, key)[0] == 0 for key in shaking)
+    zero = {key: peak_shown(data, key)[0] == 0 for key in data["peaks"]}
+    light = not np.any(data["reduced"]["inertia"])
+    if light and all(zero.values()):
+        return []
+    still = light and all(none for key, none in zero.items() if SHAKING in key)
     return [name for name in found if not (still and SHAKING in name)]
 
 

@@ -246,10 +246,12 @@ def print_warnings(data: dict[str, Any], show: Numbers, which: str = "") -> None
 
 
 def _print_peaks(data: dict[str, Any], show: Numbers) -> None:
-    motions = peak_motions(data)
+    motions, names = peak_motions(data), peak_names(data)
+    if not names:
+        return
     heads = [cell for motion in motions for cell in (motion, "at")]
     table = Table("peak", *heads, box=None, pad_edge=False)
-    for name in peak_names(data):
+    for name in names:
         keys = [in_motion(name, constant) for constant in motions.values()]
         values = [show.quantity(peak_shown(data, key)[0], peak_unit(name), 6) for key in keys]
         angles = [peak_place(data, key, show) for key in keys]

@@ -149,6 +149,8 @@ def peaks(show: Cells, data: Data, before: Data | None = None) -> str:
     """Peak magnitudes over the continuous cycle, in each motion: side by side, or before and after."""
     found, motions = data.get("peaks", {}), peak_motions(data)
     names = peak_names(data) if found else []
+    if not names:
+        return ""
     if before is None:
         rows = [
             [words(peak_name(n)), *(cell for c in motions.values() for cell in _peak(show, data, in_motion(n, c)))]
