@@ -217,6 +217,21 @@ def test_long_work_shows_a_spinner_on_a_terminal(monkeypatch):
         assert ("analysing, compiling: 12 of 66 programs … 1 s" in screen.getvalue()) == terminal
 
 
+def test_long_compilation_says_so_where_there_is_no_terminal(monkeypatch):
+    """Once, on the stream of errors, unless only errors are wanted; not where nothing is compiled."""
+    monkeypatch.setattr("linkjax.cli._console.LONG", 0.05)
+    said = []
+    for quiet, programs in ((False, (12, 66)), (True, (12, 66)), (False, (66, 66))):
+        errors = io.StringIO()
+        monkeypatch.setattr("linkjax.cli._console.console", Console(file=io.StringIO(), quiet=quiet))
+        monkeypatch.setattr("linkjax.cli._console.complaints", Console(file=errors, width=120))
+        monkeypatch.setattr("linkjax.cli._console.progress", lambda programs=programs: programs)
+        with elapsed("analysing"):
+            time.sleep(0.3)
+        said.append(errors.getvalue())
+    assert said == ["analysing, compiling: 12 of 66 programs, once for machines of this structure\n", "", ""]
+
+
 def test_tables_hold_the_same_numbers(analysed):
     """NumPy reads every table with the names and numbers of the JSON document."""
     folder = analysed[1]

@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 import linkjax as lj
-from linkjax.analysis import acts_text, document, measure_scales, peak_names, peak_shown
+from linkjax.analysis import acts_text, document, measure_scales, peak_names, peak_shown, still_rows
 from linkjax.report import _tables
 from linkjax.report._cells import Cells
 from linkjax.scenes import loads_text
@@ -58,11 +58,34 @@ def test_peaks():
     assert told("peak_drive_torque", 5.0, 1.0, 0.0, 1e-14, 1e-14) == (0.0, False)
 
 
+def test_peaks_of_a_locked_machine_have_no_place():
+    """The largest force is infinite wherever it locks, and there is no least one; elsewhere an infinite force has its
+    place."""
+    locked = synthetic(math.inf, 1.0, 0.0, math.inf) | {"friction": {"locks": True}}
+    for key, value in (
+        ("peak_reaction.B.rod", math.inf),
+        ("max_drive_torque", math.inf),
+        ("min_drive_torque", math.nan),
+    ):
+        np.testing.assert_equal(peak_shown(locked, key), (value, math.nan, math.nan))
+    assert peak_shown(synthetic(math.inf, 1.0, 0.0), "peak_reaction.B.rod")[1] == 1.0
+
+
+def test_mean_power_at_constant_speed():
+    """Of two turns at 10 rad/s, in which the drive supplies 80 J more than it takes."""
+    data = {"angles": np.arange(8) * math.pi / 2, "energies": {"drive": {"supplied": 100.0, "absorbed": 20.0}}}
+    rows = dict(still_rows(data, 10.0, Cells()))
+    assert rows["mean power at constant speed"] == f"{80 / (0.4 * math.pi):.4f} W"
+    idle = {**data, "energies": {"drive": {"supplied": 0.0, "absorbed": 0.0}}}
+    assert "mean power at constant speed" not in dict(still_rows(idle, 10.0, Cells()))
+
+
 def test_what_cannot_shake_has_no_peaks_of_shaking():
-    names = ("peak_shaking_force", "max_shaking_moment", "peak_drive_torque")
-    for inertia, force, number in ((0.0, 0.0, 1), (1.0, 0.0, 3), (0.0, 5.0, 3)):  # the last at dead centres alone
+    names = ("peak_shaking_force", "max_shaking_moment", *(f"{way}_drive_torque" for way in ("peak", "max", "min")))
+    cases = ((0.0, 0.0, 2.0, 3), (0.0, 0.0, 0.0, 0), (1.0, 0.0, 0.0, 5), (0.0, 5.0, 0.0, 5))  # the last at dead centres
+    for inertia, force, torque, number in cases:
         peaks = {name: {"value": 0.0, "angle": 1.0, "error": 0.0} for name in names}
-        peaks["peak_shaking_force"]["value"] = force
+        peaks["peak_shaking_force"]["value"], peaks["peak_drive_torque"]["value"] = force, torque
         data = synthetic(5.0, 1e-6, 1.0) | {"reduced": {"inertia": np.full(12, inertia)}, "peaks": peaks}
         data["forces"]["shaking"] = {"fx": np.linspace(0.0, force, 12), "fy": np.zeros(12), "moment": np.zeros(12)}
         assert len(peak_names(data)) == number

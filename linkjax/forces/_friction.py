@@ -176,7 +176,8 @@ def specks(near: tuple[Array, Array]) -> tuple[Array, Array]:
     Newton's method need not be smaller still: see `frictions_of`."""
     eps = float(jnp.finfo(near[1].dtype).eps)
     part = max(SPECK, 10 * eps / max(NEAR, ROUNDINGS * eps))
-    return part * jnp.max(jnp.abs(near[0])), part * jnp.max(jnp.abs(near[1]))
+    most = [jnp.max(jnp.where(jnp.isfinite(each), jnp.abs(each), 0.0)) for each in near]
+    return part * most[0], part * most[1]
 
 
 def frictions_of(
