@@ -180,7 +180,7 @@ def test_spelling_with_z_is_the_same_command(call, monkeypatch, capsys):
         (("optimise", "hay-press", "--minimise", "detla"), "hay-press: minimise: detla: is neither a measure nor"),
         (("optimise", "elliptic-trammel", "--minimise", "min_transmission_angle", "--free", "speed=1 to 2 rad/s"),
          "elliptic-trammel: min_transmission_angle: does not exist for this machine"),
-        (("show", "hay-press", "--units", "furlong"), "--units: \"furlong\": unknown unit 'furlong'; known here"),
+        (("show", "hay-press", "--units", "furlong"), "--units: \"furlong\": unknown unit 'furlong'; write units with"),
         (("analyse", "hay-press", "--set", "speed"), "hay-press: --set = \"speed\": is not KEY=VALUE; write e.g."),
     ],
 )  # fmt: skip

@@ -21,7 +21,8 @@ from linkjax._units import display_units, unit_of
         (0.02, "N", 1e3, "mN"),
         (0.02, "kg·m²", 1.0, "kg·m²"),
         (2e-5, "kg·m²", 1e6, "10⁻⁶ kg·m²"),
-        (4e5, "kg·m²", 1e-3, "10³ kg·m²"),
+        (4e5, "kg·m²", 1.0, "kg·m²"),
+        (4e6, "kg·m²", 1e-6, "10⁶ kg·m²"),
         (3.0, "", 1.0, ""),
     ],
 )
@@ -81,8 +82,8 @@ def test_what_is_below_its_error_is_zero():
     show = Numbers()
     assert show.quantity(1.06581e-14, "N·m", 6, beside=100.0) == "0 N·m"
     assert show.quantity(1.06581e-9, "N·m", 6, beside=100.0) == "1.06581 nN·m"
-    assert show.alike([4000.0, 0.0], "kg·m²") == ["4.0000·10³ kg·m²", "0 kg·m²"]
-    assert show.alike([4000.0, 1e-12], "kg·m²") == ["4.0000·10³ kg·m²", "0 kg·m²"]
+    assert show.alike([4000.0, 0.0], "kg·m²") == ["4000.0 kg·m²", "0 kg·m²"]
+    assert show.alike([4000.0, 1e-12], "kg·m²") == ["4000.0 kg·m²", "0 kg·m²"]
     assert show.told([3e4, 2e-9], "N", 6) == ["30.0000 kN", "0 kN"]
     assert show.told([None, 2e-9], "N", 6, beside=3e4) == ["–", "0 N"]
     assert show.measured(1e-12, 2e-11)[0] == "0" and show.measured(3e-11, 2e-11)[0] != "0"

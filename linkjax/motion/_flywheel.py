@@ -111,7 +111,8 @@ def _searched(
     if machine.traced or isinstance(delta, Tracer):
         return root(excess, state.inertia, solve), False
     if known is not None:
-        state = machine.run(_step, state, known, delta, given, more)
+        runs = jnp.asarray(True) if speed_dependent(scene) else None
+        state = machine.run(_step, state, known, delta, given, more, runs)
     last = machine.until(_going, step, state, delta)
     return last.inertia, isinstance(last.idle, jax.Array) and bool(last.idle >= IDLE)
 
@@ -163,8 +164,10 @@ def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Arr
     slope = safe_divide(value - state.excess, x - state.before)
     rising = jnp.where(slope > 0, slope, safe_divide(1.0 + value, mean + x))
     new = jnp.maximum(x - value / rising, least)
-    idle = state.idle if runs is None else state.idle + ~runs
-    moved = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.steps < STEPS) & (idle < IDLE)
+    moved, idle = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.steps < STEPS), state.idle
+    if runs is not None:
+        idle = idle + ~runs
+        moved &= idle < IDLE
     return Search(state.steps + 1, idle, new, new - given, x, value, moved)
 
 
