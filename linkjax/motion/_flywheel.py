@@ -166,7 +166,7 @@ def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Arr
     new = jnp.maximum(x - value / rising, least)
     moved, idle = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.steps < STEPS), state.idle
     if runs is not None:
-        idle = idle + ~runs
+        idle = jnp.where(runs, idle, idle + 1)
         moved &= idle < IDLE
     return Search(state.steps + 1, idle, new, new - given, x, value, moved)
 
