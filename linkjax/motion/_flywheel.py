@@ -119,12 +119,12 @@ def _searched(
 
 AGAIN = 1  # searches on a grid whose panels end at the kinks of the motion with the flywheel found
 STEPS = 30  # secant steps for a flywheel
-IDLE = 3  # steps without a motion: it is given up where the drive cannot carry the loads with any flywheel
+IDLE = 8  # steps without a motion, one after the other: then the drive cannot carry the loads with any flywheel
 SAME = 1e-9  # relative: a step as small as this is the last; its error is far smaller, as secant steps converge fast
 
 
 class Search(NamedTuple):
-    """A secant search: number of steps, and of those in which there was no motion, inertia and what it adds to the
+    """A secant search: number of steps, and of the last ones without a motion, inertia and what it adds to the
     given one, the inertia before, the excess of 1/δ there, and whether to go on."""
 
     steps: Array
@@ -166,7 +166,7 @@ def _step(state: Search, got: Array, delta: Array, given: Array, more: tuple[Arr
     new = jnp.maximum(x - value / rising, least)
     moved, idle = (jnp.abs(new - x) > SAME * (jnp.abs(new) + mean)) & (state.steps < STEPS), state.idle
     if runs is not None:
-        idle = jnp.where(runs, idle, idle + 1)
+        idle = jnp.where(runs, 0, idle + 1)
         moved &= idle < IDLE
     return Search(state.steps + 1, idle, new, new - given, x, value, moved)
 
